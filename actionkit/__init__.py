@@ -1,0 +1,67 @@
+"""ActionKit: the action client that ROS 2 lacks.
+
+    from actionkit import Client
+    from test_msgs.action import Fibonacci
+
+    with Client(Fibonacci, "fibonacci") as client:
+        result = client.call(Fibonacci.Goal(order=10), timeout=10.0)
+
+Importing this does not import rclpy; making a `Client` does.
+"""
+
+from actionkit._budget import RetryBudget
+from actionkit._classify import classify_by_field
+from actionkit._client import Client
+from actionkit._errors import (
+    AcceptanceTimeoutError,
+    ActionKitError,
+    ActionTypeMismatchError,
+    ClientClosedError,
+    DeadlineExceededError,
+    FeedbackStalledError,
+    GoalAbortedError,
+    GoalCanceledError,
+    GoalRejectedError,
+    InvalidGoalError,
+    PermanentError,
+    ResultLostError,
+    RetriesExhaustedError,
+    ServerLostError,
+    ServerUnavailableError,
+    TransientError,
+)
+from actionkit._future import GoalFuture
+from actionkit._settings import RetryPolicy, Timeouts
+from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome, Verdict
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "AcceptanceTimeoutError",
+    "ActionKitError",
+    "ActionTypeMismatchError",
+    "CancelReport",
+    "Client",
+    "ClientClosedError",
+    "DeadlineExceededError",
+    "FeedbackStalledError",
+    "GoalAbortedError",
+    "GoalCanceledError",
+    "GoalEvent",
+    "GoalFuture",
+    "GoalRejectedError",
+    "GoalState",
+    "InvalidGoalError",
+    "Outcome",
+    "PermanentError",
+    "ResultLostError",
+    "RetriesExhaustedError",
+    "RetryBudget",
+    "RetryPolicy",
+    "ServerLostError",
+    "ServerUnavailableError",
+    "Timeouts",
+    "TransientError",
+    "Verdict",
+    "classify_by_field",
+]

@@ -1,0 +1,67 @@
+"""A brake on retries, shared by the calls of a client or of several (contract C4.5)."""
+
+from __future__ import annotations
+
+import threading
+
+
+class RetryBudget:
+    """Lets callers retry only while most calls succeed, as gRPC's retry throttle does.
+
+    A transient failure takes one token, a success gives back `ratio` of one. Retries are
+    allowed while more than half of the tokens are there: when a server fails for everybody,
+    a fleet of callers soon stops hammering it, and each call still fails once by itself.
+
+    Safe to use from any thread; share one between clients to share the brake.
+    """
+
+    def __init__(self, capacity: float = 10.0, ratio: float = 0.1) -> None:
+        """Start with all tokens.
+
+        Args:
+            capacity: The most tokens, above 0.
+            ratio: The share of a token that a success gives back, above 0.
+
+        Raises:
+            TypeError: A value is no number.
+            ValueError: A value is not above 0, or not finite.
+        """
+        for name, value in (("capacity", capacity), ("ratio", ratio)):
+            if isinstance(value, bool) or not isinstance(value, (int, float)):
+                raise TypeError(f"RetryBudget.{name}={value!r} must be a number")
+            if not 0 < value < float("inf"):
+                raise ValueError(f"RetryBudget.{name}={value!r} must be above 0 and finite")
+        self._capacity = float(capacity)
+        self._ratio = float(ratio)
+        self._tokens = self._capacity
+        self._lock = threading.Lock()
+
+    def __repr__(self) -> str:
+        state = "allows" if self.allows_retry else "forbids"
+        return f"<RetryBudget {self.tokens:g} of {self._capacity:g} tokens, {state} retries>"
+
+    @property
+    def capacity(self) -> float:
+        """The most tokens."""
+        return self._capacity
+
+    @property
+    def tokens(self) -> float:
+        """The tokens left."""
+        with self._lock:
+            return self._tokens
+
+    @property
+    def allows_retry(self) -> bool:
+        """Whether a call may be tried again now."""
+        return self.tokens > self._capacity / 2
+
+    def on_success(self) -> None:
+        """Give back a share of a token."""
+        with self._lock:
+            self._tokens = min(self._capacity, self._tokens + self._ratio)
+
+    def on_transient_failure(self) -> None:
+        """Take a token."""
+        with self._lock:
+            self._tokens = max(0.0, self._tokens - 1.0)

@@ -1,0 +1,442 @@
+"""One call: its attempts in turn, and the future that its user holds.
+
+All of it but `begin` and `request_cancel` happens on the communication thread.
+"""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+from actionkit import _effects as fx
+from actionkit._attempt import Attempt
+from actionkit._budget import RetryBudget
+from actionkit._classify import Classify, asked, default_verdict, overruled
+from actionkit._clock import TimerHandle
+from actionkit._delivery import pool
+from actionkit._explain import Story, Surroundings, explain
+from actionkit._feedback import Callbacks, FeedbackTape
+from actionkit._future import GoalFuture
+from actionkit._retry import GiveUp, Resend, Schedule, how_to_resend
+from actionkit._settings import RetryPolicy, Timeouts
+from actionkit._stages import Stage
+from actionkit._timeline import Timeline
+from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome, Verdict
+
+_LAST_FEEDBACK_GRACE = 0.05
+"""Seconds that a result waits for callbacks that are quick; slow ones do not delay it (C1.8)."""
+_LATE = {
+    GoalState.SUCCEEDED: fx.End.SUCCEEDED,
+    GoalState.ABORTED: fx.End.ABORTED,
+    GoalState.REJECTED: fx.End.REJECTED,
+}
+_JUDGED = {fx.End.SUCCEEDED, fx.End.ABORTED, fx.End.REJECTED}
+_NEVER_AGAIN = {fx.End.CANCELED_BY_OTHER}
+"""Whatever the cause and the judgement (C4.4)."""
+_WITH_RESULT = {fx.End.SUCCEEDED, fx.End.ABORTED, fx.End.CANCELED_BY_OTHER}
+
+
+class Carrier(Protocol):
+    """The client's side of a call: what carries its goals."""
+
+    action_name: str
+    type_name: str
+
+    def attempt(
+        self,
+        goal_id: uuid.UUID,
+        goal: Any,
+        timeouts: Timeouts,
+        deadline: float | None,
+        owner: Call,
+        *,
+        resent: bool,
+    ) -> Attempt: ...
+    def server_is_ready(self) -> bool: ...
+    def decode_feedback(self, message: bytes) -> Any: ...
+    def take_feedback_now(self) -> None: ...
+    def surroundings(self) -> Surroundings: ...
+    def call_soon(self, callback: Callable[[], None]) -> None: ...
+    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle: ...
+    def cancel_timer(self, handle: TimerHandle) -> None: ...
+    def add(self, call: Call) -> None: ...
+    def finished(self, call: Call) -> None: ...
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asked for.
+
+    Attributes:
+        goal: The validated goal message, shared with nobody; `None` where it was invalid.
+        invalid: What is wrong with the goal, where something is.
+        timeout: Seconds for the whole call, or `None`.
+        timeouts: The caps on the phases.
+        retry: When to try again.
+        budget: The brake on retries.
+        classify: What counts as success, or `None` for the default.
+        callbacks: Who gets the feedback, or `None`.
+    """
+
+    goal: Any
+    invalid: Exception | None
+    timeout: float | None
+    timeouts: Timeouts
+    retry: RetryPolicy
+    budget: RetryBudget
+    classify: Classify | None
+    callbacks: Callbacks | None
+
+
+class Call:
+    """Carries a request through to the settling of its future."""
+
+    def __init__(self, carrier: Carrier, request: Request) -> None:
+        """Take note of a request; its time runs from now."""
+        self.goal_id = uuid.uuid4()
+        self.state = GoalState.SENDING
+        self.timeline = Timeline()
+        self.cancel_grace = request.timeouts.cancel
+        self._carrier = carrier
+        self._request = request
+        self._began = time.monotonic()
+        self._deadline = None if request.timeout is None else self._began + request.timeout
+        self._schedule: Schedule | None = None
+        self._tape: FeedbackTape[Any] = FeedbackTape()
+        self.future: GoalFuture[Any, Any] = GoalFuture(self, self._tape)
+        self._attempt: Attempt | None = None
+        self._previous: Attempt | None = None
+        self._attempts = 0
+        self._pause: TimerHandle | None = None
+        self._judging: tuple[fx.Ending, Outcome[Any]] | None = None
+        self._last: fx.Ending | None = None  # of the attempt before the pause
+        self._ending: fx.Ending | None = None
+        self._settled = False
+        self._closing = False
+        self._grace: TimerHandle | None = None
+        self.unwanted = False
+        """Whether the caller cancelled, even if this thread has not come to it yet (C1.5)."""
+
+    # --- the caller's wishes ---------------------------------------------------------------
+
+    def begin(self) -> None:
+        """Start soon, and be counted. From any thread; calls start in this order."""
+        self._carrier.add(self)
+        self._carrier.call_soon(self.start)
+
+    def request_cancel(self) -> None:
+        """Cancel soon. From any thread."""
+        self.unwanted = True
+        self._carrier.call_soon(self.cancel)
+
+    def start(self) -> None:
+        """Begin the first attempt."""
+        if self.unwanted:
+            self.cancel()
+        if self._ending is not None:
+            return  # cancelled or closed before it began
+        if self._request.invalid is not None:
+            self._end(fx.Ending(fx.End.INVALID, GoalState.REJECTED, info=self._request.invalid))
+            return
+        self._try(resent=False)
+
+    def cancel(self) -> None:
+        """Cancel the goal, or end the call where none is under way."""
+        if self._attempt is not None:
+            self._attempt.cancel()
+        elif self._judging is None:
+            self._end(self._idle(fx.End.CANCELLED_BY_CALLER))
+        else:
+            # What ended is judged, and not tried again; and that takes no longer than a cancel.
+            self._cancel_pause()
+            until = time.monotonic() + self.cancel_grace
+            self._pause = self._carrier.call_at(until, self._stop_judging)
+
+    def close(self, *, abandon: bool) -> None:
+        """End because the client closes."""
+        self._closing = True
+        if self._attempt is not None:
+            self._attempt.close(abandon=abandon)
+        elif self._judging is not None:
+            self._stop_judging()
+        else:
+            self._end(self._idle(fx.End.CLOSED))
+
+    def fail(self, reason: str, error: BaseException) -> None:
+        """End because this side broke."""
+        self._closing = True  # nothing fires any more that could try again
+        if self._attempt is not None:
+            self._attempt.fail(reason, error)
+        else:
+            self._end(fx.Ending(fx.End.LOST, GoalState.LOST, info=error))
+
+    def _idle(self, end: fx.End) -> fx.Ending:
+        """The ending of a call that has no attempt under way: not begun, judged, or pausing."""
+        if self._last is None:
+            return fx.Ending(end, GoalState.SENDING, cancel=CancelReport.NOT_NEEDED)
+        stopped = self._last.known is fx.Known.STOPPED
+        report = CancelReport.NOT_NEEDED if stopped else CancelReport.UNKNOWN
+        return replace(self._last, end=end, cancel=report, phase="", result=None)
+
+    # --- attempts --------------------------------------------------------------------------
+
+    def _try(self, *, resent: bool) -> None:
+        """Begin an attempt; with `resent`, of the goal that the server may have by now."""
+        if resent:
+            assert self._previous is not None
+            self._previous.supersede()
+        elif self._attempts:
+            self.goal_id = uuid.uuid4()
+        self._attempts += 1
+        self._attempt = self._carrier.attempt(
+            self.goal_id,
+            self._request.goal,
+            self._request.timeouts,
+            self._deadline,
+            self,
+            resent=resent,
+        )
+        self._attempt.start()
+        self._reconcile()
+
+    def may_send(self, attempt: Attempt) -> bool:
+        """Whether an attempt may send its goal: never while an earlier one may run (C4.2)."""
+        previous = self._previous
+        return (
+            previous is None
+            or self._request.retry.resend == "always"
+            or not previous.goal.in_flight
+        )
+
+    def _reconcile(self) -> None:
+        """Ask a server that is there about a goal that was lost with another (C4.3)."""
+        previous = self._previous
+        lost = previous is not None and previous.goal.stage is Stage.LOST
+        if previous is not None and lost and self._carrier.server_is_ready():
+            previous.on_server_ready()
+
+    def on_over(self, attempt: Attempt) -> None:
+        """An attempt is known to run no more."""
+        current = self._attempt
+        if attempt is self._previous and current is not None and self._carrier.server_is_ready():
+            current.on_server_ready()
+
+    def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None:
+        """An earlier goal has proved to have finished: that is the call's end (C4.3, C4.4)."""
+        end = _LATE.get(state)
+        if state is GoalState.CANCELED and not attempt.cancel_asked:
+            end = fx.End.CANCELED_BY_OTHER
+        current = self._attempt
+        if end is None or attempt is not self._previous or self._ending is not None:
+            return
+        if current is not None and current.goal.in_flight:
+            return
+        if current is not None:
+            self._attempt = None
+            current.withdraw()
+        self._cancel_pause()
+        self.goal_id = attempt.goal_id
+        rejected = state is GoalState.REJECTED
+        reached = fx.Reached.REJECTED if rejected else fx.Reached.ACCEPTED
+        self._last = fx.Ending(end, state, result=result, reached=reached)
+        self._judge(self._last)
+
+    # --- what the attempt tells ------------------------------------------------------------
+
+    def on_record(self, attempt: Attempt, state: GoalState, detail: str) -> None:
+        """Write the timeline; also after the end, for the log of a goal given up on."""
+        self._note(attempt.goal_id, state, detail)
+        if not self._settled and attempt is self._attempt:
+            self.state = state
+
+    def on_feedback(self, attempt: Attempt, message: bytes) -> None:
+        """Pass feedback on, undecoded."""
+        if self._settled or attempt is not self._attempt:
+            return
+        self._note(attempt.goal_id, GoalState.FEEDBACK, "")
+        decode = _Once(lambda: self._carrier.decode_feedback(message))
+        self._tape.put(decode)
+        if self._request.callbacks is not None:
+            self._request.callbacks.put(decode)
+
+    def on_end(self, attempt: Attempt, ending: fx.Ending) -> None:
+        """Judge how the attempt ended, and end the call or try again."""
+        if attempt is not self._attempt or self._ending is not None:
+            return
+        if ending.end in _WITH_RESULT:
+            self._carrier.take_feedback_now()  # it may be behind the result (R15)
+        if ending.end is fx.End.NO_SERVER and not self.may_send(attempt):
+            reason = "a server is there, but has not said whether the earlier goal still runs"
+            ending = replace(ending, end=fx.End.LOST, status=GoalState.LOST, info=reason)
+        if attempt.goal.stage is not Stage.OVER or ending.reached is not fx.Reached.NEVER_SENT:
+            self._previous = attempt
+        self._last, self._attempt = ending, None
+        self._judge(ending)
+
+    def _judge(self, ending: fx.Ending) -> None:
+        outcome, classify = self._outcome(ending), self._request.classify
+        if classify is None or ending.end not in _JUDGED:
+            self._judged(ending, outcome, default_verdict(outcome))
+            return
+        self._judging = (ending, outcome)
+        if self._deadline is not None:
+            # A function that does not return holds up nothing for longer than this.
+            self._pause = self._carrier.call_at(self._deadline, self._stop_judging)
+
+        def ask() -> None:
+            verdict = asked(classify, outcome)
+            self._carrier.call_soon(lambda: self._stop_judging(ending, verdict))
+
+        pool.submit(ask)  # it is the user's (R8)
+
+    def _stop_judging(
+        self, asked_for: fx.Ending | None = None, verdict: Verdict | None = None
+    ) -> None:
+        """Take the verdict on an ending; without one the default counts, whatever is judged."""
+        if self._judging is None:
+            return
+        if asked_for is not None and asked_for is not self._judging[0]:
+            return  # the answer comes too late
+        (ending, outcome), self._judging = self._judging, None
+        self._cancel_pause()
+        self._judged(ending, outcome, verdict or default_verdict(outcome))
+
+    def _judged(self, ending: fx.Ending, outcome: Outcome[Any], verdict: Verdict) -> None:
+        if self._ending is not None:
+            return  # cancelled or closed meanwhile
+        if verdict is Verdict.SUCCESS:
+            self._request.budget.on_success()
+        ending = overruled(ending, verdict)
+        if verdict is not Verdict.TRANSIENT or ending.end in _NEVER_AGAIN:
+            self._end(ending)
+            return
+        self._request.budget.on_transient_failure()
+        why_not = self._pause_before_another(ending, outcome.error or _ToRetry())
+        if why_not is not None:
+            self._end(replace(ending, note=why_not))
+
+    def _pause_before_another(self, ending: fx.Ending, error: BaseException) -> str | None:
+        """Begin the pause before another attempt, or say why there is none."""
+        policy, now = self._request.retry, time.monotonic()
+        if self._schedule is None:
+            self._schedule = Schedule(policy, self._began)
+        if self.unwanted or self._closing:
+            return "its caller no longer wants it"
+        plan = self._schedule.next(error, self._attempts, now, self._deadline)
+        if isinstance(plan, GiveUp):
+            return plan.reason
+        how = how_to_resend(ending.reached, ending.known, policy.resend)
+        if how is Resend.NO:
+            return f"the goal may still run, or have run (resend={policy.resend!r})"
+        if not self._request.budget.allows_retry:
+            return f"the retry budget forbids it ({self._request.budget!r})"
+        self._note(self.goal_id, GoalState.RETRYING, f"in {plan.seconds:.2f} s")
+        self.state = GoalState.RETRYING
+        self._pause = self._carrier.call_at(
+            now + plan.seconds, lambda: self._resume(resent=how is Resend.SAME_ID)
+        )
+        return None
+
+    def _resume(self, *, resent: bool) -> None:
+        self._pause = None
+        previous = self._previous
+        stage = None if previous is None else previous.goal.stage
+        if resent and stage is Stage.ACCEPTED:
+            # Accepted after all, in the pause: it was cancelled then, and has not ended so far.
+            assert self._last is not None
+            self._end(replace(self._last, note="the goal was accepted late, and may still run"))
+            return
+        self._try(resent=resent and stage is Stage.SENT)
+
+    # --- the end ---------------------------------------------------------------------------
+
+    def _end(self, ending: fx.Ending) -> None:
+        if self._ending is not None:
+            return
+        earlier = self._previous
+        if ending.cancel is CancelReport.NOT_NEEDED and earlier and earlier.goal.in_flight:
+            # This attempt sent nothing, but an earlier goal of the call may run.
+            ending = replace(ending, cancel=CancelReport.UNKNOWN)
+        self._ending = ending
+        self._cancel_pause()
+        callbacks = self._request.callbacks
+        if ending.end not in _WITH_RESULT or callbacks is None:
+            self._settle()
+            return
+        until = time.monotonic() + _LAST_FEEDBACK_GRACE
+        self._grace = self._carrier.call_at(until, self._settle)
+        callbacks.finish(lambda: self._carrier.call_soon(self._settle))
+
+    def _cancel_pause(self) -> None:
+        if self._pause is not None:
+            self._carrier.cancel_timer(self._pause)
+            self._pause = None
+
+    def _settle(self) -> None:
+        if self._settled:
+            return
+        self._settled = True
+        if self._grace is not None:
+            self._carrier.cancel_timer(self._grace)
+        if self._request.callbacks is not None:
+            self._request.callbacks.close()
+        ending = self._ending
+        assert ending is not None
+        self.state = ending.status
+        self._tape.end()
+        outcome = self._outcome(ending)
+        self._carrier.finished(self)  # first: who sees the end sees it counted out (C1.11)
+        self.future.settle(outcome, ending.end)
+
+    def _outcome(self, ending: fx.Ending) -> Outcome[Any]:
+        story = Story(
+            action_name=self._carrier.action_name,
+            type_name=self._carrier.type_name,
+            goal_id=self.goal_id,
+            attempts=self._attempts,
+            timeline=self.timeline.events(),
+            elapsed=time.monotonic() - self._began,
+            timeout=self._request.timeout,
+            timeouts=self._request.timeouts,
+            surroundings=self._carrier.surroundings,
+        )
+        callbacks = self._request.callbacks
+        return Outcome(
+            status=ending.status,
+            result=ending.result,
+            error=explain(ending, story),
+            attempts=self._attempts,
+            timeline=story.timeline,
+            goal_id=self.goal_id,
+            cancel=ending.cancel,
+            callback_errors=0 if callbacks is None else callbacks.errors,
+            feedback_count=self._tape.count,
+        )
+
+    def _note(self, goal_id: uuid.UUID, state: GoalState, detail: str) -> None:
+        self.timeline.add(
+            GoalEvent(goal_id, self._attempts, state, time.monotonic(), time.time(), detail)
+        )
+
+
+class _ToRetry(Exception):
+    """Stands, towards tenacity's strategies, for a success that was judged a failure."""
+
+
+class _Once:
+    """Decodes a message at most once, for all who look at it."""
+
+    def __init__(self, decode: Callable[[], Any]) -> None:
+        self._decode: Callable[[], Any] | None = decode
+        self._value: Any = None
+
+    def __call__(self) -> Any:
+        decode = self._decode
+        if decode is not None:
+            # Two threads may both decode: the second value is as good as the first.
+            self._value = decode()
+            self._decode = None
+        return self._value

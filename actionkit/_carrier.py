@@ -1,0 +1,147 @@
+"""What carries a client's calls: their attempts over one port, until none is left.
+
+Everything happens on the communication thread, but for the constructor and `add`.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+import uuid
+from collections.abc import Callable
+from typing import Any
+
+from actionkit._attempt import Attempt
+from actionkit._call import Call
+from actionkit._explain import Surroundings
+from actionkit._ros.port import Port
+from actionkit._settings import Timeouts
+from actionkit._stages import Stage
+
+LINGER = 30.0
+"""Seconds that a closed client goes on watching for the late acceptance of a goal (C2.4)."""
+
+
+class PortCarrier:
+    """The calls and attempts in flight over one port."""
+
+    def __init__(self, port: Port, on_freed: Callable[[], None]) -> None:
+        self.port = port
+        self.action_name = port.identity.action_name
+        self.type_name = port.identity.type_name
+        self.calls: set[Call] = set()
+        self.retired = threading.Event()
+        """Set when `retire` was heard, and the port freed where nothing was in flight."""
+        self._on_freed = on_freed
+        self._attempts: set[Attempt] = set()
+        self._retiring = False
+        self.decode_feedback = port.decode_feedback
+        self.call_soon = port.call_soon
+        self.call_at = port.call_at
+        self.cancel_timer = port.cancel_timer
+        port.on_failure(self._broken)
+
+    def add(self, call: Call) -> None:
+        """Count a call among those in flight."""
+        self.calls.add(call)
+        if self.port.runtime.failure is not None:
+            self._broken(self.port.runtime.failure)  # it died just now
+
+    # --- for calls -------------------------------------------------------------------------
+
+    def attempt(
+        self,
+        goal_id: uuid.UUID,
+        goal: Any,
+        timeouts: Timeouts,
+        deadline: float | None,
+        owner: Call,
+        *,
+        resent: bool,
+    ) -> Attempt:
+        """Make an attempt."""
+        made = Attempt(
+            self.port.link,
+            goal_id,
+            goal,
+            timeouts,
+            deadline,
+            owner,
+            resent=resent,
+            on_out_of_sight=self._out_of_sight,
+        )
+        self._attempts.add(made)
+        return made
+
+    def server_is_ready(self) -> bool:
+        """Whether goals can be sent now."""
+        return self.port.link.presence.ready
+
+    def take_feedback_now(self) -> None:
+        """Take the feedback that has come."""
+        self.port.link.take_feedback_now()
+
+    def surroundings(self) -> Surroundings:
+        """Look at the graph, for an error's text."""
+        return Surroundings(
+            self.port.actions(), self.port.identity.domain_id, self.port.middleware()
+        )
+
+    def finished(self, call: Call) -> None:
+        """Forget a call."""
+        self.calls.discard(call)
+        self._free_if_done()
+
+    # --- the end ---------------------------------------------------------------------------
+
+    def close_calls(self, *, abandon: bool) -> None:
+        """End every call by the client's policy."""
+        for call in list(self.calls):
+            call.close(abandon=abandon)
+
+    def retire(self) -> None:
+        """Free the port as soon as nothing is left to watch for."""
+        if not self._retiring:
+            self._retiring = True
+            self._arm_linger()
+        if self._done:
+            self.free()
+        self.retired.set()
+
+    def _arm_linger(self) -> None:
+        self.call_at(time.monotonic() + LINGER, self._stop_lingering)
+
+    def _stop_lingering(self) -> None:
+        if self.calls:
+            self._arm_linger()  # somebody holds their futures
+        else:
+            self.free()
+
+    def _out_of_sight(self, attempt: Attempt) -> None:
+        if attempt.goal.stage is Stage.OVER:
+            self._attempts.discard(attempt)
+        self._free_if_done()
+
+    @property
+    def _done(self) -> bool:
+        # A goal whose server is gone is watched only for as long as the client lives (C2.4).
+        watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)
+        return not self.calls and not watched
+
+    def _free_if_done(self) -> None:
+        if self._retiring and self._done:
+            self.call_soon(self.free)  # not from within the link's own callback
+
+    def free(self) -> None:
+        """Free the port, whatever is in flight."""
+        if not self.port.freed.is_set():
+            self.port.free()
+            self._on_freed()
+
+    def _broken(self, error: BaseException) -> None:
+        for call in list(self.calls):
+            call.fail("the communication thread of ActionKit died", error)
+        # Its entities died with it; nobody is left to free them.
+        self.port.freed.set()
+        self.retired.set()
+        self._on_freed()

@@ -1,0 +1,341 @@
+"""The client: the thin, typed shell over a session."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Generic
+
+from typing_extensions import Never, Self
+
+from actionkit._action_type import ActionType, FeedbackT, GoalT, ResultT
+from actionkit._arguments import UNSET, Unset, check_type, refuse_unknown
+from actionkit._budget import RetryBudget
+from actionkit._call import Call, Request
+from actionkit._classify import Classify, FieldClassifier
+from actionkit._delivery import in_callback
+from actionkit._feedback import callbacks_for
+from actionkit._fields import FieldError, FieldTypeError, to_message
+from actionkit._future import GoalFuture
+from actionkit._settings import RetryPolicy, Timeouts, check_seconds
+
+if TYPE_CHECKING:
+    from actionkit._session import OnClose, Session
+
+
+class Client(Generic[GoalT, ResultT, FeedbackT]):
+    """Calls the goals of one action.
+
+        with Client(Fibonacci, "fibonacci") as client:
+            result = client.call(Fibonacci.Goal(order=10), timeout=10.0)
+
+    No `rclpy.init()`, node, executor or thread is asked of the user; where there are any,
+    none of them is spun, shut down or blocked (contract C1.1). Safe to use from any thread,
+    and from any callback of any executor (contract C1.2).
+    """
+
+    def __init__(
+        self,
+        action_type: type[ActionType[GoalT, ResultT, FeedbackT]],
+        action_name: str,
+        *,
+        node: Any = None,
+        timeouts: Timeouts = Timeouts(),  # noqa: B008  frozen
+        retry: RetryPolicy = RetryPolicy(),  # noqa: B008  frozen
+        classify: Classify | None = None,
+        observers: Sequence[Any] = (),
+        on_close: OnClose = "cancel",
+        retry_budget: RetryBudget | None = None,
+    ) -> None:
+        """Make a client. Does not wait for a server.
+
+        Args:
+            action_type: The action's class, such as `test_msgs.action.Fibonacci`.
+            action_name: The action's name, relative or absolute.
+            node: A node of yours: the name is resolved as its would be (namespace, remaps,
+                ROS domain), and logs carry its name. It is neither spun nor changed.
+            timeouts: Caps on the phases of each call.
+            retry: When a call that failed for a transient reason is tried again.
+            classify: May overrule what counts as success, transient or permanent failure.
+            observers: For those to come; must be empty so far.
+            on_close: What closing does to goals in flight: `"cancel"` or `"abandon"`.
+            retry_budget: A brake on retries to share with other clients; left out, the client
+                has one of its own.
+
+        Raises:
+            TypeError: An argument of the wrong type, `action_type` and `node` included.
+            ValueError: A bad name or `on_close`.
+            ImportError: rclpy is not importable.
+            ActionTypeMismatchError: This process already uses the name with another type.
+        """
+        check_type("timeouts", timeouts, Timeouts)
+        check_type("retry", retry, RetryPolicy)
+        _check_classify(classify, action_type)
+        if tuple(observers):
+            raise ValueError(f"observers={observers!r}: there are none to be had so far")
+        if on_close not in ("cancel", "abandon"):
+            raise ValueError(f"on_close={on_close!r} must be 'cancel' or 'abandon'")
+        port, session = _transport()
+        self._timeouts = timeouts
+        self._retry = retry
+        self._classify = classify
+        self._budget = retry_budget or RetryBudget()
+        self._session: Session = session.Session(
+            lambda: port.Port(action_type, action_name, node), on_close, timeouts.cancel
+        )
+        action: Any = action_type  # pyright knows no properties of a class object
+        self._goal_type: Any = action.Goal
+        self._action_type = action
+        self._identity = self._session.port.identity
+        # A client that is dropped without close() must not keep a thread, or goals, alive.
+        self._finalizer = weakref.finalize(self, self._session.drop)
+        self._finalizer.atexit = False  # the session sees to the interpreter's exit itself
+
+    def __repr__(self) -> str:
+        state = " closed" if self._session.closed else ""
+        return f"<Client {self.action_name!r} ({self._identity.type_name}){state}>"
+
+    @property
+    def action_name(self) -> str:
+        """The fully qualified name of the action."""
+        return str(self._identity.action_name)
+
+    @property
+    def timeouts(self) -> Timeouts:
+        """The caps on the phases of each call."""
+        return self._timeouts
+
+    @property
+    def retry_budget(self) -> RetryBudget:
+        """The brake on retries (contract C4.5); its state is readable."""
+        return self._budget
+
+    @property
+    def pending(self) -> int:
+        """How many calls of this client are in flight (contract C1.11)."""
+        return self._session.pending
+
+    # --- the two calls ---------------------------------------------------------------------
+
+    def call(
+        self,
+        goal: GoalT | Mapping[str, Any],
+        timeout: float | Unset | None = UNSET,
+        *,
+        on_feedback: Callable[[FeedbackT], object] | None = None,
+        retry: RetryPolicy | None = None,
+        classify: Classify | None = None,
+        **unknown: Never,
+    ) -> ResultT:
+        """Send a goal and wait for its result.
+
+        Ctrl-C cancels the goal on the server, waits `timeouts.cancel` seconds at most for
+        that, and raises `KeyboardInterrupt` (contract C2.5); a second one does not wait.
+
+        Args:
+            goal: The action's goal message, or a mapping of its field names.
+            timeout: Seconds for everything: the server's coming, acceptance, execution,
+                retries. `None` means no limit; left out, `timeouts.total` counts; with 0
+                nothing is sent.
+            on_feedback: Called with each feedback message, in order, on another thread.
+            retry: In place of the client's policy.
+            classify: In place of the client's.
+
+        Returns:
+            The action's result message.
+
+        Raises:
+            ActionKitError: The call failed; see the classes of contract C3.
+            concurrent.futures.CancelledError: `cancel_all()` cancelled the call.
+            RuntimeError: Called from one of ActionKit's own callbacks, or after a fork.
+            TypeError, ValueError: An argument is wrong.
+        """
+        if in_callback.get():
+            raise RuntimeError(
+                "Client.call() would wait inside a callback that ActionKit itself is waiting"
+                " for: use call_async() here (contract C1.9)"
+            )
+        call = self._prepare(goal, on_feedback, timeout, retry, classify, unknown)
+        future: GoalFuture[ResultT, FeedbackT] = call.future
+        try:
+            self._session.begin(call)
+            return future.result()
+        finally:
+            if not future.done():
+                # Ctrl-C, or whatever else a signal handler of the user's raised here.
+                future.cancel()
+                concurrent.futures.wait([future], self._timeouts.cancel)
+
+    def call_async(
+        self,
+        goal: GoalT | Mapping[str, Any],
+        on_feedback: Callable[[FeedbackT], object] | None = None,
+        timeout: float | Unset | None = UNSET,
+        *,
+        retry: RetryPolicy | None = None,
+        classify: Classify | None = None,
+        **unknown: Never,
+    ) -> GoalFuture[ResultT, FeedbackT]:
+        """Send a goal and return at once, whatever the servers do.
+
+        The goal is copied: it may be changed and used again afterwards.
+
+        Args:
+            goal: The action's goal message, or a mapping of its field names. One that does
+                not fit fails the future with an `InvalidGoalError`.
+            on_feedback: Called with each feedback message, in order: a plain function on
+                another thread, a coroutine function on the event loop of the caller.
+            timeout: As for `call`.
+            retry: In place of the client's policy.
+            classify: In place of the client's.
+
+        Returns:
+            A `concurrent.futures.Future` that can also be awaited.
+
+        Raises:
+            ClientClosedError: The client was closed.
+            RuntimeError: This process was forked from the client's.
+            TypeError, ValueError: An argument other than `goal` is wrong.
+        """
+        call = self._prepare(goal, on_feedback, timeout, retry, classify, unknown)
+        self._session.begin(call)
+        return call.future
+
+    def _prepare(
+        self,
+        goal: object,
+        on_feedback: Callable[[FeedbackT], object] | None,
+        timeout: float | Unset | None,
+        retry: RetryPolicy | None,
+        classify: Classify | None,
+        unknown: Mapping[str, Any],
+    ) -> Call:
+        self._session.check()
+        refuse_unknown(unknown)
+        if isinstance(timeout, Unset):
+            seconds = self._timeouts.total
+        else:
+            seconds = check_seconds("timeout", timeout)
+        if retry is not None:
+            check_type("retry", retry, RetryPolicy)
+        _check_classify(classify, self._action_type)
+        callbacks = callbacks_for(on_feedback, self.action_name)
+        message, invalid = self._validated(goal)
+        return self._session.prepare(
+            Request(
+                goal=message,
+                invalid=invalid,
+                timeout=seconds,
+                timeouts=self._timeouts,
+                retry=retry or self._retry,
+                budget=self._budget,
+                classify=classify or self._classify,
+                callbacks=callbacks,
+            )
+        )
+
+    def _validated(self, goal: object) -> tuple[Any, Exception | None]:
+        try:
+            return to_message(self._goal_type, goal), None
+        except (FieldError, FieldTypeError) as error:
+            return None, error
+
+    # --- the servers -----------------------------------------------------------------------
+
+    def wait_for_server(self, timeout: float | None = None) -> bool:
+        """Block until a server is ready for goals. Calls do this by themselves.
+
+        Args:
+            timeout: Seconds, or `None` for no limit.
+
+        Returns:
+            Whether one is ready.
+
+        Raises:
+            ClientClosedError: The client was closed.
+            TypeError, ValueError: A bad `timeout`.
+        """
+        seconds = check_seconds("timeout", timeout)
+        return self._session.port.wait_for_server(seconds)
+
+    def server_is_ready(self) -> bool:
+        """Whether a server is ready for goals now.
+
+        Raises:
+            ClientClosedError: The client was closed.
+        """
+        return self._session.port.server_is_ready()
+
+    # --- the end ---------------------------------------------------------------------------
+
+    def cancel_all(self) -> int:
+        """Cancel all calls of this client in flight; never blocks.
+
+        Returns:
+            How many there were.
+
+        Raises:
+            ClientClosedError: The client was closed.
+        """
+        return self._session.cancel_all()
+
+    def close(self) -> None:
+        """End every goal in flight as `on_close` says, and free all that is held (C1.10).
+
+        Returns within `timeouts.cancel` and about a second. Closing twice is fine. A goal
+        whose acceptance is still out is watched a little longer, and cancelled if it comes.
+        """
+        self._finalizer.detach()
+        self._session.close()
+
+    def __enter__(self) -> Self:
+        """Return the client."""
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the client."""
+        self.close()
+
+    async def __aenter__(self) -> Self:
+        """Return the client."""
+        return self
+
+    async def __aexit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the client without blocking the event loop."""
+        import asyncio
+
+        await asyncio.shield(asyncio.get_running_loop().run_in_executor(None, self.close))
+
+
+def _check_classify(classify: Classify | None, action_type: Any) -> None:
+    if classify is None:
+        return
+    if not callable(classify):
+        raise TypeError(f"classify={classify!r} must be a function (Outcome) -> Verdict")
+    if isinstance(classify, FieldClassifier):
+        classify.check(action_type.Result)
+
+
+def _transport() -> tuple[Any, Any]:
+    """Import rclpy's room, late: `import actionkit` works, and is quick, without rclpy."""
+    try:
+        from actionkit import _session
+        from actionkit._ros import port
+    except ImportError as error:
+        raise ImportError(
+            f"ActionKit needs rclpy, which cannot be imported ({error}). On a machine with a"
+            " ROS installation source its setup file; elsewhere: pip install 'actionkit[ros]'"
+        ) from error
+    return port, _session

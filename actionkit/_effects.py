@@ -1,0 +1,193 @@
+"""What the state machine of a goal asks its driver to do, and how a goal can end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Any, TypeAlias
+
+from actionkit._values import CancelReport, GoalState
+
+
+class Timer(Enum):
+    """The timers of one goal; arming one that is armed moves it."""
+
+    SERVER = auto()
+    ACCEPT = auto()
+    DEADLINE = auto()
+    STALL = auto()
+    CANCEL = auto()
+    """The end of the wait for a cancellation to be confirmed."""
+    NUDGE = auto()
+    """Time to ask again what may have been lost on the way."""
+
+
+class CancelAnswer(Enum):
+    """A server's answer to a cancel request, return code and list read together (R12)."""
+
+    ACCEPTED = auto()
+    REFUSED = auto()
+    UNKNOWN_GOAL = auto()
+    """Not accepted so far, expired, or of another incarnation of the server."""
+    TERMINATED = auto()
+    """The goal had ended before the request came."""
+
+
+class Reached(Enum):
+    """How far the earlier goal got, as far as this side knows."""
+
+    NEVER_SENT = auto()
+    UNANSWERED = auto()
+    """Sent, and neither accepted nor rejected."""
+    REJECTED = auto()
+    ACCEPTED = auto()
+
+
+class Known(Enum):
+    """What is known of the earlier goal's present."""
+
+    NOTHING = auto()
+    """It may be running, or come to run."""
+    UNKNOWN_TO_SERVER = auto()
+    """A live server of the same incarnation does not know it, and may take it yet (R6)."""
+    SERVER_GONE = auto()
+    """The server that had it is out of sight."""
+    STOPPED = auto()
+    """It runs no more, and never will."""
+
+
+class End(Enum):
+    """The ways in which an attempt can end, one for each error class, and success."""
+
+    SUCCEEDED = auto()
+    NO_SERVER = auto()
+    TYPE_MISMATCH = auto()
+    INVALID = auto()
+    NO_ACCEPTANCE = auto()
+    REJECTED = auto()
+    ABORTED = auto()
+    CANCELED_BY_OTHER = auto()
+    CANCELLED_BY_CALLER = auto()
+    LOST = auto()
+    RESULT_LOST = auto()
+    STALLED = auto()
+    DEADLINE = auto()
+    CLOSED = auto()
+    JUDGED = auto()
+    """The goal succeeded, and `classify=` says that it did not."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How an attempt ended.
+
+    Attributes:
+        end: The way it ended.
+        status: The last known state of the goal.
+        result: The result message, where the server sent one.
+        cancel: What became of a goal that was given up on, else `None`.
+        phase: What was being waited for when the deadline passed, else `""`.
+        reached: How far the goal got.
+        known: What is known of its present.
+        info: Facts for the error's text: exceptions, type names, reasons.
+        note: Why it was not tried again, where it might have been.
+    """
+
+    end: End
+    status: GoalState
+    result: Any = None
+    cancel: CancelReport | None = None
+    phase: str = ""
+    reached: Reached = Reached.NEVER_SENT
+    known: Known = Known.STOPPED
+    info: Any = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class AwaitServer:
+    """Tell when a server is ready, or serves another type."""
+
+
+@dataclass(frozen=True)
+class SendGoal:
+    """Put the goal request in the queue to the server, and tell when it was sent."""
+
+
+@dataclass(frozen=True)
+class Withdraw:
+    """Stop waiting for a server; take the goal request out of the queue."""
+
+
+@dataclass(frozen=True)
+class AskResult:
+    """Ask the server for the goal's result; harmless to repeat (R3)."""
+
+
+@dataclass(frozen=True)
+class AskCancel:
+    """Ask the server to cancel the goal; harmless to repeat."""
+
+
+@dataclass(frozen=True)
+class WatchStatus:
+    """Tell what the server's status topic says of this goal, from now on."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Fire `timer` at the monotonic time `at`."""
+
+    timer: Timer
+    at: float
+
+
+@dataclass(frozen=True)
+class Disarm:
+    """Do not fire `timer`."""
+
+    timer: Timer
+
+
+@dataclass(frozen=True)
+class Record:
+    """Write a transition into the goal's timeline."""
+
+    state: GoalState
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class Settle:
+    """Give the attempt's ending to the caller. Comes exactly once."""
+
+    ending: Ending
+
+
+@dataclass(frozen=True)
+class LateResult:
+    """Tell how the goal ended, or that it was rejected, after the attempt was settled."""
+
+    state: GoalState
+    result: Any
+
+
+@dataclass(frozen=True)
+class Release:
+    """Nothing is left to watch for: forget the goal."""
+
+
+Effect: TypeAlias = (
+    AwaitServer
+    | SendGoal
+    | Withdraw
+    | AskResult
+    | AskCancel
+    | WatchStatus
+    | Arm
+    | Disarm
+    | Record
+    | Settle
+    | LateResult
+    | Release
+)

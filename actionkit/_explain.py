@@ -1,0 +1,312 @@
+"""Turns the ending of a call into the error that tells its user what happened (contract C3.2).
+
+Each text is one sentence of what happened, to which action, after how long, and one of what
+to do about it.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import difflib
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from actionkit import _errors as errors
+from actionkit._effects import End, Ending
+from actionkit._settings import Timeouts
+from actionkit._values import CancelReport, GoalEvent, GoalState, Verdict
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What the graph shows around a call.
+
+    Attributes:
+        actions: Every served action name with its types; `None` where the graph is gone.
+        domain_id: The ROS domain in use.
+        middleware: The middleware in use.
+    """
+
+    actions: dict[str, tuple[str, ...]] | None
+    domain_id: int
+    middleware: str
+
+
+@dataclass(frozen=True)
+class Story:
+    """What an error needs to know of its call."""
+
+    action_name: str
+    type_name: str
+    goal_id: uuid.UUID
+    attempts: int
+    timeline: tuple[GoalEvent, ...]
+    elapsed: float
+    timeout: float | None
+    timeouts: Timeouts
+    surroundings: Callable[[], Surroundings]
+
+
+def explain(ending: Ending, story: Story) -> BaseException | None:
+    """Return the error for an ending, or `None` for a success."""
+    if ending.end is End.SUCCEEDED:
+        return None
+    if ending.end is End.JUDGED and ending.info is Verdict.TRANSIENT and ending.note:
+        # A success has no error that could speak for itself.
+        exhausted = errors.RetriesExhaustedError(
+            f"{_judged(ending, story)} The retries ended: {ending.note}.", **_common(story)
+        )
+        exhausted.result = ending.result
+        cause = errors.TransientError(_judged(ending, story), **_common(story))
+        cause.result = ending.result
+        exhausted.__cause__ = cause
+        return exhausted
+    if ending.end is End.CANCELLED_BY_CALLER:
+        return concurrent.futures.CancelledError(
+            f"goal {story.goal_id} of action {story.action_name!r} was cancelled by its caller"
+            f" after {story.elapsed:.1f} s"
+        )
+    cls, text = _TEXTS[ending.end]
+    note = f" It was not tried again: {ending.note}." if ending.note else ""
+    error = cls(
+        text(ending, story) + note,
+        **_common(story),
+    )
+    error.cancel = ending.cancel
+    _add_facts(error, ending, story)
+    return error
+
+
+def _common(story: Story) -> dict[str, Any]:
+    return {
+        "action_name": story.action_name,
+        "goal_id": story.goal_id,
+        "attempts": story.attempts,
+        "timeline": story.timeline,
+        "elapsed": story.elapsed,
+    }
+
+
+def _add_facts(error: errors.ActionKitError, ending: Ending, story: Story) -> None:
+    if ending.end in (End.ABORTED, End.CANCELED_BY_OTHER, End.JUDGED):
+        error.result = ending.result
+    if isinstance(error, errors.DeadlineExceededError):
+        error.phase = ending.phase
+        error.late_result = ending.result
+    elif isinstance(error, errors.ActionTypeMismatchError):
+        error.expected = story.type_name
+        error.served = ending.info
+    elif isinstance(error, errors.ResultLostError):
+        error.status = ending.info
+    elif isinstance(error, errors.InvalidGoalError):
+        error.field = getattr(ending.info, "path", "")
+    if isinstance(ending.info, BaseException):
+        error.__cause__ = ending.info
+
+
+def _what(story: Story) -> str:
+    return f"Goal {story.goal_id} of action {story.action_name!r}"
+
+
+def _became(ending: Ending, story: Story) -> str:
+    """Say what became of a goal that was given up on."""
+    if ending.cancel is CancelReport.CONFIRMED:
+        if ending.status is GoalState.SUCCEEDED:
+            return " It succeeded while it was being cancelled: its result is in `late_result`."
+        return " It was cancelled on the server, which confirmed that it runs no more."
+    if ending.cancel is CancelReport.REFUSED:
+        return " The server refused to cancel it: IT IS STILL RUNNING."
+    if ending.cancel is CancelReport.UNKNOWN:
+        return (
+            f" The server did not confirm its cancellation within {story.timeouts.cancel:g} s:"
+            " IT MAY STILL BE RUNNING."
+        )
+    return ""
+
+
+def _no_server(ending: Ending, story: Story) -> str:
+    return (
+        f"No server for action {story.action_name!r} ({story.type_name}) was seen within"
+        f" {story.timeouts.server:g} s, so nothing was sent. {_seen_instead(story)}"
+    )
+
+
+def _seen_instead(story: Story) -> str:
+    """Say which servers are there, and where to look for the one that is not (C3.2)."""
+    around = story.surroundings()
+    parts = []
+    actions = around.actions or {}
+    close = difflib.get_close_matches(story.action_name, actions, n=3, cutoff=0.6)
+    tail = story.action_name.rsplit("/", 1)[-1]
+    close += [n for n in sorted(actions) if n.rsplit("/", 1)[-1] == tail and n not in close]
+    if close:
+        parts.append("Served under a similar name: " + _listed(close, actions) + ".")
+    same = [n for n, types in sorted(actions.items()) if story.type_name in types]
+    same = [name for name in same if name not in close]
+    if same:
+        parts.append("Served with the same type under another name: " + _listed(same) + ".")
+    if around.actions is None:
+        parts.append("The ROS context was shut down, so the graph cannot be asked.")
+    elif not actions:
+        parts.append("No action server at all is visible.")
+    parts.append(
+        f"Check that the server runs, and in the same domain (here ROS_DOMAIN_ID="
+        f"{around.domain_id}, {around.middleware})."
+    )
+    return " ".join(parts)
+
+
+def _listed(names: list[str], actions: dict[str, tuple[str, ...]] | None = None) -> str:
+    shown = [
+        repr(name) + (f" ({', '.join(actions[name])})" if actions else "") for name in names[:5]
+    ]
+    return ", ".join(shown) + (" and more" if len(names) > len(shown) else "")
+
+
+def _type_mismatch(ending: Ending, story: Story) -> str:
+    return (
+        f"Action {story.action_name!r} is served as {', '.join(ending.info)}, but this client"
+        f" was made for {story.type_name}; nothing was sent. Use the served type, or the name of"
+        " a server of your type."
+    )
+
+
+def _invalid(ending: Ending, story: Story) -> str:
+    return (
+        f"The goal for action {story.action_name!r} is not valid, nothing was sent: {ending.info}"
+    )
+
+
+def _no_acceptance(ending: Ending, story: Story) -> str:
+    return (
+        f"{_what(story)} was neither accepted nor rejected within {story.timeouts.accept:g} s."
+        f"{_became(ending, story)} The server is busy in a callback, or deaf: look at its log,"
+        " or allow more with Timeouts(accept=...)."
+    )
+
+
+def _lost(ending: Ending, story: Story) -> str:
+    if isinstance(ending.info, BaseException):
+        return (
+            f"The communication thread of ActionKit died in this process ({ending.info!r}), so"
+            f" goal {story.goal_id} of action {story.action_name!r} cannot be followed any more:"
+            " IT MAY STILL BE RUNNING. Please report it; the next call starts a new thread."
+        )
+    return (
+        f"The server of action {story.action_name!r} was lost {story.elapsed:.1f} s into the"
+        f" call, with goal {story.goal_id} in flight ({ending.info}). Look for a crash in the"
+        " server's log; what the goal did until then is not known."
+    )
+
+
+def _stalled(ending: Ending, story: Story) -> str:
+    return (
+        f"{_what(story)} sent no feedback for {story.timeouts.feedback:g} s."
+        f"{_became(ending, story)} Look at what the server waits for, or allow a longer silence"
+        " with Timeouts(feedback=...)."
+    )
+
+
+def _rejected(ending: Ending, story: Story) -> str:
+    return (
+        f"{_what(story)} was rejected by the server after {story.elapsed:.1f} s; it never ran."
+        " The action protocol carries no reason: look at the server's log."
+    )
+
+
+def _aborted(ending: Ending, story: Story) -> str:
+    return (
+        f"{_what(story)} was aborted by the server after {story.elapsed:.1f} s."
+        f"{_told_by_result(ending.result)}"
+        " What the server sent with it is in `error.result`; its log may say more."
+    )
+
+
+def _told_by_result(result: Any) -> str:
+    """Quote the two fields in which servers by habit say why."""
+    told = []
+    for name in ("error_code", "error_msg"):
+        value = getattr(result, name, None)
+        if value not in (None, ""):
+            told.append(f"{name}={value!r}")
+    return f" It says {', '.join(told)}." if told else ""
+
+
+def _canceled(ending: Ending, story: Story) -> str:
+    return (
+        f"{_what(story)} was cancelled after {story.elapsed:.1f} s, and not by this client."
+        " Another client, an operator or the server itself did so; it is not tried again."
+    )
+
+
+def _result_lost(ending: Ending, story: Story) -> str:
+    ended = f"ended as {ending.info}" if isinstance(ending.info, GoalState) else "ended"
+    return (
+        f"{_what(story)} {ended}, but its result cannot be had after {story.elapsed:.1f} s: the"
+        " server no longer knows it, or never sent it. Raise the server's result_timeout, or"
+        " look in its log for an error after the goal's end."
+    )
+
+
+def _deadline(ending: Ending, story: Story) -> str:
+    if ending.phase == "cancel":
+        return (
+            f"{_what(story)} was cancelled by its caller, but the server did not confirm that"
+            f" within {story.timeouts.cancel:g} s: IT MAY STILL BE RUNNING. It is cancelled as"
+            " soon as the server answers; stop it by other means if that cannot wait."
+        )
+    if ending.phase == "server" and ending.cancel is CancelReport.NOT_NEEDED:
+        return (
+            f"No server for action {story.action_name!r} ({story.type_name}) was ready before"
+            f" the time given to the call, {story.timeout:g} s, ran out waiting for a server;"
+            f" nothing was sent. {_seen_instead(story)}"
+        )
+    waited = {
+        "server": "waiting for a server that could try again",
+        "accept": "waiting for acceptance",
+        "execute": "before the goal ended",
+        "pause": "in the pause before another attempt",
+    }[ending.phase]
+    return (
+        f"{_what(story)} did not finish: the time given to the call, {story.timeout:g} s, ran out"
+        f" {waited}.{_became(ending, story)} Give it more time, or find out what the server"
+        " waits for."
+    )
+
+
+def _judged(ending: Ending, story: Story) -> str:
+    return (
+        f"{_what(story)} succeeded on the server after {story.elapsed:.1f} s, but by `classify=`"
+        f" its result is a failure ({ending.info}).{_told_by_result(ending.result)} It is in"
+        " `error.result`."
+    )
+
+
+def _closed(ending: Ending, story: Story) -> str:
+    if ending.cancel is CancelReport.UNKNOWN and ending.phase == "":
+        became = " It was left to run on the server, or may still be running."
+    else:
+        became = _became(ending, story)
+    return (
+        f"{_what(story)} was in flight when its client was closed.{became} Wait for the result"
+        " before close(), or leave the `with` block later."
+    )
+
+
+_TEXTS: dict[End, tuple[type[errors.ActionKitError], Callable[[Ending, Story], str]]] = {
+    End.NO_SERVER: (errors.ServerUnavailableError, _no_server),
+    End.TYPE_MISMATCH: (errors.ActionTypeMismatchError, _type_mismatch),
+    End.INVALID: (errors.InvalidGoalError, _invalid),
+    End.NO_ACCEPTANCE: (errors.AcceptanceTimeoutError, _no_acceptance),
+    End.REJECTED: (errors.GoalRejectedError, _rejected),
+    End.ABORTED: (errors.GoalAbortedError, _aborted),
+    End.CANCELED_BY_OTHER: (errors.GoalCanceledError, _canceled),
+    End.LOST: (errors.ServerLostError, _lost),
+    End.RESULT_LOST: (errors.ResultLostError, _result_lost),
+    End.STALLED: (errors.FeedbackStalledError, _stalled),
+    End.DEADLINE: (errors.DeadlineExceededError, _deadline),
+    End.JUDGED: (errors.PermanentError, _judged),
+    End.CLOSED: (errors.ClientClosedError, _closed),
+}

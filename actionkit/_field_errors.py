@@ -1,0 +1,78 @@
+"""What is wrong with a field's value, as exceptions that name the field by its path."""
+
+from __future__ import annotations
+
+import pickle
+import reprlib
+
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = _short.maxlong = 60
+
+
+def shown(value: object) -> str:
+    """Return a shortened ``repr`` of a value, for error texts."""
+    try:
+        return _short.repr(value)
+    except ValueError:  # Python refuses to write out integers of thousands of digits
+        return f"<{type(value).__name__} too long to show>"
+
+
+class FieldProblem(Exception):
+    """A value does not fit a field of a ROS message.
+
+    Attributes:
+        path: which field, from the outermost message: ``pose.position.x``, ``poses[3].header``;
+            empty where it is the message itself.
+        value: the value that was refused.
+        problem: what is wrong with it and what to give instead, the value's ``repr`` included.
+    """
+
+    def __init__(self, path: str, value: object, problem: str) -> None:
+        super().__init__(path, value, problem)
+        self.path = path
+        self.value = value
+        self.problem = problem
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.problem}" if self.path else self.problem
+
+    def __reduce__(self) -> tuple[type[FieldProblem], tuple[str, object, str]]:
+        # The refused value is anything at all, a lambda for instance; the error must still travel
+        # between processes (contract C3.2).
+        value = self.value
+        try:
+            pickle.dumps(value)
+        except Exception:  # noqa: BLE001 - pickling runs code of the value's own class
+            value = shown(value)
+        return type(self), (self.path, value, self.problem)
+
+    def add_parent(self, part: str) -> None:
+        """Prepend the name or ``[index]`` of the field which the present path lies in."""
+        joint = "." if self.path and not self.path.startswith("[") else ""
+        self.path = f"{part}{joint}{self.path}"
+
+
+class FieldError(FieldProblem, ValueError):
+    """The value's type is right, the value is not: out of range, too long, no such field."""
+
+
+class FieldTypeError(FieldProblem, TypeError):
+    """The value is of a type that the field cannot hold."""
+
+
+def wrong_type(value: object, ros_type: str, needed: str) -> FieldTypeError:
+    """Return the error for a value of a wrong type.
+
+    Args:
+        value: the refused value.
+        ros_type: the field's type as ROS writes it.
+        needed: what to give instead, with its article: ``an int``.
+    """
+    if value is None:
+        problem = (
+            f"None is not allowed for {ros_type}; "
+            f"give {needed}, or leave the field out to keep its default"
+        )
+    else:
+        problem = f"{shown(value)} is of type {type(value).__name__}, but {ros_type} needs {needed}"
+    return FieldTypeError("", value, problem)

@@ -1,0 +1,279 @@
+"""The handle on one call: a `concurrent.futures.Future` that can also be awaited (C1.4)."""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import contextlib
+import logging
+import os
+import sys
+import threading
+import uuid
+from collections.abc import Callable, Generator
+from typing import Any, Generic, Protocol, cast
+
+from actionkit._action_type import FeedbackT, ResultT
+from actionkit._delivery import pool
+from actionkit._effects import End
+from actionkit._errors import ActionKitError
+from actionkit._feedback import FeedbackStream, FeedbackTape, wake_future
+from actionkit._timeline import Timeline
+from actionkit._values import GoalEvent, GoalState, Outcome
+
+_log = logging.getLogger("actionkit")
+
+
+if sys.version_info >= (3, 11):
+    LocalTimeout = TimeoutError
+else:
+
+    class LocalTimeout(TimeoutError, concurrent.futures.TimeoutError):
+        """A local wait ran out. The two bases are one class from Python 3.11 on."""
+
+
+class CallView(Protocol):
+    """What a future asks of its call."""
+
+    goal_id: uuid.UUID
+    state: GoalState
+    timeline: Timeline
+    cancel_grace: float
+
+    def request_cancel(self) -> None:
+        """Cancel soon. From any thread; never blocks."""
+
+
+class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]):
+    """The result of a call, in the future.
+
+    Works with `concurrent.futures.wait`, `as_completed` and `add_done_callback`, and can be
+    awaited from any running asyncio loop. Made by `Client.call_async` only.
+    """
+
+    def __init__(self, call: CallView, tape: FeedbackTape[FeedbackT]) -> None:
+        super().__init__()
+        self._call = call
+        self._tape = tape
+        self._outcome: Outcome[ResultT] | None = None
+        self._told = False  # whether waiters and callbacks were told
+        self._pid = os.getpid()
+        self._hooks_lock = threading.Lock()
+        self._user_callbacks: list[Callable[[Any], object]] = []
+        self._waiters_async: list[Callable[[], None]] = []
+
+    def __repr__(self) -> str:
+        return f"<GoalFuture {self.goal_id} {self.state}{' done' if self.done() else ''}>"
+
+    # --- live views ------------------------------------------------------------------------
+
+    @property
+    def goal_id(self) -> uuid.UUID:
+        """The id of the goal being tried; each attempt has its own."""
+        return self._call.goal_id
+
+    @property
+    def state(self) -> GoalState:
+        """The last known state of the goal."""
+        return self._call.state
+
+    @property
+    def timeline(self) -> tuple[GoalEvent, ...]:
+        """The events so far, oldest first."""
+        return self._call.timeline.events()
+
+    @property
+    def latest_feedback(self) -> FeedbackT | None:
+        """The newest feedback message, or `None`."""
+        return self._tape.latest
+
+    def feedback(self) -> FeedbackStream[FeedbackT]:
+        """Return an iterable, plain and asynchronous, over feedback from now on.
+
+        It ends when the goal ends. A reader that falls far behind misses the oldest messages.
+        """
+        return self._tape.stream()
+
+    # --- waiting ---------------------------------------------------------------------------
+
+    def result(self, timeout: float | None = None) -> ResultT:
+        """Wait for the goal and return the action's result.
+
+        Args:
+            timeout: Seconds of this local wait, `None` for no limit. When they run out the
+                goal is left alone (contract C1.6).
+
+        Raises:
+            TimeoutError: The local wait ran out.
+            concurrent.futures.CancelledError: The goal was cancelled through this future.
+            ActionKitError: The call failed; see the classes of contract C3.
+        """
+        self._check_process()
+        try:
+            return super().result(timeout)
+        except ActionKitError:
+            raise  # a DeadlineExceededError is a TimeoutError too, and speaks for itself
+        except concurrent.futures.TimeoutError:
+            raise self._local_timeout() from None
+        except concurrent.futures.CancelledError:
+            raise self._outcome_error() from None  # the same with a text
+
+    def exception(self, timeout: float | None = None) -> BaseException | None:
+        """Wait for the goal and return what `result` would raise, or `None`.
+
+        Args:
+            timeout: As for `result`.
+
+        Raises:
+            TimeoutError: The local wait ran out.
+            concurrent.futures.CancelledError: The goal was cancelled through this future.
+        """
+        self._check_process()
+        try:
+            return super().exception(timeout)
+        except ActionKitError:
+            raise  # a DeadlineExceededError is a TimeoutError too, and speaks for itself
+        except concurrent.futures.TimeoutError:
+            raise self._local_timeout() from None
+        except concurrent.futures.CancelledError:
+            raise self._outcome_error() from None
+
+    def outcome(self, timeout: float | None = None) -> Outcome[ResultT]:
+        """Wait for the goal and return the whole story; a failure is told, not raised.
+
+        Args:
+            timeout: As for `result`.
+
+        Raises:
+            TimeoutError: The local wait ran out.
+        """
+        with contextlib.suppress(concurrent.futures.CancelledError):
+            self.exception(timeout)
+        assert self._outcome is not None
+        return self._outcome
+
+    def __await__(self) -> Generator[Any, None, ResultT]:
+        """Wait on the running event loop, without polling.
+
+        Cancelling the awaiting task cancels the goal on the server, waits for that to be
+        confirmed, `Timeouts.cancel` seconds at most, and lets the cancellation go on.
+        """
+        return self._wait_async().__await__()
+
+    async def _wait_async(self) -> ResultT:
+        try:
+            await self._settled()
+        except asyncio.CancelledError:
+            self.cancel()
+            # A second cancellation of the task ends this wait at once.
+            await _within(self._settled(), self._call.cancel_grace)
+            raise
+        if self.cancelled():
+            raise asyncio.CancelledError(f"goal {self.goal_id} was cancelled")
+        return self.result(0)
+
+    async def _settled(self) -> None:
+        """Return when the future is done."""
+        self._check_process()
+        loop = asyncio.get_running_loop()
+        woken: asyncio.Future[None] = loop.create_future()
+
+        def wake() -> None:
+            wake_future(loop, woken)
+
+        with self._hooks_lock:
+            if self._told:
+                return
+            self._waiters_async.append(wake)
+        try:
+            await woken
+        finally:
+            with self._hooks_lock:
+                if wake in self._waiters_async:
+                    self._waiters_async.remove(wake)
+
+    # --- control ---------------------------------------------------------------------------
+
+    def cancel(self) -> bool:
+        """Ask for the goal to be cancelled; never blocks, safe at any time (contract C1.5).
+
+        A goal that was not sent yet is never sent. Otherwise the server is asked, and the
+        future ends with what became of the goal: `CancelledError` where it was cancelled, the
+        result where it succeeded all the same. Where the server refuses, the goal runs on and
+        so does the future. Without an answer it ends after `Timeouts.cancel` seconds with a
+        `DeadlineExceededError` whose phase is `"cancel"`.
+
+        Returns:
+            Whether the request was made: `False` when the call is over.
+        """
+        self._check_process()
+        if self.done():
+            return self.cancelled()
+        self._call.request_cancel()
+        return True
+
+    def running(self) -> bool:
+        """Whether the goal was sent and the call is not over."""
+        return not self.done() and self.state is not GoalState.SENDING
+
+    def add_done_callback(self, fn: Callable[[Any], object]) -> None:
+        """Call `fn` with this future when it is done, on a thread of ActionKit's.
+
+        At once and on this thread where it is done already. What `fn` raises is logged.
+        """
+        with self._hooks_lock:
+            if not self._told:
+                self._user_callbacks.append(fn)
+                return
+        self._call_back(fn)
+
+    def _call_back(self, fn: Callable[[Any], object]) -> None:
+        try:
+            fn(self)
+        except BaseException:  # noqa: BLE001  a user's error must not end the delivery
+            _log.exception("a done callback of goal %s raised", self.goal_id)
+
+    # --- for the call only -----------------------------------------------------------------
+
+    def settle(self, outcome: Outcome[ResultT], end: End) -> None:
+        """End the call. On the communication thread, once."""
+        self._outcome = outcome
+        if end is End.CANCELLED_BY_CALLER:
+            super().cancel()
+            self.set_running_or_notify_cancel()
+        elif outcome.error is not None:
+            self.set_exception(outcome.error)
+        else:
+            self.set_result(cast("ResultT", outcome.result))
+        with self._hooks_lock:
+            self._told = True
+            callbacks, self._user_callbacks = self._user_callbacks, []
+            waiters, self._waiters_async = self._waiters_async, []
+        for wake in waiters:
+            wake()
+        for callback in callbacks:
+            pool.submit(lambda fn=callback: self._call_back(fn))  # type: ignore[misc]
+
+    def _outcome_error(self) -> BaseException:
+        assert self._outcome is not None
+        assert self._outcome.error is not None
+        return self._outcome.error
+
+    def _local_timeout(self) -> TimeoutError:
+        return LocalTimeout(
+            f"the goal is still {self.state} after the local wait; it was not cancelled"
+        )
+
+    def _check_process(self) -> None:
+        if os.getpid() != self._pid:
+            raise RuntimeError(
+                "this GoalFuture belongs to the process that was forked; its goal cannot be"
+                " followed here (contract C1.12)"
+            )
+
+
+async def _within(settled: Any, seconds: float) -> None:
+    try:
+        await asyncio.wait_for(settled, seconds)
+    except asyncio.TimeoutError:
+        return

@@ -1,0 +1,158 @@
+"""The DDS entities of one client, made from rclpy's public interface.
+
+Three service clients and one or two raw subscriptions, not rclpy's `ActionClient`: that one
+turns every goal that the server remembers into Python objects at each status message, decodes
+the feedback of everybody's goals, and walks its tables at each completion (contract C7.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from action_msgs.srv import CancelGoal
+from rclpy.client import Client as ServiceClient
+from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, qos_profile_action_status_default
+from rclpy.subscription import Subscription
+
+from actionkit._ros.graph import feedback_topic
+from actionkit._ros.native import EventSource, MessageSource, ResponseSource, Source
+
+_DEEP = 2000
+"""Depth of our queues: a thousand results may come together (R3)."""
+
+
+class Entities:
+    """What a client needs of the middleware for one action. On the communication thread."""
+
+    def __init__(
+        self,
+        node: Node,
+        impl: Any,
+        name: str,
+        *,
+        on_goal: Callable[[int, Any], None],
+        on_result: Callable[[int, Any], None],
+        on_cancel: Callable[[int, Any], None],
+        on_feedback: Callable[[bytes], None],
+        on_matched: Callable[[int], None],
+    ) -> None:
+        """Make the entities.
+
+        Args:
+            node: The node to make them on.
+            impl: The action type's `Impl`.
+            name: The fully qualified action name.
+            on_goal: Called with the sequence number of, and the response to, a goal request.
+            on_result: The same for result requests.
+            on_cancel: The same for cancel requests.
+            on_feedback: Called with each serialised feedback message of the action.
+            on_matched: Called with the number of servers when it changes.
+
+        Raises:
+            Exception: Whatever rclpy raises for a bad name or type.
+        """
+        self._node = node
+        self._impl = impl
+        self._name = name
+        self._clients: list[ServiceClient] = []
+        self._subscriptions: list[Subscription] = []
+        try:
+            # In this order: servers learn of the endpoints in the order of their making, so
+            # that one which answers a cancel request knows all the others (see presence).
+            subscription = self._subscribe_feedback()
+            self.feedback = MessageSource(subscription, on_feedback)
+            self.matched: EventSource | None = None
+            for handler in list(subscription.event_handlers)[:1]:
+                self.matched = EventSource(handler, lambda event: on_matched(event.current_count))
+            self.goal = self._client(impl.SendGoalService, "send_goal", on_goal)
+            self.result = self._client(impl.GetResultService, "get_result", on_result)
+            self.cancel = self._client(CancelGoal, "cancel_goal", on_cancel)
+        except BaseException:
+            self.destroy()
+            raise
+
+    @property
+    def sources(self) -> list[Source]:
+        """All that can be waited for, status excepted."""
+        always: list[Source] = [self.goal, self.result, self.cancel, self.feedback]
+        return always if self.matched is None else [*always, self.matched]
+
+    def services_ready(self) -> bool:
+        """Whether this side sees the endpoints of all three services.
+
+        Raises:
+            RCLError: The node's context was shut down.
+        """
+        return all(client.service_is_ready() for client in self._clients)
+
+    def subscribe_status(self, on_status: Callable[[bytes], None]) -> StatusSubscription:
+        """Subscribe to the serialised status messages, the latest of which comes at once."""
+        subscription = self._node.create_subscription(
+            self._impl.GoalStatusMessage,
+            f"{self._name}/_action/status",
+            _unused,
+            qos_profile_action_status_default,
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+        )
+        return StatusSubscription(self._node, subscription, on_status)
+
+    def destroy(self) -> None:
+        """Destroy all of them."""
+        for client in self._clients:
+            self._node.destroy_client(client)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._clients.clear()
+        self._subscriptions.clear()
+
+    def _client(
+        self, srv_type: Any, what: str, on_response: Callable[[int, Any], None]
+    ) -> ResponseSource:
+        client = self._node.create_client(
+            srv_type, f"{self._name}/_action/{what}", qos_profile=QoSProfile(depth=_DEEP)
+        )
+        self._clients.append(client)
+        return ResponseSource(client, on_response)
+
+    def _subscribe_feedback(self) -> Subscription:
+        try:
+            return self._subscription(
+                SubscriptionEventCallbacks(matched=_unused, use_default_callbacks=False)
+            )
+        except UnsupportedEventTypeError:  # another middleware: servers are looked for instead
+            return self._subscription(SubscriptionEventCallbacks(use_default_callbacks=False))
+
+    def _subscription(self, events: SubscriptionEventCallbacks) -> Subscription:
+        subscription = self._node.create_subscription(
+            self._impl.FeedbackMessage,
+            feedback_topic(self._name),
+            _unused,
+            QoSProfile(depth=_DEEP),
+            raw=True,
+            event_callbacks=events,
+        )
+        self._subscriptions.append(subscription)
+        return subscription
+
+
+class StatusSubscription:
+    """A subscription to the status topic that comes and goes."""
+
+    def __init__(
+        self, node: Node, subscription: Subscription, on_status: Callable[[bytes], None]
+    ) -> None:
+        self.source = MessageSource(subscription, on_status)
+        self._node = node
+        self._subscription = subscription
+
+    def destroy(self) -> None:
+        """Destroy the subscription."""
+        self._node.destroy_subscription(self._subscription)
+
+
+def _unused(_: Any) -> None:
+    """Stand in for a callback: nothing here is spun, the sources take what comes."""

@@ -1,0 +1,70 @@
+"""Questions to the ROS graph about action servers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rclpy.node import Node
+from rclpy.utilities import get_rmw_implementation_identifier
+
+_FEEDBACK = "/_action/feedback"
+_FEEDBACK_TYPE = "_FeedbackMessage"
+
+
+@dataclass(frozen=True)
+class ServerInfo:
+    """One action server, as the publisher of its feedback topic shows it.
+
+    Attributes:
+        gid: The id of that publisher: each incarnation of a server has its own (R1).
+        action_type: Such as `test_msgs/action/Fibonacci`.
+        node: The full name of the server's node; `""` while it is not known yet.
+    """
+
+    gid: bytes
+    action_type: str
+    node: str
+
+
+def feedback_topic(action_name: str) -> str:
+    """Return the topic on which the servers of an action publish feedback."""
+    return action_name + _FEEDBACK
+
+
+def servers(node: Node, action_name: str) -> list[ServerInfo]:
+    """Return the servers of a fully qualified action name.
+
+    Raises:
+        RCLError: The node's context was shut down.
+    """
+    return [
+        ServerInfo(
+            gid=bytes(info.endpoint_gid),
+            action_type=info.topic_type.removesuffix(_FEEDBACK_TYPE),
+            node=_full_name(info.node_namespace, info.node_name),
+        )
+        for info in node.get_publishers_info_by_topic(feedback_topic(action_name))
+    ]
+
+
+def _full_name(namespace: str, name: str) -> str:
+    if "_UNKNOWN_" in name:
+        return ""  # the middleware's placeholder for a moment after discovery
+    return f"{namespace.rstrip('/')}/{name}"
+
+
+def all_actions(node: Node) -> dict[str, tuple[str, ...]]:
+    """Return every action name that has a server, with the types it is served with."""
+    found: dict[str, tuple[str, ...]] = {}
+    for topic, _ in node.get_topic_names_and_types():
+        if topic.endswith(_FEEDBACK):
+            name = topic.removesuffix(_FEEDBACK)
+            types = {server.action_type for server in servers(node, name)}
+            if types:
+                found[name] = tuple(sorted(types))
+    return found
+
+
+def middleware() -> str:
+    """Return the name of the middleware in use, such as `rmw_fastrtps_cpp`."""
+    return str(get_rmw_implementation_identifier())

@@ -1,0 +1,185 @@
+"""The only place that touches rclpy's private parts: one wait over chosen entities.
+
+rclpy's executors rebuild their wait set from every entity of the node at each turn, wrap each
+event in a task, and end for good at a user's exception (R8) or at the shutdown of the context
+by rclpy's own signal handler (R10). Here the wait set holds just what is being waited for, and
+the wait goes on working in a context that was shut down, which is what lets a cancel reach the
+server after Ctrl-C. Seen on rclpy 7.1.x; `WaitSet`, `handle.send_request`,
+`handle.take_response` and `handle.take_message` are what rclpy's own executor uses.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from rclpy.client import Client as ServiceClient
+from rclpy.context import Context
+from rclpy.event_handler import EventHandler
+from rclpy.exceptions import InvalidHandle
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.subscription import Subscription
+
+_FOREVER = -1
+_MOST_AT_ONCE = 64
+"""Messages taken of one entity before the others get their turn."""
+
+
+RCLError = rclpy_implementation.RCLError
+
+
+class Source:
+    """Something to wait for, and what to call when it is ready."""
+
+    kind: str
+
+    def __init__(self, on_ready: Callable[[], None]) -> None:
+        self.on_ready = on_ready
+
+    def add_to(self, wait_set: Any) -> int:
+        """Add this entity to the wait set and return its index there."""
+        raise NotImplementedError
+
+
+class ResponseSource(Source):
+    """The responses that a service client gets."""
+
+    kind = "client"
+
+    def __init__(self, client: ServiceClient, on_response: Callable[[int, Any], None]) -> None:
+        super().__init__(self.take)
+        self._handle = client.handle
+        self._type = client.srv_type.Response
+        self._on_response = on_response
+
+    def add_to(self, wait_set: Any) -> int:
+        return int(wait_set.add_client(self._handle))
+
+    def send(self, request: Any) -> int:
+        """Send a request; return the sequence number that its response will carry."""
+        return int(self._handle.send_request(request))
+
+    def take(self) -> None:
+        """Take what has come, without waiting."""
+        for _ in range(_MOST_AT_ONCE):
+            header, response = self._handle.take_response(self._type)
+            if header is None:
+                return
+            self._on_response(header.request_id.sequence_number, response)
+
+
+class MessageSource(Source):
+    """The messages of a raw subscription, as bytes."""
+
+    kind = "subscription"
+
+    def __init__(self, subscription: Subscription, on_message: Callable[[bytes], None]) -> None:
+        super().__init__(self.take)
+        self._handle = subscription.handle
+        self._on_message = on_message
+
+    def add_to(self, wait_set: Any) -> int:
+        return int(wait_set.add_subscription(self._handle))
+
+    def take(self) -> None:
+        """Take what has come, without waiting."""
+        for _ in range(_MOST_AT_ONCE):
+            taken = self._handle.take_message(None, True)
+            if taken is None:
+                return
+            self._on_message(taken[0])
+
+
+class EventSource(Source):
+    """A middleware event of a subscription; `take` works at any time."""
+
+    kind = "event"
+
+    def __init__(self, handler: EventHandler, on_event: Callable[[Any], None]) -> None:
+        super().__init__(self.take)
+        self._handler = handler
+        self._on_event = on_event
+
+    def add_to(self, wait_set: Any) -> int:
+        self._handler.add_to_wait_set(wait_set)
+        return -1
+
+    def is_ready(self, wait_set: Any) -> bool:
+        """Whether the event has come, as far as the last wait saw."""
+        return bool(self._handler.is_ready(wait_set))
+
+    def take(self) -> None:
+        """Take what has come, without waiting."""
+        event = self._handler.take_data()
+        if event is not None:
+            self._on_event(event)
+
+
+class Waiter:
+    """Waits for the sources that it is given and for `wake`."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._guard = GuardCondition(None, None, context=context)
+        self._capacity = (0, 0, 0)
+        self._wait_set: Any = None
+
+    def wake(self) -> None:
+        """Make the current wait, or the next, return at once. Callable from any thread."""
+        with contextlib.suppress(InvalidHandle):  # the thread has ended: nobody to wake
+            self._guard.trigger()
+
+    def wait(self, sources: Iterable[Source], timeout: float | None) -> list[Source]:
+        """Wait until a source is ready, `wake` is called, or the time is up.
+
+        Args:
+            sources: What to wait for.
+            timeout: Seconds; `None` waits for ever.
+
+        Returns:
+            The sources that are ready.
+        """
+        sources = list(sources)
+        self._reserve(sources)
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        wait_set.add_guard_condition(self._guard.handle)
+        indices = [source.add_to(wait_set) for source in sources]
+        wait_set.wait(_FOREVER if timeout is None else max(0, int(timeout * 1e9)))
+        return [
+            source
+            for source, index in zip(sources, indices, strict=True)
+            if (
+                source.is_ready(wait_set)
+                if isinstance(source, EventSource)
+                else wait_set.is_ready(source.kind, index)
+            )
+        ]
+
+    def _reserve(self, sources: list[Source]) -> None:
+        kinds = [source.kind for source in sources]
+        needed = (kinds.count("subscription"), kinds.count("client"), kinds.count("event"))
+        if self._wait_set is not None and all(
+            want <= have for want, have in zip(needed, self._capacity, strict=True)
+        ):
+            return
+        self._release_wait_set()
+        # Room to grow: making a wait set costs more than waiting on a sparse one.
+        self._capacity = tuple(2 * want + 2 for want in needed)  # type: ignore[assignment]
+        subscriptions, clients, events = self._capacity
+        # Subscriptions, guard conditions, timers, clients, services, events.
+        self._wait_set = rclpy_implementation.WaitSet(
+            subscriptions, 1, 0, clients, 0, events, self._context.handle
+        )
+
+    def _release_wait_set(self) -> None:
+        if self._wait_set is not None:
+            self._wait_set.destroy_when_not_in_use()
+            self._wait_set = None
+
+    def destroy(self) -> None:
+        """Free the wait set and the guard condition."""
+        self._release_wait_set()
+        self._guard.destroy()

@@ -1,0 +1,165 @@
+"""The door of this room: what the rest of the library sees of rclpy.
+
+A port is one client's place on a communication thread. It lasts until it is retired and
+nothing is left to watch for.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+
+from actionkit._clock import TimerHandle
+from actionkit._errors import ActionTypeMismatchError
+from actionkit._ros import graph
+from actionkit._ros import runtime as runtimes
+from actionkit._ros.link import Link
+from actionkit._ros.names import Identity, resolve, type_name_of
+from actionkit._ros.native import RCLError
+
+_log = logging.getLogger("actionkit")
+
+
+class Port:
+    """One client's link and the thread that works it."""
+
+    def __init__(self, action_type: Any, action_name: object, node: Any = None) -> None:
+        """Open a place on the communication thread of the right domain.
+
+        Args:
+            action_type: The action's class.
+            action_name: Its name, resolved as `node` would, or as ActionKit's own node does.
+            node: A node of the user's, or `None`.
+
+        Raises:
+            TypeError: A wrong type of argument.
+            ValueError: A bad name, or the process already uses the name with another type.
+        """
+        type_name = type_name_of(action_type)
+        if node is not None and not isinstance(node, Node):
+            raise TypeError(f"node={node!r} must be an rclpy node")
+        name = None if node is None else resolve(node, action_name)
+        domain_id = None if node is None else node.context.get_domain_id()
+        self.runtime = runtimes.acquire(domain_id)
+        self.freed = threading.Event()
+        """Set when the entities are destroyed and the thread was given back."""
+        self._failure_callback: Callable[[BaseException], None] | None = None
+        try:
+            self.identity = Identity(
+                action_name=name or resolve(self.runtime.node, action_name),
+                type_name=type_name,
+                domain_id=self.runtime.context.get_domain_id(),
+                label="" if node is None else node.get_fully_qualified_name(),
+            )
+            self.link = self.runtime.run(lambda: self._link(action_type))
+        except BaseException:
+            runtimes.release(self.runtime)
+            raise
+        self._feedback_type: Any = action_type.Impl.FeedbackMessage
+
+    # --- from any thread -------------------------------------------------------------------
+
+    @property
+    def usable(self) -> bool:
+        """Whether new goals can be sent from here."""
+        return self.runtime.usable and not self.freed.is_set()
+
+    def call_soon(self, callback: Callable[[], None]) -> None:
+        """Call `callback` on the communication thread; calls keep their order."""
+        self.runtime.call_soon(callback)
+
+    def on_failure(self, callback: Callable[[BaseException], None]) -> None:
+        """Call `callback` where the communication thread dies."""
+        self._failure_callback = callback
+        self.runtime.on_failure.append(callback)
+
+    def decode_feedback(self, message: bytes) -> Any:
+        """Return the feedback in a serialised feedback message."""
+        return deserialize_message(message, self._feedback_type).feedback
+
+    def server_is_ready(self) -> bool:
+        """Whether goals can be sent now."""
+        return self.runtime.run(lambda: self.link.presence.ready)
+
+    def wait_for_server(self, timeout: float | None) -> bool:
+        """Block until goals can be sent; return whether they can.
+
+        Args:
+            timeout: Seconds, or `None` for no limit.
+        """
+        ready = threading.Event()
+
+        def begin() -> None:
+            if self.link.presence.ready:
+                ready.set()
+            else:
+                self.link.add_ready_waiter(ready.set)
+
+        self.call_soon(begin)
+        try:
+            return ready.wait(timeout) or (timeout == 0 and self.server_is_ready())
+        finally:
+            self.call_soon(lambda: self.link.remove_ready_waiter(ready.set))
+
+    def table_sizes(self) -> dict[str, int]:
+        """Return how many entries each table of the link and the timers hold."""
+        return self.runtime.run(
+            lambda: {**self.link.table_sizes(), "timers": len(self.runtime.timers)}
+        )
+
+    def join(self, timeout: float) -> None:
+        """Wait for the thread where it is ending."""
+        self.runtime.join_if_stopping(timeout)
+
+    # --- on the communication thread -------------------------------------------------------
+
+    def _link(self, action_type: Any) -> Link:
+        name, type_name = self.identity.action_name, self.identity.type_name
+        used = dict(self.runtime.names_in_use).get(name)
+        if used not in (None, type_name):
+            # The middleware refuses it too, with no word of why (R21).
+            error = ActionTypeMismatchError(
+                f"action {name!r} is used as {used} by another client of this process, and"
+                f" cannot be used as {type_name} here: one of the two has the wrong type",
+                action_name=name,
+            )
+            error.expected, error.served = type_name, (str(used),)
+            raise error
+        link = Link(self.runtime, action_type, type_name, name)
+        self.runtime.names_in_use.append((name, type_name))
+        return link
+
+    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
+        """Call `callback` at the monotonic time `at`."""
+        return self.runtime.call_at(at, callback)
+
+    def cancel_timer(self, handle: TimerHandle) -> None:
+        """Do not call the callback of `call_at`."""
+        self.runtime.timers.cancel(handle)
+
+    def actions(self) -> dict[str, tuple[str, ...]] | None:
+        """Return every served action with its types; `None` where the graph is gone (R10)."""
+        try:
+            return graph.all_actions(self.runtime.node)
+        except (RCLError, InvalidHandle):
+            return None
+
+    def middleware(self) -> str:
+        """Return the name of the middleware in use."""
+        return graph.middleware()
+
+    def free(self) -> None:
+        """Destroy the entities and give the thread back."""
+        if self._failure_callback is not None:
+            self.runtime.on_failure.remove(self._failure_callback)
+            self._failure_callback = None
+        self.link.close()
+        self.runtime.names_in_use.remove((self.identity.action_name, self.identity.type_name))
+        runtimes.release(self.runtime)
+        self.freed.set()

@@ -1,0 +1,194 @@
+"""Whether servers of an action are there, without polling for them.
+
+The servers' feedback publishers are watched through the `matched` event of a subscription
+(R27). That a publisher is there does not mean that goals arrive: a server discovers a
+client's endpoints one by one, and a goal that comes before it knows the way back is run, and
+its acknowledgement lost (R4). So a harmless question is sent first: to cancel a goal that
+cannot exist. Its answer comes through the endpoint that was made last, so that whoever can
+answer knows all the others too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum, auto
+from typing import Protocol
+
+from actionkit._clock import TimerHandle
+from actionkit._ros.graph import ServerInfo
+
+_FIRST_STEP = 0.001
+_SETTLING_STEP = 0.25
+_SETTLING = 10.0
+_LAST_STEP = 1.0
+_PATIENCE = 0.5
+"""Seconds after which a server that answers nothing is taken for busy, not for deaf (C5.5)."""
+_PATIENCE_WITH_SEVERAL = 5.0
+_GRAPH_PERIOD = 1.0
+
+
+_UNNAMED = frozenset({b"unnamed"})
+
+
+class Timers(Protocol):
+    """The part of a runtime that presence needs."""
+
+    def now(self) -> float: ...
+    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle: ...
+
+
+class State(Enum):
+    """What is known of the servers."""
+
+    ABSENT = auto()
+    SETTLING = auto()
+    READY = auto()
+
+
+class Presence:
+    """Follows the servers of one action on behalf of one link. On its thread only."""
+
+    def __init__(
+        self,
+        timers: Timers,
+        *,
+        list_servers: Callable[[], list[ServerInfo] | None],
+        services_ready: Callable[[], bool],
+        probe: Callable[[], object],
+        on_ready: Callable[[], None],
+        on_lost: Callable[[frozenset[bytes]], None],
+        on_mismatch: Callable[[tuple[str, ...]], None],
+        action_type: str,
+    ) -> None:
+        """Know of no server so far.
+
+        Args:
+            timers: The clock and timers of the thread.
+            list_servers: The servers that the graph shows, of any type; `None` where the
+                graph cannot be asked.
+            services_ready: Whether the endpoints of the action's services are matched.
+            probe: Sends the harmless question; the answer is to be told by `answered`.
+            on_ready: Called when goals can be sent, again for each new server.
+            on_lost: Called with the ids of servers that are gone.
+            on_mismatch: Called with the types served while somebody waits in vain.
+            action_type: The type that this side speaks.
+        """
+        self.state = State.ABSENT
+        self.servers: frozenset[bytes] = frozenset()
+        self._timers = timers
+        self._list_servers = list_servers
+        self._services_ready = services_ready
+        self._probe = probe
+        self._on_ready = on_ready
+        self._on_lost = on_lost
+        self._on_mismatch = on_mismatch
+        self._action_type = action_type
+        self._count = 0
+        self._settling_since = 0.0
+        self._closed = False
+        self._looking = False
+
+    @property
+    def ready(self) -> bool:
+        """Whether goals can be sent."""
+        return self.state is State.READY
+
+    @property
+    def count(self) -> int:
+        """How many servers are matched; more than one after a restart, too (R14)."""
+        return self._count
+
+    def matched(self, count: int) -> None:
+        """The middleware sees `count` feedback publishers now."""
+        self._count = count
+        if count == 0:
+            self.state = State.ABSENT
+        self._compare()
+        if count > 0 and self.state is State.ABSENT:
+            self._begin_settling()
+        if len(self.servers) != count:
+            self._compare_later(_FIRST_STEP)
+
+    def answered(self) -> None:
+        """The harmless question was answered."""
+        if self.state is State.SETTLING:
+            self._become_ready()
+
+    def look(self, wanted: Callable[[], bool]) -> None:
+        """Compare the types served with ours, now and once a second while `wanted()` (R21)."""
+        if not self._looking:
+            self._looking = True
+            self._look(wanted)
+
+    def close(self) -> None:
+        """Tell nothing any more."""
+        self._closed = True
+
+    def _look(self, wanted: Callable[[], bool]) -> None:
+        if self._closed or self.state is not State.ABSENT or not wanted():
+            self._looking = False
+            return
+        types = {server.action_type for server in self._list_servers() or ()}
+        if types and self._action_type not in types:
+            self._on_mismatch(tuple(sorted(types)))
+        self._timers.call_at(self._timers.now() + _GRAPH_PERIOD, lambda: self._look(wanted))
+
+    def _begin_settling(self) -> None:
+        self.state = State.SETTLING
+        self._settling_since = self._timers.now()
+        self._settle(_FIRST_STEP)
+
+    def _compare(self) -> None:
+        """Compare the servers there are with those there were."""
+        before, self.servers = self.servers, self._present()
+        if self.state is State.READY and self.servers - before - _UNNAMED:
+            self._begin_settling()  # a new one does not know us yet (R4)
+        if self.servers >= before:
+            return
+        # A server that got its name only now is the one that had none.
+        named = _UNNAMED & before if self.servers - before else frozenset()
+        gone = before - self.servers - named
+        if gone:
+            self._on_lost(gone)
+
+    def _compare_later(self, step: float) -> None:
+        """The event is ahead of the graph: look again until they agree, less and less often."""
+
+        def compare() -> None:
+            if self._closed or len(self.servers) == self._count:
+                return
+            self._compare()
+            self._compare_later(min(2 * step, _LAST_STEP))
+
+        self._timers.call_at(self._timers.now() + step, compare)
+
+    def _present(self) -> frozenset[bytes]:
+        if self._count == 0:
+            return frozenset()
+        listed = self._list_servers()
+        gids = frozenset(
+            server.gid for server in listed or () if server.action_type == self._action_type
+        )
+        # The event may be ahead of the graph, and a context that was shut down has none: a
+        # server that cannot be named is still a server.
+        return gids or self.servers or _UNNAMED
+
+    def _settle(self, step: float) -> None:
+        if self._closed or self.state is not State.SETTLING:
+            return
+        now = self._timers.now()
+        if self._services_ready():
+            # After a restart it is the dead server's endpoints that are matched; those of the
+            # new one have been seen to take 4 s.
+            patience = _PATIENCE if self._count == 1 else _PATIENCE_WITH_SEVERAL
+            if now - self._settling_since >= patience:
+                self._become_ready()
+                return
+            self._probe()
+        # Asked quickly at first, and then no oftener than the graph is looked at (C7.4).
+        slowest = _SETTLING_STEP if now - self._settling_since < _SETTLING else _LAST_STEP
+        self._timers.call_at(now + step, lambda: self._settle(min(2 * step, slowest)))
+
+    def _become_ready(self) -> None:
+        self.state = State.READY
+        self._on_ready()

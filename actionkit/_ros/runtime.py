@@ -1,0 +1,277 @@
+"""The communication thread: one for all clients of a process and ROS domain.
+
+It owns an rclpy context and node of ActionKit's own, every DDS entity made on them, and the
+timers. Nothing of the user's is spun, and nothing of the user's runs here.
+
+Why a context of our own (C2.5, R10): a user's context may be shut down under us at any time,
+by `rclpy.shutdown()` or by the signal handler of `rclpy.init()`. That handler marks ours as
+shut down too, but its entities go on working (see `native`), so a cancel still reaches the
+server after Ctrl-C. What no longer works there is the graph; so new calls get a new runtime.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+from typing import TypeVar
+
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from actionkit._clock import TimerHandle, TimerQueue
+from actionkit._ros.native import Source, Waiter
+
+_log = logging.getLogger("actionkit")
+_T = TypeVar("_T")
+_START_TIMEOUT = 30.0
+_numbers = itertools.count(1)
+
+
+class Runtime:
+    """One communication thread with its context and node."""
+
+    def __init__(self, domain_id: int | None) -> None:
+        """Start the thread.
+
+        Args:
+            domain_id: The ROS domain; `None` takes it from the environment.
+
+        Raises:
+            Exception: Whatever rclpy raises where the context or node cannot be made.
+        """
+        self.timers = TimerQueue()
+        self.failure: BaseException | None = None
+        """What ended the thread, where anything but `stop` did."""
+        self.names_in_use: list[tuple[str, str]] = []
+        """The action name and type of each client here, once for each."""
+        self.on_failure: list[Callable[[BaseException], None]] = []
+        self._pid = os.getpid()
+        self._domain_id = domain_id
+        self._inbox: deque[Callable[[], None]] = deque()
+        self._sources: dict[Source, None] = {}
+        self._stopping = False
+        self._links = 0
+        started: Future[None] = Future()
+        self._thread = threading.Thread(
+            target=self._main, args=(started,), name="actionkit", daemon=True
+        )
+        self._thread.start()
+        started.result(_START_TIMEOUT)
+
+    # --- from any thread -------------------------------------------------------------------
+
+    @property
+    def usable(self) -> bool:
+        """Whether new clients can be made here: in this process, alive, context up."""
+        return (
+            self._pid == os.getpid()
+            and self.failure is None
+            and not self._stopping
+            and self.context.ok()
+        )
+
+    @property
+    def in_thread(self) -> bool:
+        """Whether the caller is on the communication thread."""
+        return threading.current_thread() is self._thread
+
+    def call_soon(self, callback: Callable[[], None]) -> None:
+        """Call `callback` on the communication thread; calls keep their order."""
+        self._inbox.append(callback)
+        if not self.in_thread:
+            self._waiter.wake()
+
+    def run(self, function: Callable[[], _T]) -> _T:
+        """Call `function` on the communication thread and return what it returns.
+
+        Raises:
+            Exception: Whatever `function` raises.
+        """
+        done: Future[_T] = Future()
+
+        def call() -> None:
+            try:
+                done.set_result(function())
+            except BaseException as error:  # noqa: BLE001  handed to the caller
+                done.set_exception(error)
+
+        if self.in_thread:
+            return function()
+        self.call_soon(call)
+        return done.result(_START_TIMEOUT)
+
+    def acquire(self) -> None:
+        """Count one more user of this runtime."""
+        self._links += 1
+
+    def release(self) -> bool:
+        """Count one user less; return whether none is left."""
+        self._links -= 1
+        return self._links == 0
+
+    def stop(self) -> None:
+        """Let the thread free node and context, and end."""
+        self._stopping = True
+        self._waiter.wake()
+
+    def join_if_stopping(self, timeout: float) -> None:
+        """Wait for the thread where it was told to end. Not from the thread."""
+        if self._stopping and not self.in_thread:
+            self._thread.join(timeout)
+
+    # --- on the communication thread -------------------------------------------------------
+
+    def now(self) -> float:
+        """Monotonic seconds, whatever simulated time does (R23)."""
+        return time.monotonic()
+
+    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
+        """Call `callback` at the monotonic time `at`."""
+        return self.timers.arm(at, callback)
+
+    def enable(self, source: Source) -> None:
+        """Wait for `source` from now on."""
+        self._sources[source] = None
+
+    def disable(self, source: Source) -> None:
+        """Do not wait for `source`."""
+        self._sources.pop(source, None)
+
+    def _main(self, started: Future[None]) -> None:
+        try:
+            self._open()
+        except BaseException as error:  # noqa: BLE001  raised in the constructor's thread
+            started.set_exception(error)
+            return
+        started.set_result(None)
+        try:
+            while not self._stopping:
+                self._turn()
+            self._close()
+        except BaseException as error:  # noqa: BLE001  a thread that dies must say so
+            self.failure = error
+            _log.critical("the communication thread of ActionKit died", exc_info=True)
+            for callback in list(self.on_failure):
+                self._guarded(partial(callback, error))
+
+    def _open(self) -> None:
+        self.context = Context()
+        # The process's own ROS arguments count, as they would for a node of the user's.
+        self.context.init(None, initialize_logging=False, domain_id=self._domain_id)
+        try:
+            self._waiter = Waiter(self.context)
+            name = f"actionkit_{os.getpid()}_{next(_numbers)}"
+            self.node = Node(
+                name,
+                context=self.context,
+                # A launch file's __node is meant for the user's node: two nodes of one name
+                # confuse every tool.
+                cli_args=["--ros-args", "-r", f"__node:={name}"],
+                enable_rosout=False,
+                start_parameter_services=False,
+                parameter_overrides=[
+                    Parameter("start_type_description_service", value=False),
+                ],
+            )
+        except BaseException:
+            self.context.try_shutdown()
+            raise
+
+    def _turn(self) -> None:
+        for _ in range(len(self._inbox)):
+            self._guarded(self._inbox.popleft())
+        while (due := self.timers.pop_due(time.monotonic())) is not None:
+            self._guarded(due)
+        if self._stopping:
+            return
+        timeout = 0.0 if self._inbox else None
+        next_due = self.timers.next_due()
+        if timeout is None and next_due is not None:
+            timeout = max(0.0, next_due - time.monotonic())
+        for source in self._waiter.wait(self._sources, timeout):
+            if source in self._sources:  # an earlier one may have ended its use
+                self._guarded(source.on_ready)
+
+    def _guarded(self, callback: Callable[[], None]) -> None:
+        try:
+            callback()
+        except Exception:  # noqa: BLE001  one goal's trouble must not end the thread (R8)
+            _log.exception("an error in ActionKit itself; please report it")
+
+    def _close(self) -> None:
+        for _ in range(len(self._inbox)):
+            self._guarded(self._inbox.popleft())
+        self._waiter.destroy()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+        self.context.destroy()
+
+
+class _Registry:
+    """The runtimes of this process."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.by_domain: dict[int, Runtime] = {}
+
+
+_registry = _Registry()
+_inherited: list[_Registry] = []
+"""Kept for ever: destroying the parent's entities here would break the parent's."""
+
+
+def acquire(domain_id: int | None) -> Runtime:
+    """Return the runtime of a domain, started where there is none that is usable.
+
+    Args:
+        domain_id: The ROS domain; `None` takes it from the environment.
+    """
+    if domain_id is None:
+        domain_id = environment_domain()
+    with _registry.lock:
+        runtime = _registry.by_domain.get(domain_id)
+        if runtime is None or not runtime.usable:
+            runtime = _registry.by_domain[domain_id] = Runtime(domain_id)
+        runtime.acquire()
+        return runtime
+
+
+def release(runtime: Runtime) -> None:
+    """Give back a runtime; the last user to do so ends it."""
+    with _registry.lock:
+        last = runtime.release()
+        if last:
+            for domain_id, known in list(_registry.by_domain.items()):
+                if known is runtime:
+                    del _registry.by_domain[domain_id]
+    if last:
+        runtime.stop()
+
+
+def environment_domain() -> int:
+    """Return the ROS domain that the environment names.
+
+    Raises:
+        ValueError: `ROS_DOMAIN_ID` is no whole number.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
+    if not text.isdigit():
+        raise ValueError(f"ROS_DOMAIN_ID={text!r} in the environment must be a whole number")
+    return int(text)
+
+
+def forget_inherited() -> None:
+    """After a fork: the parent's runtimes are none of the child's (R20)."""
+    # The lock too: a thread that does not exist here may have held it.
+    kept = _Registry()
+    kept.by_domain = _registry.by_domain
+    _inherited.append(kept)
+    _registry.__init__()  # type: ignore[misc]

@@ -1,0 +1,50 @@
+"""Reading the two action topics without decoding them.
+
+A status message carries every goal of the server's last 15 minutes (R24) and rclpy turns each
+into Python objects; a feedback topic carries the feedback of everybody's goals. The wire form
+of both is fixed where it matters: CDR with a 4-byte header, and the goal id as 16 plain bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+ID_SIZE = 16
+_HEADER = 4  # the CDR encapsulation
+_LENGTH = 4  # of the sequence of status entries
+_STAMP = 8
+_FEW = 64
+"""Up to so many ids it is cheaper to search for each than to walk over all entries."""
+
+
+def feedback_goal_id(message: bytes) -> bytes:
+    """Return the goal id of a serialised feedback message."""
+    return bytes(message[_HEADER : _HEADER + ID_SIZE])
+
+
+def goal_states(message: bytes, wanted: Collection[bytes]) -> Iterator[tuple[bytes, int]]:
+    """Yield the id and the status code of each wanted goal in a serialised status array.
+
+    Args:
+        message: A serialised `action_msgs/msg/GoalStatusArray`.
+        wanted: Goal ids, 16 bytes each.
+    """
+    message = bytes(message)
+    if len(wanted) <= _FEW:
+        for goal_id in wanted:
+            at = message.find(goal_id, _HEADER + _LENGTH)
+            if at >= 0:
+                yield goal_id, message[_status_at(at)]
+        return
+    at = _HEADER + _LENGTH
+    while at + ID_SIZE <= len(message):
+        goal_id, status = message[at : at + ID_SIZE], _status_at(at)
+        if goal_id in wanted:
+            yield goal_id, message[status]
+        at = status + 1
+
+
+def _status_at(at: int) -> int:
+    """Return the offset of the status byte of the entry whose id starts at `at`."""
+    stamp = -(-(at - _HEADER + ID_SIZE) // 4) * 4  # the stamp is aligned to 4 in the body
+    return _HEADER + stamp + _STAMP

@@ -1,0 +1,124 @@
+"""`actionkit demo`: what ActionKit does, on a real action server, in about ten seconds."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import time
+from typing import TYPE_CHECKING
+
+import click
+
+from actionkit.cli._demo_screen import Screen
+from actionkit.cli._exits import Exit
+from actionkit.servers import Server, start
+from actionkit.testing import isolated_domain
+
+if TYPE_CHECKING:
+    from actionkit.cli._demo_steps import Stage, Step
+
+_PERIOD = 0.25
+"""Seconds that the server takes for each number."""
+_REMEDIES = (
+    "With a ROS 2 installation: source its setup file first, such as /opt/ros/jazzy/setup.bash;"
+    " test_msgs is the package ros-jazzy-test-msgs.",
+    "Without one: pip install 'actionkit[demo]', or in a checkout: pip install -e '.[demo]'",
+)
+# Each of these could lead to peers beyond this machine, whatever the discovery range.
+_LEADING_OUT = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
+
+
+@click.command("demo")
+def command() -> int:
+    """Show what ActionKit does, on an action server of its own (10 s)."""
+    screen = Screen()
+    problem = _missing()
+    if problem:
+        screen.text(f"The demo needs rclpy and test_msgs, but {problem}")
+        for remedy in _REMEDIES:
+            screen.text(remedy, indent="  - ")
+        return Exit.NO_ROS
+    began = time.monotonic()
+    with isolated_domain() as domain:
+        _isolate(domain)
+        try:
+            server = start("fibonacci", period=_PERIOD)
+        except RuntimeError as error:
+            screen.failure(str(error))
+            return Exit.FAILED
+        with server:
+            failed = _show(server, screen, domain)
+    return _summary(failed, screen, time.monotonic() - began)
+
+
+def _missing() -> str:
+    """Return what cannot be imported, or `""`."""
+    for module in ("rclpy", "test_msgs.action"):
+        try:
+            importlib.import_module(module)
+        except Exception as error:  # noqa: BLE001  also what a broken middleware raises
+            return f"{module.split('.')[0]} cannot be imported ({type(error).__name__}: {error})."
+    return ""
+
+
+def _isolate(domain: int) -> None:
+    """Keep this process, and the server that it starts, among themselves."""
+    os.environ["ROS_DOMAIN_ID"] = str(domain)
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    for name in _LEADING_OUT:
+        os.environ.pop(name, None)
+
+
+def _show(server: Server, screen: Screen, domain: int) -> list[str]:
+    """Go through the steps; return the titles of those that failed."""
+    # Late: these import rclpy's messages.
+    from actionkit.cli._demo_code import connect
+    from actionkit.cli._demo_steps import STEPS, Stage
+
+    screen.heading("ActionKit demo")
+    screen.text(
+        f"A Fibonacci action server now runs as another process ({server.pid}). It computes a"
+        f" number every {_PERIOD:g} s and sends the sequence so far as feedback. It runs in ROS"
+        f" domain {domain}, on this machine only, so nothing here can reach a robot. Each step"
+        " shows the code that runs, and behind -> what it printed."
+    )
+    screen.code(connect)
+    failed = []
+    with connect() as client:
+        stage = Stage(client, server, screen)
+        for number, step in enumerate(STEPS, 1):
+            if not _came_out(number, step, stage):
+                failed.append(step.title)
+    return failed
+
+
+def _came_out(number: int, step: Step, stage: Stage) -> bool:
+    """Run a step; return whether it came out as it should."""
+    screen = stage.screen
+    screen.heading(f"{number}. {step.title}")
+    screen.text(step.why)
+    screen.code(step.shown)
+    began = time.monotonic()
+    try:
+        if not stage.server.alive:
+            raise RuntimeError(f"the server process has ended: {stage.server.stderr.strip()}")
+        step.run(stage)
+    except Exception as error:  # noqa: BLE001  whatever it is, it is told, and fails the demo
+        screen.failure(f"{type(error).__name__}: {error}")
+        return False
+    screen.note(f"({time.monotonic() - began:.1f} s)")
+    return True
+
+
+def _summary(failed: list[str], screen: Screen, seconds: float) -> int:
+    from actionkit.cli._demo_steps import STEPS
+
+    screen.text("")
+    if failed:
+        titles = "; ".join(failed)
+        screen.failure(f"{len(failed)} of {len(STEPS)} steps did not come out right: {titles}.")
+        return Exit.FAILED
+    screen.text(
+        f"All {len(STEPS)} steps came out as they should, in {seconds:.1f} s.", style="bold"
+    )
+    return Exit.OK

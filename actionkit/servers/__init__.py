@@ -1,0 +1,43 @@
+"""Reference action servers: real rclpy servers, each in a process of its own (contract C8).
+
+From Python::
+
+    with actionkit.servers.start("fibonacci", period=0.1) as server:
+        ...                                   # any client, any process
+        server.wait_for("accepted")           # what the server itself saw
+
+From a shell: ``python -m actionkit.servers --list``.
+
+Most take goals of ``test_msgs/action/Fibonacci``; what their options are, and what they do in
+detail, is told in ``actionkit/servers/_behaviours_*.py``, one class for each:
+
+- that work: fibonacci, countdown, slow_accept, twins (two on one name)
+- that choose: guarded (by rule), queued (one at a time), preemptive (the newest wins)
+- with more to say, on ``test_msgs/action/NestedMessage``: navigate (distance, percent, ETA and
+  status as feedback), error_code (a code in the result); and floods (of feedback)
+- that fail at first: flaky, restarts (each comes back by itself where its process ended)
+- that fail: silent, never_finishes, refuses_cancel, ignores_cancel, slow_cancel, aborts, raises,
+  no_result, cancels_itself, blocking, wrong_type, crashes, expires, vanishes
+
+Whatever none of them does, scripted does step by step::
+
+    with actionkit.servers.start(
+        "scripted",
+        script=[
+            ["reject"],                                            # the first goal
+            ["accept", {"feedback": 2}, {"restart": "kill"}],      # the second
+            [{"feedback": 5, "period": 0.05}, {"abort": [102]}],   # all others
+        ],
+    ):
+        ...
+
+A step that is not right is a `ValueError` at once, with the words that are.
+
+Importing this package does not import rclpy; only the server's own process does.
+"""
+
+from ._events import ServerEvent
+from ._process import Server, start
+from ._registry import names
+
+__all__ = ["Server", "ServerEvent", "names", "start"]

@@ -1,0 +1,149 @@
+"""Servers that look at their other goals before they take or run one."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from ._behaviours_basic import Fibonacci, fibonacci_steps
+from ._registry import Process, server
+from ._run import Run
+
+
+@server
+class Guarded(Fibonacci):
+    """As fibonacci, for even orders up to `max_order`; with busy=1, for one goal at a time.
+
+    The journal's event "rejected" has the `reason`: negative, odd, too large or busy. busy=1:
+    goals are rejected from the acceptance of another one to its end.
+    """
+
+    options: ClassVar = {**Fibonacci.options, "max_order": 20, "busy": 0}
+
+    def __init__(self, options: Mapping[str, Any], process: Process) -> None:
+        super().__init__(options, process)
+        self._lock = threading.Lock()
+        self._last: Run | None = None
+
+    def decide(self, run: Run) -> bool:
+        if run.order < 0:
+            return run.refuse("negative")
+        if run.order % 2:
+            return run.refuse("odd")
+        if run.order > self.option["max_order"]:
+            return run.refuse("too large")
+        with self._lock:
+            if self.option["busy"] and self._last is not None and not self._last.ended:
+                return run.refuse("busy")
+            self._last = run
+        return True
+
+
+@server
+class Queued(Fibonacci):
+    """One goal at a time, in the order of their acceptance; each as by fibonacci.
+
+    The others wait, accepted and not executing. One that is cancelled while it waits ends at
+    once as CANCELED, without having executed.
+    """
+
+    options: ClassVar = {**Fibonacci.options, "period": 0.1}
+
+    def __init__(self, options: Mapping[str, Any], process: Process) -> None:
+        super().__init__(options, process)
+        self._lock = threading.Lock()
+        self._current: Run | None = None
+        self._waiting: deque[Run] = deque()
+
+    def begin(self, run: Run) -> None:
+        with self._lock:
+            self.enters(run, [] if self._current is None else [self._current, *self._waiting])
+            self._waiting.append(run)
+        self._advance()
+
+    def enters(self, run: Run, before: list[Run]) -> None:
+        """A goal was accepted; those before it have not ended."""
+
+    def cancelled(self, run: Run) -> None:
+        with self._lock:
+            if run not in self._waiting:
+                return
+            self._waiting.remove(run)
+        run.drop()
+
+    def execute(self, run: Run) -> object:
+        result = self.work(run)
+        with self._lock:
+            self._current = None
+        self._advance()
+        return result
+
+    def work(self, run: Run) -> object:
+        """What another server would do in `execute`."""
+        return super().execute(run)
+
+    def _advance(self) -> None:
+        while (run := self._next()) is not None:
+            if self._current is run:
+                run.begin()
+                return
+            run.drop()
+
+    def _next(self) -> Run | None:
+        """Who comes to execute, or to be dropped."""
+        with self._lock:
+            if self._current is not None or not self._waiting:
+                return None
+            run = self._waiting.popleft()
+            # It may be so, and `cancelled` has yet to hear of it.
+            if not run.handle.is_cancel_requested:
+                self._current = run
+            return run
+
+
+@server
+class Preemptive(Queued):
+    """A new goal preempts the running one, which is aborted before the new one executes.
+
+    Both as by fibonacci, with the sequence so far as the result of the older one.
+    ends=canceled: it ends as CANCELED. rclpy permits that to none but a goal whose cancel was
+    asked for, so another client, in the server process, asks. Goals that come in a burst are
+    preempted in turn: each executes, if for no time, since no goal may be aborted before.
+    """
+
+    options: ClassVar = {**Queued.options, "ends": "aborted"}
+    choices: ClassVar = {"ends": ("aborted", "canceled")}
+
+    def __init__(self, options: Mapping[str, Any], process: Process) -> None:
+        super().__init__(options, process)
+        if options["ends"] == "canceled":
+            process.enable_self_cancel()
+
+    def enters(self, run: Run, before: list[Run]) -> None:
+        for other in before:
+            if not other.preempted:
+                other.preempt()
+                other.emit("preempted", by=run.goal_id)
+
+    def work(self, run: Run) -> object:
+        sequence = [0, 1]
+        if run.pause(0):
+            return self._stop(run, sequence)
+        for sequence in fibonacci_steps(run.order):  # the last is the result
+            if run.pause(self.option["period"]):
+                return self._stop(run, sequence)
+            if self.option["feedback"]:
+                run.feedback(sequence)
+        if self.option["gate"] and run.wait_gate():
+            return self._stop(run, sequence)
+        return self._stop(run, sequence) if run.pause(0) else run.succeed(sequence)
+
+    def _stop(self, run: Run, sequence: list[int]) -> object:
+        if not run.cancelled:
+            if self.option["ends"] == "aborted":
+                return run.abort(sequence)
+            self.process.cancel_from_elsewhere(run.goal_id)
+            run.wait_cancel()
+        return run.canceled(sequence)

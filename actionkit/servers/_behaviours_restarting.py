@@ -1,0 +1,96 @@
+"""Servers that fail for their first goals only, some of them by the end of their process."""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import ClassVar
+
+from ._behaviours_basic import Fibonacci, fibonacci_steps
+from ._registry import server
+from ._run import Run
+
+
+@server
+class Flaky(Fibonacci):
+    """Fails its first goals, `fails` = 2 of them; then works as fibonacci.
+
+    how=aborts: ends them as ABORTED, half-way, with the sequence so far. how=rejects. how=silent:
+    does not answer the goal request. how=crashes: half-way it vanishes, as by SIGKILL, and comes
+    back at once. A ``Server.restart()`` does not begin the count anew.
+    """
+
+    options: ClassVar = {**Fibonacci.options, "fails": 2, "how": "aborts"}
+    choices: ClassVar = {"how": ("aborts", "rejects", "silent", "crashes")}
+
+    def takes_time_to_decide(self, run: Run) -> bool:
+        return self._fails(run, "silent")
+
+    def decide(self, run: Run) -> bool:
+        if self._fails(run, "silent"):
+            run.wait_forever()
+        if self._fails(run, "rejects"):
+            return run.refuse("flaky")
+        return super().decide(run)
+
+    def execute(self, run: Run) -> object:
+        if not self._fails(run, "aborts", "crashes"):
+            return super().execute(run)
+        sequence = [0, 1]
+        for sequence in islice(fibonacci_steps(run.order), run.order // 2):
+            if run.pause(self.option["period"]):
+                return run.canceled(sequence)
+            if self.option["feedback"]:
+                run.feedback(sequence)
+        if self._fails(run, "crashes"):
+            run.emit("crashing", point="half-way")
+            self.process.restart("kill")
+        return run.abort(sequence)
+
+    def _fails(self, run: Run, *ways: str) -> bool:
+        return run.number < int(self.option["fails"]) and self.option["how"] in ways
+
+
+@server
+class Restarts(Fibonacci):
+    """Restarts in the middle of its first goals, `times` = 1 of them; then works as fibonacci.
+
+    The goal is gone after it. how=clean: the server leaves the ROS graph properly. how=kill: it
+    vanishes, as by SIGKILL. Either way it is back as soon as its program has started again, in
+    the same process, with nothing but the count of goals: whoever started it notices nothing.
+
+    point=feedback: while the goal executes, after a first feedback. point=accepted: nothing
+    executes. Both wait until a client has asked for the result: any sooner, the acceptance
+    itself could be lost with the server.
+    """
+
+    options: ClassVar = {**Fibonacci.options, "times": 1, "how": "clean", "point": "feedback"}
+    choices: ClassVar = {"how": ("clean", "kill"), "point": ("accepted", "feedback")}
+
+    def begin(self, run: Run) -> None:
+        if not self._restarts_at("accepted", run):
+            run.begin()
+
+    def cancelled(self, run: Run) -> None:
+        if self._restarts_at("accepted", run):
+            run.drop()
+
+    def result_requested(self, run: Run) -> None:
+        if self._restarts_at("accepted", run):
+            self._restart("accepted", run)
+
+    def execute(self, run: Run) -> object:
+        if not self._restarts_at("feedback", run):
+            return super().execute(run)
+        run.feedback([0, 1])
+        if run.wait_result_request():
+            return run.canceled([0, 1])
+        self._restart("feedback", run)
+        run.wait_forever()
+        return None
+
+    def _restarts_at(self, point: str, run: Run) -> bool:
+        return run.number < int(self.option["times"]) and point == str(self.option["point"])
+
+    def _restart(self, point: str, run: Run) -> None:
+        run.emit("leaving", point=point, how=self.option["how"])
+        self.process.restart(self.option["how"])

@@ -1,0 +1,167 @@
+"""Servers with much to say: fields of many types, codes, floods."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from ._registry import Behaviour, Process, server
+from ._run import Content, Run
+
+_NESTED = "test_msgs.action:NestedMessage"
+
+#: What `navigate` says in `nested_field.uint8_value`.
+PLANNING, MOVING, ARRIVED, STOPPED = range(4)
+
+
+@server
+class Navigate(Behaviour):
+    """Drives `distance` metres, with rich feedback at `rate` Hz; on test_msgs/action/NestedMessage.
+
+    The fields of NestedMessage and what they stand for:
+
+    =========================================  =====================  ==========================
+    field                                      in the goal            in feedback and result
+    =========================================  =====================  ==========================
+    nested_field.float64_value                 distance in m          distance that remains in m
+    nested_field.float32_value                 speed in m/s           percent done, 0 to 100
+    nested_field_no_pkg.duration_value         -                      estimated time to arrival
+    nested_field.uint8_value                   -                      status, see below
+    nested_field.uint32_value                  -                      number of the feedback
+    =========================================  =====================  ==========================
+
+    In a goal, 0 stands for the options `distance` = 5 and `speed` = 1. Status: 0 planning (the
+    first feedback), 1 moving, 2 arrived, 3 stopped (by a cancel). Each feedback is one step,
+    `speed` / `rate` metres; the last says 100 percent. Rejects what is negative or not finite.
+    gate=1: goals wait before they succeed until released.
+    """
+
+    action_type = _NESTED
+    options: ClassVar = {"distance": 5.0, "speed": 1.0, "rate": 10.0, "gate": 0}
+
+    def __init__(self, options: Mapping[str, Any], process: Process) -> None:
+        super().__init__(options, process)
+        for name in ("distance", "speed", "rate"):
+            if not 0 < options[name] < math.inf:
+                raise ValueError(f"{name}={options[name]!r} is not a positive number")
+
+    def decide(self, run: Run) -> bool:
+        asked = run.goal.nested_field
+        for name, value in (("distance", asked.float64_value), ("speed", asked.float32_value)):
+            if not 0 <= value < math.inf:
+                return run.refuse(f"{name} {value}")
+        return True
+
+    def execute(self, run: Run) -> object:
+        asked = run.goal.nested_field
+        distance = asked.float64_value or self.option["distance"]
+        speed = asked.float32_value or self.option["speed"]
+        steps = max(1, math.ceil(distance / speed * self.option["rate"]))
+        done, status = 0, PLANNING
+        run.feedback(_position(distance, speed, done, steps, status))
+        while done < steps:
+            if run.pause(1 / self.option["rate"]):
+                return run.canceled(_position(distance, speed, done, steps, STOPPED))
+            done += 1
+            status = MOVING if done < steps else ARRIVED
+            run.feedback(_position(distance, speed, done, steps, status))
+        if (self.option["gate"] and run.wait_gate()) or run.pause(0):
+            return run.canceled(_position(distance, speed, done, steps, STOPPED))
+        return run.succeed(_position(distance, speed, done, steps, status))
+
+
+def _position(distance: float, speed: float, done: int, steps: int, status: int) -> Content:
+    remains = distance * (1 - done / steps)
+    seconds = math.floor(remains / speed)
+    return {
+        "nested_field.float64_value": remains,
+        "nested_field.float32_value": 100 * done / steps,
+        "nested_field_no_pkg.duration_value.sec": min(seconds, 2**31 - 1),
+        "nested_field_no_pkg.duration_value.nanosec": int((remains / speed - seconds) * 1e9),
+        "nested_field.uint8_value": status,
+        "nested_field.uint32_value": done,
+    }
+
+
+@server
+class ErrorCode(Behaviour):
+    """Ends with the error code that the goal asks for; on test_msgs/action/NestedMessage.
+
+    The code is `nested_field.int32_value`, of the goal and of the result, and the result's
+    `nested_field.bool_value` tells whether it is 0. 0 ends as SUCCEEDED, others as ABORTED or,
+    with ends=succeeded, as SUCCEEDED too. codes=102,102,0: not the goal but the server chooses,
+    one code per goal in turn, restarts included; the last one repeats. `period`: seconds that it
+    takes.
+    """
+
+    action_type = _NESTED
+    options: ClassVar = {"codes": "", "ends": "aborted", "period": 0.0}
+    choices: ClassVar = {"ends": ("aborted", "succeeded")}
+
+    @classmethod
+    def parse(cls, given: Mapping[str, str]) -> dict[str, int | float | str]:
+        options = super().parse(given)
+        _codes(str(options["codes"]))
+        return options
+
+    def execute(self, run: Run) -> object:
+        codes = _codes(self.option["codes"]) or [run.goal.nested_field.int32_value]
+        code = codes[min(run.number, len(codes) - 1)]
+        result = {"nested_field.int32_value": code, "nested_field.bool_value": code == 0}
+        if run.pause(self.option["period"]):
+            return run.canceled(result)
+        if code == 0 or self.option["ends"] == "succeeded":
+            return run.succeed(result)
+        return run.abort(result)
+
+
+def _codes(text: str) -> list[int]:
+    try:
+        codes = [int(code) for code in text.split(",")] if text.strip() else []
+    except ValueError:
+        raise ValueError(f"option codes={text!r} is not a list of numbers, as 102,102,0") from None
+    for code in codes:
+        if not -(2**31) <= code < 2**31:
+            raise ValueError(f"option codes={text!r}: {code} does not fit into an int32")
+    return codes
+
+
+@server
+class Floods(Behaviour):
+    """Publishes `order` feedbacks as fast as it can, or at `rate` Hz; then succeeds.
+
+    The feedbacks are ``[0]``, ``[1]``, ...; with `size` > 1, padded to so many numbers. The
+    result is how many were published. The journal has a "feedback" for the first only, and
+    "flooded" (`n`, `seconds`) at the end. Requests, cancels too, are answered in the middle of it.
+    """
+
+    options: ClassVar = {"rate": 0.0, "size": 1}
+
+    def __init__(self, options: Mapping[str, Any], process: Process) -> None:
+        super().__init__(options, process)
+        # Seconds for which one thread may keep the others waiting. Those that flood never wait
+        # by themselves, and a request takes several turns of the thread that answers it.
+        sys.setswitchinterval(0.0005)
+
+    def may_cancel(self, run: Run) -> bool:
+        # The flood takes the goal's lock so often that the cancel might not get it: have it rest.
+        run.notes = "canceling"
+        return True
+
+    def execute(self, run: Run) -> object:
+        began = time.monotonic()
+        padding = [0] * (self.option["size"] - 1)
+        rate = self.option["rate"]
+        sent = 0
+        while sent < run.order and not run.cancelled:
+            if rate and run.pause(began + sent / rate - time.monotonic()):
+                break
+            if run.notes and run.pause(1):
+                break
+            run.feedback([sent, *padding], journal=sent == 0)
+            sent += 1
+        run.emit("flooded", n=sent, seconds=round(time.monotonic() - began, 6))
+        return run.canceled([sent]) if run.cancelled else run.succeed([sent])

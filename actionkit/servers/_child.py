@@ -1,0 +1,154 @@
+"""The server's own process: its arguments, signals, journal (stdout) and commands (stdin)."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import stat
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from typing import IO, TYPE_CHECKING, Any, NoReturn
+
+from ._life import END_SIGNALS, RESTART_SIGNAL, Life
+from ._registry import behaviour_named, names
+
+if TYPE_CHECKING:
+    from ._harness import Harness
+
+_STOP_TIMEOUT = 3.0
+
+
+class StdoutJournal:
+    """Writes events: JSON lines for a program, readable ones for a person."""
+
+    def __init__(self, descriptor: int, level: str, human: bool) -> None:
+        self.lock = threading.RLock()
+        self._descriptor = descriptor
+        self._only = {"ready", "error", "crashing", "restarting"} if level == "none" else None
+        self._without = {"feedback"} if level == "goals" else set()
+        self._human = human
+        self._began = time.monotonic()
+
+    def emit(self, event: str, goal_id: str | None = None, **details: Any) -> None:
+        if event in self._without or (self._only is not None and event not in self._only):
+            return
+        with self.lock:
+            now = time.monotonic()
+            if self._human:
+                extra = " ".join(f"{key}={value}" for key, value in details.items())
+                short = (goal_id or "")[:8]
+                line = f"{now - self._began:9.3f}  {event:<16} {short:<8}  {extra}".rstrip()
+            else:
+                line = json.dumps({"event": event, "goal_id": goal_id, "monotonic": now, **details})
+            data = line.encode() + b"\n"
+            try:
+                while data:  # unbuffered, so that a crash loses nothing of it
+                    data = data[os.write(self._descriptor, data) :]
+            except OSError:
+                pass  # nobody reads any more; the closing of stdin ends us
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a server until SIGINT, SIGTERM, or, under a program, the end of stdin.
+
+    Does not return: the process ends here, with exit code 0, or 2 for wrong usage.
+    """
+    # Before any thread is started, since threads inherit it: signals are taken by sigwait alone.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {*END_SIGNALS, RESTART_SIGNAL})
+    parser = _parser()
+    given = parser.parse_args(arguments)
+    if given.list:
+        for name, description in names().items():
+            print(f"{name:<16} {description}")
+        sys.exit(0)
+    if given.name is None:
+        parser.error("NAME is missing; see --list")
+    try:
+        behaviour = behaviour_named(given.name)
+        options = behaviour.parse(dict(_pair(text) for text in given.option))
+    except ValueError as error:
+        parser.error(str(error))
+
+    # A program's pipe is a lifeline and carries commands; a terminal or /dev/null is not.
+    piped = not given.human and stat.S_ISFIFO(os.fstat(0).st_mode)
+    human = given.human or os.isatty(0)
+    # Nothing but the journal may get into stdout, whatever a library prints.
+    sys.stdout.flush()
+    stdout = os.dup(1)
+    os.dup2(2, 1)
+    journal = StdoutJournal(stdout, str(options["journal"]), human)
+
+    from ._harness import Harness  # rclpy: heavy, and not needed before
+
+    try:
+        harness = Harness(behaviour, options, given.action, journal, Life(stdout))
+    except ValueError as error:
+        parser.error(str(error))
+    harness.start()
+    journal.emit("ready", server=given.name, action=given.action, pid=os.getpid())
+    if piped:
+        threading.Thread(
+            target=_obey, args=(sys.stdin.buffer, harness, journal), name="commands", daemon=True
+        ).start()
+    received = signal.sigwait({*END_SIGNALS, RESTART_SIGNAL})
+    _end(harness, restart=received == RESTART_SIGNAL)
+
+
+def _end(harness: Harness, *, restart: bool) -> NoReturn:
+    # Should the middleware hang on the way out.
+    guard = threading.Timer(_STOP_TIMEOUT, os._exit, (1,))
+    guard.daemon = True
+    guard.start()
+    harness.stop()
+    sys.stderr.flush()
+    # A restart and an end, asked for at the same time: the end it is.
+    if restart and not signal.sigpending() & END_SIGNALS:
+        harness.start_anew("clean")
+    # Not sys.exit: it would wait for threads of goals that may be blocked in anything.
+    os._exit(0)
+
+
+def _obey(commands: IO[bytes], harness: Harness, journal: StdoutJournal) -> None:
+    for line in commands:
+        try:
+            command: dict[str, Any] = json.loads(line)
+            name = command.pop("command")
+            if name == "release":
+                harness.control.release(command.get("n"))
+                journal.emit("released", n=command.get("n"))
+            elif name == "hold":
+                harness.control.hold()
+                journal.emit("held")
+            else:
+                journal.emit("error", message=f"unknown command {name!r}")
+        except (ValueError, KeyError, AttributeError) as error:
+            journal.emit("error", message=f"not a command: {line!r}: {error!r}")
+    # The parent closed the pipe, or died.
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _pair(text: str) -> tuple[str, str]:
+    key, separator, value = text.partition("=")
+    if not separator:
+        raise ValueError(f"--option {text!r} is not of the form key=value")
+    return key, value
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m actionkit.servers", description="Run a reference action server."
+    )
+    parser.add_argument("name", metavar="NAME", nargs="?", help="which server; see --list")
+    parser.add_argument("--action", default="fibonacci", help="action name (default: fibonacci)")
+    parser.add_argument(
+        "--option", action="append", default=[], metavar="KEY=VALUE", help="may be repeated"
+    )
+    parser.add_argument("--list", action="store_true", help="list the servers and leave")
+    parser.add_argument(
+        "--human", action="store_true", help="readable output; run on when stdin ends"
+    )
+    return parser

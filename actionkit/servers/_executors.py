@@ -1,0 +1,74 @@
+# rclpy has annotations here and there only.
+# mypy: disable-error-code="no-untyped-call"
+"""Executors that suit a server whose goals run long, many at a time."""
+
+from __future__ import annotations
+
+import inspect
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.task import Task
+
+from ._run import ServerStopping
+
+
+class ThreadPerGoalExecutor(SingleThreadedExecutor):
+    """One thread answers requests, in their order; each executing goal has a thread of its own.
+
+    rclpy's MultiThreadedExecutor hands out a task again and again until a thread of its pool has
+    begun it, so it takes a whole core while the pool is full, and it lets requests overtake each
+    other. rclpy's ActionServer gives coroutine functions to `create_task` for nothing but the
+    execution of goals, which is what tells them apart here.
+    """
+
+    def __init__(self, *, context: Context, on_error: Callable[[BaseException], None]) -> None:
+        super().__init__(context=context)
+        self._on_error = on_error
+
+    def create_task(self, callback: Any, *args: Any, **kwargs: Any) -> Task:
+        if not inspect.iscoroutinefunction(callback):
+            return super().create_task(callback, *args, **kwargs)
+        task = Task(callback, args, kwargs, executor=self)
+        threading.Thread(target=self._run, args=(task,), name="goal", daemon=True).start()
+        return task
+
+    def _run(self, task: Task) -> None:
+        try:
+            task()
+        except ServerStopping:
+            return
+        error = task.exception()
+        if error is not None:
+            self._on_error(error)
+
+
+def make_executor(
+    threads: int, context: Context, on_error: Callable[[BaseException], None]
+) -> Executor:
+    """The executor for the option `threads`."""
+    if threads == 0:
+        return ThreadPerGoalExecutor(context=context, on_error=on_error)
+    if threads == 1:
+        return SingleThreadedExecutor(context=context)
+    return MultiThreadedExecutor(threads, context=context)
+
+
+def spin(
+    executor: Executor, stopping: Callable[[], bool], on_error: Callable[[BaseException], None]
+) -> None:
+    """Spin until `stopping`. A callback's exception is reported and does not end it.
+
+    rclpy's own ``spin`` would leave with the first; and some come from rclpy itself, such as a
+    KeyError for a goal that expired while its result was being set.
+    """
+    while not stopping() and executor.context.ok():
+        try:
+            executor.spin_once()
+        except ServerStopping:
+            return
+        except Exception as error:  # noqa: BLE001 - reported, whatever it is
+            on_error(error)

@@ -1,0 +1,280 @@
+# rclpy has annotations here and there only.
+# mypy: disable-error-code="no-untyped-call"
+"""Runs one behaviour as real rclpy ActionServers. Only the server's own process imports this."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import uuid
+from typing import Any, NoReturn
+
+from rclpy.action.server import ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.context import Context
+from rclpy.node import Node
+
+from ._executors import make_executor, spin
+from ._life import Life
+from ._messages import Messages, generated
+from ._registry import INSTANCE_VARIABLE, Behaviour
+from ._run import Control, Journal, Run
+
+_JOIN_TIMEOUT = 1.0
+
+
+class JournalledServer(ActionServer):
+    """An rclpy ActionServer that notes each request and puts a behaviour behind the callbacks."""
+
+    def __init__(self, harness: Harness, node: Node, index: int) -> None:
+        self._harness = harness
+        self._behaviour = harness.behaviour
+        self._index = index
+        self._goals: dict[str, Run] = {}
+        # The callbacks are not told whose request they serve; they run on the thread that
+        # takes the request in `execute`.
+        self._request = threading.local()
+        super().__init__(
+            node,
+            harness.messages.action,
+            harness.action_name,
+            execute_callback=self._on_execute,
+            goal_callback=self._on_goal,
+            handle_accepted_callback=self._on_accepted,
+            cancel_callback=self._on_cancel,
+            callback_group=ReentrantCallbackGroup(),
+            result_timeout=self._behaviour.option["result_timeout"],
+        )
+
+    async def execute(self, taken_data: dict[str, Any]) -> None:
+        """rclpy's entry for requests that were taken."""
+        goal = taken_data.pop("goal", None)
+        if goal is not None:
+            run = self._make_run(goal[1])
+            if self._behaviour.takes_time_to_decide(run):
+                self._harness.executor.create_task(self._serve_goal, goal, run)
+            else:
+                await self._serve_goal(goal, run)
+        cancel = taken_data.pop("cancel", None)
+        if cancel is not None:
+            await self._serve_cancel(cancel)
+        if "result" in taken_data:
+            await self._serve_result(taken_data.pop("result"))
+        if taken_data:
+            await super().execute(taken_data)
+
+    # -- requests --------------------------------------------------------------------------
+
+    def _make_run(self, request: Any) -> Run:
+        goal_id = _text(request.goal_id)
+        # A request that was sent twice: rclpy itself turns the second down.
+        first = self._goals.get(goal_id)
+        run = Run(
+            request.goal,
+            goal_id,
+            server=self._index,
+            number=first.number if first else self._harness.life.next_number(),
+            journal=self._harness.journal,
+            control=self._harness.control,
+            make=self._harness.messages,
+        )
+        again = {"again": True} if first else {}
+        run.emit("goal_received", order=run.order, **again)
+        self._behaviour.received(run)
+        return run
+
+    async def _serve_goal(self, goal: Any, run: Run) -> None:
+        self._request.run = run
+        await super().execute({"goal": goal})
+
+    async def _serve_cancel(self, cancel: Any) -> None:
+        goal_id = cancel[1].goal_info.goal_id
+        self._note("cancel_requested", goal_id, running=_text(goal_id) in self._goals)
+        cancelled: list[Run] = []
+        self._request.cancelled = cancelled
+        await super().execute({"cancel": cancel})
+        for run in cancelled:
+            # Not from the callback: rclpy enters CANCELING only after it, and before that the
+            # goal may not become CANCELED. It may also have ended in between.
+            if run.handle.is_cancel_requested:
+                run.cancel()
+                self._behaviour.cancelled(run)
+
+    async def _serve_result(self, request: Any) -> None:
+        goal_id = request[1].goal_id
+        self._note("result_requested", goal_id)
+        await super().execute({"result": request})
+        run = self._goals.get(_text(goal_id))
+        if run is not None:
+            run.request_result()
+            self._behaviour.result_requested(run)
+
+    def _on_goal(self, _goal: Any) -> GoalResponse:
+        run: Run = self._request.run
+        self._harness.control.add(run)
+        if self._behaviour.decide(run):
+            # Before the acceptance is sent, for a cancel may follow it at once.
+            self._goals[run.goal_id] = run
+            return GoalResponse.ACCEPT
+        self._harness.control.discard(run)
+        why = {"reason": run.reason} if run.reason else {}
+        run.emit("rejected", **why)
+        return GoalResponse.REJECT
+
+    def _on_accepted(self, handle: Any) -> None:
+        run = self._goals[_text(handle.goal_id)]
+        run.handle = handle
+        run.emit("accepted", order=run.order)
+        self._behaviour.accepted(run)
+        self._behaviour.begin(run)
+
+    def _on_cancel(self, handle: Any) -> CancelResponse:
+        run = self._goals.get(_text(handle.goal_id))
+        if run is None:
+            return CancelResponse.REJECT
+        # A goal may be cancelled before `_on_accepted` has got to it.
+        run.handle = handle
+        if not self._behaviour.may_cancel(run):
+            run.emit("cancel_refused")
+            return CancelResponse.REJECT
+        run.emit("cancel_accepted")
+        self._request.cancelled.append(run)
+        return CancelResponse.ACCEPT
+
+    def _on_execute(self, handle: Any) -> Any:
+        run = self._goals[_text(handle.goal_id)]
+        try:
+            if run.dropped:
+                return run.canceled()
+            run.emit("executing")
+            return self._behaviour.execute(run)
+        finally:
+            self._harness.control.discard(run)
+            self._goals.pop(run.goal_id, None)
+
+    def _note(self, event: str, goal_id: Any, **details: Any) -> None:
+        if self._index:
+            details["server"] = self._index
+        self._harness.journal.emit(event, _text(goal_id), **details)
+
+
+class Harness:
+    """A behaviour, its nodes, its action servers and the thread that spins them."""
+
+    def __init__(
+        self,
+        behaviour: type[Behaviour],
+        options: dict[str, Any],
+        action_name: str,
+        journal: Journal,
+        life: Life,
+    ) -> None:
+        self.action_name = action_name
+        self.journal = journal
+        self.control = Control()
+        self.life = life
+        self.messages = Messages(behaviour.action_type)
+        self._context = Context()
+        # No log files, no signal handlers: the process has its own.
+        self._context.init(args=[], initialize_logging=False)
+        self.executor = make_executor(options["threads"], self._context, self._on_error)
+        self._canceller: Any = None
+        self._nodes: list[Node] = []
+        self.behaviour = behaviour(options, self)
+        self._servers = {
+            index: JournalledServer(self, self._add_node(f"reference_server_{index}"), index)
+            for index in range(behaviour.servers)
+        }
+        self._spinner = threading.Thread(
+            target=spin,
+            args=(self.executor, lambda: self.control.stopping, self._on_error),
+            name="spin",
+            daemon=True,
+        )
+
+    def start(self) -> None:
+        """Begin to answer."""
+        self._spinner.start()
+
+    def stop(self) -> None:
+        """Leave the ROS graph, at once and properly. Running goals are dropped where they are."""
+        self.control.stop()
+        # Not executor.wake(): that ends a wait, but not spin_once, which needs something to do.
+        self.executor.create_task(lambda: None)
+        # While it waits, the spinning thread keeps alive what it waits for.
+        self._spinner.join(_JOIN_TIMEOUT)
+        # It may have been left half-way through a round, which still uses the entities.
+        self.executor.shutdown(timeout_sec=0)
+        for index in list(self._servers):
+            self._destroy(index)
+        for node in self._nodes:
+            node.destroy_node()
+        self._context.shutdown()
+
+    def start_anew(self, how: str) -> NoReturn:
+        """The last event of this process; the next is another's "ready"."""
+        with self.journal.lock:
+            self.journal.emit("restarting", how=how)
+            self.life.start_anew()
+
+    # -- for behaviours --------------------------------------------------------------------
+
+    def enable_self_cancel(self) -> None:
+        node = self._add_node("reference_server_canceller")
+        self._canceller = node.create_client(
+            generated("action_msgs.srv:CancelGoal"), f"{self.action_name}/_action/cancel_goal"
+        )
+
+    def cancel_from_elsewhere(self, goal_id: str) -> None:
+        if self._canceller is None:
+            raise RuntimeError("enable_self_cancel() was not called")
+        request = self._canceller.srv_type.Request()
+        request.goal_info.goal_id.uuid = list(uuid.UUID(goal_id).bytes)
+        self._canceller.wait_for_service(timeout_sec=_JOIN_TIMEOUT)
+        self._canceller.call_async(request)
+
+    def destroy_server(self, index: int) -> None:
+        # On the spinning thread, between two waits: elsewhere it would pull the server out of
+        # the wait set that is being waited on.
+        self.executor.create_task(self._destroy, index)
+
+    def crash(self, run: Run, point: str) -> None:
+        run.emit("crashing", point=point)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    def end(self) -> None:
+        self.life.end()
+
+    def restart(self, how: str) -> None:
+        if how == "clean":
+            self.life.end_and_restart()
+        else:
+            self.start_anew(how)
+
+    # -- private ---------------------------------------------------------------------------
+
+    def _add_node(self, name: str) -> Node:
+        node = Node(
+            # The same after a restart, as a real server's, and not that of another server.
+            f"{name}_{os.environ.get(INSTANCE_VARIABLE, os.getpid())}",
+            context=self._context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def _destroy(self, index: int) -> None:
+        server = self._servers.pop(index, None)  # destroying one twice raises
+        if server is not None:
+            server.destroy()
+
+    def _on_error(self, error: BaseException) -> None:
+        if not self.control.stopping:
+            self.journal.emit("error", message=repr(error))
+
+
+def _text(goal_id: Any) -> str:
+    return str(uuid.UUID(bytes=bytes(goal_id.uuid)))

@@ -1,0 +1,316 @@
+"""Starting, steering and ending a server process. No rclpy here."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from types import TracebackType
+from typing import IO
+
+from typing_extensions import Self
+
+from ._events import EventNotSeenError, Journal, ServerEvent
+from ._life import with_goals
+from ._registry import INSTANCE_VARIABLE, Option, behaviour_named, format_option
+
+_instances = itertools.count(1)
+_START_TIMEOUT = 20.0
+_STOP_TIMEOUT = 5.0
+_STDERR_SHOWN = 20_000
+
+
+class Server:
+    """One reference server in a process of its own. Made by `start`; a context manager.
+
+    Every method may be called from any thread.
+
+    Attributes:
+        name: Which reference server it is.
+        action_name: The action that it serves.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        action_name: str,
+        domain_id: int | None,
+        options: dict[str, Option],
+    ) -> None:
+        self.name = name
+        self.action_name = action_name
+        self._domain_id = domain_id
+        self._instance = f"{os.getpid()}_{next(_instances)}"
+        self._options = options
+        self._journal = Journal()
+        self._last_stderr = ""
+        self._stdin_lock = threading.Lock()
+        self._process: subprocess.Popen[bytes]
+        self._reader: threading.Thread
+        self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed by stop()
+        try:
+            self._launch()
+        except BaseException:
+            self._stderr.close()
+            raise
+
+    # -- what it saw -----------------------------------------------------------------------
+
+    @property
+    def events(self) -> list[ServerEvent]:
+        """All events so far, over restarts, in order."""
+        return self._journal.snapshot()
+
+    def wait_for(
+        self, event_name: str, *, goal_id: str | None = None, count: int = 1, timeout: float = 10.0
+    ) -> list[ServerEvent]:
+        """Block until the journal shows an event, however long ago it happened.
+
+        Args:
+            event_name: For instance ``"accepted"`` or ``"cancel_requested"``.
+            goal_id: Only events of this goal.
+            count: How many of them.
+            timeout: Seconds to wait.
+
+        Returns:
+            All such events so far, `count` or more.
+
+        Raises:
+            AssertionError: (also a ``TimeoutError``) They were not seen in time, or the process
+                ended without them; the message holds the journal.
+        """
+        return self._journal.wait_for(event_name, goal_id=goal_id, count=count, timeout=timeout)
+
+    def count(self, event_name: str) -> int:
+        """How many such events there were so far."""
+        return self._journal.count(event_name)
+
+    def running(self) -> set[str]:
+        """The ids of the goals that are accepted and not ended. Empty once the process is gone."""
+        return self._journal.running()
+
+    @property
+    def max_running(self) -> int:
+        """The most goals that ever executed at one time."""
+        return self._journal.max_running
+
+    @property
+    def stderr(self) -> str:
+        """What the process wrote to its standard error: rclpy's log, and the end of it if long."""
+        if self._stderr.closed:
+            return self._last_stderr
+        # pread leaves alone the file offset, which the child shares and writes at.
+        descriptor = self._stderr.fileno()
+        size = os.fstat(descriptor).st_size
+        text = os.pread(descriptor, _STDERR_SHOWN, max(0, size - _STDERR_SHOWN))
+        return text.decode(errors="replace")
+
+    # -- steering it -----------------------------------------------------------------------
+
+    def command(self, name: str, **arguments: Option | None) -> None:
+        """Send the server a command, such as ``command("release", n=2)``.
+
+        Raises:
+            RuntimeError: The process has ended.
+        """
+        line = json.dumps({"command": name, **arguments}).encode() + b"\n"
+        with self._stdin_lock:
+            stdin = self._process.stdin
+            try:
+                if stdin is None or stdin.closed:
+                    raise BrokenPipeError
+                stdin.write(line)
+                stdin.flush()
+            except BrokenPipeError:
+                raise RuntimeError(f"the {self.name} server is not running") from None
+
+    def release(self, n: int | None = None) -> None:
+        """Open the gate at which goals wait (option ``gate=1``).
+
+        Args:
+            n: Let this many goals through, the first to wait first; ``None`` opens it for good
+                (until ``command("hold")``).
+        """
+        self.command("release", n=n)
+
+    # -- its life --------------------------------------------------------------------------
+
+    @property
+    def pid(self) -> int:
+        """The id of the present (or last) process."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs (or is paused)."""
+        return self._process.poll() is None
+
+    @property
+    def returncode(self) -> int | None:
+        """The exit code; negative is a signal's number; ``None`` while it runs."""
+        return self._process.poll()
+
+    def kill(self) -> int:
+        """SIGKILL: it vanishes without a word to anybody. Returns the exit code."""
+        return self._end(signal.SIGKILL)
+
+    def terminate(self) -> int:
+        """SIGTERM: a clean end; running goals are dropped, not aborted. Returns the exit code."""
+        return self._end(signal.SIGTERM)
+
+    def interrupt(self) -> int:
+        """SIGINT, as Ctrl-C: a clean end. Returns the exit code."""
+        return self._end(signal.SIGINT)
+
+    def pause(self) -> None:
+        """SIGSTOP: it stays in the ROS graph and answers nothing. Returns once it has stopped."""
+        self._process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, self.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
+
+    def resume(self) -> None:
+        """SIGCONT: undo `pause`."""
+        self._process.send_signal(signal.SIGCONT)
+
+    def restart(self) -> None:
+        """Start a new process with the same name and options, ending the present one first.
+
+        Servers that count goals, such as flaky and scripted, go on counting.
+
+        Raises:
+            RuntimeError: The new process did not come up.
+        """
+        if self._stderr.closed:
+            raise RuntimeError(f"the {self.name} server was stopped for good")
+        self.terminate()
+        self._launch()
+
+    def stop(self) -> None:
+        """End it and free everything. Safe to call twice; nothing can be started afterwards."""
+        if self._stderr.closed:
+            return
+        self.terminate()
+        self._last_stderr = self.stderr
+        self._stderr.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def __repr__(self) -> str:
+        state = "alive" if self.alive else f"exit code {self.returncode}"
+        return f"<Server {self.name} on {self.action_name!r}, pid {self.pid}, {state}>"
+
+    # -- private ---------------------------------------------------------------------------
+
+    def _launch(self) -> None:
+        command = [sys.executable, "-m", "actionkit.servers", self.name]
+        command += ["--action", self.action_name]
+        for key, value in self._options.items():
+            command += ["--option", f"{key}={format_option(value)}"]
+        # The same interpreter: where ROS comes from wheels, the library path that their
+        # bootstrapper has put into our environment is right for the child, too.
+        environment = with_goals(os.environ, self._journal.goals)
+        environment[INSTANCE_VARIABLE] = self._instance
+        if self._domain_id is not None:
+            environment["ROS_DOMAIN_ID"] = str(self._domain_id)
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._stderr,
+            env=environment,
+            # Away from the terminal's process group: a Ctrl-C there is meant for the client,
+            # whose goal is to be cancelled on a server that still lives. When we die, the
+            # child sees its stdin close and ends, so it is not left behind.
+            start_new_session=True,
+        )
+        incarnation = self._journal.begin()
+        self._reader = threading.Thread(
+            target=self._read, args=(self._process.stdout,), name=f"journal-{self.name}"
+        )
+        self._reader.daemon = True
+        self._reader.start()
+        try:
+            self._journal.wait_for("ready", incarnation=incarnation, timeout=_START_TIMEOUT)
+        except BaseException as error:
+            if not isinstance(error, EventNotSeenError):
+                self.kill()
+                raise
+            if error.ended:
+                # Its stdout is closed; the process itself may take a moment more.
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    self._process.wait(_STOP_TIMEOUT)
+                problem = f"ended while starting (exit code {self.kill()})"
+            else:
+                self.kill()
+                problem = f"was not up within {_START_TIMEOUT:g} s"
+            raise RuntimeError(
+                f"the {self.name} server {problem}; it said:\n{self.stderr.rstrip()}"
+            ) from None
+
+    def _read(self, stdout: IO[bytes]) -> None:
+        with stdout:
+            for line in stdout:
+                self._journal.add_line(line)
+        self._journal.end()
+
+    def _end(self, number: signal.Signals) -> int:
+        if self.alive:
+            with contextlib.suppress(ProcessLookupError):
+                self._process.send_signal(number)
+                if number is not signal.SIGKILL:
+                    # A paused process does not see a signal until it goes on.
+                    self._process.send_signal(signal.SIGCONT)
+        try:
+            code = self._process.wait(_STOP_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            code = self._process.wait()
+        with self._stdin_lock, contextlib.suppress(BrokenPipeError):
+            if self._process.stdin is not None:
+                self._process.stdin.close()
+        # The journal is whole once its end of file was read.
+        self._reader.join(_STOP_TIMEOUT)
+        return code
+
+
+def start(
+    name: str,
+    *,
+    action_name: str = "fibonacci",
+    domain_id: int | None = None,
+    **options: Option,
+) -> Server:
+    """Start a reference server in a process of its own and return once it is up.
+
+    Use the returned `Server` in a ``with`` statement, or call its ``stop()``. The process ends
+    by itself when this one does, however that comes about.
+
+    Args:
+        name: Which server; see `names`, or ``python -m actionkit.servers --list``.
+        action_name: The action to serve.
+        domain_id: Its ROS domain; ``None`` takes the environment's.
+        options: The server's own options, such as ``period=0.1``; a script is a list.
+
+    Returns:
+        The running server, already announced to the ROS graph.
+
+    Raises:
+        ValueError: There is no such server or option, or an option's value is not right.
+        RuntimeError: The process ended, or was not up within 20 seconds; says what it said.
+    """
+    behaviour_named(name).parse({key: format_option(value) for key, value in options.items()})
+    return Server(name, action_name, domain_id, options)

@@ -1,0 +1,10 @@
+"""Helpers for tests of code that uses ROS actions, and a pytest plugin with two fixtures.
+
+``ros_domain`` gives a test a ROS domain of its own, ``action_server`` starts reference servers
+in it. See `actionkit.testing.plugin`.
+"""
+
+from ._domains import isolated_domain
+from ._event_log import EventLog
+
+__all__ = ["EventLog", "isolated_domain"]

@@ -1,0 +1,88 @@
+"""A list that one thread fills and another waits on."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Generic, TypeVar, overload
+
+T = TypeVar("T")
+
+
+class EventLog(Generic[T]):
+    """What was seen, in order. Pass it, or its `append`, as a callback or an observer.
+
+    ::
+
+        log = EventLog()
+        future = client.call_async(goal, on_feedback=log)
+        log.wait_for(3)                                    # three feedbacks
+        log.wait_for(lambda fb: len(fb.sequence) > 5)      # that one
+    """
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._items: list[T] = []
+
+    def append(self, item: T) -> None:
+        """Note `item` and wake those who wait. From any thread."""
+        with self._changed:
+            self._items.append(item)
+            self._changed.notify_all()
+
+    __call__ = append
+
+    @property
+    def items(self) -> list[T]:
+        """A copy of everything so far."""
+        with self._changed:
+            return list(self._items)
+
+    def __len__(self) -> int:
+        with self._changed:
+            return len(self._items)
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(self.items)
+
+    def __repr__(self) -> str:
+        return f"EventLog({self.items!r})"
+
+    @overload
+    def wait_for(self, wanted: int, timeout: float = 5.0) -> list[T]: ...
+
+    @overload
+    def wait_for(self, wanted: Callable[[T], object], timeout: float = 5.0) -> T: ...
+
+    def wait_for(self, wanted: int | Callable[[T], object], timeout: float = 5.0) -> list[T] | T:
+        """Block until something was noted, without polling.
+
+        Args:
+            wanted: How many items there have to be; or what has to hold for one of them. It is
+                asked once about each.
+            timeout: Seconds to wait.
+
+        Returns:
+            All items so far; or the first that it holds for.
+
+        Raises:
+            TimeoutError: It did not come; the message holds the items.
+        """
+        deadline = time.monotonic() + timeout
+        asked = 0
+        with self._changed:
+            while True:
+                if isinstance(wanted, int):
+                    if len(self._items) >= wanted:
+                        return list(self._items)
+                else:
+                    for item in self._items[asked:]:
+                        if wanted(item):
+                            return item
+                    asked = len(self._items)
+                remaining = deadline - time.monotonic()
+                if remaining <= 0:
+                    what = f"{wanted} items" if isinstance(wanted, int) else "the wanted item"
+                    raise TimeoutError(f"not {what} within {timeout:g} s, but: {self._items!r}")
+                self._changed.wait(remaining)

@@ -1,0 +1,13 @@
+from typing import Any
+
+from rclpy import _rclpy_pybind11
+
+class Client:
+    srv_type: Any
+    srv_name: str
+    @property
+    def handle(self) -> _rclpy_pybind11.Client: ...
+    @property
+    def service_name(self) -> str: ...
+    def service_is_ready(self) -> bool: ...
+    def destroy(self) -> None: ...

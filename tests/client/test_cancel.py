@@ -1,0 +1,173 @@
+"""Cancelling, giving up, and what becomes of the goal (C1.5, C2.3, C2.4)."""
+
+from __future__ import annotations
+
+import concurrent.futures
+
+import pytest
+
+import actionkit as ak
+from actionkit import CancelReport, GoalState, Timeouts
+from tests.conftest import cancels, runs_nothing
+
+
+def test_cancel_before_the_send_sends_nothing(action_server, make_client):
+    client = make_client(timeouts=Timeouts(server=None))
+    future = client.call_async({"order": 1})
+    assert future.cancel()
+    assert future.outcome(5).cancel is CancelReport.NOT_NEEDED
+    assert future.cancelled()
+    with pytest.raises(concurrent.futures.CancelledError):
+        future.result()
+    server = action_server("fibonacci")
+    assert client.call({"order": 1}, 10)
+    assert len(server.wait_for("goal_received")) == 1
+
+
+def test_cancel_at_once_after_the_call_sends_nothing_or_cancels(action_server, make_client):
+    server = action_server("never_finishes")
+    client = make_client()
+    assert client.wait_for_server(10)
+    for _ in range(50):
+        future = client.call_async({"order": 1})
+        future.cancel()
+        assert future.outcome(10).cancel in (CancelReport.CONFIRMED, CancelReport.NOT_NEEDED)
+        assert future.cancelled()
+    assert runs_nothing(server)
+
+
+def test_cancel_while_it_runs(action_server, make_client):
+    server = action_server("never_finishes")
+    future = make_client().call_async({"order": 1})
+    server.wait_for("executing")
+    assert future.cancel()
+    outcome = future.outcome(10)
+    assert outcome.cancel is CancelReport.CONFIRMED
+    assert outcome.status is GoalState.CANCELED
+    assert isinstance(outcome.error, concurrent.futures.CancelledError)
+    assert future.cancelled()
+    assert GoalState.CANCELED in [event.state for event in outcome.timeline]
+    assert runs_nothing(server)
+    assert future.cancel()  # as in concurrent.futures: it is cancelled
+
+
+def test_a_refused_cancel_leaves_the_goal_to_wait_for(action_server, make_client):
+    server = action_server("refuses_cancel", period=0.05)
+    future = make_client().call_async({"order": 10})
+    server.wait_for("executing")
+    future.cancel()
+    assert list(future.result(10).sequence)
+    assert len(server.wait_for("cancel_refused")) == 1
+    assert future.outcome().cancel is CancelReport.REFUSED
+
+
+def test_a_cancel_that_is_not_confirmed_ends_the_call(action_server, make_client):
+    server = action_server("slow_cancel", gate=1)
+    future = make_client(timeouts=Timeouts(cancel=0.3)).call_async({"order": 1})
+    server.wait_for("executing")
+    future.cancel()
+    with pytest.raises(ak.DeadlineExceededError) as caught:
+        future.result(10)
+    assert caught.value.phase == "cancel"
+    assert caught.value.cancel is CancelReport.UNKNOWN
+    server.release()
+    server.wait_for("canceled")
+
+
+def test_late_acceptance_after_the_deadline_is_cancelled(action_server, make_client):
+    server = action_server("slow_accept", gate=1, period=0.1)
+    client = make_client(timeouts=Timeouts(cancel=0.2))
+    assert client.wait_for_server(10)
+    with pytest.raises(ak.DeadlineExceededError) as caught:
+        client.call({"order": 50}, timeout=0.3)
+    assert caught.value.cancel is CancelReport.UNKNOWN
+    assert server.count("accepted") == 0
+    server.release()
+    server.wait_for("canceled")
+    assert runs_nothing(server)
+
+
+def test_late_acceptance_after_closing_is_cancelled(action_server, make_client, own_threads):
+    server = action_server("slow_accept", gate=1, period=0.1)
+    client = make_client(timeouts=Timeouts(cancel=0.2))
+    assert client.wait_for_server(10)
+    future = client.call_async({"order": 50}, timeout=0.3)
+    server.wait_for("goal_received")
+    client.close()
+    assert future.done()
+    server.release()
+    server.wait_for("canceled")
+    assert runs_nothing(server)
+
+
+def test_late_acceptance_during_the_grace_is_confirmed(action_server, make_client):
+    server = action_server("slow_accept", gate=1, period=0.1)
+    client = make_client(timeouts=Timeouts(cancel=5))
+    assert client.wait_for_server(10)
+    future = client.call_async({"order": 50}, timeout=0.2)
+    server.wait_for("goal_received")
+    with pytest.raises(TimeoutError, match="TIMED_OUT after the local wait"):
+        future.result(0.6)
+    server.release()
+    with pytest.raises(ak.DeadlineExceededError) as caught:
+        future.result(10)
+    assert caught.value.cancel is CancelReport.CONFIRMED
+    assert caught.value.phase == "accept"
+    assert runs_nothing(server)
+
+
+def test_cancelling_one_leaves_the_others_alone(action_server, make_client):
+    server = action_server("fibonacci", period=0.05, gate=1)
+    client = make_client()
+    seen: dict[int, list[list[int]]] = {}
+    futures = {}
+    for order in (4, 5, 6, 7):
+        seen[order] = []
+        futures[order] = client.call_async(
+            {"order": order},
+            on_feedback=lambda fb, order=order: seen[order].append(list(fb.sequence)),
+        )
+    server.wait_for("executing", count=4)
+    futures[5].cancel()
+    server.wait_for("canceled")
+    server.release()
+    for order in (4, 6, 7):
+        assert len(futures[order].result(10).sequence) == order + 1
+        assert [len(s) for s in seen[order]] == list(range(3, order + 2))
+    assert futures[5].cancelled()
+    server.wait_for("succeeded", count=3)
+    assert len(cancels(server)) == 1
+
+
+@pytest.mark.parametrize("policy", ["cancel", "abandon"])
+def test_closing_settles_what_is_in_flight(policy, action_server, make_client, own_threads):
+    server = action_server("never_finishes")
+    client = make_client(on_close=policy)
+    futures = [client.call_async({"order": 1}) for _ in range(3)]
+    server.wait_for("executing", count=3)
+    client.close()
+    assert all(future.done() for future in futures)
+    for future in futures:
+        with pytest.raises(ak.ClientClosedError):
+            future.result()
+    if policy == "cancel":
+        assert {f.outcome().cancel for f in futures} == {CancelReport.CONFIRMED}
+        assert runs_nothing(server)
+    else:
+        assert {f.outcome().cancel for f in futures} == {CancelReport.UNKNOWN}
+        assert len(server.running()) == 3
+        assert cancels(server) == []
+    assert "actionkit" not in own_threads()
+    client.close()
+    with pytest.raises(ak.ClientClosedError, match="closed"):
+        client.call({"order": 1})
+
+
+def test_a_silent_server_does_not_hold_up_closing(action_server, make_client):
+    server = action_server("silent")
+    client = make_client(timeouts=Timeouts(cancel=0.3))
+    future = client.call_async({"order": 1})
+    server.wait_for("goal_received")
+    client.close()
+    with pytest.raises(ak.ClientClosedError, match=r"(?i)may still be running"):
+        future.result(0)

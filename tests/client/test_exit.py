@@ -1,0 +1,110 @@
+"""The interpreter's exit at any moment: no hang, no traceback, no goal left (C1.10, C1.12)."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.conftest import runs_nothing
+
+HEAD = """
+import sys, threading
+from actionkit import Client, Timeouts
+from test_msgs.action import Fibonacci
+"""
+MOMENTS = {
+    "before a call": "client = Client(Fibonacci, 'fibonacci')",
+    "after a call": "client = Client(Fibonacci, 'fibonacci'); client.call({'order': 2}, 10)",
+    "without a server": "client = Client(Fibonacci, 'nobody'); client.call_async({'order': 2})",
+    "at once after sending": """
+client = Client(Fibonacci, 'fibonacci')
+client.wait_for_server(10)
+futures = [client.call_async({'order': 90}) for _ in range(20)]
+""",
+    "while it runs": """
+client = Client(Fibonacci, 'fibonacci')
+running = threading.Event()
+future = client.call_async({'order': 90}, on_feedback=lambda fb: running.set())
+assert running.wait(10)
+""",
+    "inside a callback that blocks": """
+client = Client(Fibonacci, 'fibonacci')
+running = threading.Event()
+future = client.call_async(
+    {'order': 90}, on_feedback=lambda fb: (running.set(), threading.Event().wait())
+)
+assert running.wait(10)
+""",
+    "with a thread in result()": """
+client = Client(Fibonacci, 'fibonacci')
+running = threading.Event()
+future = client.call_async({'order': 90}, on_feedback=lambda fb: running.set())
+threading.Thread(target=future.exception, daemon=True).start()
+assert running.wait(10)
+""",
+    "the client is dropped": """
+future = Client(Fibonacci, 'fibonacci').call_async({'order': 2})
+assert future.result(10)
+""",
+    "after close": """
+with Client(Fibonacci, 'fibonacci') as client:
+    client.call({'order': 2}, 10)
+""",
+    "after rclpy.init and shutdown": """
+import rclpy
+rclpy.init()
+client = Client(Fibonacci, 'fibonacci')
+client.call({'order': 2}, 10)
+future = client.call_async({'order': 90})
+rclpy.shutdown()
+""",
+    "in a child that was forked": """
+import os
+client = Client(Fibonacci, 'fibonacci')
+client.call({'order': 2}, 10)
+future = client.call_async({'order': 90})
+if (child := os.fork()) == 0:
+    for use in (lambda: client.call({'order': 1}), future.result, future.cancel):
+        try:
+            use()
+            os._exit(1)
+        except RuntimeError as error:
+            assert 'forked' in str(error)
+    client.close()
+    os._exit(9)  # as multiprocessing does; rclpy itself crashes in a forked child's sys.exit
+assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+assert client.call({'order': 2}, 10)
+""",
+}
+
+
+@pytest.mark.parametrize("moment", MOMENTS)
+@pytest.mark.parametrize("code", [0, 4])
+def test_exit(moment, code, action_server, run_script):
+    server = action_server("fibonacci", period=0.05)
+    exits = run_script(HEAD + MOMENTS[moment] + f"\nsys.exit({code})")
+    assert exits.finish(timeout=15) == (code, "", "")
+    assert runs_nothing(server)
+
+
+def test_exit_by_an_exception_prints_just_that(action_server, run_script):
+    server = action_server("fibonacci", period=0.05)
+    source = HEAD + MOMENTS["while it runs"] + "\nraise ValueError('mine')"
+    code, out, err = run_script(source).finish(timeout=15)
+    assert (code, out) == (1, "")
+    assert err.count("Traceback") == 1
+    assert err.endswith("ValueError: mine\n")
+    assert runs_nothing(server)
+
+
+def test_a_silent_server_does_not_hold_up_the_exit(action_server, run_script):
+    server = action_server("silent")
+    script = run_script(
+        HEAD
+        + "client = Client(Fibonacci, 'fibonacci', timeouts=Timeouts(cancel=0.3))\n"
+        + "future = client.call_async({'order': 1})\n"
+        + "sys.stdin.readline()\n"
+    )
+    server.wait_for("goal_received")
+    script.process.stdin.close()
+    script.process.stdin = None
+    assert script.finish(timeout=10) == (0, "", "")

@@ -1,0 +1,175 @@
+"""A human can always interrupt (C2.5): in each setting the server sees the cancel."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+
+from tests.conftest import cancels
+
+HEAD = """
+import sys, threading, time
+from actionkit import Client, Timeouts
+from test_msgs.action import Fibonacci
+"""
+CALL = """
+with Client(Fibonacci, "fibonacci") as client:
+    try:
+        client.call({"order": 1}, on_feedback=lambda fb: print("running"))
+    except KeyboardInterrupt:
+        print("interrupted", client.pending)
+        raise
+"""
+PLAIN = HEAD + CALL
+AFTER_INIT = HEAD + "import rclpy\nrclpy.init()\n" + CALL
+WITH_A_SPUN_NODE = (
+    HEAD
+    + """
+import rclpy
+rclpy.init()
+node = rclpy.create_node("users")
+def spin():
+    try:
+        rclpy.spin(node)
+    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+        pass
+threading.Thread(target=spin, daemon=True).start()
+"""
+    + CALL.replace('"fibonacci")', '"fibonacci", node=node)')
+)
+
+
+@pytest.mark.parametrize(
+    "source", [PLAIN, AFTER_INIT, WITH_A_SPUN_NODE], ids=["plain", "init", "spun node"]
+)
+def test_ctrl_c_in_a_blocking_call(source, action_server, run_script):
+    server = action_server("never_finishes")
+    script = run_script(source)
+    assert script.line() == "running"
+    script.process.send_signal(signal.SIGINT)
+    assert script.line() == "interrupted 0"
+    # Seen by the server before the process has ended.
+    server.wait_for("cancel_accepted")
+    assert len(cancels(server)) == 1
+    assert len(server.wait_for("canceled")) == 1
+    code, _, err = script.finish()
+    assert code == -signal.SIGINT
+    assert err.rstrip().endswith("KeyboardInterrupt")
+    assert "Exception ignored" not in err
+
+
+def test_ctrl_c_while_waiting_for_a_server(action_server, run_script):
+    script = run_script(
+        HEAD
+        + "client = Client(Fibonacci, 'fibonacci', timeouts=Timeouts(server=None))\n"
+        + "print('waiting')\n"
+        + "client.call({'order': 1})\n"
+    )
+    assert script.line() == "waiting"
+    script.process.send_signal(signal.SIGINT)
+    code, _, err = script.finish()
+    assert code == -signal.SIGINT
+    assert "KeyboardInterrupt" in err
+
+
+def test_a_second_ctrl_c_does_not_wait(action_server, run_script):
+    server = action_server("slow_cancel", gate=1)
+    script = run_script(
+        HEAD
+        + """
+client = Client(Fibonacci, "fibonacci", timeouts=Timeouts(cancel=60), on_close="abandon")
+try:
+    client.call({"order": 1}, on_feedback=lambda fb: print("running"))
+except KeyboardInterrupt:
+    print("out")
+    sys.stdout.flush()
+    import os
+    os._exit(7)
+"""
+    )
+    assert script.line() == "running"
+    script.process.send_signal(signal.SIGINT)
+    server.wait_for("cancel_accepted")
+    script.process.send_signal(signal.SIGINT)
+    assert script.line() == "out"
+    assert script.finish()[0] == 7
+
+
+@pytest.mark.parametrize("init", ["", "import rclpy; rclpy.init()"])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_signals_under_asyncio_cancel_the_goal(number, init, action_server, run_script):
+    server = action_server("never_finishes")
+    script = run_script(
+        HEAD
+        + init
+        + """
+import asyncio, signal
+
+async def main():
+    task = asyncio.current_task()
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
+    async with Client(Fibonacci, "fibonacci") as client:
+        future = client.call_async({"order": 1}, on_feedback=lambda fb: print("running"))
+        try:
+            await future
+        finally:
+            print(future.outcome(0).cancel)
+
+try:
+    asyncio.run(main())
+except (asyncio.CancelledError, KeyboardInterrupt) as error:
+    print(type(error).__name__)
+    sys.exit(3)
+"""
+    )
+    assert script.line() == "running"
+    script.process.send_signal(number)
+    assert script.line() == "CONFIRMED"
+    assert len(server.wait_for("canceled")) == 1
+    assert script.line() == ("KeyboardInterrupt" if number == signal.SIGINT else "CancelledError")
+    code, _, err = script.finish()
+    assert (code, err) == (3, "")
+
+
+def test_the_client_goes_on_after_ctrl_c(action_server, run_script):
+    # rclpy's handler has shut down every context of the process by then (R10).
+    action_server("fibonacci", period=0.05)
+    script = run_script(
+        HEAD
+        + """
+import rclpy
+rclpy.init()
+with Client(Fibonacci, "fibonacci") as client:
+    try:
+        client.call({"order": 90}, on_feedback=lambda fb: print("running"))
+    except KeyboardInterrupt:
+        pass
+    print("result", list(client.call({"order": 1}, 10).sequence))
+    print("threads", sum(t.name == "actionkit" for t in threading.enumerate()))
+"""
+    )
+    assert script.line() == "running"
+    script.process.send_signal(signal.SIGINT)
+    code, out, err = script.finish()
+    assert (code, err) == (0, "")
+    assert "result [0, 1]" in out
+    assert "threads 1" in out
+
+
+def test_whatever_a_signal_handler_raises_cancels_the_goal(action_server, run_script):
+    server = action_server("never_finishes")
+    script = run_script(
+        HEAD
+        + """
+import signal
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(5))
+client = Client(Fibonacci, "fibonacci")
+client.call({"order": 1}, on_feedback=lambda fb: print("running"))
+"""
+    )
+    assert script.line() == "running"
+    script.process.send_signal(signal.SIGTERM)
+    code, _, err = script.finish()
+    assert (code, err) == (5, "")
+    assert len(server.wait_for("canceled")) == 1

@@ -1,0 +1,143 @@
+"""Many goals and many processes: none lost, none run twice (C1.12, C7.3, C7.5; R3, R4)."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections import Counter
+
+import pytest
+from test_msgs.action import Fibonacci
+
+from actionkit import Client
+
+
+def executed(server) -> Counter[str]:
+    return Counter(e.goal_id for e in server.events if e.event == "executing")
+
+
+def leftovers(sizes: dict[str, int]) -> dict[str, int]:
+    """Return the tables that are not empty; a few timers may have a moment to run."""
+    return {name: n for name, n in sizes.items() if n > (4 if name == "timers" else 0)}
+
+
+@pytest.mark.heavy
+def test_500_goals_at_once_from_8_threads(action_server, make_client, own_threads, capfd):
+    server = action_server("fibonacci", gate=1, journal="goals")
+    client = make_client()
+    orders = {thread: [1 + (thread + n) % 40 for n in range(63)] for thread in range(8)}
+    futures: dict[int, list] = {}
+
+    def submit(thread: int) -> None:
+        futures[thread] = [client.call_async({"order": order}) for order in orders[thread]]
+
+    threads = [threading.Thread(target=submit, args=(thread,)) for thread in orders]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    server.wait_for("executing", count=504, timeout=60)
+    assert client.pending == 504
+    server.release()  # they all finish together
+    flat = [future for some in futures.values() for future in some]
+    _, pending = concurrent.futures.wait(flat, timeout=60)
+    assert not pending
+    for thread, some in futures.items():
+        for order, future in zip(orders[thread], some, strict=True):
+            assert len(future.result().sequence) == order + 1
+    server.wait_for("succeeded", count=504)
+    runs = executed(server)
+    assert set(runs) == {str(future.goal_id) for future in flat}
+    assert set(runs.values()) == {1}
+    # Acceptance followed submission, in each thread.
+    position = {e.goal_id: i for i, e in enumerate(server.events) if e.event == "accepted"}
+    for some in futures.values():
+        places = [position[str(future.goal_id)] for future in some]
+        assert places == sorted(places)
+    assert client.pending == 0
+    assert leftovers(client._session.port.table_sizes()) == {}
+    assert own_threads().count("actionkit") == 1
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.heavy
+def test_2000_calls_in_a_row_leave_nothing_behind(action_server, make_client, capfd):
+    server = action_server("fibonacci", journal="goals")
+    client = make_client()
+    sizes = []
+    for n in range(2000):
+        order = 1 + n % 20
+        seen: list[Fibonacci.Feedback] = []
+        result = client.call({"order": order}, 20, on_feedback=seen.append if n % 10 == 0 else None)
+        assert len(result.sequence) == order + 1
+        if n in (500, 1999):
+            sizes.append(client._session.port.table_sizes())
+            assert client._session.port.runtime.timers.size < 200
+    assert [leftovers(size) for size in sizes] == [{}, {}]
+    server.wait_for("succeeded", count=2000)
+    runs = executed(server)
+    assert len(runs) == 2000
+    assert set(runs.values()) == {1}
+    assert threading.active_count() < 12
+    assert capfd.readouterr().err == ""
+
+
+FRESH = """
+import json, sys
+from actionkit import Client
+from test_msgs.action import Fibonacci
+with Client(Fibonacci, "fibonacci") as client:
+    future = client.call_async({"order": 7})  # sent the moment the server is ready
+    result = future.result(60)
+    print(json.dumps([str(future.goal_id), list(result.sequence)]))
+"""
+
+
+@pytest.mark.heavy
+def test_100_fresh_processes_that_send_at_once(action_server, ros_domain):
+    server = action_server("fibonacci", journal="goals")
+
+    def fresh(_: int) -> list:
+        done = subprocess.run(
+            [sys.executable, "-c", FRESH],
+            capture_output=True,
+            text=True,
+            env=dict(os.environ),
+            timeout=90,
+            check=False,
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+        return json.loads(done.stdout)
+
+    with concurrent.futures.ThreadPoolExecutor(4) as pool:
+        answers = list(pool.map(fresh, range(100)))
+    assert all(sequence == [0, 1, 1, 2, 3, 5, 8, 13] for _, sequence in answers)
+    server.wait_for("succeeded", count=100)
+    runs = executed(server)
+    assert set(runs) == {goal_id for goal_id, _ in answers}
+    assert set(runs.values()) == {1}
+
+
+def test_clients_come_and_go_while_others_work(action_server, make_client, own_threads):
+    action_server("fibonacci")
+    steady = make_client()
+    stop = threading.Event()
+    calls = []
+
+    def work() -> None:
+        while not stop.is_set():
+            calls.append(steady.call({"order": 3}, 20))
+
+    worker = threading.Thread(target=work)
+    worker.start()
+    for _ in range(20):
+        with Client(Fibonacci, "fibonacci") as passing:
+            assert passing.call({"order": 2}, 20)
+    stop.set()
+    worker.join(30)
+    assert len(calls) > 20
+    assert own_threads().count("actionkit") == 1

@@ -1,0 +1,121 @@
+"""Wrong use: clear errors, before anything is sent (C1.9, C1.10, C2.1, C3)."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from test_msgs.action import Fibonacci
+from test_msgs.msg import BasicTypes
+
+import actionkit as ak
+from actionkit import Client, RetryPolicy, Timeouts
+from actionkit.testing import EventLog
+
+
+@pytest.mark.parametrize("bad", [-1, -0.001, math.nan, math.inf])
+def test_a_bad_timeout(bad, make_client):
+    client = make_client()
+    for use in (client.call, client.call_async):
+        with pytest.raises(ValueError, match="timeout="):
+            use({"order": 1}, timeout=bad)
+    with pytest.raises(ValueError, match="timeout="):
+        client.wait_for_server(bad)
+
+
+def test_a_timeout_of_the_wrong_type(make_client):
+    with pytest.raises(TypeError, match="timeout='1'"):
+        make_client().call({"order": 1}, timeout="1")
+
+
+def test_rclpys_parameter_names_are_explained(make_client):
+    client = make_client()
+    with pytest.raises(TypeError, match="timeout_sec is called timeout here"):
+        client.call({"order": 1}, timeout_sec=1.0)
+    with pytest.raises(TypeError, match="feedback_callback is called on_feedback"):
+        client.call_async({"order": 1}, feedback_callback=print)
+    with pytest.raises(TypeError, match="unknown argument nonsense=1"):
+        client.call_async({"order": 1}, nonsense=1)
+
+
+def test_calling_from_a_callback(action_server, make_client):
+    action_server("fibonacci", period=0.01)
+    client = make_client()
+    seen: EventLog = EventLog()
+
+    def call_again(_):
+        try:
+            client.call({"order": 1}, 10)
+        except RuntimeError as error:
+            seen(error)
+        seen(client.call_async({"order": 1}))
+
+    assert client.call({"order": 3}, 10, on_feedback=call_again)
+    error, future = seen.wait_for(2)[:2]
+    assert "call_async" in str(error)
+    assert list(future.result(10).sequence) == [0, 1]
+    done: EventLog = EventLog()
+    client.call_async({"order": 1}).add_done_callback(lambda f: call_again(f) or done(f))
+    assert done.wait_for(1)
+
+
+def test_after_close(make_client):
+    client = make_client()
+    client.close()
+    client.close()
+    for use in (
+        lambda: client.call({"order": 1}),
+        lambda: client.call_async({"order": 1}),
+        lambda: client.wait_for_server(1),
+        client.server_is_ready,
+        client.cancel_all,
+    ):
+        with pytest.raises(ak.ClientClosedError, match="'/fibonacci' is closed"):
+            use()
+    assert client.pending == 0
+    assert "closed" in repr(client)
+
+
+@pytest.mark.parametrize("bad", [BasicTypes, Fibonacci.Goal, "Fibonacci", None])
+def test_a_bad_action_type(bad, ros_domain):
+    with pytest.raises(TypeError, match="must be an action class"):
+        Client(bad, "fibonacci")
+
+
+@pytest.mark.parametrize("bad", ["", "9lives", "a b", "a//b", "fib/", "ü"])
+def test_a_bad_name(bad, ros_domain):
+    with pytest.raises(ValueError, match="action_name="):
+        Client(Fibonacci, bad)
+
+
+def test_bad_arguments_of_the_client(ros_domain):
+    with pytest.raises(TypeError, match="action_name=3"):
+        Client(Fibonacci, 3)
+    with pytest.raises(TypeError, match="timeouts=3"):
+        Client(Fibonacci, "f", timeouts=3)
+    with pytest.raises(TypeError, match="retry=3"):
+        Client(Fibonacci, "f", retry=3)
+    with pytest.raises(TypeError, match="classify=3"):
+        Client(Fibonacci, "f", classify=3)
+    with pytest.raises(ValueError, match="on_close='stop'"):
+        Client(Fibonacci, "f", on_close="stop")
+    with pytest.raises(TypeError, match="node="):
+        Client(Fibonacci, "f", node="my_node")
+    with pytest.raises(ValueError, match=r"Timeouts\.accept"):
+        Timeouts(accept=-1)
+    with pytest.raises(ValueError, match=r"RetryPolicy\.attempts"):
+        RetryPolicy(attempts=0)
+
+
+def test_the_name_with_two_types_in_one_process(make_client):
+    from test_msgs.action import NestedMessage
+
+    make_client(Fibonacci, "same")
+    with pytest.raises(ak.ActionTypeMismatchError, match="this process"):
+        make_client(NestedMessage, "same")
+
+
+def test_a_bad_domain(monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "seven")
+    with pytest.raises(ValueError, match="ROS_DOMAIN_ID='seven'"):
+        Client(Fibonacci, "fibonacci")

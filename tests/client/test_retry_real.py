@@ -1,0 +1,258 @@
+"""Retries over real servers: safe, bounded, and stopped by whoever may (C4, C3.3)."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import time
+from collections import Counter
+
+import pytest
+import tenacity
+
+import actionkit as ak
+from actionkit import (
+    CancelReport,
+    GoalState,
+    RetryBudget,
+    RetryPolicy,
+    Timeouts,
+    Verdict,
+    classify_by_field,
+)
+from tests.conftest import FORMS, ask
+
+QUICK = RetryPolicy(initial=0.05, jitter=0.0)
+
+
+def transient(outcome):
+    return Verdict.TRANSIENT
+
+
+def executed(server):
+    return Counter(e.goal_id for e in server.events if e.event == "executing")
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_transient_failures_are_tried_again(form, action_server, make_client):
+    server = action_server("aborts")
+    client = make_client(retry=QUICK, classify=transient)
+    answer = ask(form, client, {"order": 2}, timeout=20)
+    assert isinstance(answer.error, ak.GoalAbortedError)
+    assert answer.error.attempts == 3
+    assert "all 3 attempts of the retry policy are used up" in str(answer.error)
+    assert len(server.wait_for("aborted", count=3)) == 3
+    assert server.max_running == 1
+    states = [event.state for event in answer.error.timeline]
+    assert states.count(GoalState.RETRYING) == 2
+    assert {event.attempt for event in answer.error.timeline} == {1, 2, 3}
+    assert len({event.goal_id for event in answer.error.timeline}) == 3
+
+
+def test_permanent_failures_are_not(action_server, make_client):
+    server = action_server("aborts")
+    with pytest.raises(ak.GoalAbortedError) as caught:
+        make_client(retry=QUICK).call({"order": 2}, 10)
+    assert caught.value.attempts == 1
+    assert len(server.wait_for("aborted")) == 1
+
+
+def test_a_goal_cancelled_by_another_is_never_tried_again(action_server, make_client):
+    server = action_server("cancels_itself")
+    with pytest.raises(ak.GoalCanceledError) as caught:
+        make_client(retry=QUICK, classify=transient).call({"order": 2}, 10)
+    assert caught.value.attempts == 1
+    assert len(server.wait_for("canceled")) == 1
+
+
+def test_a_success_may_be_judged_a_failure(action_server, make_client):
+    server = action_server("fibonacci")
+    client = make_client(retry=QUICK)
+    judge = classify_by_field("sequence[0]", transient={0})
+    with pytest.raises(ak.RetriesExhaustedError) as caught:
+        client.call({"order": 2}, 10, classify=judge)
+    assert list(caught.value.result.sequence) == [0, 1, 1]
+    assert isinstance(caught.value.__cause__, ak.TransientError)
+    assert caught.value.attempts == 3
+    with pytest.raises(ak.PermanentError) as caught:
+        client.call({"order": 2}, 10, classify=classify_by_field("sequence[0]", ok={7}))
+    assert caught.value.attempts == 1
+    assert len(server.wait_for("succeeded", count=4)) == 4
+
+
+def test_an_abort_may_be_judged_a_success(action_server, make_client):
+    action_server("aborts")
+    future = make_client(classify=lambda outcome: Verdict.SUCCESS).call_async({"order": 2})
+    assert list(future.result(10).sequence)
+    assert future.outcome().status is GoalState.ABORTED
+    assert future.outcome().ok
+
+
+def test_a_field_that_does_not_exist_is_refused_when_the_client_is_made(make_client):
+    with pytest.raises(ValueError, match="error_code"):
+        make_client(classify=classify_by_field("error_code", ok={0}))
+
+
+def test_an_unanswered_goal_is_sent_again_with_its_id(action_server, make_client):
+    server = action_server("slow_accept", delay=1.0)
+    client = make_client(timeouts=Timeouts(accept=0.4, cancel=0.3), retry=QUICK)
+    assert client.wait_for_server(10)
+    future = client.call_async({"order": 3}, timeout=20)
+    assert len(future.result(20).sequence) == 4
+    assert future.outcome().attempts > 1
+    assert len({event.goal_id for event in future.timeline}) == 1
+    server.wait_for("succeeded")
+    assert set(executed(server).values()) == {1}
+
+
+def test_a_restarted_server_gets_the_goal_again(action_server, make_client):
+    server = action_server("fibonacci", gate=1)
+    client = make_client(retry=QUICK)
+    future = client.call_async({"order": 3}, timeout=40)
+    server.wait_for("executing")
+    server.terminate()
+    server.restart()
+    server.wait_for("executing", count=2, timeout=20)
+    server.release()
+    assert len(future.result(20).sequence) == 4
+    assert future.outcome().attempts >= 2
+    assert server.max_running == 1
+
+
+def test_a_killed_and_restarted_server_is_noticed(action_server, make_client):
+    server = action_server("fibonacci", gate=1, period=0.5)
+    client = make_client(retry=QUICK)
+    # Two seconds of work, in which the names of its nodes come to be known.
+    future = client.call_async({"order": 5}, timeout=60)
+    server.wait_for("feedback", count=4)
+    server.kill()
+    server.restart()
+    began = time.monotonic()
+    server.wait_for("executing", count=2, timeout=30)
+    assert time.monotonic() - began < 15  # well before the lease of the dead one runs out
+    server.release()
+    assert len(future.result(20).sequence) == 6
+    states = {event.state: event.detail for event in future.timeline}
+    assert states[GoalState.LOST] == "its server was restarted"
+
+
+def test_a_stalled_goal_is_stopped_before_another_is_sent(action_server, make_client):
+    server = action_server("never_finishes")
+    client = make_client(timeouts=Timeouts(feedback=0.3), retry=QUICK)
+    with pytest.raises(ak.FeedbackStalledError) as caught:
+        client.call({"order": 1}, 20)
+    assert caught.value.attempts == 3
+    assert len(server.wait_for("canceled", count=3)) == 3
+    assert server.max_running == 1
+
+
+def test_nothing_is_sent_again_while_the_first_may_run(action_server, make_client):
+    server = action_server("refuses_cancel", period=1.0)
+    client = make_client(timeouts=Timeouts(feedback=0.3), retry=QUICK)
+    with pytest.raises(ak.FeedbackStalledError, match="may still run") as caught:
+        client.call({"order": 50}, 20)
+    assert caught.value.attempts == 1
+    assert caught.value.cancel is CancelReport.REFUSED
+    assert len(server.wait_for("goal_received")) == 1
+
+
+@pytest.mark.parametrize("resend", ["never_accepted", "confirmed_stopped", "always"])
+def test_the_policy_decides_about_accepted_goals(resend, action_server, make_client):
+    server = action_server("aborts")
+    policy = RetryPolicy(attempts=2, initial=0.01, resend=resend)
+    with pytest.raises(ak.GoalAbortedError) as caught:
+        make_client(retry=policy, classify=transient).call({"order": 1}, 10)
+    sent = 1 if resend == "never_accepted" else 2
+    assert caught.value.attempts == sent
+    server.wait_for("aborted", count=sent)
+
+
+def test_cancel_ends_a_pause_at_once(action_server, make_client):
+    server = action_server("aborts")
+    client = make_client(retry=RetryPolicy(initial=60, max_pause=60), classify=transient)
+    future = client.call_async({"order": 1})
+    server.wait_for("aborted")
+    with pytest.raises(TimeoutError, match="RETRYING"):
+        future.result(0.5)
+    future.cancel()
+    with pytest.raises(concurrent.futures.CancelledError):
+        future.result(5)
+    assert future.outcome().cancel is CancelReport.NOT_NEEDED
+
+
+def test_closing_ends_a_pause_at_once(action_server, make_client):
+    server = action_server("aborts")
+    client = make_client(retry=RetryPolicy(initial=60, max_pause=60), classify=transient)
+    future = client.call_async({"order": 1})
+    server.wait_for("aborted")
+    with pytest.raises(TimeoutError, match="RETRYING"):
+        future.result(0.5)
+    client.close()
+    with pytest.raises(ak.ClientClosedError):
+        future.result(0)
+
+
+def test_a_pause_that_would_cross_the_deadline_is_not_begun(action_server, make_client):
+    action_server("aborts")
+    client = make_client(retry=RetryPolicy(initial=60, max_pause=60), classify=transient)
+    began = time.monotonic()
+    with pytest.raises(ak.GoalAbortedError, match="crossed the deadline"):
+        client.call({"order": 1}, timeout=20)
+    assert time.monotonic() - began < 10
+
+
+def test_tenacitys_strategies(action_server, make_client):
+    server = action_server("aborts")
+    policy = RetryPolicy(stop=tenacity.stop_after_attempt(5), wait=tenacity.wait_fixed(0.01))
+    with pytest.raises(ak.GoalAbortedError, match="stop strategy"):
+        make_client(retry=policy, classify=transient).call({"order": 1}, 20)
+    assert len(server.wait_for("aborted", count=5)) == 5
+
+
+def test_the_budget_stops_a_fleet(action_server, make_client):
+    server = action_server("aborts")
+    budget = RetryBudget(capacity=4)
+    clients = [make_client(retry=QUICK, classify=transient, retry_budget=budget) for _ in range(2)]
+    for client in clients:
+        assert client.retry_budget is budget
+    errors = []
+    for n in range(6):
+        with pytest.raises(ak.GoalAbortedError) as caught:
+            clients[n % 2].call({"order": 1}, 20)
+        errors.append(caught.value)
+    assert "retry budget" in str(errors[-1])
+    assert not budget.allows_retry
+    # Two failures use up the half that may be used; from then on each call is sent once.
+    assert len(server.wait_for("aborted", count=7)) == 7
+
+
+def test_a_raising_classify_is_logged_and_the_default_counts(action_server, make_client, caplog):
+    action_server("aborts")
+
+    def fail(outcome):
+        raise ValueError("from classify")
+
+    with pytest.raises(ak.GoalAbortedError):
+        make_client(classify=fail).call({"order": 1}, 10)
+    assert "from classify" in caplog.text
+
+
+def test_no_server_is_waited_for_by_every_attempt(action_server, make_client):
+    client = make_client(timeouts=Timeouts(server=0.1), retry=QUICK)
+    with pytest.raises(ak.ServerUnavailableError) as caught:
+        client.call({"order": 1})
+    assert caught.value.attempts == 3
+
+
+@pytest.mark.parametrize("returns", [False, True])
+def test_liveness_notices_a_stopped_server(returns, action_server, make_client):
+    server = action_server("never_finishes")
+    client = make_client(timeouts=Timeouts(liveness=0.5, cancel=0.5), retry=RetryPolicy.none())
+    future = client.call_async({"order": 1})
+    server.wait_for("executing")
+    server.pause()
+    with pytest.raises(ak.ServerLostError, match=r"answered nothing for 0\.5 s"):
+        future.result(10)
+    if returns:
+        # It was alive after all: what its caller gave up on is cancelled.
+        server.resume()
+        server.wait_for("canceled")

@@ -1,0 +1,160 @@
+"""Servers that appear, vanish, are busy, or are two (C5.1-C5.3, C5.5, C5.6)."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+import pytest
+
+import actionkit as ak
+from actionkit import GoalState, RetryPolicy, Timeouts
+from tests.conftest import runs_nothing
+
+ONCE = RetryPolicy.none()
+
+
+def test_a_call_waits_for_its_server(action_server, make_client):
+    client = make_client(retry=ONCE, timeouts=Timeouts(server=None))
+    future = client.call_async({"order": 3})
+    assert future.state is GoalState.SENDING
+    server = action_server("fibonacci")
+    assert len(future.result(20).sequence) == 4
+    assert len(server.wait_for("accepted")) == 1
+
+
+@pytest.mark.parametrize("end", ["terminate", "interrupt"])
+def test_a_clean_end_is_noticed(end, action_server, make_client):
+    server = action_server("never_finishes")
+    client = make_client(retry=ONCE)
+    future = client.call_async({"order": 1})
+    server.wait_for("executing")
+    began = time.monotonic()
+    getattr(server, end)()
+    with pytest.raises(ak.ServerLostError) as caught:
+        future.result(10)
+    assert time.monotonic() - began < 2
+    assert caught.value.transient
+    assert future.outcome().status is GoalState.LOST
+    server.restart()
+    assert client.wait_for_server(20)
+    again = client.call_async({"order": 1})
+    server.wait_for("executing", count=2)
+    again.cancel()
+    assert again.outcome(10).status is GoalState.CANCELED
+
+
+def test_a_killed_server_is_noticed_with_its_lease(action_server, make_client):
+    server = action_server("never_finishes")
+    future = make_client(retry=ONCE).call_async({"order": 1})
+    server.wait_for("executing")
+    server.kill()
+    with pytest.raises(ak.ServerLostError):
+        future.result(40)
+
+
+def test_a_killed_server_does_not_outlast_the_deadline(action_server, make_client):
+    server = action_server("never_finishes")
+    client = make_client(retry=ONCE, timeouts=Timeouts(cancel=0.5))
+    assert client.wait_for_server(10)
+    future = client.call_async({"order": 1}, timeout=1.0)
+    server.wait_for("executing")
+    server.kill()
+    began = time.monotonic()
+    with pytest.raises(ak.DeadlineExceededError) as caught:
+        future.result(20)
+    assert time.monotonic() - began < 3
+    assert caught.value.cancel is ak.CancelReport.UNKNOWN
+
+
+@pytest.mark.parametrize("point", ["before_accept", "after_accept", "feedback", "before_result"])
+def test_a_crash_at_any_point_never_looks_like_success(point, action_server, make_client):
+    action_server("crashes", point=point)
+    client = make_client(retry=ONCE, timeouts=Timeouts(accept=0.5, cancel=0.3))
+    assert client.wait_for_server(10)
+    with pytest.raises(ak.ActionKitError) as caught:
+        client.call({"order": 5}, timeout=4)
+    assert isinstance(
+        caught.value,
+        ak.AcceptanceTimeoutError | ak.DeadlineExceededError | ak.ResultLostError,
+    )
+
+
+@pytest.mark.parametrize("how", ["blocked in its callback", "stopped"])
+def test_a_silent_server_is_not_lost(how, action_server, make_client):
+    if how == "stopped":
+        server = action_server("fibonacci", gate=1)
+    else:
+        server = action_server("blocking", gate=1)
+    client = make_client(retry=ONCE)
+    future = client.call_async({"order": 3})
+    server.wait_for("executing")
+    if how == "stopped":
+        server.pause()
+    with pytest.raises(TimeoutError):
+        future.result(3.0)  # a local wait, longer than C5.2 and C5.3 allow for a loss
+    assert not future.done()
+    assert future.state in (GoalState.ACCEPTED, GoalState.EXECUTING, GoalState.SENT)
+    if how == "stopped":
+        server.resume()
+    server.release()
+    assert future.result(10)
+
+
+def test_two_servers_give_one_outcome_and_one_warning(action_server, make_client, caplog):
+    server = action_server("twins", gate=1)
+    with caplog.at_level(logging.WARNING, "actionkit"):
+        client = make_client(retry=ONCE)
+        assert client.wait_for_server(10)
+        held = client.call_async({"order": 3})
+        with pytest.raises(TimeoutError):
+            held.result(1.5)  # the names in the warning are known after a moment
+        server.release()
+        assert list(held.result(10).sequence) == [0, 1, 1, 2]
+        for _ in range(10):
+            assert list(client.call({"order": 3}, 10).sequence) == [0, 1, 1, 2]
+    warnings = [r for r in caplog.records if "servers" in r.getMessage()]
+    assert len(warnings) == 1
+
+
+def test_both_servers_see_the_cancel(action_server, make_client):
+    server = action_server("twins", gate=1)
+    client = make_client(retry=ONCE)
+    assert client.wait_for_server(10)
+    future = client.call_async({"order": 3})
+    server.wait_for("executing", count=2)
+    future.cancel()
+    assert future.outcome(10).status is GoalState.CANCELED
+    server.wait_for("canceled", count=2)
+    assert runs_nothing(server)
+
+
+def test_the_death_of_our_thread_fails_every_call_loudly(action_server, make_client, caplog):
+    server = action_server("never_finishes")
+    client = make_client(retry=ONCE)
+    future = client.call_async({"order": 1})
+    server.wait_for("executing")
+
+    def die() -> None:
+        raise SystemExit("for the test")  # what no handler of ours catches
+
+    client._session.port.runtime.call_soon(die)
+    with pytest.raises(ak.ServerLostError, match="communication thread"):
+        future.result(10)
+    assert "communication thread" in caplog.text
+    # The next call gets a new thread.
+    again = client.call_async({"order": 1})
+    server.wait_for("executing", count=2)
+    again.cancel()
+    assert again.outcome(10).status is GoalState.CANCELED
+
+
+def test_a_deaf_server_does_not_block_the_goals_behind(action_server, make_client):
+    # More goals than may be unanswered at a time: each still has its own end.
+    action_server("silent")
+    client = make_client(retry=ONCE, timeouts=Timeouts(accept=0.3, cancel=0.2))
+    assert client.wait_for_server(10)
+    futures = [client.call_async({"order": 1}) for _ in range(20)]
+    for future in futures:
+        with pytest.raises(ak.AcceptanceTimeoutError):
+            future.result(20)

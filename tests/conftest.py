@@ -1,0 +1,138 @@
+"""What tests of the client share: making one, and calling it in its three forms."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from actionkit import Client, Outcome
+from actionkit.servers import Server, ServerEvent
+
+FORMS = ("blocking", "future", "await")
+
+
+@dataclass
+class Answer:
+    """What one call came back with, in whichever form."""
+
+    result: Any = None
+    error: BaseException | None = None
+    outcome: Outcome[Any] | None = None
+
+
+def ask(form: str, client: Client[Any, Any, Any], goal: Any, **kwargs: Any) -> Answer:
+    """Call in one of the three forms and note what comes back."""
+    answer = Answer()
+    try:
+        if form == "blocking":
+            answer.result = client.call(goal, **kwargs)
+        elif form == "future":
+            future = client.call_async(goal, **kwargs)
+            answer.outcome = future.outcome(30)
+            answer.result = future.result(0)
+        else:
+
+            async def main() -> Any:
+                future = client.call_async(goal, **kwargs)
+                try:
+                    return await future
+                finally:
+                    answer.outcome = future.outcome(0)
+
+            answer.result = asyncio.run(main())
+    except Exception as error:  # noqa: BLE001  it is what is asked for
+        answer.error = error
+    return answer
+
+
+def cancels(server: Server) -> list[ServerEvent]:
+    """Return the requests to cancel a goal that the server was running.
+
+    Those for unknown goals are the client's harmless question whether anybody is there (R2).
+    """
+    return [e for e in server.events if e.event == "cancel_requested" and e.details["running"]]
+
+
+def runs_nothing(server: Server) -> bool:
+    """Whether every goal was cancelled; waits for the journal, which is a pipe behind."""
+    for goal_id in server.running():
+        server.wait_for("canceled", goal_id=goal_id)
+    return server.running() == set()
+
+
+@pytest.fixture
+def make_client(ros_domain: int) -> Iterator[Callable[..., Client[Any, Any, Any]]]:
+    """Make clients in the test's domain; all are closed at its end."""
+    with ExitStack() as stack:
+
+        def make(action_type: Any = None, name: str = "fibonacci", **kwargs: Any) -> Any:
+            from test_msgs.action import Fibonacci
+
+            return stack.enter_context(Client(action_type or Fibonacci, name, **kwargs))
+
+        yield make
+
+
+@pytest.fixture
+def own_threads() -> Callable[[], list[str]]:
+    """Return the names of ActionKit's threads that are alive."""
+    return lambda: [t.name for t in threading.enumerate() if t.name.startswith("actionkit")]
+
+
+@dataclass
+class Script:
+    """A Python script in a process of its own."""
+
+    process: subprocess.Popen[str]
+
+    def line(self) -> str:
+        """Return its next line of output; the test's time limit bounds the wait."""
+        assert self.process.stdout is not None
+        return self.process.stdout.readline().strip()
+
+    def finish(self, timeout: float = 20) -> tuple[int, str, str]:
+        """Return its exit code and the rest of its output."""
+        out, err = self.process.communicate(timeout=timeout)
+        return self.process.returncode, out, err
+
+
+@pytest.fixture
+def run_script(ros_domain: int) -> Iterator[Callable[..., Script]]:
+    """Start scripts in the test's domain; what is left of them is killed at its end."""
+    started: list[subprocess.Popen[str]] = []
+
+    def run(source: str, *args: str) -> Script:
+        process = subprocess.Popen(
+            [
+                sys.executable,
+                "-W",
+                "error",
+                "-W",
+                "ignore::DeprecationWarning",
+                "-c",
+                source,
+                *args,
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        )
+        started.append(process)
+        return Script(process)
+
+    yield run
+    for process in started:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()

@@ -1,0 +1,90 @@
+"""The public types, proven both ways: right code is clean, wrong code is refused (STYLE 9).
+
+The snippets are under `typing/`; mypy (strict) and pyright read them, nothing runs them.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+RIGHT = ROOT / "tests" / "typing" / "right.py"
+WRONG = ROOT / "tests" / "typing" / "wrong.py"
+
+Found = dict[int, list[tuple[str, str]]]
+"""Line number -> (kind of the error, its text)."""
+
+
+def mypy(file: Path, scratch: Path) -> Found:
+    command = [
+        *(sys.executable, "-m", "mypy", "--config-file", str(ROOT / "pyproject.toml")),
+        *("--cache-dir", str(scratch / "cache"), "--no-error-summary", "--no-pretty"),
+        str(file),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.returncode in (0, 1), done.stdout + done.stderr
+    found: Found = {}
+    name = re.escape(str(file.relative_to(ROOT)))
+    # What mypy has to say of the library itself is not this test's business
+    for match in re.finditer(rf"^{name}:(\d+): error: (.*)  \[([\w-]+)\]$", done.stdout, re.M):
+        found.setdefault(int(match[1]), []).append((match[3], match[2]))
+    return found
+
+
+def pyright(file: Path, _scratch: Path) -> Found:
+    # In the root, so that pyproject.toml's settings count
+    command = [
+        *(sys.executable, "-m", "pyright", "--outputjson", "--pythonpath", sys.executable),
+        str(file),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.returncode in (0, 1), done.stdout + done.stderr
+    report = json.loads(done.stdout[done.stdout.index("{") :])
+    assert report["summary"]["filesAnalyzed"] == 1, report
+    found: Found = {}
+    for error in report["generalDiagnostics"]:
+        if error["severity"] == "error" and Path(error["file"]) == file:
+            line = error["range"]["start"]["line"] + 1
+            found.setdefault(line, []).append((error.get("rule", "?"), error["message"]))
+    return found
+
+
+CHECKERS = pytest.mark.parametrize("check", [mypy, pyright], ids=lambda check: check.__name__)
+Checker = Callable[[Path, Path], Found]
+
+
+@pytest.fixture(autouse=True)
+def _skip_without_the_tool(request: pytest.FixtureRequest) -> None:
+    name = request.getfixturevalue("check").__name__
+    if importlib.util.find_spec(name) is None:
+        pytest.skip(f"{name} is not installed; pip install {name}")
+
+
+@CHECKERS
+def test_right_code_is_clean(check: Checker, tmp_path: Path) -> None:
+    assert check(RIGHT, tmp_path) == {}
+
+
+@CHECKERS
+def test_wrong_code_is_refused_where_it_is_wrong(check: Checker, tmp_path: Path) -> None:
+    expected = {
+        number: set(re.findall(r"[\w-]+", match[1]))
+        for number, line in enumerate(WRONG.read_text().splitlines(), 1)
+        if (match := re.search(r"# error\[(.*?)\]", line))
+    }
+    assert len(expected) > 30
+    found = check(WRONG, tmp_path)
+    assert {line: found[line] for line in sorted(found.keys() - expected.keys())} == {}
+    missed = [WRONG.read_text().splitlines()[line - 1] for line in sorted(expected.keys() - found)]
+    assert missed == []
+    # For the reason that is meant, and not by chance
+    for line, errors in found.items():
+        assert {kind for kind, _ in errors} <= expected[line], (line, errors)

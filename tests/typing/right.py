@@ -1,0 +1,113 @@
+"""What users write, with the types that they must get. For type checkers only: nothing runs it."""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+from array import array
+
+from test_msgs.action import Fibonacci, NestedMessage
+from typing_extensions import assert_type
+
+from actionkit import Client, GoalFuture, Outcome, RetryPolicy, Timeouts, Verdict
+
+FibonacciClient = Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]
+
+
+def the_action_type_types_the_client() -> None:
+    assert_type(Client(Fibonacci, "fibonacci"), FibonacciClient)
+    assert_type(
+        Client(NestedMessage, "nested"),
+        Client[NestedMessage.Goal, NestedMessage.Result, NestedMessage.Feedback],
+    )
+    Client(
+        Fibonacci,
+        "fibonacci",
+        node=None,
+        timeouts=Timeouts(server=1, accept=None, feedback=2.5),
+        retry=RetryPolicy(attempts=2, resend="never_accepted"),
+        classify=strict,
+        observers=(),
+        on_close="abandon",
+    ).close()
+
+
+def call() -> None:
+    with Client(Fibonacci, "fibonacci") as client:
+        assert_type(client, FibonacciClient)
+        result = client.call(Fibonacci.Goal(order=10), timeout=10.0)
+        assert_type(result, Fibonacci.Result)
+        assert_type(result.sequence, "array[int]")
+        assert_type(client.call({"order": 10}), Fibonacci.Result)
+        assert_type(client.call(Fibonacci.Goal(), 5), Fibonacci.Result)
+        assert_type(client.call(Fibonacci.Goal(), None), Fibonacci.Result)
+        client.call(Fibonacci.Goal(), retry=RetryPolicy.none(), classify=strict)
+
+
+def feedback_callbacks() -> None:
+    client = Client(Fibonacci, "fibonacci")
+    client.call(Fibonacci.Goal(), on_feedback=print)
+    client.call(Fibonacci.Goal(), on_feedback=take)
+    client.call(Fibonacci.Goal(), on_feedback=lambda feedback: feedback.sequence.append(1))
+    client.call_async(Fibonacci.Goal(), take_slowly)
+    client.call_async(Fibonacci.Goal(), on_feedback=take_anything, timeout=3)
+
+
+def call_async() -> None:
+    client = Client(Fibonacci, "fibonacci")
+    future = client.call_async(Fibonacci.Goal(order=10), on_feedback=print)
+    assert_type(future, GoalFuture[Fibonacci.Result, Fibonacci.Feedback])
+    assert_type(future.result(), Fibonacci.Result)
+    assert_type(future.result(timeout=1.0), Fibonacci.Result)
+    assert_type(future.outcome(), Outcome[Fibonacci.Result])
+    assert_type(future.outcome().result, Fibonacci.Result | None)
+    assert_type(future.latest_feedback, Fibonacci.Feedback | None)
+    for feedback in future.feedback():
+        assert_type(feedback, Fibonacci.Feedback)
+
+
+def as_a_future_of_the_standard_library() -> None:
+    client = Client(Fibonacci, "fibonacci")
+    future: concurrent.futures.Future[Fibonacci.Result] = client.call_async({"order": 1})
+    for done in concurrent.futures.as_completed([future, client.call_async({"order": 2})]):
+        assert_type(done.result(), Fibonacci.Result)
+
+
+async def await_it() -> None:
+    async with Client(Fibonacci, "fibonacci") as client:
+        assert_type(client, FibonacciClient)
+        future = client.call_async(Fibonacci.Goal(order=10))
+        async for feedback in future.feedback():
+            assert_type(feedback, Fibonacci.Feedback)
+        assert_type(await future, Fibonacci.Result)
+        both = await asyncio.gather(
+            client.call_async({"order": 1}), client.call_async(Fibonacci.Goal())
+        )
+        assert_type(both, tuple[Fibonacci.Result, Fibonacci.Result])
+
+
+def a_client_of_any_action(client: Client) -> object:
+    return client.call({"order": 1})
+
+
+def of_this_action(client: FibonacciClient) -> int:
+    a_client_of_any_action(client)
+    return client.call(Fibonacci.Goal()).sequence[0]
+
+
+def take(feedback: Fibonacci.Feedback) -> None:
+    assert_type(feedback.sequence, "array[int]")
+
+
+def take_anything(feedback: object) -> None: ...
+
+
+async def take_slowly(feedback: Fibonacci.Feedback) -> None: ...
+
+
+def strict(outcome: Outcome[Fibonacci.Result]) -> Verdict:
+    result = outcome.result
+    return Verdict.SUCCESS if result is not None and result.sequence else Verdict.PERMANENT
+
+
+_ = array

@@ -1,0 +1,537 @@
+"""Drives a call over a link and a clock of the test's, and checks what must hold in every order.
+
+The link keeps books as the real one does: who waits for a server, who waits for his turn, and
+who is told what is said of a goal. Beside it stands what is known of each goal on the servers'
+side: a goal that was sent may be running until somebody said that it does not.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections import OrderedDict, deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+from unittest import mock
+
+from actionkit import CancelReport, GoalState, Outcome, RetryBudget, RetryPolicy, Timeouts, Verdict
+from actionkit import _call as call_module
+from actionkit._attempt import STATES, Attempt
+from actionkit._call import Call, Request
+from actionkit._clock import TimerHandle, TimerQueue
+from actionkit._effects import CancelAnswer
+from actionkit._explain import Surroundings
+
+CODES = {state: code for code, state in STATES.items()}
+ANSWERS = {
+    CancelAnswer.ACCEPTED: (0, True),
+    CancelAnswer.REFUSED: (0, False),
+    CancelAnswer.UNKNOWN_GOAL: (2, False),
+    CancelAnswer.TERMINATED: (3, False),
+}
+GRACE = 0.05
+"""Seconds that a result waits for callbacks."""
+
+
+class Broken(AssertionError):
+    """The call did what it must never do."""
+
+
+@dataclass
+class OnServers:
+    """What was said of one goal, and what was asked of it."""
+
+    copies: int = 0
+    answered: int = 0
+    denied: int = 0
+    results_asked: int = 0
+    cancels_asked: int = 0
+    results_answered: int = 0
+    cancels_answered: int = 0
+    cancels_in_vain: int = 0
+    accepted: bool = False
+    lost: bool = False
+    unknown: bool = False
+    may_run: bool = False
+
+    @property
+    def asked(self) -> int:
+        return self.results_asked + self.cancels_asked
+
+
+class Link:
+    """Remembers who is to be told what, as the real link does; sends nothing anywhere."""
+
+    def __init__(self, life: CallLife) -> None:
+        self.life = life
+        self.runtime = life
+        self.ready = self.busy = False
+        self.awaiting: dict[Attempt, None] = {}
+        self.queue: OrderedDict[bytes, Attempt] = OrderedDict()
+        self.listeners: dict[bytes, Attempt] = {}
+
+    def adopt(self, listener: Attempt) -> None:
+        if listener.goal_id.bytes in self.listeners:
+            self.listeners[listener.goal_id.bytes] = listener
+
+    def await_server(self, listener: Attempt) -> None:
+        if self.ready:
+            listener.on_server_ready()
+        else:
+            self.awaiting[listener] = None
+
+    def hold(self, listener: Attempt) -> None:
+        self.awaiting[listener] = None
+
+    def send_goal(self, listener: Attempt, goal: Any) -> None:
+        self.awaiting.pop(listener, None)
+        self.queue[listener.goal_id.bytes] = listener
+        self.flush()
+
+    def flush(self) -> None:
+        while self.ready and not self.busy and self.queue:
+            key, listener = self.queue.popitem(last=False)
+            if listener.unwanted:
+                continue
+            self.listeners[key] = listener
+            self.life.note_sent(key)
+            listener.on_sent()
+
+    def withdraw(self, listener: Attempt) -> None:
+        self.awaiting.pop(listener, None)
+        self.queue.pop(listener.goal_id.bytes, None)
+
+    def leave_outbox(self, listener: Attempt) -> None:
+        self.queue.pop(listener.goal_id.bytes, None)
+
+    def ask_result(self, listener: Attempt) -> None:
+        if listener.goal_id.bytes in self.listeners:
+            self.life.goals[listener.goal_id.bytes].results_asked += 1
+
+    def ask_cancel(self, listener: Attempt) -> None:
+        if listener.goal_id.bytes in self.listeners:
+            self.life.goals[listener.goal_id.bytes].cancels_asked += 1
+
+    def watch_status(self) -> None:
+        pass
+
+    def forget(self, listener: Attempt, *, abandoned: bool) -> None:
+        self.withdraw(listener)
+        if self.listeners.pop(listener.goal_id.bytes, None) is not None:
+            self.life.note_forgotten(listener.goal_id.bytes, abandoned=abandoned)
+
+
+class CallLife:
+    """One call, its carrier, its clock, and the servers' side of its goals."""
+
+    action_name = "/fibonacci"
+    type_name = "test_msgs/action/Fibonacci"
+
+    def __init__(
+        self,
+        timeout: float | None = None,
+        *,
+        retry: RetryPolicy = RetryPolicy(jitter=0.0),  # noqa: B008  frozen
+        budget: RetryBudget | None = None,
+        judged: bool = False,
+        **timeouts: float | None,
+    ) -> None:
+        self.clock = 1000.0
+        self.timers = TimerQueue()
+        self.soon: deque[Callable[[], None]] = deque()
+        self.jobs: deque[Callable[[], None]] = deque()
+        self.verdict = Verdict.SUCCESS
+        self.told: list[tuple[Any, ...]] = []
+        self.goals: dict[bytes, OnServers] = {}
+        self.link = Link(self)
+        self.retry = retry
+        self.timeouts = Timeouts(**timeouts)  # type: ignore[arg-type]
+        self.settled = self.finishes = 0
+        self.wanted, self.closed, self.abandon, self.broke = True, False, False, False
+        self.cancelled_by_others = False
+        with self.patched():
+            self.call = Call(
+                self,  # type: ignore[arg-type]
+                Request(
+                    goal=object(),
+                    invalid=None,
+                    timeout=timeout,
+                    timeouts=self.timeouts,
+                    retry=retry,
+                    budget=budget or RetryBudget(1000.0),
+                    classify=(lambda _: self.verdict) if judged else None,
+                    callbacks=None,
+                ),
+            )
+        self.deadline = None if timeout is None else self.clock + timeout
+        settle = self.call.future.settle
+
+        def count(*args: Any) -> None:
+            self.settled += 1
+            self.require(self.settled == 1, "it ends once")
+            settle(*args)
+
+        self.call.future.settle = count  # type: ignore[method-assign]
+        self.does(self.call.begin)
+
+    # --- the carrier, and the thread's clock -----------------------------------------------
+
+    def attempt(
+        self,
+        goal_id: uuid.UUID,
+        goal: Any,
+        timeouts: Timeouts,
+        deadline: float | None,
+        owner: Call,
+        *,
+        resent: bool,
+    ) -> Attempt:
+        return Attempt(
+            self.link,
+            goal_id,
+            goal,
+            timeouts,
+            deadline,
+            owner,
+            resent=resent,
+            on_out_of_sight=lambda _: None,
+        )
+
+    def now(self) -> float:
+        return self.clock
+
+    monotonic = now
+    time = now
+
+    def call_soon(self, callback: Callable[[], None]) -> None:
+        self.soon.append(callback)
+
+    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
+        return self.timers.arm(at, callback)
+
+    def cancel_timer(self, handle: TimerHandle) -> None:
+        self.timers.cancel(handle)
+
+    def submit(self, job: Callable[[], None]) -> None:
+        self.jobs.append(job)
+
+    def server_is_ready(self) -> bool:
+        return self.link.ready
+
+    def decode_feedback(self, message: bytes) -> Any:
+        return message
+
+    def take_feedback_now(self) -> None:
+        pass
+
+    def surroundings(self) -> Surroundings:
+        return Surroundings({}, 0, "none")
+
+    def add(self, call: Call) -> None:
+        pass
+
+    def finished(self, call: Call) -> None:
+        self.finishes += 1
+
+    # --- driving ---------------------------------------------------------------------------
+
+    def patched(self) -> Any:
+        return mock.patch.multiple(call_module, time=self, pool=self)
+
+    def does(self, action: Callable[..., object], *args: Any, **options: Any) -> None:
+        """Let something happen on the thread, and all that follows at once."""
+        with self.patched():
+            action(*args, **options)
+            while self.soon:
+                self.soon.popleft()()
+        self.check()
+
+    def happens(self, *event: Any) -> None:
+        """Let an event happen where it can."""
+        name, *args = event
+        self.told.append(event)
+        getattr(self, name)(*args)
+
+    def wait_until(self, moment: float) -> None:
+        """Move the clock, firing the timers due on the way."""
+        while (due := self.timers.next_due()) is not None and due <= moment:
+            self.clock = max(self.clock, due)
+            callback = self.timers.pop_due(self.clock)
+            assert callback is not None
+            self.does(callback)
+        self.clock = max(self.clock, moment)
+
+    # --- events: servers -------------------------------------------------------------------
+
+    def ready(self) -> None:
+        """A server is ready: for the first time, again, or one more."""
+        self.link.ready = True
+        before = {key: goal.asked for key, goal in self.goals.items() if goal.lost}
+        self.does(self._tell_ready)
+        for key, asked in before.items():
+            goal = self.goals[key]
+            forgotten = key not in self.link.listeners
+            self.require(
+                forgotten or not goal.lost or goal.asked > asked,
+                "a goal that was lost is asked about when a server is ready",
+            )
+
+    def _tell_ready(self) -> None:
+        awaiting, self.link.awaiting = self.link.awaiting, {}
+        for listener in awaiting:
+            listener.on_server_ready()
+        for listener in list(self.link.listeners.values()):
+            listener.on_server_ready()
+        self.link.flush()
+
+    def settling(self) -> None:
+        """Another server comes, and is not ready so far; nobody is lost."""
+        self.link.ready = False
+
+    def gone(self) -> None:
+        """All servers are gone."""
+        self.link.ready = False
+        self.does(self._tell_lost, everybody=True)
+
+    def restarted(self) -> None:
+        """The server is gone, and another is there."""
+        self.does(self._tell_lost, everybody=False)
+        self.ready()
+
+    def _tell_lost(self, *, everybody: bool) -> None:
+        for key, listener in list(self.link.listeners.items()):
+            self.goals[key].lost = self.goals[key].may_run
+            listener.on_server_lost("gone")
+        if everybody:
+            for listener in list(self.link.queue.values()):
+                listener.on_server_lost("gone")
+
+    def busy(self, busy: bool) -> None:
+        """Other goals fill the window of requests that wait for their answer."""
+        self.link.busy = busy
+        self.does(self.link.flush)
+
+    # --- events: what is said of a goal ----------------------------------------------------
+
+    def _goal(self, number: int) -> tuple[OnServers, Attempt] | None:
+        """Return a goal that was sent, the last one first, and who is told of it."""
+        keys = list(self.goals)[::-1]
+        if number >= len(keys) or keys[number] not in self.link.listeners:
+            return None
+        return self.goals[keys[number]], self.link.listeners[keys[number]]
+
+    def _lives(self, goal: OnServers) -> None:
+        goal.accepted, goal.lost, goal.unknown = True, False, False
+
+    def accepted(self, number: int) -> None:
+        if (found := self._goal(number)) and found[0].answered < found[0].copies:
+            found[0].answered += 1
+            self._lives(found[0])
+            self.does(found[1].on_accepted)
+
+    def rejected(self, number: int) -> None:
+        if (found := self._goal(number)) and found[0].answered < found[0].copies:
+            goal = found[0]
+            goal.answered += 1
+            goal.denied += 1
+            if not goal.accepted and (goal.copies == 1 or goal.denied > 1):
+                goal.may_run = False
+            self.does(found[1].on_rejected)
+
+    def feedback(self, number: int) -> None:
+        if (found := self._goal(number)) and found[0].may_run:
+            self._lives(found[0])
+            self.does(found[1].on_feedback, b"")
+
+    def status(self, number: int, state: GoalState) -> None:
+        if (found := self._goal(number)) and found[0].may_run:
+            self._lives(found[0])
+            found[0].may_run = not state.is_terminal
+            self.does(found[1].on_status, CODES[state])
+
+    def result(self, number: int, state: GoalState | None) -> None:
+        found = self._goal(number)
+        if found is None or found[0].results_answered >= found[0].results_asked:
+            return
+        goal, listener = found
+        goal.results_answered += 1
+        if state is None:
+            denied = goal.denied and not goal.accepted
+            goal.may_run = goal.may_run and not (goal.accepted or goal.lost or denied)
+            goal.unknown = True
+            self.does(listener.on_result, 0, None)
+            return
+        self._lives(goal)
+        goal.may_run = False
+        self.cancelled_by_others |= (
+            state is GoalState.CANCELED and goal.cancels_in_vain == goal.cancels_asked
+        )
+        self.does(listener.on_result, CODES[state], object())
+
+    def cancel_answer(self, number: int, answer: CancelAnswer) -> None:
+        found = self._goal(number)
+        if found is None or found[0].cancels_answered >= found[0].cancels_asked:
+            return
+        goal, listener = found
+        goal.cancels_answered += 1
+        if answer is CancelAnswer.UNKNOWN_GOAL:
+            goal.unknown = True
+            goal.cancels_in_vain += 1
+            goal.may_run = goal.may_run and not goal.lost
+        else:
+            self._lives(goal)
+        self.does(listener.on_cancel_answer, *ANSWERS[answer])
+
+    # --- events: the user, and time --------------------------------------------------------
+
+    def wait(self, seconds: float) -> None:
+        self.wait_until(self.clock + seconds)
+
+    def fire(self) -> None:
+        """Let the timer that is due next fire."""
+        due = self.timers.next_due()
+        if due is not None:
+            self.wait_until(due)
+
+    def cancel(self) -> None:
+        idle = self._is_idle()
+        self.wanted = False
+        self.does(self.call.request_cancel)
+        self._require_end_of_idle(idle)
+
+    def close(self, abandon: bool) -> None:
+        idle = self._is_idle()
+        self.abandon = self.abandon or (abandon and not self.closed)
+        self.closed = True
+        self.does(self.call.close, abandon=abandon)
+        self._require_end_of_idle(idle)
+
+    def _is_idle(self) -> bool:
+        """Whether no goal is under way: a pause, or a wait for a server or for its turn."""
+        attempt = self.call._attempt
+        return not self.jobs and (attempt is None or not attempt.goal.in_flight)
+
+    def _require_end_of_idle(self, idle: bool) -> None:
+        """A pause, or a wait for a server, ends at once."""
+        if idle and self.call._grace is None:
+            self.require(self.done, "who cancels or closes does not wait for nothing")
+
+    def fail(self) -> None:
+        self.broke = True
+        self.does(self.call.fail, "it broke", RuntimeError("broken"))
+        # No timer will ever fire again.
+        self.require(self.done or self.call._grace is not None, "what broke ends the call at once")
+
+    def judge(self, verdict: Verdict) -> None:
+        """The user's `classify=` returns."""
+        if self.jobs:
+            self.verdict = verdict
+            self.does(self.jobs.popleft())
+
+    # --- what must hold --------------------------------------------------------------------
+
+    @property
+    def done(self) -> bool:
+        return self.call.future.done()
+
+    @property
+    def outcome(self) -> Outcome[Any]:
+        return self.call.future.outcome(0)
+
+    @property
+    def sends(self) -> int:
+        return sum(goal.copies for goal in self.goals.values())
+
+    def require(self, holds: bool, promise: str) -> None:
+        if not holds:
+            raise Broken(f"{promise}: {self.told}")
+
+    def note_sent(self, key: bytes) -> None:
+        self.require(not self.done and self.call._ending is None, "nothing is sent after the end")
+        self.require(self.wanted and not self.closed, "nothing is sent that nobody wants")
+        self.require(not self.cancelled_by_others, "what others cancelled is not retried (C4.4)")
+        others = [goal for other, goal in self.goals.items() if other != key and goal.may_run]
+        at_least_once = self.retry.resend == "always"
+        self.require(not others or at_least_once, "two goals never run at once (C4.2)")
+        goal = self.goals.setdefault(key, OnServers())
+        if goal.copies:
+            self.require(not goal.accepted, "what was accepted is not sent again")
+            self.require(goal.unknown, "a goal is sent again to a server that does not know it")
+            self.require(not goal.lost, "an id is sent again to the same incarnation only (R5)")
+        if self.retry.resend == "never_accepted":
+            sent = [goal for goal in self.goals.values() if goal.copies]
+            refused = all(goal.denied == goal.copies for goal in sent)
+            self.require(refused, "it is sent again only where it was never accepted")
+        goal.copies += 1
+        goal.may_run = True
+        goal.lost = False
+        self.require(self.sends <= self.retry.attempts, "no more goals than attempts (C4.1)")
+
+    def note_forgotten(self, key: bytes, *, abandoned: bool) -> None:
+        left = abandoned or self.broke
+        self.require(
+            left or not self.goals[key].may_run, "a goal that may run is watched on (C2.4)"
+        )
+
+    def check(self) -> None:
+        self.require(self.finishes == self.settled, "it is counted out when it ends")
+        self.require(self.done == (self.settled == 1), "it is done when it ends")
+        if self.abandon or self.broke:
+            return
+        if self.done:
+            self.check_outcome()
+            for key, goal in self.goals.items():
+                if goal.may_run and key in self.link.listeners and not goal.lost:
+                    self.require(
+                        goal.cancels_asked > 0, "nothing is left behind uncancelled (C2.4)"
+                    )
+        elif self.deadline is not None and not self.jobs:
+            latest = self.deadline + self.timeouts.cancel + GRACE
+            self.require(self.clock < latest + 1e-6, "the deadline is kept (C2.3)")
+
+    def check_outcome(self) -> None:
+        outcome = self.outcome
+        self.require(1 <= outcome.attempts <= self.retry.attempts or not self.sends, "attempts")
+        if self.settled_with_news:
+            return
+        self.settled_with_news = True
+        running = any(goal.may_run for goal in self.goals.values())
+        if outcome.cancel in (CancelReport.NOT_NEEDED, CancelReport.CONFIRMED):
+            at_least_once = self.retry.resend == "always"
+            self.require(not running or at_least_once, f"{outcome.cancel} means: nothing runs")
+        if outcome.error is None:
+            self.require(not running or self.retry.resend == "always", "a success is the last word")
+
+    settled_with_news = False
+
+    # --- a good end ------------------------------------------------------------------------
+
+    def come_to_good(self, seconds: float) -> None:
+        """From now on a server is ready that answers everything, and knows what it accepted."""
+        end = self.clock + seconds
+        self.busy(False)
+        self.ready()
+        while not self.done and self.clock < end:
+            self._answer_everything()
+            while self.jobs:
+                self.judge(Verdict.SUCCESS)
+            due = self.timers.next_due()
+            self.wait_until(end if due is None else min(due, end))
+
+    def _answer_everything(self) -> None:
+        for key, goal in list(self.goals.items()):
+
+            def tell(event: str, *args: Any, key: bytes = key) -> None:
+                number = list(self.goals)[::-1].index(key)
+                if key in self.link.listeners:
+                    self.happens(event, number, *args)
+
+            if not goal.accepted and not goal.lost and goal.answered < goal.copies:
+                tell("accepted")
+            for _ in range(goal.cancels_asked - goal.cancels_answered):
+                known = CancelAnswer.ACCEPTED if goal.accepted else CancelAnswer.UNKNOWN_GOAL
+                tell("cancel_answer", known)
+            for _ in range(goal.results_asked - goal.results_answered):
+                ours = goal.cancels_asked > goal.cancels_in_vain
+                ended = GoalState.CANCELED if ours else GoalState.SUCCEEDED
+                tell("result", ended if goal.accepted else None)

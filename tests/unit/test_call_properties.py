@@ -1,0 +1,357 @@
+"""A call under every order of events: what its goals' servers may be doing, and what it ends with.
+
+What must hold is in call_life, and is checked after each event.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from call_life import CallLife
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from actionkit import GoalState, RetryBudget, RetryPolicy, Verdict
+from actionkit import _errors as errors
+from actionkit._effects import CancelAnswer
+
+Event = tuple[Any, ...]
+
+which = st.sampled_from([0, 0, 0, 1, 1, 2])
+"""The goal that is spoken of, from the last one sent."""
+ends = [GoalState.SUCCEEDED, GoalState.CANCELED, GoalState.ABORTED]
+states = [GoalState.ACCEPTED, GoalState.EXECUTING, GoalState.CANCELING, *ends]
+seconds = st.sampled_from([0.1, 0.2, 0.5, 1.0, 3.0, 5.0, 10.0])
+
+
+def event(name: str, *arguments: Any) -> st.SearchStrategy[Event]:
+    return st.tuples(st.just(name), *arguments)
+
+
+servers = [event("ready"), event("settling"), event("gone"), event("restarted")]
+answers = [
+    event("accepted", which),
+    event("rejected", which),
+    event("feedback", which),
+    event("status", which, st.sampled_from(states)),
+    event("result", which, st.sampled_from([*ends, None, None])),
+    event("cancel_answer", which, st.sampled_from(CancelAnswer)),
+    event("cancel_answer", which, st.just(CancelAnswer.UNKNOWN_GOAL)),
+]
+time = [event("wait", seconds), event("fire"), event("fire")]
+user = [event("cancel"), event("close", st.booleans())]
+rest = [event("judge", st.sampled_from(Verdict)), event("busy", st.booleans()), event("fail")]
+everything = st.one_of(*servers, *answers, *time, *time, *user, *rest)
+peaceful = st.one_of(*servers, *answers, *time, *time, *rest[:2])
+limit = st.sampled_from([None, 1.0, 5.0])
+policies = st.builds(
+    RetryPolicy,
+    attempts=st.integers(1, 4),
+    jitter=st.just(0.0),
+    resend=st.sampled_from(["confirmed_stopped"] * 3 + ["never_accepted", "always"]),
+)
+lives = st.builds(
+    CallLife,
+    timeout=st.sampled_from([None, None, 4.0, 30.0]),
+    retry=policies,
+    judged=st.booleans(),
+    server=limit,
+    accept=limit,
+    feedback=limit,
+)
+
+
+@settings(max_examples=1500, deadline=None)
+@given(lives, st.lists(everything, max_size=40))
+def test_every_order(life: CallLife, events: list[Event]) -> None:
+    life.happens("ready")
+    for each in events:
+        life.happens(*each)
+    if life.deadline is not None:
+        while life.jobs:
+            life.happens("judge", Verdict.TRANSIENT)
+        life.happens("wait", 100.0)
+        assert life.done
+
+
+@settings(max_examples=1000, deadline=None)
+@given(lives, st.lists(peaceful, max_size=30))
+def test_whatever_happened_a_server_that_answers_brings_it_to_an_end(
+    life: CallLife, events: list[Event]
+) -> None:
+    life.happens("ready")
+    for each in events:
+        life.happens(*each)
+    life.told.append(("come_to_good",))
+    life.come_to_good(300.0)
+    life.require(life.done, "it does not hang")
+
+
+@settings(max_examples=500, deadline=None)
+@given(lives, st.lists(everything, max_size=30))
+def test_no_goal_is_ever_lost_track_of(life: CallLife, events: list[Event]) -> None:
+    """Whatever its caller made of it, a goal that may run is asked about, for ever."""
+    life.happens("ready")
+    for each in events:
+        life.happens(*each)
+    if life.broke or life.abandon:
+        return
+    life.happens("ready")  # it asks of itself about what is lost
+    life.happens("wait", 0.1)
+    before = {key: goal.asked for key, goal in life.goals.items() if goal.may_run}
+    life.happens("wait", 31.0)
+    for key, asked in before.items():
+        waits = key in life.link.queue  # for its turn to be sent again
+        goal = life.goals[key]
+        life.require(waits or goal.asked > asked, "a goal that may run is asked about")
+
+
+# --- orders that are easily got wrong ----------------------------------------------------------
+
+UNKNOWN, ACCEPTED = CancelAnswer.UNKNOWN_GOAL, CancelAnswer.ACCEPTED
+SENT: list[Event] = [("ready",)]
+RUNNING: list[Event] = [*SENT, ("accepted", 0)]
+PAUSE: list[Event] = [("wait", 0.5)]
+UNANSWERED: list[Event] = [*SENT, ("wait", 5.0), ("cancel_answer", 0, UNKNOWN)]
+"""In the pause, after which the same goal is sent again."""
+AGAIN: list[Event] = [*UNANSWERED, ("busy", True), *PAUSE]
+"""The same goal waits for its turn to be sent again."""
+LOST: list[Event] = [*RUNNING, ("gone",)]
+NO_LIMITS = {"server": None, "accept": None}
+
+SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
+    # The limits, what happens, and how many requests are sent in the end.
+    "a lost goal that lives on keeps the next one back": (
+        NO_LIMITS,
+        [*LOST, ("ready",), ("feedback", 0), *PAUSE, ("ready",)],
+        1,
+    ),
+    "a lost goal keeps all later attempts back": (
+        {"server": 1.0},
+        [*LOST, *PAUSE, ("wait", 1.0), ("wait", 1.0), ("ready",)],
+        1,
+    ),
+    "a lost goal that no server knows makes room for the next": (
+        NO_LIMITS,
+        [*LOST, *PAUSE, ("ready",), ("cancel_answer", 0, UNKNOWN)],
+        2,
+    ),
+    "the next goal is sent also where another server came between": (
+        NO_LIMITS,
+        [*LOST, ("restarted",), *PAUSE, ("settling",), ("result", 0, None), ("ready",)],
+        2,
+    ),
+    "the next goal is sent also where the server went between": (
+        NO_LIMITS,
+        [*LOST, ("restarted",), *PAUSE, ("gone",), ("result", 0, None), ("ready",)],
+        2,
+    ),
+    "what somebody else cancelled is not retried, also when that is told late": (
+        NO_LIMITS,
+        [*LOST, *PAUSE, ("result", 0, GoalState.CANCELED), ("ready",)],
+        1,
+    ),
+    "nor is what was sent again, where no cancel of ours can have done it": (
+        {},
+        [*UNANSWERED, *PAUSE, ("accepted", 0), ("result", 0, GoalState.CANCELED), ("wait", 1.0)],
+        2,
+    ),
+    "what waits in vain to be sent again to a server that is there is watched on": (
+        {"server": 1.0, "accept": 1.0},
+        [
+            *SENT,
+            ("wait", 1.0),
+            ("wait", 0.5),  # it is asked to cancel a second time
+            ("settling",),
+            ("cancel_answer", 0, UNKNOWN),
+            ("wait", 2.0),
+            ("cancel_answer", 0, UNKNOWN),
+            ("ready",),
+        ],
+        1,
+    ),
+    "an earlier goal that proves to have been aborted is not run twice": (
+        NO_LIMITS,
+        [*LOST, *PAUSE, ("result", 0, GoalState.ABORTED), ("ready",)],
+        1,
+    ),
+    "an earlier goal that proves to have been rejected is not tried again": (
+        {},
+        [*UNANSWERED, ("rejected", 0), *PAUSE],
+        1,
+    ),
+    "what was not known is sent again with the same id": ({}, [*UNANSWERED, *PAUSE], 2),
+    "an id is not sent to another incarnation": (
+        NO_LIMITS | {"accept": 5.0},
+        [*AGAIN, ("gone",), ("busy", False), ("ready",)],
+        1,
+    ),
+    "an id is not sent to another incarnation either where that came at once": (
+        NO_LIMITS | {"accept": 5.0},
+        [*AGAIN, ("restarted",), ("busy", False)],
+        1,
+    ),
+    "what was accepted late is not sent again": ({}, [*AGAIN, ("accepted", 0), ("busy", False)], 1),
+    "what was cancelled while it waited to be sent again is not sent, and watched": (
+        {},
+        [*AGAIN, ("cancel",), ("wait", 5.0), ("busy", False), ("accepted", 0)],
+        1,
+    ),
+    "close ends a call that waits for what became of an unanswered goal": (
+        {},
+        [*SENT, ("wait", 5.0), ("close", False), ("cancel_answer", 0, UNKNOWN), *PAUSE],
+        1,
+    ),
+    "close ends a call whose feedback stalled": (
+        {"feedback": 1.0},
+        [*RUNNING, ("wait", 1.0), ("close", False), ("gone",), *PAUSE, ("ready",)],
+        1,
+    ),
+    "nothing is tried again on a thread that died": ({"server": None}, [("fail",), *PAUSE], 0),
+    "nor what the server did not know before": (
+        {},
+        [*SENT, ("wait", 1.0), ("result", 0, None), ("fail",), *PAUSE],
+        1,
+    ),
+    "a goal that ended is not run again because its result went with the server": (
+        {},
+        [*RUNNING, ("status", 0, GoalState.SUCCEEDED), ("gone",), *PAUSE, ("ready",)],
+        1,
+    ),
+}
+
+
+def lived(events: list[Event], **options: Any) -> CallLife:
+    life = CallLife(**options)
+    for each in events:
+        life.happens(*each)
+    return life
+
+
+@pytest.mark.parametrize("promise", SUBTLE)
+def test_subtle_orders(promise: str) -> None:
+    limits, events, sends = SUBTLE[promise]
+    assert lived(events, **limits).sends == sends
+
+
+# --- what it ends with -------------------------------------------------------------------------
+
+
+def test_attempts_end_with_the_last_error_and_the_limit_that_ended_them() -> None:
+    life = lived([*3 * [*LOST, *PAUSE, ("ready",), ("cancel_answer", 0, UNKNOWN)]])
+    error = life.outcome.error
+    assert isinstance(error, errors.ServerLostError)
+    assert (life.sends, life.outcome.attempts, error.attempts) == (3, 3, 3)
+    assert "all 3 attempts" in str(error)
+    states = [event.state for event in life.outcome.timeline]
+    assert states.count(GoalState.RETRYING) == 2
+    assert [event.attempt for event in life.outcome.timeline][-1] == 3
+    assert len({event.goal_id for event in life.outcome.timeline}) == 3
+
+
+def test_a_goal_sent_again_with_its_id_is_told_as_two_attempts() -> None:
+    life = lived([*UNANSWERED, *PAUSE, ("accepted", 0)])
+    life.happens("result", 0, GoalState.SUCCEEDED)
+    assert life.outcome.error is None
+    assert (life.outcome.attempts, life.outcome.goal_id) == (2, life.call.goal_id)
+    assert len({event.goal_id for event in life.outcome.timeline}) == 1
+
+
+@pytest.mark.parametrize("end", ["cancel", "close"])
+def test_a_pause_ends_at_once(end: str) -> None:
+    life = lived([*LOST])
+    assert life.call.state is GoalState.RETRYING
+    assert not life.done
+    life.happens(end, *([False] if end == "close" else []))
+    assert life.done
+    assert life.outcome.cancel is not None
+    assert life.outcome.cancel.name == "UNKNOWN"  # the lost goal may run on
+    assert life.clock == 1000.0
+
+
+def test_the_budget_forbids_retries_and_counts_each_call() -> None:
+    budget = RetryBudget(capacity=2.0)
+    life = lived([*LOST], budget=budget)
+    assert life.done
+    assert "retry budget" in str(life.outcome.error)
+    assert budget.tokens == 1.0
+    life = lived([*RUNNING, ("result", 0, GoalState.SUCCEEDED)], budget=budget)
+    assert life.outcome.error is None
+    assert budget.tokens == 1.1
+
+
+def test_a_late_success_is_taken_in_place_of_another_goal() -> None:
+    life = lived([*LOST, *PAUSE, ("result", 0, GoalState.SUCCEEDED), ("ready",)])
+    assert life.outcome.error is None
+    assert life.outcome.result is not None
+    assert life.sends == 1
+
+
+# --- what the user's `classify=` has to say (contract C3.3) ------------------------------------
+
+SUCCEEDED: Event = ("result", 0, GoalState.SUCCEEDED)
+
+
+def test_a_success_judged_transient_is_tried_again_until_it_is_none() -> None:
+    life = lived([*RUNNING, SUCCEEDED, ("judge", Verdict.TRANSIENT), *PAUSE], judged=True)
+    assert life.sends == 2
+    life.happens("accepted", 0)
+    life.happens(*SUCCEEDED)
+    life.happens("judge", Verdict.SUCCESS)
+    life.happens("wait", 0.1)
+    assert life.outcome.error is None
+    assert life.outcome.attempts == 2
+
+
+def test_a_success_judged_transient_to_the_last_ends_the_retries() -> None:
+    events = [*RUNNING, SUCCEEDED, ("judge", Verdict.TRANSIENT), ("wait", 1.0)]
+    life = lived([*3 * events], judged=True)
+    assert type(life.outcome.error) is errors.RetriesExhaustedError
+    assert life.sends == 3
+
+
+@pytest.mark.parametrize("end", [GoalState.SUCCEEDED, GoalState.ABORTED])
+def test_what_is_judged_permanent_is_not_tried_again(end: GoalState) -> None:
+    life = lived(
+        [*RUNNING, ("result", 0, end), ("judge", Verdict.PERMANENT), ("wait", 1.0)], judged=True
+    )
+    assert isinstance(life.outcome.error, errors.PermanentError)
+    assert life.sends == 1
+
+
+def test_a_rejection_judged_transient_is_tried_again_also_by_the_most_careful() -> None:
+    careful = RetryPolicy(jitter=0.0, resend="never_accepted")
+    life = lived(
+        [*SENT, ("rejected", 0), ("judge", Verdict.TRANSIENT), *PAUSE], judged=True, retry=careful
+    )
+    assert life.sends == 2
+
+
+def test_a_late_success_is_judged_like_any_other() -> None:
+    life = lived([*LOST, *PAUSE, SUCCEEDED, ("ready",)], judged=True)
+    life.happens("judge", Verdict.PERMANENT)
+    life.happens("wait", 1.0)
+    assert isinstance(life.outcome.error, errors.PermanentError)
+
+
+def test_a_cancel_that_comes_while_a_success_is_judged_does_not_lose_it() -> None:
+    life = lived([*RUNNING, SUCCEEDED, ("cancel",), ("judge", Verdict.SUCCESS)], judged=True)
+    life.happens("wait", 0.1)
+    assert life.outcome.error is None
+    assert life.outcome.result is not None
+
+
+def test_a_function_that_does_not_return_does_not_hold_up_the_deadline() -> None:
+    life = lived([*RUNNING, SUCCEEDED, ("wait", 6.1)], judged=True, timeout=4.0)
+    assert life.done  # (C2.3)
+
+
+def test_a_function_that_does_not_return_does_not_hold_up_close() -> None:
+    life = lived([*RUNNING, SUCCEEDED, ("close", False), ("wait", 2.1)], judged=True)
+    assert life.done
+
+
+def test_a_function_that_does_not_return_does_not_hold_up_a_cancel() -> None:
+    life = lived([*RUNNING, SUCCEEDED, ("cancel",), ("wait", 2.1)], judged=True)
+    assert life.done  # (C1.5)

@@ -1,0 +1,281 @@
+"""The error that each way to fail gets, and what its text tells (contract C3.2)."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import pickle
+import re
+import uuid
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
+from test_msgs.action import Fibonacci
+
+import actionkit
+from actionkit import CancelReport, GoalEvent, GoalState, Timeouts, Verdict, _explain
+from actionkit._effects import CancelAnswer, End, Ending, Known, Reached
+from actionkit._explain import Story, Surroundings, explain
+from actionkit._field_errors import FieldError
+
+EVENT = GoalEvent(uuid.uuid4(), 1, GoalState.SENDING, 1.0, 2.0)
+GOAL_ID = uuid.uuid4()
+STORY = Story(
+    action_name="/fibonacci",
+    type_name="test_msgs/action/Fibonacci",
+    goal_id=GOAL_ID,
+    attempts=1,
+    timeline=(EVENT,),
+    elapsed=4.2,
+    timeout=4.0,
+    timeouts=Timeouts(feedback=3.0),
+    surroundings=lambda: Surroundings({}, 7, "rmw_fastrtps_cpp"),
+)
+ABORTED = Fibonacci.Result(sequence=[1])
+NEVER_SENT = (Reached.NEVER_SENT, Known.STOPPED)
+ENDED = (Reached.ACCEPTED, Known.STOPPED)
+ENDINGS: dict[End, tuple[Ending, type[BaseException], str]] = {
+    # How it ends, its error, and the remedy that the text is to give.
+    end: (Ending(end, *ending), cls, remedy)
+    for end, ending, cls, remedy in [
+        (
+            End.NO_SERVER,
+            (GoalState.SENDING,),
+            actionkit.ServerUnavailableError,
+            "Check that the server runs",
+        ),
+        (
+            End.TYPE_MISMATCH,
+            (GoalState.SENDING, None, None, "", *NEVER_SENT, ("a/action/B", "a/action/C")),
+            actionkit.ActionTypeMismatchError,
+            "Use the served type",
+        ),
+        (
+            End.INVALID,
+            (
+                GoalState.SENDING,
+                None,
+                None,
+                "",
+                *NEVER_SENT,
+                FieldError("order", -1, "be positive"),
+            ),
+            actionkit.InvalidGoalError,
+            "order: be positive",
+        ),
+        (
+            End.NO_ACCEPTANCE,
+            (
+                GoalState.TIMED_OUT,
+                None,
+                CancelReport.UNKNOWN,
+                "",
+                Reached.UNANSWERED,
+                Known.NOTHING,
+            ),
+            actionkit.AcceptanceTimeoutError,
+            "Timeouts(accept=...)",
+        ),
+        (
+            End.REJECTED,
+            (GoalState.REJECTED,),
+            actionkit.GoalRejectedError,
+            "look at the server's log",
+        ),
+        (
+            End.ABORTED,
+            (GoalState.ABORTED, ABORTED, None, "", *ENDED),
+            actionkit.GoalAbortedError,
+            "`error.result`",
+        ),
+        (
+            End.CANCELED_BY_OTHER,
+            (GoalState.CANCELED, ABORTED, None, "", *ENDED),
+            actionkit.GoalCanceledError,
+            "Another client, an operator or the server",
+        ),
+        (
+            End.LOST,
+            (GoalState.LOST, None, None, "", Reached.ACCEPTED, Known.SERVER_GONE, "it is gone"),
+            actionkit.ServerLostError,
+            "Look for a crash",
+        ),
+        (
+            End.RESULT_LOST,
+            (GoalState.LOST, None, None, "", *ENDED, GoalState.SUCCEEDED),
+            actionkit.ResultLostError,
+            "result_timeout",
+        ),
+        (
+            End.STALLED,
+            (GoalState.TIMED_OUT, None, CancelReport.REFUSED, "", Reached.ACCEPTED, Known.NOTHING),
+            actionkit.FeedbackStalledError,
+            "Timeouts(feedback=...)",
+        ),
+        (
+            End.DEADLINE,
+            (GoalState.TIMED_OUT, None, CancelReport.CONFIRMED, "execute", *ENDED),
+            actionkit.DeadlineExceededError,
+            "Give it more time",
+        ),
+        (
+            End.JUDGED,
+            (GoalState.SUCCEEDED, ABORTED, None, "", *ENDED, Verdict.PERMANENT),
+            actionkit.PermanentError,
+            "`error.result`",
+        ),
+        (
+            End.CLOSED,
+            (GoalState.CANCELED, None, CancelReport.CONFIRMED, "", *ENDED),
+            actionkit.ClientClosedError,
+            "Wait for the result before close()",
+        ),
+    ]
+}
+
+
+def explained(ending: Ending, **changed: Any) -> Any:
+    error = explain(ending, replace(STORY, **changed))
+    assert error is not None
+    return error
+
+
+def test_every_way_to_fail_has_its_own_error() -> None:
+    failures = set(End) - {End.SUCCEEDED, End.CANCELLED_BY_CALLER}
+    assert set(_explain._TEXTS) == failures == set(ENDINGS)
+    classes = [cls for cls, _ in _explain._TEXTS.values()]
+    assert len(set(classes)) == len(classes)
+
+
+def test_a_success_has_none() -> None:
+    assert explain(Ending(End.SUCCEEDED, GoalState.SUCCEEDED, result=ABORTED), STORY) is None
+
+
+def test_the_callers_own_cancel_is_pythons_own_error() -> None:
+    error = explained(Ending(End.CANCELLED_BY_CALLER, GoalState.CANCELED))
+    assert type(error) is concurrent.futures.CancelledError
+    assert "/fibonacci" in str(error)
+    assert str(GOAL_ID) in str(error)
+
+
+@pytest.mark.parametrize("end", ENDINGS, ids=lambda end: end.name)
+def test_an_error_tells_what_happened_to_which_action_and_what_to_do(end: End) -> None:
+    ending, cls, remedy = ENDINGS[end]
+    error = explained(ending)
+    assert type(error) is cls
+    text = str(error)
+    assert "'/fibonacci'" in text
+    assert remedy in text
+    assert text.endswith(".") or end is End.INVALID
+    assert re.search(r"None|  |\{|<", text) is None, text
+    assert (error.action_name, error.goal_id, error.attempts) == ("/fibonacci", GOAL_ID, 1)
+    assert (error.timeline, error.elapsed, error.cancel) == ((EVENT,), 4.2, ending.cancel)
+    assert str(pickle.loads(pickle.dumps(error))) == text
+
+
+def test_the_facts_of_each_error() -> None:
+    errors = {end: explained(ending) for end, (ending, _, _) in ENDINGS.items()}
+    assert errors[End.TYPE_MISMATCH].expected == "test_msgs/action/Fibonacci"
+    assert errors[End.TYPE_MISMATCH].served == ("a/action/B", "a/action/C")
+    assert errors[End.INVALID].field == "order"
+    assert errors[End.INVALID].__cause__ is ENDINGS[End.INVALID][0].info
+    assert errors[End.ABORTED].result is errors[End.CANCELED_BY_OTHER].result is ABORTED
+    assert errors[End.JUDGED].result is ABORTED
+    assert errors[End.RESULT_LOST].status is GoalState.SUCCEEDED
+    assert errors[End.DEADLINE].phase == "execute"
+    late = explained(replace(ENDINGS[End.DEADLINE][0], result=ABORTED, status=GoalState.SUCCEEDED))
+    assert late.late_result is ABORTED
+    assert "late_result" in str(late)
+    broken = RuntimeError("the thread died")
+    assert explained(replace(ENDINGS[End.LOST][0], info=broken)).__cause__ is broken
+
+
+@pytest.mark.parametrize("phase", ["server", "accept", "execute", "pause", "cancel"])
+@pytest.mark.parametrize("report", CancelReport)
+def test_the_deadline_names_the_phase_and_what_became_of_the_goal(
+    phase: str, report: CancelReport
+) -> None:
+    text = str(explained(Ending(End.DEADLINE, GoalState.TIMED_OUT, cancel=report, phase=phase)))
+    if phase == "cancel":
+        assert "within 2 s: IT MAY STILL BE RUNNING" in text
+        return
+    assert "4 s, ran out" in text
+    if phase == "server" and report is CancelReport.NOT_NEEDED:
+        assert "nothing was sent" in text
+        assert "ROS_DOMAIN_ID" in text
+        return
+    assert ("IT IS STILL RUNNING" in text) == (report is CancelReport.REFUSED)
+    assert ("IT MAY STILL BE RUNNING" in text) == (report is CancelReport.UNKNOWN)
+    assert ("runs no more" in text) == (report is CancelReport.CONFIRMED)
+
+
+@pytest.mark.parametrize("event", ["silence", "no answer", "close"])
+def test_a_goal_that_was_cancelled_is_not_said_to_have_succeeded(event: str) -> None:
+    life = Life(feedback=1.0)
+    life.see(*(UNTIL_SENT if event == "no answer" else UNTIL_ACCEPTED))
+    if event == "close":
+        life.tell("close", abandon=False)
+    life.wait_until(5.0 if event == "no answer" else 1.0)
+    life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    life.tell("result", GoalState.CANCELED, ABORTED)
+    assert life.ending is not None
+    assert "succeeded" not in str(explained(life.ending))
+
+
+# --- why it was not tried again (contract C4.1) ------------------------------------------------
+
+TRANSIENT = [End.NO_SERVER, End.NO_ACCEPTANCE, End.LOST, End.STALLED]
+
+
+@pytest.mark.parametrize("end", TRANSIENT, ids=lambda end: end.name)
+def test_an_error_that_speaks_for_itself_says_why_it_was_not_tried_again(end: End) -> None:
+    ending, cls, remedy = ENDINGS[end]
+    error = explained(replace(ending, note="it is Sunday"), attempts=3)
+    assert type(error) is cls
+    assert error.transient
+    assert error.attempts == 3
+    text = str(error)
+    assert remedy in text
+    assert text.endswith("It was not tried again: it is Sunday.")
+    assert "tried again" not in str(explained(ending))
+    assert str(pickle.loads(pickle.dumps(error))) == text
+
+
+def test_a_success_judged_transient_has_an_error_only_for_the_end_of_the_retries() -> None:
+    ending = replace(ENDINGS[End.JUDGED][0], info=Verdict.TRANSIENT, note="it is Sunday")
+    error = explained(ending, attempts=3)
+    assert type(error) is actionkit.RetriesExhaustedError
+    assert (error.result, error.attempts, error.goal_id) == (ABORTED, 3, GOAL_ID)
+    assert "it is Sunday" in str(error)
+    assert "/fibonacci" in str(error)
+    assert isinstance(error.__cause__, actionkit.TransientError)
+    assert error.__cause__.result is ABORTED
+    assert type(pickle.loads(pickle.dumps(error)).__cause__) is actionkit.TransientError
+
+
+# --- what the graph shows (contract C3.2) ------------------------------------------------------
+
+
+def no_server(actions: dict[str, tuple[str, ...]] | None) -> str:
+    around = Surroundings(actions, 7, "rmw_fastrtps_cpp")
+    return str(explained(ENDINGS[End.NO_SERVER][0], surroundings=lambda: around))
+
+
+def test_where_no_server_is_seen_the_text_lists_those_that_are() -> None:
+    fibonacci, other = ("test_msgs/action/Fibonacci",), ("a/action/B",)
+    text = no_server({"/fibonaci": other, "/robot/fibonacci": fibonacci, "/zzz": fibonacci})
+    assert "similar name: '/fibonaci' (a/action/B), '/robot/fibonacci' (" in text
+    assert "same type under another name: '/zzz'." in text
+    assert "ROS_DOMAIN_ID=7, rmw_fastrtps_cpp" in text
+    assert "within 5 s" in text
+    many = no_server({f"/zzz{number}": fibonacci for number in range(9)})
+    assert many.count("/zzz") == 5
+    assert "and more" in many
+
+
+def test_where_nothing_is_seen_the_text_says_so() -> None:
+    assert "No action server at all is visible." in no_server({})
+    text = no_server(None)
+    assert "the graph cannot be asked" in text
+    assert "at all is visible" not in text

@@ -1,0 +1,169 @@
+"""The tape of a call's feedback, and its readers, blocking and on event loops (contract C1.7)."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+
+from actionkit._feedback import KEPT, FeedbackStream, FeedbackTape
+
+LONG = 10.0
+
+
+def message(number: int) -> Callable[[], int]:
+    return lambda: number
+
+
+def tape_of(*numbers: int) -> FeedbackTape[int]:
+    tape: FeedbackTape[int] = FeedbackTape()
+    for number in numbers:
+        tape.put(message(number))
+    return tape
+
+
+class Reader(threading.Thread):
+    """Reads a stream to its end."""
+
+    def __init__(self, stream: FeedbackStream[int]) -> None:
+        super().__init__(daemon=True)
+        self.got: list[int] = []
+        self.first = threading.Event()
+        self._stream = stream
+        self.start()
+
+    def run(self) -> None:
+        for number in self._stream:
+            self.got.append(number)
+            self.first.set()
+
+    def result(self) -> list[int]:
+        self.join(LONG)
+        assert not self.is_alive()
+        return self.got
+
+
+async def read(stream: FeedbackStream[int]) -> list[int]:
+    return [number async for number in stream]
+
+
+def test_the_latest_and_the_count() -> None:
+    tape = tape_of()
+    assert (tape.latest, tape.count) == (None, 0)
+    tape = tape_of(1, 2)
+    tape.end()
+    assert (tape.latest, tape.count) == (2, 2)
+
+
+def test_readers_get_what_comes_from_the_newest_so_far_until_the_end() -> None:
+    tape = tape_of(1, 2)
+    readers = [Reader(tape.stream()) for _ in range(3)]
+    tape.put(message(3))
+    late = Reader(tape.stream())
+    tape.put(message(4))
+    tape.end()
+    assert [reader.result() for reader in readers] == [[2, 3, 4]] * 3
+    assert late.result() == [3, 4]
+    assert Reader(tape.stream()).result() == [4]
+
+
+def test_a_reader_that_waits_is_woken() -> None:
+    tape = tape_of()
+    reader = Reader(tape.stream())
+    tape.put(message(1))
+    assert reader.first.wait(LONG)
+    tape.end()
+    assert reader.result() == [1]
+
+
+def test_a_reader_that_is_far_behind_misses_the_oldest() -> None:
+    tape = tape_of()
+    stream = tape.stream()
+    for number in range(3 * KEPT):
+        tape.put(message(number))
+    tape.end()
+    assert Reader(stream).result() == list(range(2 * KEPT, 3 * KEPT))
+
+
+def test_messages_are_decoded_by_whoever_reads_them() -> None:
+    threads: list[int] = []
+    tape = tape_of()
+    stream = tape.stream()
+    tape.put(lambda: threads.append(threading.get_ident()) or 1)
+    assert threads == []
+    tape.end()
+    reader = Reader(stream)
+    assert reader.result() == [1]
+    assert threads == [reader.ident]
+
+
+def test_streams_on_an_event_loop() -> None:
+    async def main() -> None:
+        tape = tape_of(1)
+        readers = [asyncio.create_task(read(tape.stream())) for _ in range(3)]
+        await asyncio.sleep(0)  # they wait now
+        feeder = threading.Thread(target=lambda: [tape.put(message(n)) for n in range(2, KEPT)])
+        feeder.start()
+        await asyncio.get_running_loop().run_in_executor(None, feeder.join)
+        tape.end()
+        for reader in readers:
+            assert await asyncio.wait_for(reader, LONG) == list(range(1, KEPT))
+        assert await asyncio.wait_for(read(tape.stream()), LONG) == [KEPT - 1]
+
+    asyncio.run(main())
+
+
+def test_a_stream_on_an_event_loop_is_bounded_too() -> None:
+    async def main() -> None:
+        tape = tape_of()
+        stream = tape.stream()
+        for number in range(3 * KEPT):
+            tape.put(message(number))
+        tape.end()
+        assert await read(stream) == list(range(2 * KEPT, 3 * KEPT))
+
+    asyncio.run(main())
+
+
+def test_the_end_wakes_a_reader_on_an_event_loop() -> None:
+    async def main() -> None:
+        tape = tape_of()
+        reader = asyncio.create_task(read(tape.stream()))
+        await asyncio.sleep(0)
+        threading.Thread(target=tape.end).start()
+        assert await asyncio.wait_for(reader, LONG) == []
+
+    asyncio.run(main())
+
+
+def test_a_reader_whose_loop_was_closed_troubles_nobody() -> None:
+    tape = tape_of()
+    stream = tape.stream()
+    loop = asyncio.new_event_loop()
+    task = loop.create_task(read(stream))
+    loop.run_until_complete(asyncio.sleep(0))
+    task.cancel()
+    loop.run_until_complete(asyncio.wait([task]))
+    loop.close()
+    tape.put(message(1))
+    tape.end()
+    assert tape.latest == 1
+
+
+def test_a_reader_that_was_cancelled_can_go_on() -> None:
+    async def main() -> None:
+        troubles: list[object] = []
+        asyncio.get_running_loop().set_exception_handler(lambda _, what: troubles.append(what))
+        tape = tape_of()
+        stream = tape.stream()
+        reader = asyncio.create_task(read(stream))
+        await asyncio.sleep(0)
+        reader.cancel()
+        await asyncio.wait([reader])
+        tape.put(message(1))
+        tape.end()
+        assert await asyncio.wait_for(read(stream), LONG) == [1]
+        await asyncio.sleep(0)
+        assert troubles == []
+
+    asyncio.run(main())

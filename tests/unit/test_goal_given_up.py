@@ -1,0 +1,319 @@
+"""A goal that its caller gives up on: cancelled, out of time, or left behind by close()."""
+
+from __future__ import annotations
+
+import pytest
+from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
+
+from actionkit._effects import (
+    AskCancel,
+    AskResult,
+    CancelAnswer,
+    Disarm,
+    End,
+    Known,
+    LateResult,
+    Reached,
+    Record,
+    Release,
+    SendGoal,
+    Timer,
+    Withdraw,
+)
+from actionkit._goal import Stage
+from actionkit._values import CancelReport, GoalState
+
+# --- the deadline ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("events", "phase"), [(("start",), "server"), (("start", "server_ready"), "accept")]
+)
+def test_the_deadline_passes_before_the_goal_is_sent(events: tuple[str, ...], phase: str) -> None:
+    life = Life(3.0)
+    life.see(*events)
+    life.wait_until(3.0)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.NOT_NEEDED)
+    assert life.ending is not None
+    assert (life.ending.phase, life.ending.status) == (phase, GoalState.TIMED_OUT)
+    assert life.count(Withdraw) == 1
+    assert life.see("server_ready", "sent") == []
+
+
+def test_a_deadline_that_has_passed_at_the_start_sends_nothing() -> None:
+    life = Life(0.0)
+    life.see("start", "server_ready")
+    assert (life.end, life.count(SendGoal)) == (End.DEADLINE, 0)
+
+
+@pytest.mark.parametrize(("events", "phase"), [(UNTIL_SENT, "accept"), (UNTIL_ACCEPTED, "execute")])
+def test_the_deadline_passes_in_flight(events: tuple[str, ...], phase: str) -> None:
+    life = Life(3.0)
+    life.see(*events)
+    life.wait_until(3.0)
+    assert AskCancel() in life.all
+    assert not life.goal.settled
+    life.wait_until(5.0)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
+    assert life.ending is not None
+    assert life.ending.phase == phase
+    assert life.count(Release) == 0  # it is watched on (C2.4)
+
+
+@pytest.mark.parametrize(
+    ("status", "late"), [("CANCELED", None), ("ABORTED", None), ("SUCCEEDED", "result")]
+)
+def test_the_result_comes_in_the_grace_after_the_deadline(status: str, late: str | None) -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(3.0)
+    life.tell("result", GoalState(status), "result")
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.CONFIRMED)
+    assert life.ending is not None
+    assert (life.ending.result, life.ending.status) == (late, GoalState(status))
+
+
+def test_the_server_refuses_to_cancel_after_the_deadline() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(3.0)
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.REFUSED)
+    life.tell("result", GoalState.SUCCEEDED, 1)
+    assert life.count(Release) == 1
+
+
+def test_the_goal_is_rejected_after_the_deadline() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_SENT)
+    life.wait_until(3.0)
+    life.see("rejected")
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.NOT_NEEDED)
+
+
+def test_the_server_is_lost_after_the_deadline() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(3.0)
+    life.tell("server_lost", "gone")
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
+
+
+# --- no acceptance -----------------------------------------------------------------------------
+
+
+def test_the_server_does_not_answer_and_accepts_after_all() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    life.wait_until(5.0)
+    assert life.goal.stage is Stage.SENT
+    life.wait_until(7.0)
+    assert (life.end, life.report) == (End.NO_ACCEPTANCE, CancelReport.UNKNOWN)
+    assert life.ending is not None
+    assert (life.ending.reached, life.ending.known) == (Reached.UNANSWERED, Known.NOTHING)
+    life.wait_until(100.0)
+    assert AskCancel() in life.see("accepted")
+    life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    assert life.tell("result", GoalState.CANCELED, None)[1] == LateResult(GoalState.CANCELED, None)
+    assert life.count(Release) == 1
+
+
+@pytest.mark.parametrize("answer", ["cancel", "result"])
+def test_an_unanswered_goal_that_the_server_does_not_know_is_waited_for_no_more(
+    answer: str,
+) -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    life.tell("result", None, None)  # in good time: it may be taken yet (R6)
+    assert life.end is None
+    life.wait_until(5.0)
+    assert life.end is None  # what counts is what is said from now on
+    if answer == "cancel":
+        life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
+    else:
+        life.tell("result", None, None)
+    assert (life.end, life.report) == (End.NO_ACCEPTANCE, CancelReport.UNKNOWN)
+    assert life.ending is not None
+    assert life.ending.known is Known.UNKNOWN_TO_SERVER
+    life.wait_until(100.0)
+    assert life.count(Release) == 0  # it may be accepted yet, and is cancelled then (R6)
+    assert AskCancel() in life.see("accepted")
+    late = life.tell("result", GoalState.SUCCEEDED, 1)
+    assert LateResult(GoalState.SUCCEEDED, 1) in late
+    assert life.count(Release) == 1
+
+
+@pytest.mark.parametrize(
+    ("status", "end"), [("SUCCEEDED", End.SUCCEEDED), ("CANCELED", End.NO_ACCEPTANCE)]
+)
+def test_acceptance_comes_while_the_unanswered_goal_is_cancelled(status: str, end: End) -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    life.wait_until(5.0)
+    life.see("accepted")
+    life.tell("result", GoalState(status), "result")
+    assert life.end is end
+    assert life.report is CancelReport.CONFIRMED
+
+
+def test_an_unanswered_goal_is_rejected_after_all() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    life.wait_until(5.0)
+    life.see("rejected")
+    assert life.end is End.REJECTED
+
+
+# --- silence -----------------------------------------------------------------------------------
+
+
+def test_feedback_stalls() -> None:
+    life = Life(feedback=1.0)
+    life.see(*UNTIL_ACCEPTED)
+    for second in (0.9, 1.8, 2.7):
+        life.wait_until(second)
+        life.see("feedback")
+    life.wait_until(3.6)
+    assert AskCancel() not in life.all
+    life.wait_until(3.7)
+    assert life.all.count(AskCancel()) == 1
+    life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    life.see("feedback")
+    assert Timer.STALL not in life.timers
+    life.tell("result", GoalState.CANCELED, None)
+    assert (life.end, life.report) == (End.STALLED, CancelReport.CONFIRMED)
+
+
+# --- the caller cancels ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("events", [(), ("start",), ("start", "server_ready")])
+def test_a_goal_cancelled_before_it_was_sent_is_never_sent(events: tuple[str, ...]) -> None:
+    life = Life()
+    life.see(*events, "cancel")
+    assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.NOT_NEEDED)
+    assert life.ending is not None
+    assert (life.ending.reached, life.ending.known) == (Reached.NEVER_SENT, Known.STOPPED)
+    assert life.see("server_ready", "sent") == []
+
+
+def test_a_cancelled_goal_is_cancelled() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    assert AskCancel() in life.see("cancel")
+    assert life.end is None
+    life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    assert life.states[-1] is GoalState.CANCELING
+    life.tell("result", GoalState.CANCELED, None)
+    assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.CONFIRMED)
+
+
+def test_a_cancelled_goal_that_was_not_accepted_so_far_is_cancelled_on_acceptance() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT, "cancel")
+    assert life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL) == []
+    assert AskCancel() in life.see("accepted")
+    life.tell("result", GoalState.CANCELED, None)
+    assert life.end is End.CANCELLED_BY_CALLER
+
+
+def test_a_cancelled_goal_is_rejected() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT, "cancel", "rejected")
+    assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.NOT_NEEDED)
+
+
+@pytest.mark.parametrize(
+    ("status", "end"), [("SUCCEEDED", End.SUCCEEDED), ("ABORTED", End.ABORTED)]
+)
+def test_a_cancelled_goal_ends_in_another_way(status: str, end: End) -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.tell("cancel_answered", CancelAnswer.ACCEPTED)  # accepted, and not heeded (R12)
+    life.tell("result", GoalState(status), 1)
+    assert (life.end, life.report) == (end, CancelReport.CONFIRMED)
+
+
+def test_an_unanswered_cancel_is_repeated_and_ends_in_time() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.wait_until(1.9)
+    assert life.all.count(AskCancel()) == 3
+    life.wait_until(2.0)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
+    assert life.ending is not None
+    assert life.ending.phase == "cancel"
+
+
+def test_a_refused_cancel_leaves_the_goal_to_its_caller() -> None:
+    life = Life(60.0)
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    effects = life.tell("cancel_answered", CancelAnswer.REFUSED)
+    assert effects[0] == Disarm(Timer.CANCEL)
+    assert isinstance(effects[1], Record)
+    assert "refused" in effects[1].detail
+    life.wait_until(50.0)
+    assert life.end is None
+    life.tell("result", GoalState.SUCCEEDED, 1)
+    assert life.end is End.SUCCEEDED
+
+
+def test_terminated_confirms_nothing_and_the_result_is_asked_for() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    # What rclpy also answers for a goal that is being cancelled already.
+    assert AskResult() in life.tell("cancel_answered", CancelAnswer.TERMINATED)
+    assert life.end is None
+
+
+def test_a_goal_unknown_to_a_cancel_is_asked_for_its_result() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    assert life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL) == [AskResult()]
+    life.tell("result", None, None)
+    assert (life.end, life.report) == (End.RESULT_LOST, CancelReport.NOT_NEEDED)
+
+
+def test_a_cancel_is_answered_by_the_loss_of_the_server() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.tell("server_lost", "gone")
+    assert (life.end, life.report) == (End.LOST, CancelReport.UNKNOWN)
+
+
+# --- the client closes -------------------------------------------------------------------------
+
+
+def test_closing_cancels() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    assert AskCancel() in life.tell("close", abandon=False)
+    life.tell("result", GoalState.CANCELED, None)
+    assert (life.end, life.report) == (End.CLOSED, CancelReport.CONFIRMED)
+
+
+def test_closing_is_refused() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("close", abandon=False)
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    assert (life.end, life.report) == (End.CLOSED, CancelReport.REFUSED)
+
+
+@pytest.mark.parametrize("events", [UNTIL_SENT, UNTIL_ACCEPTED])
+def test_closing_abandons(events: tuple[str, ...]) -> None:
+    life = Life()
+    life.see(*events)
+    life.tell("close", abandon=True)
+    assert (life.end, life.report) == (End.CLOSED, CancelReport.UNKNOWN)
+    assert life.count(AskCancel) == 0
+    assert life.count(Release) == 1
+
+
+@pytest.mark.parametrize("abandon", [False, True])
+def test_closing_before_the_goal_was_sent(abandon: bool) -> None:
+    life = Life()
+    life.see("start", "server_ready")
+    life.tell("close", abandon=abandon)
+    assert (life.end, life.report) == (End.CLOSED, CancelReport.NOT_NEEDED)
+    assert life.see("sent") == []

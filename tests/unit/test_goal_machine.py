@@ -1,0 +1,361 @@
+"""The life of a goal, situation by situation. What is checked of every order of
+events is checked of these too: see goal_life.
+"""
+
+from __future__ import annotations
+
+import pytest
+from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
+
+from actionkit._effects import (
+    Arm,
+    AskCancel,
+    AskResult,
+    AwaitServer,
+    CancelAnswer,
+    Disarm,
+    End,
+    Ending,
+    Known,
+    Reached,
+    Record,
+    Release,
+    SendGoal,
+    Timer,
+    WatchStatus,
+    Withdraw,
+)
+from actionkit._goal import Stage
+from actionkit._values import CancelReport, GoalState
+
+# --- what a server does of its own -------------------------------------------------------------
+
+
+def test_a_goal_succeeds() -> None:
+    life = Life()
+    assert life.see("start") == [Record(GoalState.SENDING), Arm(Timer.SERVER, 5.0), AwaitServer()]
+    assert life.see("server_ready") == [Disarm(Timer.SERVER), SendGoal()]
+    life.see("sent")
+    # Asked for at once, because a result may expire (R25).
+    assert AskResult() in life.see("accepted")
+    life.see("feedback")
+    life.tell("result", GoalState.SUCCEEDED, "the result")
+    assert life.ending == Ending(
+        End.SUCCEEDED,
+        GoalState.SUCCEEDED,
+        result="the result",
+        reached=Reached.ACCEPTED,
+        known=Known.STOPPED,
+    )
+    assert life.states == [
+        GoalState.SENDING,
+        GoalState.SENT,
+        GoalState.ACCEPTED,
+        GoalState.EXECUTING,
+        GoalState.SUCCEEDED,
+    ]
+    assert life.all[-1] == Release()
+    assert life.timers == {}
+
+
+def test_a_goal_is_rejected() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT, "rejected")
+    assert life.ending == Ending(
+        End.REJECTED, GoalState.REJECTED, reached=Reached.REJECTED, known=Known.STOPPED
+    )
+    assert life.count(Release) == 1
+    assert life.count(AskResult) == 0  # it would be answered with an empty result (R13)
+
+
+def test_a_goal_is_aborted() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("result", GoalState.ABORTED, "why")
+    assert (life.end, life.ending.result) == (End.ABORTED, "why")  # type: ignore[union-attr]
+
+
+def test_somebody_else_cancels() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("status", GoalState.CANCELING)
+    life.tell("result", GoalState.CANCELED, "so far")
+    assert (life.end, life.report) == (End.CANCELED_BY_OTHER, None)
+
+
+@pytest.mark.parametrize("proof", ["feedback", "status", "result", "cancel answer"])
+def test_acceptance_is_proven_by_whatever_only_an_accepted_goal_causes(proof: str) -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    if proof == "feedback":
+        life.see("feedback")  # it may overtake the acknowledgement (R15)
+    elif proof == "status":
+        life.tell("status", GoalState.EXECUTING)
+    elif proof == "result":
+        life.tell("result", GoalState.SUCCEEDED, 1)
+    else:
+        life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    assert life.states[2] is GoalState.ACCEPTED
+    before = list(life.states)
+    life.see("accepted")
+    assert life.states == before
+
+
+@pytest.mark.parametrize("repeated", ["server_ready", "sent", "accepted", "feedback"])
+def test_what_is_told_twice_counts_once(repeated: str) -> None:
+    life = Life()
+    for event in (*UNTIL_ACCEPTED, "feedback"):
+        life.see(event)
+        if event == repeated:
+            assert life.see(event) == []
+    life.tell("result", GoalState.SUCCEEDED, 1)
+    assert life.tell("result", GoalState.ABORTED, 2) == []
+    assert life.see("rejected") == []
+    assert life.see("feedback") == []
+    assert life.end is End.SUCCEEDED
+
+
+def test_duplicates_of_everything_else() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT, "rejected")
+    assert life.see("rejected") == []
+    life = Life()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    assert life.see("cancel") == []
+    assert life.tell("close", abandon=False) == []
+    life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    life.tell("status", GoalState.CANCELING)
+    assert life.states.count(GoalState.CANCELING) == 1
+    life.tell("status", GoalState.CANCELED)
+    assert life.tell("status", GoalState.CANCELED) == []
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("server_lost", "gone")
+    assert life.tell("server_lost", "gone") == []
+
+
+def test_states_never_go_back() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    for state in (GoalState.CANCELING, GoalState.EXECUTING, GoalState.ACCEPTED):
+        life.tell("status", state)
+    assert life.goal.state is GoalState.CANCELING
+
+
+def test_a_second_acceptance_after_the_end_is_cancelled() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT, "rejected")
+    assert life.see("accepted") == [AskCancel()]  # by another server on the name (R14)
+
+
+# --- the server is not there -------------------------------------------------------------------
+
+
+def test_no_server_comes() -> None:
+    life = Life()
+    life.see("start")
+    life.wait_until(5.0)
+    assert (life.end, life.count(SendGoal), life.count(Withdraw)) == (End.NO_SERVER, 0, 1)
+    assert life.ending is not None
+    assert (life.ending.reached, life.ending.known) == (Reached.NEVER_SENT, Known.STOPPED)
+    assert life.see("server_ready") == []
+
+
+def test_the_name_is_served_with_another_type() -> None:
+    life = Life()
+    life.see("start")
+    life.tell("type_mismatch", ("a/action/B",))
+    assert life.end is End.TYPE_MISMATCH
+    assert life.ending is not None
+    assert life.ending.info == ("a/action/B",)
+
+
+def test_the_middleware_does_not_take_the_goal() -> None:
+    life = Life()
+    life.see("start", "server_ready")
+    life.tell("send_failed", error := ValueError("no"))
+    assert (life.end, life.ending.info) == (End.INVALID, error)  # type: ignore[union-attr]
+
+
+def test_a_server_that_goes_before_the_goal_is_sent_is_waited_for_again() -> None:
+    life = Life()
+    life.see("start", "server_ready")
+    assert life.tell("server_lost", "gone") == [Withdraw(), Arm(Timer.SERVER, 5.0), AwaitServer()]
+    assert life.see("server_ready") == [Disarm(Timer.SERVER), SendGoal()]
+
+
+@pytest.mark.parametrize("phase", [UNTIL_SENT, UNTIL_ACCEPTED])
+def test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled(
+    phase: tuple[str, ...],
+) -> None:
+    life = Life()
+    life.see(*phase)
+    life.tell("server_lost", "its action server is gone")
+    assert life.ending == Ending(
+        End.LOST,
+        GoalState.LOST,
+        reached=Reached.UNANSWERED if phase is UNTIL_SENT else Reached.ACCEPTED,
+        known=Known.SERVER_GONE,
+        info="its action server is gone",
+    )
+    assert life.count(Release) == 0
+    assert life.timers == {}
+    assert life.see("server_ready")[:2] == [AskCancel(), AskResult()]
+    life.tell("status", GoalState.EXECUTING)
+    assert life.goal.stage is Stage.ACCEPTED
+    life.tell("result", GoalState.CANCELED, None)
+    assert life.count(Release) == 1
+
+
+@pytest.mark.parametrize("answer", ["cancel", "result"])
+def test_a_lost_goal_is_forgotten_when_the_server_that_comes_does_not_know_it(answer: str) -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("server_lost", "gone")
+    if answer == "cancel":
+        life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
+    else:
+        life.tell("result", None, None)
+    assert life.goal.stage is Stage.OVER
+    assert life.count(Release) == 1
+
+
+def test_a_broken_client_ends_the_call() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("fail", "the thread died", error := RuntimeError("x"))
+    assert (life.end, life.ending.info) == (End.LOST, error)  # type: ignore[union-attr]
+    assert life.see("feedback") == []
+
+
+# --- answers that are lost, or mislead ---------------------------------------------------------
+
+
+def test_what_may_be_lost_is_asked_for_again_ever_more_rarely() -> None:
+    life = Life(accept=None)
+    life.see(*UNTIL_SENT)
+    asked = []
+    for second in range(100):
+        before = life.count(AskResult)
+        life.wait_until(second)
+        if life.count(AskResult) > before:
+            asked.append(second)
+    assert asked == [1, 3, 7, 15, 31, 61, 91]
+    assert life.count(WatchStatus) == len(asked)
+    assert life.count(SendGoal) == 1
+
+
+def test_a_goal_that_merely_takes_long_is_hardly_asked_about() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(100.0)
+    assert life.count(AskResult) == 1 + 4
+    assert life.count(AskCancel) == 0
+
+
+def test_a_result_that_does_not_follow_its_status_is_lost() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("status", GoalState.SUCCEEDED)
+    life.wait_until(0.5)
+    assert life.all[-2:] == [AskResult(), Arm(Timer.NUDGE, 1.5)]
+    life.wait_until(7.4)
+    assert life.ending is None
+    life.wait_until(7.5)
+    assert (life.end, life.ending.info) == (  # type: ignore[union-attr]
+        End.RESULT_LOST,
+        GoalState.SUCCEEDED,
+    )
+
+
+def test_a_result_that_follows_its_status_late_is_taken() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("status", GoalState.SUCCEEDED)
+    life.wait_until(1.4)
+    life.tell("result", GoalState.SUCCEEDED, 1)
+    assert life.end is End.SUCCEEDED
+
+
+def test_a_result_that_is_unknown_after_acceptance_is_lost() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("result", None, None)
+    assert (life.end, life.ending.info) == (End.RESULT_LOST, None)  # type: ignore[union-attr]
+
+
+def test_a_result_that_is_unknown_before_acceptance_says_nothing() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    assert life.tell("result", None, None) == []  # (R6)
+    life.see("accepted")
+    life.tell("result", GoalState.SUCCEEDED, 1)
+    assert life.end is End.SUCCEEDED
+
+
+# --- the same goal sent again (contract C4.3) --------------------------------------------------
+
+
+def test_the_first_no_to_a_goal_sent_again_may_be_the_answer_to_a_duplicate() -> None:
+    life = Life(resent=True)
+    life.see(*UNTIL_SENT)
+    assert life.see("rejected") == [AskResult(), WatchStatus()]  # (R5)
+    life.tell("result", GoalState.SUCCEEDED, 1)
+    assert life.ending is not None
+    assert (life.end, life.ending.reached) == (End.SUCCEEDED, Reached.ACCEPTED)
+
+
+@pytest.mark.parametrize("proof", ["accepted", "feedback", "status"])
+def test_a_denied_goal_that_shows_signs_of_life_was_a_duplicate(proof: str) -> None:
+    life = Life(resent=True)
+    life.see(*UNTIL_SENT, "rejected")
+    life.tell(proof, *([GoalState.EXECUTING] if proof == "status" else []))
+    assert life.goal.stage is Stage.ACCEPTED
+    assert GoalState.REJECTED not in life.states
+
+
+@pytest.mark.parametrize("order", [("rejected", "rejected"), ("rejected", "unknown")])
+def test_a_denied_goal_that_the_server_does_not_know_was_rejected(order: tuple[str, ...]) -> None:
+    life = Life(resent=True)
+    life.see(*UNTIL_SENT)
+    for event in order:
+        assert life.end is None
+        life.tell(*(("result", None, None) if event == "unknown" else (event,)))
+    assert life.ending is not None
+    assert (life.end, life.ending.reached) == (End.REJECTED, Reached.REJECTED)
+    assert life.count(Release) == 1
+
+
+def test_a_goal_sent_again_and_not_known_so_far_was_not_rejected() -> None:
+    life = Life(resent=True)
+    life.see(*UNTIL_SENT)
+    life.tell("result", None, None)  # asked before the server took it (R6)
+    assert life.end is None
+    life.see("accepted")
+    life.tell("result", GoalState.SUCCEEDED, 1)
+    assert life.end is End.SUCCEEDED
+
+
+@pytest.mark.parametrize("until", [("start",), ("start", "server_ready")])
+def test_a_goal_not_sent_again_in_the_end_may_still_be_taken_by_its_server(
+    until: tuple[str, ...],
+) -> None:
+    """What was sent before is out there, and is watched, and cancelled when it comes (C2.4)."""
+    life = Life(resent=True)
+    life.see(*until, "cancel")
+    life.wait_until(100.0)
+    assert life.ending is not None
+    assert life.ending.reached is Reached.UNANSWERED
+    assert life.report is not CancelReport.NOT_NEEDED
+    assert life.count(Release) == 0
+
+
+def test_who_is_superseded_leaves_everything_to_the_other() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    life.wait_until(5.0)
+    life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
+    assert life.goal.settled
+    life.goal.supersede()
+    assert life.goal.stage is Stage.OVER
+    assert not life.goal.in_flight

@@ -1,0 +1,104 @@
+"""Goal requests go out in their order, and no more than a window of them unanswered (C1.12)."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from actionkit._ros.outbox import WINDOW, Outbox
+
+
+def key(number: int) -> bytes:
+    return number.to_bytes(16, "big")
+
+
+def outbox_of(count: int, window: int = WINDOW) -> Outbox[int]:
+    outbox: Outbox[int] = Outbox(window)
+    for number in range(count):
+        outbox.put(key(number), number)
+    return outbox
+
+
+def take_all(outbox: Outbox[int]) -> list[int]:
+    taken = []
+    while (request := outbox.take()) is not None:
+        taken.append(request[1])
+    return taken
+
+
+def test_an_empty_outbox() -> None:
+    assert outbox_of(0).take() is None
+    assert len(outbox_of(0)) == 0
+
+
+def test_the_window_fits_the_queue_of_a_server() -> None:
+    assert WINDOW < 10  # rclpy's queues are 10 deep (R3)
+    assert take_all(outbox_of(100)) == list(range(WINDOW))
+
+
+@pytest.mark.parametrize("window", [1, 3])
+def test_each_answer_lets_one_more_go(window: int) -> None:
+    outbox = outbox_of(10, window)
+    assert take_all(outbox) == list(range(window))
+    for number in range(10):
+        outbox.discard(key(number))
+        assert take_all(outbox) == ([number + window] if number + window < 10 else [])
+    assert len(outbox) == 0
+
+
+def test_answers_come_in_any_order() -> None:
+    outbox = outbox_of(5, window=2)
+    assert take_all(outbox) == [0, 1]
+    outbox.discard(key(1))
+    assert take_all(outbox) == [2]
+    outbox.discard(key(0))
+    outbox.discard(key(2))
+    assert take_all(outbox) == [3, 4]
+
+
+def test_what_is_discarded_before_its_turn_is_never_sent() -> None:
+    outbox = outbox_of(3)
+    outbox.discard(key(1))
+    assert take_all(outbox) == [0, 2]
+
+
+def test_discarding_what_is_not_there_changes_nothing() -> None:
+    outbox = outbox_of(3, window=1)
+    assert take_all(outbox) == [0]
+    outbox.discard(key(9))
+    assert take_all(outbox) == []
+    outbox.discard(key(0))
+    outbox.discard(key(0))
+    assert take_all(outbox) == [1]
+    assert len(outbox) == 2
+
+
+@given(
+    st.integers(1, 5),
+    st.lists(st.one_of(st.just("put"), st.just("take"), st.integers(0, 50)), max_size=100),
+)
+def test_any_order_of_operations(window: int, steps: list[str | int]) -> None:
+    outbox: Outbox[int] = Outbox(window)
+    waiting: list[int] = []
+    unanswered: set[int] = set()
+    count = 0
+    for step in steps:
+        if step == "put":
+            outbox.put(key(count), count)
+            waiting.append(count)
+            count += 1
+        elif step == "take":
+            taken = outbox.take()
+            if len(unanswered) < window and waiting:
+                first = waiting.pop(0)
+                assert taken == (key(first), first)
+                unanswered.add(first)
+            else:
+                assert taken is None
+        elif isinstance(step, int):
+            outbox.discard(key(step))
+            unanswered.discard(step)
+            waiting = [number for number in waiting if number != step]
+        assert len(unanswered) <= window
+        assert len(outbox) == len(waiting) + len(unanswered)

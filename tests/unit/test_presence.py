@@ -1,0 +1,293 @@
+"""Whether servers are there: the logic, on a clock that the test moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from actionkit._clock import TimerHandle, TimerQueue
+from actionkit._ros.graph import ServerInfo
+from actionkit._ros.presence import Presence, State
+
+OURS = "test_msgs/action/Fibonacci"
+PATIENCE = 0.5
+A, B, C = b"a", b"b", b"c"
+
+
+class Clock:
+    """Timers on a clock that only `advance` moves."""
+
+    def __init__(self) -> None:
+        self.time = 100.0
+        self.queue = TimerQueue()
+
+    def now(self) -> float:
+        return self.time
+
+    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
+        return self.queue.arm(at, callback)
+
+    def advance(self, seconds: float) -> None:
+        end = self.time + seconds
+        while (due := self.queue.next_due()) is not None and due <= end:
+            self.time = max(self.time, due)
+            callback = self.queue.pop_due(self.time)
+            assert callback is not None
+            callback()
+        self.time = end
+
+
+class World:
+    """A graph, and what a presence makes of it."""
+
+    def __init__(self) -> None:
+        self.clock = Clock()
+        self.graph: list[ServerInfo] | None = []
+        self.services = True
+        self.told: list[object] = []
+        self.probes: list[float] = []
+        self.looks = 0
+        self.presence = Presence(
+            self.clock,
+            list_servers=self._list,
+            services_ready=lambda: self.services,
+            probe=lambda: self.probes.append(self.clock.time),
+            on_ready=lambda: self.told.append("ready"),
+            on_lost=lambda gone: self.told.append(("lost", gone)),
+            on_mismatch=lambda types: self.told.append(("mismatch", types)),
+            action_type=OURS,
+        )
+
+    def _list(self) -> list[ServerInfo] | None:
+        self.looks += 1
+        return self.graph
+
+    def serve(self, *gids: bytes, action_type: str = OURS) -> None:
+        """Let the graph show these servers."""
+        self.graph = [ServerInfo(gid, action_type, "/node") for gid in gids]
+
+    def match(self, *gids: bytes) -> None:
+        """Let these servers be there, seen by the graph and by the middleware's event."""
+        self.serve(*gids)
+        self.presence.matched(len(gids))
+
+    def news(self) -> list[object]:
+        told, self.told = self.told, []
+        return told
+
+
+@pytest.fixture
+def world() -> World:
+    return World()
+
+
+@pytest.fixture
+def ready(world: World) -> World:
+    world.match(A)
+    world.presence.answered()
+    assert world.news() == ["ready"]
+    return world
+
+
+# --- coming ------------------------------------------------------------------------------------
+
+
+def test_nobody_is_there_and_nothing_is_done(world: World) -> None:
+    world.clock.advance(100)
+    assert world.presence.state is State.ABSENT
+    assert (world.news(), world.probes, world.looks) == ([], [], 0)
+
+
+def test_a_server_is_ready_when_it_answers(world: World) -> None:
+    world.match(A)
+    assert world.presence.state is State.SETTLING
+    assert not world.presence.ready
+    world.clock.advance(0.0)
+    assert len(world.probes) == 1
+    world.clock.advance(0.01)
+    assert world.news() == []
+    world.presence.answered()
+    assert world.presence.ready
+    assert (world.presence.count, world.presence.servers) == (1, {A})
+    assert world.news() == ["ready"]
+    asked = len(world.probes)
+    world.clock.advance(100)
+    world.presence.answered()  # to a question that was asked again meanwhile
+    assert (world.news(), len(world.probes), len(world.clock.queue)) == ([], asked, 0)
+
+
+def test_the_question_is_repeated_ever_more_rarely(world: World) -> None:
+    world.match(A)
+    world.clock.advance(0.4)
+    pauses = [later - one for one, later in zip(world.probes, world.probes[1:], strict=False)]
+    assert pauses == pytest.approx([0.001 * 2**n for n in range(len(pauses))])
+    assert len(world.probes) < 12
+
+
+def test_a_server_that_answers_nothing_is_busy_not_deaf(world: World) -> None:
+    world.match(A)
+    world.clock.advance(PATIENCE - 0.01)
+    assert not world.presence.ready
+    world.clock.advance(2 * PATIENCE)
+    assert world.news() == ["ready"]
+
+
+def test_nothing_is_asked_before_the_services_are_there(world: World) -> None:
+    world.services = False
+    world.match(A)
+    world.clock.advance(10 * PATIENCE)
+    assert (world.probes, world.news(), world.presence.ready) == ([], [], False)
+    world.services = True
+    world.clock.advance(1.0)
+    assert world.news() == ["ready"]
+
+
+def test_the_event_may_be_ahead_of_the_graph(world: World) -> None:
+    world.presence.matched(1)
+    assert world.presence.state is State.SETTLING
+    assert world.presence.servers
+    world.presence.answered()
+    assert world.news() == ["ready"]
+
+
+def test_a_context_that_was_shut_down_has_no_graph(ready: World) -> None:
+    ready.graph = None
+    ready.presence.matched(1)
+    assert (ready.presence.servers, ready.presence.ready, ready.news()) == ({A}, True, [])
+
+
+# --- going -------------------------------------------------------------------------------------
+
+
+def test_a_server_goes(ready: World) -> None:
+    ready.match()
+    assert ready.presence.state is State.ABSENT
+    assert (ready.presence.servers, ready.presence.count) == (frozenset(), 0)
+    assert ready.news() == [("lost", {A})]
+    ready.clock.advance(10)
+    assert ready.news() == []
+
+
+def test_a_server_goes_before_it_was_ready(world: World) -> None:
+    world.match(A)
+    world.match()
+    world.presence.answered()
+    world.clock.advance(10)
+    assert world.news() == [("lost", {A})]
+    assert world.presence.state is State.ABSENT
+
+
+def test_another_comes_in_its_place(ready: World) -> None:
+    ready.match(B)
+    assert ready.news() == [("lost", {A})]
+    assert ready.presence.state is State.SETTLING
+    ready.presence.answered()
+    assert ready.news() == ["ready"]
+    assert ready.presence.servers == {B}
+
+
+def test_a_restart_shows_two_for_a_while(ready: World) -> None:
+    ready.match(A, B)
+    assert ready.presence.state is State.SETTLING  # the new one may not know the way back (R4)
+    assert ready.presence.count == 2
+    ready.presence.answered()
+    assert ready.news() == ["ready"]
+    ready.match(B)
+    assert ready.news() == [("lost", {A})]
+    assert ready.presence.ready
+
+
+def test_a_server_comes_back(ready: World) -> None:
+    ready.match()
+    ready.match(A)
+    ready.presence.answered()
+    assert ready.news() == [("lost", {A}), "ready"]
+
+
+def test_a_graph_that_is_behind_while_a_server_settles(ready: World) -> None:
+    ready.match()
+    ready.news()
+    ready.serve(A, B)  # the old one still shows
+    ready.presence.matched(1)
+    ready.serve(B)
+    ready.clock.advance(0.1)
+    assert ready.presence.servers == {B}
+    assert ready.news() == [("lost", {A})]
+
+
+def test_a_server_that_had_no_name_so_far_is_not_lost(world: World) -> None:
+    world.presence.matched(1)  # the graph does not show it yet
+    world.presence.answered()
+    world.match(A, B)
+    assert ("lost", {b"unnamed"}) not in world.news()
+
+
+def test_a_graph_that_is_behind_when_a_server_goes(ready: World) -> None:
+    ready.match(A, B)
+    ready.presence.answered()
+    ready.news()
+    ready.presence.matched(1)  # the graph still shows both
+    ready.serve(B)
+    ready.clock.advance(10)
+    assert ready.news() == [("lost", {A})]
+
+
+# --- another type on the name (R21) ------------------------------------------------------------
+
+
+def test_another_type_is_told_once_a_second_while_somebody_waits(world: World) -> None:
+    waiting = True
+    world.serve(C, action_type="a/action/Other")
+    world.presence.look(lambda: waiting)
+    world.presence.look(lambda: waiting)
+    assert world.news() == [("mismatch", ("a/action/Other",))]
+    world.clock.advance(3.0)
+    assert len(world.news()) == 3
+    waiting = False
+    world.clock.advance(10.0)
+    assert world.news() == []
+    assert len(world.clock.queue) == 0
+    waiting = True
+    world.presence.look(lambda: waiting)
+    assert len(world.news()) == 1
+
+
+def test_our_own_type_among_others_is_no_mismatch(world: World) -> None:
+    other = ServerInfo(C, "a/action/Other", "/node")
+    world.graph = [ServerInfo(A, OURS, "/node"), other]
+    world.presence.look(lambda: True)
+    world.graph = []
+    world.clock.advance(1.0)
+    world.graph = None
+    world.clock.advance(1.0)
+    assert world.news() == []
+
+
+def test_looking_ends_with_the_coming_of_a_server_and_with_close(world: World) -> None:
+    world.presence.look(lambda: True)
+    world.match(A)
+    world.presence.answered()
+    world.clock.advance(5.0)
+    assert len(world.clock.queue) == 0
+    world.match()
+    world.presence.look(lambda: True)
+    world.presence.close()
+    world.clock.advance(5.0)
+    assert len(world.clock.queue) == 0
+
+
+def test_a_server_of_another_type_is_none_of_ours(ready: World) -> None:
+    other = ServerInfo(C, "a/action/Other", "/node")
+    ready.graph = [ServerInfo(A, OURS, "/node"), other]
+    ready.presence.matched(1)
+    assert ready.presence.servers == {A}
+    assert ready.news() == []
+
+
+def test_closing_ends_the_settling(world: World) -> None:
+    world.match(A)
+    world.presence.close()
+    world.clock.advance(10.0)
+    assert world.news() == []
+    assert len(world.clock.queue) == 0

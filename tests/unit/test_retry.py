@@ -1,0 +1,213 @@
+"""Whether, when and how a call is tried again: the decisions, as tables (contract C4)."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any, get_args, get_type_hints
+
+import pytest
+import tenacity
+from hypothesis import given
+from hypothesis import strategies as st
+
+from actionkit import RetryPolicy, ServerLostError
+from actionkit._effects import Known, Reached
+from actionkit._retry import GiveUp, Pause, Resend, Schedule, how_to_resend
+
+# --- resend safety (contract C4.2) -------------------------------------------------------------
+
+NO, SAME, NEW, ONCE = Resend.NO, Resend.SAME_ID, Resend.NEW_ID, Resend.NEW_ID_ONCE_STOPPED
+POLICIES = ("never_accepted", "confirmed_stopped", "always")
+TABLE: dict[tuple[Reached, Known], tuple[Resend, Resend, Resend]] = {
+    # What became of the earlier goal: what each policy, in the order above, makes of it.
+    (Reached.NEVER_SENT, Known.NOTHING): (NEW, NEW, NEW),
+    (Reached.NEVER_SENT, Known.UNKNOWN_TO_SERVER): (NEW, NEW, NEW),
+    (Reached.NEVER_SENT, Known.SERVER_GONE): (NEW, NEW, NEW),
+    (Reached.NEVER_SENT, Known.STOPPED): (NEW, NEW, NEW),
+    (Reached.UNANSWERED, Known.NOTHING): (NO, NO, NEW),
+    (Reached.UNANSWERED, Known.UNKNOWN_TO_SERVER): (NO, SAME, NEW),
+    (Reached.UNANSWERED, Known.SERVER_GONE): (NO, ONCE, NEW),
+    (Reached.UNANSWERED, Known.STOPPED): (NO, NEW, NEW),
+    (Reached.REJECTED, Known.NOTHING): (NEW, NEW, NEW),
+    (Reached.REJECTED, Known.UNKNOWN_TO_SERVER): (NEW, NEW, NEW),
+    (Reached.REJECTED, Known.SERVER_GONE): (NEW, NEW, NEW),
+    (Reached.REJECTED, Known.STOPPED): (NEW, NEW, NEW),
+    (Reached.ACCEPTED, Known.NOTHING): (NO, NO, NEW),
+    (Reached.ACCEPTED, Known.UNKNOWN_TO_SERVER): (NO, NO, NEW),
+    (Reached.ACCEPTED, Known.SERVER_GONE): (NO, ONCE, NEW),
+    (Reached.ACCEPTED, Known.STOPPED): (NO, NEW, NEW),
+}
+
+
+def test_the_table_is_total() -> None:
+    assert set(TABLE) == set(itertools.product(Reached, Known))
+    assert get_args(get_type_hints(RetryPolicy)["resend"]) == POLICIES
+
+
+@pytest.mark.parametrize("reached", Reached)
+@pytest.mark.parametrize("known", Known)
+@pytest.mark.parametrize("resend", POLICIES)
+def test_whether_a_goal_is_sent_again(reached: Reached, known: Known, resend: str) -> None:
+    expected = TABLE[reached, known][POLICIES.index(resend)]
+    assert how_to_resend(reached, known, resend) is expected
+
+
+@pytest.mark.parametrize("reached", [Reached.UNANSWERED, Reached.ACCEPTED])
+def test_only_at_least_once_sends_again_what_may_be_running(reached: Reached) -> None:
+    for policy in POLICIES[:2]:
+        assert how_to_resend(reached, Known.NOTHING, policy) is Resend.NO
+
+
+# --- pauses and limits (contract C4.1) ---------------------------------------------------------
+
+ERROR = ServerLostError("gone")
+
+
+def pauses(policy: RetryPolicy, attempts: int, deadline: float | None = None) -> list[Any]:
+    """Return what the schedule says after each attempt; attempts take no time, pauses do."""
+    schedule, now, said = Schedule(policy, 0.0), 0.0, []
+    for number in range(1, attempts + 1):
+        said.append(schedule.next(ERROR, number, now, deadline))
+        if isinstance(said[-1], Pause):
+            now += said[-1].seconds
+    return said
+
+
+def test_each_pause_is_longer_up_to_the_longest() -> None:
+    policy = RetryPolicy(attempts=7, initial=0.5, factor=3.0, max_pause=10.0, jitter=0.0)
+    said = pauses(policy, 7)
+    assert said[:6] == [Pause(0.5), Pause(1.5), Pause(4.5), Pause(10.0), Pause(10.0), Pause(10.0)]
+    assert isinstance(said[6], GiveUp)
+
+
+def test_the_pauses_of_the_default_policy() -> None:
+    for _ in range(50):
+        first, second, end = pauses(RetryPolicy(), 3)
+        assert 0.16 <= first.seconds <= 0.24
+        assert 0.32 <= second.seconds <= 0.48
+        assert isinstance(end, GiveUp)
+
+
+@given(
+    st.floats(0, 100),
+    st.floats(1, 10),
+    st.floats(0, 100),
+    st.floats(0, 1),
+    st.integers(1, 2000),
+)
+def test_a_pause_keeps_to_its_share_of_chance_and_to_the_longest(
+    initial: float, factor: float, most: float, jitter: float, attempt: int
+) -> None:
+    policy = RetryPolicy(5000, initial, factor, most, jitter)
+    said = Schedule(policy, 0.0).next(ERROR, attempt, 0.0, None)
+    try:
+        plain = min(initial * factor ** (attempt - 1), most)
+    except OverflowError:
+        plain = most if initial else 0.0
+    assert isinstance(said, Pause)
+    assert plain * (1 - jitter) - 1e-9 <= said.seconds <= plain * (1 + jitter) + 1e-9
+    assert said.seconds <= most + 1e-9  # "the longest pause, in seconds"
+
+
+def test_chance_makes_pauses_differ() -> None:
+    policy = RetryPolicy(initial=1.0, jitter=0.5)
+    seconds = {Schedule(policy, 0.0).next(ERROR, 1, 0.0, None).seconds for _ in range(50)}
+    assert len(seconds) > 10
+    assert min(seconds) < 0.9
+    assert max(seconds) > 1.1
+
+
+@pytest.mark.parametrize("attempts", [1, 2, 5])
+def test_attempts_include_the_first(attempts: int) -> None:
+    said = pauses(RetryPolicy(attempts=attempts), attempts)
+    assert [type(each) for each in said] == [Pause] * (attempts - 1) + [GiveUp]
+
+
+def test_a_policy_of_one_attempt_never_pauses() -> None:
+    assert isinstance(pauses(RetryPolicy.none(), 1)[0], GiveUp)
+
+
+@pytest.mark.parametrize(
+    ("deadline", "begun"), [(None, True), (12.5, True), (12.0, False), (11.0, False), (10.0, False)]
+)
+def test_a_pause_that_would_cross_the_deadline_is_not_begun(
+    deadline: float | None, begun: bool
+) -> None:
+    schedule = Schedule(RetryPolicy(initial=2.0, jitter=0.0), 0.0)
+    said = schedule.next(ERROR, 1, 10.0, deadline)
+    assert isinstance(said, Pause if begun else GiveUp)
+    if isinstance(said, GiveUp):
+        assert "2 s" in said.reason
+        assert "deadline" in said.reason
+
+
+# --- strategies of tenacity's ------------------------------------------------------------------
+
+
+def test_a_stop_strategy_stands_in_place_of_attempts() -> None:
+    policy = RetryPolicy(attempts=2, stop=tenacity.stop_after_attempt(4), jitter=0.0)
+    assert [type(each) for each in pauses(policy, 4)] == [Pause, Pause, Pause, GiveUp]
+    never = RetryPolicy(attempts=1, stop=tenacity.stop_never)
+    assert {type(each) for each in pauses(never, 30)} == {Pause}
+
+
+def test_a_stop_strategy_sees_the_time_since_the_call_began() -> None:
+    policy = RetryPolicy(stop=tenacity.stop_after_delay(10.0))
+    schedule = Schedule(policy, 100.0)
+    assert isinstance(schedule.next(ERROR, 1, 109.9, None), Pause)
+    assert isinstance(schedule.next(ERROR, 2, 110.0, None), GiveUp)
+
+
+def test_a_wait_strategy_stands_in_place_of_the_pauses_and_of_chance() -> None:
+    policy = RetryPolicy(attempts=5, jitter=1.0, wait=tenacity.wait_fixed(1.25))
+    assert pauses(policy, 4) == 4 * [Pause(1.25)]
+    policy = RetryPolicy(attempts=9, wait=tenacity.wait_chain(*map(tenacity.wait_fixed, (1, 2))))
+    assert pauses(policy, 4) == [Pause(1), Pause(2), Pause(2), Pause(2)]
+    policy = RetryPolicy(wait=tenacity.wait_fixed(5.0))
+    assert isinstance(Schedule(policy, 0.0).next(ERROR, 1, 0.0, 5.0), GiveUp)
+
+
+def test_strategies_see_the_error_and_the_pauses_so_far() -> None:
+    seen: list[tuple[Any, ...]] = []
+
+    def stop(state: tenacity.RetryCallState) -> bool:
+        assert state.outcome is not None
+        error = state.outcome.exception()
+        seen.append((error, state.attempt_number, state.idle_for, state.seconds_since_start))
+        return False
+
+    schedule = Schedule(RetryPolicy(stop=stop, wait=tenacity.wait_fixed(2.0)), 5.0)
+    other = ServerLostError("again")
+    schedule.next(ERROR, 1, 6.0, None)
+    schedule.next(other, 2, 9.0, None)
+    assert seen == [(ERROR, 1, 0.0, 1.0), (other, 2, 2.0, 4.0)]
+
+
+def test_strategies_may_be_combined() -> None:
+    stop = tenacity.stop_after_attempt(3) | tenacity.stop_after_delay(1.0)
+    wait = tenacity.wait_fixed(0.25) + tenacity.wait_fixed(0.5)
+    policy = RetryPolicy(stop=stop, wait=wait)
+    assert pauses(policy, 3)[:2] == [Pause(0.75), Pause(0.75)]
+    assert isinstance(pauses(policy, 3)[2], GiveUp)
+
+
+# --- words -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("policy", "attempt", "deadline", "words"),
+    [
+        (RetryPolicy(), 3, None, ("3 attempts",)),
+        (RetryPolicy(), 1, 0.1, ("pause", "s would have crossed the deadline")),
+        (RetryPolicy(stop=tenacity.stop_after_attempt(2)), 2, None, ("stop", "2 attempts")),
+    ],
+    ids=["attempts", "deadline", "stop"],
+)
+def test_the_reason_names_the_limit_that_ended_the_retries(
+    policy: RetryPolicy, attempt: int, deadline: float | None, words: tuple[str, ...]
+) -> None:
+    said = Schedule(policy, 0.0).next(ERROR, attempt, 0.0, deadline)
+    assert isinstance(said, GiveUp)
+    for word in words:
+        assert word in said.reason
+    assert not said.reason.endswith(".")  # it stands inside a sentence

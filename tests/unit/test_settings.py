@@ -1,0 +1,127 @@
+"""What a user sets is checked when it is made, and the error names the field and the value."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+import tenacity
+
+from actionkit import RetryPolicy, Timeouts
+from actionkit._settings import check_seconds
+
+TIMEOUTS = [field.name for field in dataclasses.fields(Timeouts)]
+NO_SECONDS = ["1", True, b"", [1], object(), 1j]
+BAD_SECONDS = [-1, -0.001, math.nan, -math.inf, math.inf]
+
+
+def expect(error: type[Exception], cls: type, field: str, value: Any) -> str:
+    with pytest.raises(error) as caught:
+        cls(**{field: value})
+    assert type(caught.value) is error
+    text = str(caught.value)
+    assert text.startswith(f"{cls.__name__}.{field}={value!r} must be ")
+    return text
+
+
+def test_the_defaults_are_those_of_the_contract() -> None:
+    assert Timeouts() == Timeouts(server=5.0, accept=5.0, total=None, feedback=None, cancel=2.0)
+    assert RetryPolicy() == RetryPolicy(
+        attempts=3,
+        initial=0.2,
+        factor=2.0,
+        max_pause=5.0,
+        jitter=0.2,
+        resend="confirmed_stopped",
+        stop=None,
+        wait=None,
+    )
+
+
+@pytest.mark.parametrize("cls", [Timeouts, RetryPolicy])
+def test_settings_are_values(cls: type) -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(cls(), dataclasses.fields(cls)[0].name, 1)
+    assert hash(cls()) == hash(cls())
+
+
+@pytest.mark.parametrize("field", TIMEOUTS)
+@pytest.mark.parametrize("value", NO_SECONDS, ids=lambda value: type(value).__name__)
+def test_a_timeout_that_is_no_number(field: str, value: object) -> None:
+    text = expect(TypeError, Timeouts, field, value)
+    assert ("None" in text) == (field != "cancel")
+
+
+@pytest.mark.parametrize("field", TIMEOUTS)
+@pytest.mark.parametrize("value", BAD_SECONDS)
+def test_a_timeout_out_of_range(field: str, value: float) -> None:
+    expect(ValueError, Timeouts, field, value)
+
+
+@pytest.mark.parametrize("field", TIMEOUTS)
+def test_timeouts_are_float_seconds(field: str) -> None:
+    for value in (3, 0.5, 1e9) if field == "liveness" else (0, 3, 0.5, 1e9):
+        seconds = getattr(Timeouts(**{field: value}), field)
+        assert (seconds, type(seconds)) == (value, float)
+
+
+def test_no_limit_is_none_but_for_the_wait_for_a_cancellation() -> None:
+    assert Timeouts(server=None, accept=None, total=None, feedback=None).server is None
+    assert "None" not in expect(TypeError, Timeouts, "cancel", None).split("must be")[1]
+
+
+@pytest.mark.parametrize("value", [1.0, "3", None, True])
+def test_attempts_that_are_no_whole_number(value: object) -> None:
+    expect(TypeError, RetryPolicy, "attempts", value)
+
+
+@pytest.mark.parametrize("value", [0, -1])
+def test_too_few_attempts(value: int) -> None:
+    expect(ValueError, RetryPolicy, "attempts", value)
+
+
+@pytest.mark.parametrize("field", ["initial", "factor", "max_pause", "jitter"])
+def test_pauses(field: str) -> None:
+    for value in [*NO_SECONDS, None]:
+        expect(TypeError, RetryPolicy, field, value)
+    for number in BAD_SECONDS:
+        expect(ValueError, RetryPolicy, field, number)
+    assert type(getattr(RetryPolicy(**{field: 1}), field)) is float
+
+
+def test_factor_and_jitter_have_their_ranges() -> None:
+    expect(ValueError, RetryPolicy, "factor", 0.9)
+    expect(ValueError, RetryPolicy, "jitter", 1.1)
+    assert RetryPolicy(factor=1, jitter=0) == RetryPolicy(factor=1.0, jitter=0.0)
+
+
+@pytest.mark.parametrize("value", ["sometimes", "", None, 1, True])
+def test_an_unknown_resend(value: object) -> None:
+    text = expect(ValueError, RetryPolicy, "resend", value)
+    for known in ("never_accepted", "confirmed_stopped", "always"):
+        assert known in text
+        RetryPolicy(resend=known)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("field", ["stop", "wait"])
+def test_strategies_are_tenacitys(field: str) -> None:
+    expect(TypeError, RetryPolicy, field, 3)
+    strategy = {"stop": tenacity.stop_after_attempt(2), "wait": tenacity.wait_fixed(1)}[field]
+    assert getattr(RetryPolicy(**{field: strategy}), field) is strategy  # type: ignore[arg-type]
+
+
+def test_a_policy_that_never_tries_again() -> None:
+    assert RetryPolicy.none().attempts == 1
+
+
+def test_one_time_of_a_call_is_checked_alike() -> None:
+    assert check_seconds("timeout", None) is None
+    assert check_seconds("timeout", 1) == 1.0
+    with pytest.raises(TypeError, match=r"^timeout='1' must be a number of seconds or None"):
+        check_seconds("timeout", "1")
+    with pytest.raises(ValueError, match=r"^timeout=nan must be zero or more"):
+        check_seconds("timeout", math.nan)
+    with pytest.raises(ValueError, match=r"^timeout=inf must be finite; None means no limit"):
+        check_seconds("timeout", math.inf)

@@ -1,0 +1,102 @@
+"""Reading the action topics undecoded, against what rclpy really writes."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Sequence
+
+import pytest
+from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
+from builtin_interfaces.msg import Time
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import serialize_message
+from test_msgs.action import Fibonacci, NestedMessage
+from unique_identifier_msgs.msg import UUID
+
+from actionkit._ros.wire import feedback_goal_id, goal_states
+
+FEW = 64  # up to so many ids each is searched for; more are looked up entry by entry
+
+Goal = tuple[bytes, int]
+
+
+def status_array(goals: Sequence[Goal], stamp: tuple[int, int] = (1, 2)) -> bytes:
+    when = Time(sec=stamp[0], nanosec=stamp[1])
+    return bytes(
+        serialize_message(
+            GoalStatusArray(
+                status_list=[
+                    GoalStatus(
+                        goal_info=GoalInfo(goal_id=UUID(uuid=list(goal_id)), stamp=when),
+                        status=status,
+                    )
+                    for goal_id, status in goals
+                ]
+            )
+        )
+    )
+
+
+def some_goals(count: int) -> list[Goal]:
+    return [(uuid.uuid4().bytes, number % 7) for number in range(count)]
+
+
+@pytest.mark.parametrize("wanted", [1, FEW, FEW + 1, 200])
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 70, 1000])
+def test_the_states_of_wanted_goals(count: int, wanted: int) -> None:
+    goals = some_goals(count)
+    strangers = [goal_id for goal_id, _ in some_goals(wanted)]
+    message = status_array(goals)
+    known = goals[-(wanted // 2 + 1) :]
+    ids = {goal_id for goal_id, _ in known} | set(strangers[: max(0, wanted - len(known))])
+    assert dict(goal_states(message, ids)) == dict(known)
+    assert list(goal_states(message, strangers)) == []
+    assert list(goal_states(message, [])) == []
+
+
+@pytest.mark.parametrize("extra", [0, FEW])
+def test_all_the_states_that_there_are(extra: int) -> None:
+    goals = [(uuid.uuid4().bytes, status) for status in range(7)]
+    wanted = {goal_id for goal_id, _ in goals} | {uuid.uuid4().bytes for _ in range(extra)}
+    assert sorted(goal_states(status_array(goals), wanted)) == sorted(goals)
+
+
+@pytest.mark.parametrize("form", [bytes, bytearray, memoryview])
+def test_messages_come_in_any_form_of_bytes(form: type) -> None:
+    goals = some_goals(3)
+    assert dict(goal_states(form(status_array(goals)), dict(goals))) == dict(goals)
+    assert feedback_goal_id(form(bytes(4) + goals[0][0])) == goals[0][0]
+
+
+ids = st.integers(0, 2**32).map(lambda seed: uuid.uuid5(uuid.NAMESPACE_OID, str(seed)).bytes)
+stamps = st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1))
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    st.lists(st.tuples(ids, st.integers(0, 6)), unique_by=lambda goal: goal[0], max_size=150),
+    st.sets(ids, max_size=100),
+    st.floats(0, 1),
+    stamps,
+)
+def test_any_goals_among_any_others(
+    goals: list[Goal], strangers: set[bytes], share: float, stamp: tuple[int, int]
+) -> None:
+    own = goals[: round(share * len(goals))]
+    wanted = {goal_id for goal_id, _ in own} | (strangers - {goal_id for goal_id, _ in goals})
+    assert sorted(goal_states(status_array(goals, stamp), wanted)) == sorted(own)
+
+
+@given(ids, st.lists(st.integers(-(2**31), 2**31 - 1), max_size=50))
+def test_the_goal_of_a_feedback_message(goal_id: bytes, sequence: list[int]) -> None:
+    feedback = Fibonacci.Impl.FeedbackMessage(
+        goal_id=UUID(uuid=list(goal_id)), feedback=Fibonacci.Feedback(sequence=sequence)
+    )
+    assert feedback_goal_id(serialize_message(feedback)) == goal_id
+
+
+def test_the_goal_of_a_feedback_message_of_another_type() -> None:
+    goal_id = uuid.uuid4().bytes
+    feedback = NestedMessage.Impl.FeedbackMessage(goal_id=UUID(uuid=list(goal_id)))
+    assert feedback_goal_id(serialize_message(feedback)) == goal_id
