@@ -18,6 +18,7 @@ from test_msgs.action import Fibonacci
 from unique_identifier_msgs.msg import UUID
 
 from actionkit import servers
+from actionkit._ros.discovery import stop_listening
 
 SUCCEEDED = GoalStatus.STATUS_SUCCEEDED
 CANCELED = GoalStatus.STATUS_CANCELED
@@ -49,6 +50,7 @@ class Driver:
         # First the executor: half-way through a round it still uses the entities.
         self.executor.shutdown()
         self.client.destroy()
+        stop_listening(self.node)
         self.node.destroy_node()
         self.context.shutdown()
 

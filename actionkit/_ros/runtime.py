@@ -27,6 +27,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from actionkit._clock import TimerHandle, TimerQueue
+from actionkit._ros.discovery import stop_listening
 from actionkit._ros.native import Source, Waiter
 
 _log = logging.getLogger("actionkit")
@@ -210,6 +211,7 @@ class Runtime:
         for _ in range(len(self._inbox)):
             self._guarded(self._inbox.popleft())
         self._waiter.destroy()
+        stop_listening(self.node)
         self.node.destroy_node()
         self.context.try_shutdown()
         self.context.destroy()

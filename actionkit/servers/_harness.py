@@ -15,6 +15,8 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.context import Context
 from rclpy.node import Node
 
+from actionkit._ros.discovery import stop_listening
+
 from ._executors import make_executor, spin
 from ._life import Life
 from ._messages import Messages, generated
@@ -208,8 +210,10 @@ class Harness:
         self.executor.shutdown(timeout_sec=0)
         for index in list(self._servers):
             self._destroy(index)
-        for node in self._nodes:
+        for node in self._nodes[1:]:
             node.destroy_node()
+        stop_listening(self._nodes[0])
+        self._nodes[0].destroy_node()
         self._context.shutdown()
 
     def start_anew(self, how: str) -> NoReturn:

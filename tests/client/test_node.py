@@ -19,6 +19,7 @@ from test_msgs.action import Fibonacci
 from test_msgs.srv import Empty
 
 from actionkit import Client
+from actionkit._ros.discovery import stop_listening
 from actionkit.testing import EventLog
 
 
@@ -30,6 +31,7 @@ def user_node(domain: int, *args: str, namespace: str = "") -> Iterator[Node]:
     try:
         yield node
     finally:
+        stop_listening(node)
         node.destroy_node()
         context.try_shutdown()
 
