@@ -8,20 +8,20 @@ from __future__ import annotations
 import time
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Protocol
 
 from actionkit import _effects as fx
 from actionkit._attempt import Attempt
-from actionkit._budget import RetryBudget
-from actionkit._classify import Classify, asked, default_verdict, overruled
+from actionkit._classify import overruled
 from actionkit._clock import TimerHandle
-from actionkit._delivery import pool
 from actionkit._explain import Story, Surroundings, explain
-from actionkit._feedback import Callbacks, FeedbackTape
+from actionkit._feedback import DecodeOnce, FeedbackTape
 from actionkit._future import GoalFuture
-from actionkit._retry import GiveUp, Resend, Schedule, how_to_resend
-from actionkit._settings import RetryPolicy, Timeouts
+from actionkit._judging import Judging
+from actionkit._request import Request
+from actionkit._retry import GiveUp, JudgedFailure, Retries, Retry
+from actionkit._settings import Timeouts
 from actionkit._stages import Stage
 from actionkit._timeline import Timeline
 from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome, Verdict
@@ -33,7 +33,6 @@ _LATE = {
     GoalState.ABORTED: fx.End.ABORTED,
     GoalState.REJECTED: fx.End.REJECTED,
 }
-_JUDGED = {fx.End.SUCCEEDED, fx.End.ABORTED, fx.End.REJECTED}
 _NEVER_AGAIN = {fx.End.CANCELED_BY_OTHER}
 """Whatever the cause and the judgement (C4.4)."""
 _WITH_RESULT = {fx.End.SUCCEEDED, fx.End.ABORTED, fx.End.CANCELED_BY_OTHER}
@@ -66,31 +65,6 @@ class Carrier(Protocol):
     def finished(self, call: Call) -> None: ...
 
 
-@dataclass(frozen=True)
-class Request:
-    """What the user asked for.
-
-    Attributes:
-        goal: The validated goal message, shared with nobody; `None` where it was invalid.
-        invalid: What is wrong with the goal, where something is.
-        timeout: Seconds for the whole call, or `None`.
-        timeouts: The caps on the phases.
-        retry: When to try again.
-        budget: The brake on retries.
-        classify: What counts as success, or `None` for the default.
-        callbacks: Who gets the feedback, or `None`.
-    """
-
-    goal: Any
-    invalid: Exception | None
-    timeout: float | None
-    timeouts: Timeouts
-    retry: RetryPolicy
-    budget: RetryBudget
-    classify: Classify | None
-    callbacks: Callbacks | None
-
-
 class Call:
     """Carries a request through to the settling of its future."""
 
@@ -104,14 +78,14 @@ class Call:
         self._request = request
         self._began = time.monotonic()
         self._deadline = None if request.timeout is None else self._began + request.timeout
-        self._schedule: Schedule | None = None
+        self._retries = Retries(request.retry, request.budget, self._began)
+        self._judging = Judging(carrier, request.classify, self._judged)
         self._tape: FeedbackTape[Any] = FeedbackTape()
         self.future: GoalFuture[Any, Any] = GoalFuture(self, self._tape)
         self._attempt: Attempt | None = None
         self._previous: Attempt | None = None
         self._attempts = 0
         self._pause: TimerHandle | None = None
-        self._judging: tuple[fx.Ending, Outcome[Any]] | None = None
         self._last: fx.Ending | None = None  # of the attempt before the pause
         self._ending: fx.Ending | None = None
         self._settled = False
@@ -147,21 +121,19 @@ class Call:
         """Cancel the goal, or end the call where none is under way."""
         if self._attempt is not None:
             self._attempt.cancel()
-        elif self._judging is None:
-            self._end(self._idle(fx.End.CANCELLED_BY_CALLER))
-        else:
+        elif self._judging.under_way:
             # What ended is judged, and not tried again; and that takes no longer than a cancel.
-            self._cancel_pause()
-            until = time.monotonic() + self.cancel_grace
-            self._pause = self._carrier.call_at(until, self._stop_judging)
+            self._judging.end_by(time.monotonic() + self.cancel_grace)
+        else:
+            self._end(self._idle(fx.End.CANCELLED_BY_CALLER))
 
     def close(self, *, abandon: bool) -> None:
         """End because the client closes."""
         self._closing = True
         if self._attempt is not None:
             self._attempt.close(abandon=abandon)
-        elif self._judging is not None:
-            self._stop_judging()
+        elif self._judging.under_way:
+            self._judging.end()
         else:
             self._end(self._idle(fx.End.CLOSED))
 
@@ -257,7 +229,7 @@ class Call:
         if self._settled or attempt is not self._attempt:
             return
         self._note(attempt.goal_id, GoalState.FEEDBACK, "")
-        decode = _Once(lambda: self._carrier.decode_feedback(message))
+        decode = DecodeOnce(lambda: self._carrier.decode_feedback(message))
         self._tape.put(decode)
         if self._request.callbacks is not None:
             self._request.callbacks.put(decode)
@@ -277,32 +249,7 @@ class Call:
         self._judge(ending)
 
     def _judge(self, ending: fx.Ending) -> None:
-        outcome, classify = self._outcome(ending), self._request.classify
-        if classify is None or ending.end not in _JUDGED:
-            self._judged(ending, outcome, default_verdict(outcome))
-            return
-        self._judging = (ending, outcome)
-        if self._deadline is not None:
-            # A function that does not return holds up nothing for longer than this.
-            self._pause = self._carrier.call_at(self._deadline, self._stop_judging)
-
-        def ask() -> None:
-            verdict = asked(classify, outcome)
-            self._carrier.call_soon(lambda: self._stop_judging(ending, verdict))
-
-        pool.submit(ask)  # it is the user's (R8)
-
-    def _stop_judging(
-        self, asked_for: fx.Ending | None = None, verdict: Verdict | None = None
-    ) -> None:
-        """Take the verdict on an ending; without one the default counts, whatever is judged."""
-        if self._judging is None:
-            return
-        if asked_for is not None and asked_for is not self._judging[0]:
-            return  # the answer comes too late
-        (ending, outcome), self._judging = self._judging, None
-        self._cancel_pause()
-        self._judged(ending, outcome, verdict or default_verdict(outcome))
+        self._judging.begin(ending, self._outcome(ending), self._deadline)
 
     def _judged(self, ending: fx.Ending, outcome: Outcome[Any], verdict: Verdict) -> None:
         if self._ending is not None:
@@ -314,31 +261,24 @@ class Call:
             self._end(ending)
             return
         self._request.budget.on_transient_failure()
-        why_not = self._pause_before_another(ending, outcome.error or _ToRetry())
-        if why_not is not None:
-            self._end(replace(ending, note=why_not))
-
-    def _pause_before_another(self, ending: fx.Ending, error: BaseException) -> str | None:
-        """Begin the pause before another attempt, or say why there is none."""
-        policy, now = self._request.retry, time.monotonic()
-        if self._schedule is None:
-            self._schedule = Schedule(policy, self._began)
         if self.unwanted or self._closing:
-            return "its caller no longer wants it"
-        plan = self._schedule.next(error, self._attempts, now, self._deadline)
-        if isinstance(plan, GiveUp):
-            return plan.reason
-        how = how_to_resend(ending.reached, ending.known, policy.resend)
-        if how is Resend.NO:
-            return f"the goal may still run, or have run (resend={policy.resend!r})"
-        if not self._request.budget.allows_retry:
-            return f"the retry budget forbids it ({self._request.budget!r})"
+            why_not = "its caller no longer wants it"
+        else:
+            error = outcome.error or JudgedFailure()
+            plan = self._retries.next(
+                ending, error, self._attempts, time.monotonic(), self._deadline
+            )
+            if not isinstance(plan, GiveUp):
+                self._pause_for(plan)
+                return
+            why_not = plan.reason
+        self._end(replace(ending, note=why_not))
+
+    def _pause_for(self, plan: Retry) -> None:
         self._note(self.goal_id, GoalState.RETRYING, f"in {plan.seconds:.2f} s")
         self.state = GoalState.RETRYING
-        self._pause = self._carrier.call_at(
-            now + plan.seconds, lambda: self._resume(resent=how is Resend.SAME_ID)
-        )
-        return None
+        until = time.monotonic() + plan.seconds
+        self._pause = self._carrier.call_at(until, lambda: self._resume(resent=plan.same_id))
 
     def _resume(self, *, resent: bool) -> None:
         self._pause = None
@@ -420,23 +360,3 @@ class Call:
         self.timeline.add(
             GoalEvent(goal_id, self._attempts, state, time.monotonic(), time.time(), detail)
         )
-
-
-class _ToRetry(Exception):
-    """Stands, towards tenacity's strategies, for a success that was judged a failure."""
-
-
-class _Once:
-    """Decodes a message at most once, for all who look at it."""
-
-    def __init__(self, decode: Callable[[], Any]) -> None:
-        self._decode: Callable[[], Any] | None = decode
-        self._value: Any = None
-
-    def __call__(self) -> Any:
-        decode = self._decode
-        if decode is not None:
-            # Two threads may both decode: the second value is as good as the first.
-            self._value = decode()
-            self._decode = None
-        return self._value

@@ -29,9 +29,13 @@ def asked(classify: Classify, outcome: Outcome[Any]) -> Verdict:
     """Return what the user's function says; its errors are logged, and the default counts."""
     try:
         verdict = classify(outcome)
-        if isinstance(verdict, Verdict):
+        if not isinstance(verdict, Verdict):
+            _log.error("classify=%r returned %r, which is no Verdict", classify, verdict)
+        elif verdict is Verdict.SUCCESS and outcome.result is None:
+            # A rejected goal is never an empty success (C3.1).
+            _log.error("classify=%r called a goal without a result a success", classify)
+        else:
             return verdict
-        _log.error("classify=%r returned %r, which is no Verdict", classify, verdict)
     except BaseException:  # noqa: BLE001  a user's error must not lose the outcome
         _log.exception("classify=%r raised", classify)
     return default_verdict(outcome)

@@ -13,12 +13,13 @@ from typing_extensions import Never, Self
 from actionkit._action_type import ActionType, FeedbackT, GoalT, ResultT
 from actionkit._arguments import UNSET, Unset, check_type, refuse_unknown
 from actionkit._budget import RetryBudget
-from actionkit._call import Call, Request
+from actionkit._call import Call
 from actionkit._classify import Classify, FieldClassifier
 from actionkit._delivery import in_callback
 from actionkit._feedback import callbacks_for
 from actionkit._fields import FieldError, FieldTypeError, to_message
 from actionkit._future import GoalFuture
+from actionkit._request import Request
 from actionkit._settings import RetryPolicy, Timeouts, check_seconds
 
 if TYPE_CHECKING:

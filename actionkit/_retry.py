@@ -5,11 +5,11 @@ from __future__ import annotations
 import random
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Any
 
 import tenacity
 
-from actionkit._effects import Known, Reached
+from actionkit._budget import RetryBudget
+from actionkit._effects import Ending, Known, Reached
 from actionkit._settings import RetryPolicy
 
 
@@ -80,7 +80,9 @@ class Schedule:
         self._state.start_time = began
         self._began = began
 
-    def next(self, error: BaseException, attempts: int, now: float, deadline: float | None) -> Any:
+    def next(
+        self, error: BaseException, attempts: int, now: float, deadline: float | None
+    ) -> Pause | GiveUp:
         """Return the `Pause` before the next attempt, or `GiveUp`.
 
         Args:
@@ -109,3 +111,55 @@ class Schedule:
             return GiveUp(f"a pause of {seconds:.2g} s would have crossed the deadline")
         state.idle_for += seconds
         return Pause(seconds)
+
+
+class JudgedFailure(Exception):
+    """Stands, towards tenacity's strategies, for a success that was judged a failure."""
+
+
+@dataclass(frozen=True)
+class Retry:
+    """Try again after so many seconds, with the same goal id or a new one."""
+
+    seconds: float
+    same_id: bool
+
+
+class Retries:
+    """All that decides whether one call tries again: policy, budget, and what its goal does."""
+
+    def __init__(self, policy: RetryPolicy, budget: RetryBudget, began: float) -> None:
+        self._policy = policy
+        self._budget = budget
+        self._began = began
+        self._schedule: Schedule | None = None  # most calls need none
+
+    def next(
+        self,
+        ending: Ending,
+        error: BaseException,
+        attempts: int,
+        now: float,
+        deadline: float | None,
+    ) -> Retry | GiveUp:
+        """Decide after a transient failure.
+
+        Args:
+            ending: How the last attempt ended.
+            error: The same as an exception.
+            attempts: Attempts made so far.
+            now: Monotonic seconds.
+            deadline: When the call's time is up, or `None`.
+        """
+        if self._schedule is None:
+            self._schedule = Schedule(self._policy, self._began)
+        plan = self._schedule.next(error, attempts, now, deadline)
+        if isinstance(plan, GiveUp):
+            return plan
+        resend = self._policy.resend
+        how = how_to_resend(ending.reached, ending.known, resend)
+        if how is Resend.NO:
+            return GiveUp(f"the goal may still run, or have run (resend={resend!r})")
+        if not self._budget.allows_retry:
+            return GiveUp(f"the retry budget forbids it ({self._budget!r})")
+        return Retry(plan.seconds, how is Resend.SAME_ID)

@@ -15,9 +15,10 @@ from collections.abc import Callable
 from typing import Literal
 
 from actionkit import _delivery
-from actionkit._call import Call, Request
+from actionkit._call import Call
 from actionkit._carrier import PortCarrier
 from actionkit._errors import ClientClosedError
+from actionkit._request import Request
 from actionkit._ros import runtime as runtimes
 from actionkit._ros.port import Port
 

@@ -9,18 +9,21 @@ from __future__ import annotations
 
 import uuid
 from collections import OrderedDict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 from unittest import mock
 
 from actionkit import CancelReport, GoalState, Outcome, RetryBudget, RetryPolicy, Timeouts, Verdict
 from actionkit import _call as call_module
+from actionkit import _judging as judging
 from actionkit._attempt import STATES, Attempt
-from actionkit._call import Call, Request
+from actionkit._call import Call
 from actionkit._clock import TimerHandle, TimerQueue
 from actionkit._effects import CancelAnswer
 from actionkit._explain import Surroundings
+from actionkit._request import Request
 
 CODES = {state: code for code, state in STATES.items()}
 ANSWERS = {
@@ -235,8 +238,10 @@ class CallLife:
 
     # --- driving ---------------------------------------------------------------------------
 
-    def patched(self) -> Any:
-        return mock.patch.multiple(call_module, time=self, pool=self)
+    @contextmanager
+    def patched(self) -> Iterator[None]:
+        with mock.patch.object(call_module, "time", self), mock.patch.object(judging, "pool", self):
+            yield
 
     def does(self, action: Callable[..., object], *args: Any, **options: Any) -> None:
         """Let something happen on the thread, and all that follows at once."""

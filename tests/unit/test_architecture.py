@@ -30,7 +30,7 @@ LAYERS: list[set[str]] = [
     {"_feedback", "_field_paths", "_field_types", "_values"},
     {"_effects", "_fields", "_timeline"},
     {"_classify", "_explain", "_future", "_retry", "_stages"},
-    {"_goal"},
+    {"_goal", "_judging", "_request"},
     {"_attempt"},
     {"_call"},
     {"_carrier"},
@@ -64,7 +64,7 @@ PURE = (
 ROS = ("rclpy", "action_msgs", "unique_identifier_msgs")
 LONGEST = 350
 LONGER = {
-    "_call.py": 450,
+    "_call.py": 380,  # the turns of a call; what decides them is elsewhere
     "_goal.py": 530,  # one table of situations and events; half of it would tell half the story
     "_ros/link.py": 480,
 }

@@ -211,6 +211,14 @@ def test_a_function_that_returns_no_verdict_is_logged_and_the_default_counts(
     assert "no Verdict" in caplog.text
 
 
+def test_a_goal_without_a_result_is_never_a_success(caplog: pytest.LogCaptureFixture) -> None:
+    rejected = outcome(error=actionkit.GoalRejectedError("rejected"), result=None)
+    with caplog.at_level(logging.ERROR, "actionkit"):
+        assert asked(lambda _: SUCCESS, rejected) is PERMANENT
+    assert "without a result" in caplog.text
+    assert asked(lambda _: TRANSIENT, rejected) is TRANSIENT
+
+
 # --- overruling --------------------------------------------------------------------------------
 
 SUCCEEDED = Ending(End.SUCCEEDED, GoalState.SUCCEEDED, result=1)

@@ -1,0 +1,36 @@
+"""What the user asked for with one call."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from actionkit._budget import RetryBudget
+from actionkit._classify import Classify
+from actionkit._feedback import Callbacks
+from actionkit._settings import RetryPolicy, Timeouts
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asked for.
+
+    Attributes:
+        goal: The validated goal message, shared with nobody; `None` where it was invalid.
+        invalid: What is wrong with the goal, where something is.
+        timeout: Seconds for the whole call, or `None`.
+        timeouts: The caps on the phases.
+        retry: When to try again.
+        budget: The brake on retries.
+        classify: What counts as success, or `None` for the default.
+        callbacks: Who gets the feedback, or `None`.
+    """
+
+    goal: Any
+    invalid: Exception | None
+    timeout: float | None
+    timeouts: Timeouts
+    retry: RetryPolicy
+    budget: RetryBudget
+    classify: Classify | None
+    callbacks: Callbacks | None
