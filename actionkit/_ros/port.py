@@ -99,13 +99,13 @@ class Port:
             if self.link.presence.ready:
                 ready.set()
             else:
-                self.link.add_ready_waiter(ready.set)
+                self.link.lookout.add_ready_waiter(ready.set)
 
         self.call_soon(begin)
         try:
             return ready.wait(timeout) or (timeout == 0 and self.server_is_ready())
         finally:
-            self.call_soon(lambda: self.link.remove_ready_waiter(ready.set))
+            self.call_soon(lambda: self.link.lookout.remove_ready_waiter(ready.set))
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table of the link and the timers hold."""

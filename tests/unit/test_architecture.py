@@ -40,9 +40,10 @@ LAYERS: list[set[str]] = [
 ]
 ROS_LAYERS: list[set[str]] = [
     {"_clock", "_errors"},
-    {"_ros.discovery", "_ros.graph", "_ros.native", "_ros.outbox", "_ros.wire"},
+    {"_ros.discovery", "_ros.graph", "_ros.listener", "_ros.native", "_ros.outbox", "_ros.wire"},
     {"_ros.entities", "_ros.names", "_ros.presence", "_ros.runtime"},
-    {"_ros.liveness", "_ros.rollcall", "_ros.status"},
+    {"_ros.liveness", "_ros.requests", "_ros.rollcall", "_ros.status"},
+    {"_ros.lookout"},
     {"_ros.link"},
     {"_ros.port"},
     {"_carrier"},
@@ -66,7 +67,6 @@ LONGEST = 350
 LONGER = {
     "_call.py": 380,  # the turns of a call; what decides them is elsewhere
     "_goal.py": 530,  # one table of situations and events; half of it would tell half the story
-    "_ros/link.py": 480,
 }
 
 
