@@ -220,7 +220,7 @@ class Attempt:
             if self._liveness is not None:
                 self._link.liveness.start(self._liveness)
         elif isinstance(effect, fx.AskResult):
-            self._link.ask_result(self)
+            self._link.ask_result(self, anew=effect.anew)
         elif isinstance(effect, fx.AskCancel):
             self.cancel_asked = True
             self._link.ask_cancel(self)

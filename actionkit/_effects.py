@@ -121,7 +121,13 @@ class Withdraw:
 
 @dataclass(frozen=True)
 class AskResult:
-    """Ask the server for the goal's result; harmless to repeat (R3)."""
+    """Ask the server for the goal's result; harmless to repeat (R3).
+
+    Attributes:
+        anew: Whether answers to earlier questions do not count any more.
+    """
+
+    anew: bool = False
 
 
 @dataclass(frozen=True)

@@ -190,7 +190,8 @@ class Goal:
             return []
         if self._resent and not self._denied:
             self._denied = True
-            return [AskResult(), WatchStatus()]
+            # What it said of the goal before says nothing about a duplicate.
+            return [AskResult(anew=True), WatchStatus()]
         self.stage = Stage.OVER
         self._report = CancelReport.NOT_NEEDED
         effects: list[Effect] = [self._enter(GoalState.REJECTED)]

@@ -101,9 +101,12 @@ class Link:
         self._outbox.discard(listener.goal_id.bytes)
         self._flush()
 
-    def ask_result(self, listener: GoalListener) -> None:
-        """Ask for the goal's result; again only at a measured pace."""
-        self._requests.ask_result(listener.goal_id.bytes)
+    def ask_result(self, listener: GoalListener, *, anew: bool = False) -> None:
+        """Ask for the goal's result; again only at a measured pace, unless it is `anew`."""
+        key = listener.goal_id.bytes
+        if anew:
+            self._requests.forget_asks(key)
+        self._requests.ask_result(key)
 
     def ask_cancel(self, listener: GoalListener) -> None:
         """Ask for the goal's cancellation."""

@@ -79,6 +79,14 @@ class Requests:
         self._asks[key] = None
         self._ask_soon()
 
+    def forget_asks(self, key: bytes) -> None:
+        """Take no answer any more to the questions for a goal's result asked so far."""
+        made = self._made.get(key, [])
+        for what, seq in made:
+            if what == "result":
+                self._unanswered[what].pop(seq, None)
+        made[:] = [request for request in made if request[0] != "result"]
+
     def ask_cancel(self, key: bytes) -> None:
         """Ask for a sent goal's cancellation."""
         self._request("cancel", self._entities.cancel, _cancel_request(key), key)

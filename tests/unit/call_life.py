@@ -107,9 +107,12 @@ class Link:
     def leave_outbox(self, listener: Attempt) -> None:
         self.queue.pop(listener.goal_id.bytes, None)
 
-    def ask_result(self, listener: Attempt) -> None:
+    def ask_result(self, listener: Attempt, *, anew: bool = False) -> None:
         if listener.goal_id.bytes in self.listeners:
-            self.life.goals[listener.goal_id.bytes].results_asked += 1
+            asked = self.life.goals[listener.goal_id.bytes]
+            if anew:
+                asked.results_answered = asked.results_asked
+            asked.results_asked += 1
 
     def ask_cancel(self, listener: Attempt) -> None:
         if listener.goal_id.bytes in self.listeners:
