@@ -149,6 +149,7 @@ class CallLife:
         self.verdict = Verdict.SUCCESS
         self.told: list[tuple[Any, ...]] = []
         self.goals: dict[bytes, OnServers] = {}
+        self.feedback_behind: list[tuple[bytes, bytes]] = []
         self.link = Link(self)
         self.retry = retry
         self.timeouts = Timeouts(**timeouts)  # type: ignore[arg-type]
@@ -228,7 +229,9 @@ class CallLife:
         return message
 
     def take_feedback_now(self) -> None:
-        pass
+        for key, message in self.feedback_behind:
+            self.link.listeners[key].on_feedback(message)
+        self.feedback_behind.clear()
 
     def surroundings(self) -> Surroundings:
         return Surroundings({}, 0, "none")
