@@ -138,7 +138,9 @@ def test_a_goal_that_one_server_finished_is_cancelled_on_the_other(action_server
     while not endless.count("accepted"):  # it takes a moment to be known to us
         assert time.monotonic() < give_up
         assert list(client.call({"order": 1}, 10).sequence) == [0, 1]
-    endless.wait_for("canceled")
+    last = client.call_async({"order": 1})
+    assert last.result(10)
+    endless.wait_for("canceled", goal_id=str(last.goal_id))
     assert runs_nothing(endless)
 
 
