@@ -173,6 +173,12 @@ class Link:
     # --- what comes ------------------------------------------------------------------------
 
     def _on_matched(self, count: int) -> None:
+        # What a server said before it went is not to be read after that: a result would come
+        # too late, and a status would seem to show a lost goal running again.
+        for source in self._entities.sources:
+            if source is not self._entities.matched:
+                source.on_ready()
+        self._status.take_now()
         self.lookout.matched(count)
 
     def _take_goal(self, seq: int, response: Any) -> None:
