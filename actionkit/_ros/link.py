@@ -101,6 +101,11 @@ class Link:
         self._outbox.discard(listener.goal_id.bytes)
         self._flush()
 
+    def sees_server_of(self, listener: GoalListener) -> bool:
+        """Whether a server is there that the goal was sent to."""
+        goal = self._sent.get(listener.goal_id.bytes)
+        return goal is not None and bool(goal.sent_to & self.presence.servers)
+
     def ask_result(self, listener: GoalListener) -> None:
         """Ask for the goal's result; again only at a measured pace."""
         self._requests.ask_result(listener.goal_id.bytes)
@@ -147,7 +152,8 @@ class Link:
                 listener.on_send_failed(error)
                 continue
             # Where it is sent again (R5), it is no longer the earlier server that matters.
-            self._sent[key] = SentGoal(listener, self.presence.servers)
+            servers = self.presence.servers
+            self._sent[key] = SentGoal(listener, servers, servers)
             listener.on_sent()
 
     # --- what its owner asks for -----------------------------------------------------------

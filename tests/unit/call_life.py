@@ -107,6 +107,9 @@ class Link:
     def leave_outbox(self, listener: Attempt) -> None:
         self.queue.pop(listener.goal_id.bytes, None)
 
+    def sees_server_of(self, listener: Attempt) -> bool:
+        return False  # a server that is lost here does not come back
+
     def ask_result(self, listener: Attempt) -> None:
         if listener.goal_id.bytes in self.listeners:
             self.life.goals[listener.goal_id.bytes].results_asked += 1
