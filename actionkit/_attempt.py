@@ -132,7 +132,8 @@ class Attempt:
             # the link when a server is ready again.
             self._link.hold(self)
             return
-        self._apply(self.goal.server_ready(self._now()))
+        back = self._link.sees_server_of(self)
+        self._apply((self.goal.server_back if back else self.goal.server_ready)(self._now()))
 
     def on_type_mismatch(self, served: tuple[str, ...]) -> None:
         self._apply(self.goal.type_mismatch(served, self._now()))

@@ -33,6 +33,8 @@ _LATE = {
     GoalState.ABORTED: fx.End.ABORTED,
     GoalState.REJECTED: fx.End.REJECTED,
 }
+_UNDECIDED = "a server is there, but has not said whether the goal still runs"
+_NOBODY_BACK = "its server went away, and no server has come back"
 _NEVER_AGAIN = {fx.End.CANCELED_BY_OTHER}
 """Whatever the cause and the judgement (C4.4)."""
 _WITH_RESULT = {fx.End.SUCCEEDED, fx.End.ABORTED, fx.End.CANCELED_BY_OTHER}
@@ -240,8 +242,11 @@ class Call:
             return
         if ending.end in _WITH_RESULT:
             self._carrier.take_feedback_now()  # it may be behind the result (R15)
-        if ending.end is fx.End.NO_SERVER and not self.may_send(attempt):
-            reason = "a server is there, but has not said whether the earlier goal still runs"
+        earlier = self._previous
+        if ending.end is fx.End.NO_SERVER and earlier and earlier.goal.in_flight:
+            # Something was sent before this attempt, and its caller has to hear of that.
+            reason = _UNDECIDED if self._carrier.server_is_ready() else _NOBODY_BACK
+            self.goal_id = earlier.goal_id
             ending = replace(ending, end=fx.End.LOST, status=GoalState.LOST, info=reason)
         if attempt.goal.stage is not Stage.OVER or ending.reached is not fx.Reached.NEVER_SENT:
             self._previous = attempt

@@ -119,12 +119,24 @@ class Goal:
             self.stage = Stage.QUEUED
             return [Disarm(Timer.SERVER), SendGoal()]
         if self.stage is Stage.LOST:
-            # It may be the server that was lost, back from the other side of a partition.
-            self._nudge_after = FIRST_NUDGE
-            return [AskCancel(), AskResult(), self._arm_nudge(now)]
+            return self._ask_about_lost(now)
         # A new server on the name, or the same one restarted: one that does not know the goal
         # says so (R1).
         return [AskResult()] if self.stage is Stage.ACCEPTED else []
+
+    def server_back(self, now: float) -> list[Effect]:
+        """The very server that the goal was sent to can be talked to (again)."""
+        if self.stage is not Stage.LOST:
+            return self.server_ready(now)
+        if not self._was_accepted:
+            # It may take the goal yet (R6): that it does not know it so far means nothing.
+            self.stage = Stage.SENT
+        return self._ask_about_lost(now)
+
+    def _ask_about_lost(self, now: float) -> list[Effect]:
+        self._nudge_after = FIRST_NUDGE
+        self._cancel_answered = False
+        return [AskCancel(), AskResult(), self._arm_nudge(now)]
 
     def type_mismatch(self, served: tuple[str, ...], now: float) -> list[Effect]:
         """The name is served with other types only."""

@@ -101,6 +101,11 @@ class Link:
         self._outbox.discard(listener.goal_id.bytes)
         self._flush()
 
+    def sees_server_of(self, listener: GoalListener) -> bool:
+        """Whether a server is there that the goal was sent to."""
+        goal = self._sent.get(listener.goal_id.bytes)
+        return goal is not None and bool(goal.sent_to & self.presence.servers)
+
     def ask_result(self, listener: GoalListener, *, anew: bool = False) -> None:
         """Ask for the goal's result; again only at a measured pace, unless it is `anew`."""
         key = listener.goal_id.bytes
@@ -150,7 +155,8 @@ class Link:
                 listener.on_send_failed(error)
                 continue
             # Where it is sent again (R5), it is no longer the earlier server that matters.
-            self._sent[key] = SentGoal(listener, self.presence.servers)
+            servers = self.presence.servers
+            self._sent[key] = SentGoal(listener, servers, servers)
             listener.on_sent()
 
     # --- what its owner asks for -----------------------------------------------------------
@@ -176,6 +182,12 @@ class Link:
     # --- what comes ------------------------------------------------------------------------
 
     def _on_matched(self, count: int) -> None:
+        # What a server said before it went is not to be read after that: a result would come
+        # too late, and a status would seem to show a lost goal running again.
+        for source in self._entities.sources:
+            if source is not self._entities.matched:
+                source.on_ready()
+        self._status.take_now()
         self.lookout.matched(count)
 
     def _take_goal(self, seq: int, response: Any) -> None:

@@ -33,8 +33,10 @@ class SentGoal:
 
     Attributes:
         listener: Who is told of it.
-        servers: The ids of the servers that may have it.
+        servers: The ids of the servers in sight that may have it.
+        sent_to: Of all that may have it, or take it yet, in sight or not.
     """
 
     listener: GoalListener
     servers: frozenset[bytes]
+    sent_to: frozenset[bytes]

@@ -211,7 +211,10 @@ class Lookout:
             newer = {nodes.get(gid, "") for gid in self.presence.servers - goal.servers} - {""}
             replaced = frozenset(gid for gid in goal.servers if nodes.get(gid) in newer)
             if replaced:
+                goal.sent_to -= replaced
                 self._lose(goal, replaced, "its server was restarted")
+                if self.presence.ready:
+                    goal.listener.on_server_ready()  # the other may say that it has no such goal
         if "" in nodes.values() and self._sent and not self._closed:
             # Nodes get their names some time after their endpoints.
             self._runtime.call_at(self._runtime.now() + _NAMING, self._rollcall.begin)

@@ -61,6 +61,11 @@ class StatusWatch:
         self._subscription.destroy()
         self._subscription = None
 
+    def take_now(self) -> None:
+        """Read what has come, though the period is not over."""
+        if self._subscription is not None:
+            self._subscription.source.take()
+
     def _take(self, message: bytes) -> None:
         if self._subscription is None:
             return

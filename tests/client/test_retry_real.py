@@ -256,3 +256,19 @@ def test_liveness_notices_a_stopped_server(returns, action_server, make_client):
         # It was alive after all: what its caller gave up on is cancelled.
         server.resume()
         server.wait_for("canceled")
+
+
+@pytest.mark.parametrize("resend", ["confirmed_stopped", "always"])
+def test_a_lost_goal_is_told_of_when_no_server_comes_back(resend, action_server, make_client):
+    server = action_server("never_finishes")
+    policy = RetryPolicy(initial=0.05, jitter=0.0, resend=resend)
+    client = make_client(timeouts=Timeouts(server=0.2), retry=policy)
+    assert client.wait_for_server(10)
+    future = client.call_async({"order": 1})
+    lost = server.wait_for("executing")[0].goal_id
+    server.terminate()
+    # Not ServerUnavailableError, which says that nothing was sent.
+    with pytest.raises(ak.ServerLostError, match="no server has come back") as caught:
+        future.result(20)
+    assert str(caught.value.goal_id) == lost
+    assert caught.value.attempts == 3

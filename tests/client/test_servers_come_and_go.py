@@ -44,6 +44,28 @@ def test_a_clean_end_is_noticed(end, action_server, make_client):
     assert again.outcome(10).status is GoalState.CANCELED
 
 
+def test_the_last_word_of_a_server_does_not_seem_to_bring_it_back(
+    action_server, make_client, own_threads
+):
+    rest = ["accept", "never"]
+    server = action_server("scripted", script=[rest, [{"feedback": 13, "period": 0.1}], rest])
+    client = make_client(retry=ONCE)
+    assert client.wait_for_server(10)
+    futures = [client.call_async({"order": 1})]
+    client.call({"order": 1})  # takes more than a second, so the status topic is read by now
+    # Faster than it is read: some of it is there to be read when the server is gone.
+    futures += [client.call_async({"order": 1}) for _ in range(8)]
+    server.wait_for("executing", count=10)
+    server.terminate()
+    for future in futures:
+        assert future.outcome(10).status is GoalState.LOST
+    with pytest.raises(TimeoutError):
+        client.call_async({"order": 1}).result(0.3)  # long enough for what is left to be read
+    client.close()
+    # A goal that still seemed to be on a server would be watched, and keep the thread.
+    assert "actionkit" not in own_threads()
+
+
 def test_a_killed_server_is_noticed_with_its_lease(action_server, make_client):
     server = action_server("never_finishes")
     future = make_client(retry=ONCE).call_async({"order": 1})

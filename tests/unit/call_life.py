@@ -107,6 +107,9 @@ class Link:
     def leave_outbox(self, listener: Attempt) -> None:
         self.queue.pop(listener.goal_id.bytes, None)
 
+    def sees_server_of(self, listener: Attempt) -> bool:
+        return False  # a server that is lost here does not come back
+
     def ask_result(self, listener: Attempt, *, anew: bool = False) -> None:
         if listener.goal_id.bytes in self.listeners:
             asked = self.life.goals[listener.goal_id.bytes]

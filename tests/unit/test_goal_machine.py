@@ -220,6 +220,32 @@ def test_a_lost_goal_is_forgotten_when_the_server_that_comes_does_not_know_it(an
     assert life.count(Release) == 1
 
 
+@pytest.mark.parametrize("answer", ["cancel", "result"])
+def test_a_lost_goal_may_be_taken_yet_by_its_own_server(answer: str) -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    life.tell("server_lost", "answered nothing for a while")
+    assert life.see("server_back")[:2] == [AskCancel(), AskResult()]
+    if answer == "cancel":
+        life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
+    else:
+        life.tell("result", None, None)
+    assert life.goal.in_flight
+    assert AskCancel() in life.fire(Timer.NUDGE)
+    assert AskCancel() in life.see("accepted")
+    life.tell("result", GoalState.CANCELED, None)
+    assert life.goal.stage is Stage.OVER
+
+
+def test_a_goal_that_its_own_server_had_and_knows_no_more_is_over() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("server_lost", "answered nothing for a while")
+    life.see("server_back")
+    life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
+    assert life.goal.stage is Stage.OVER
+
+
 def test_a_broken_client_ends_the_call() -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED)

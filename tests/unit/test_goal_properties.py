@@ -23,6 +23,7 @@ Event = tuple[Any, ...]
 RESULT = object()
 EVENTS: list[Event] = [
     ("server_ready",),
+    ("server_back",),
     ("sent",),
     ("accepted",),
     ("rejected",),

@@ -1,0 +1,65 @@
+"""Where the rows of docs/faults.md come together, and are compared with those written there.
+
+To write the page anew, run these tests with `ACTIONKIT_WRITE_FAULTS=1` in the environment, in
+one process. Otherwise each row that a test comes to has to be the one that is written.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from actionkit import Timeouts
+from tests.faults import page, table
+from tests.faults.callers import LocalCaller
+from tests.faults.lab import TIMEOUTS
+from tests.faults.table import Row
+
+_ROWS: pytest.StashKey[list[Row]] = pytest.StashKey()
+_WRITE = os.environ.get("ACTIONKIT_WRITE_FAULTS") == "1"
+
+
+@pytest.fixture
+def record(request: pytest.FixtureRequest) -> Callable[[Iterable[Row]], None]:
+    """Take the rows of a test, and compare them with the page."""
+    rows = request.config.stash.setdefault(_ROWS, [])
+    written = {} if _WRITE else table.read(table.PATH.read_text())
+
+    def take(seen: Iterable[Row]) -> None:
+        problems = []
+        for row in seen:
+            print(row)
+            rows.append(row)
+            if _WRITE:
+                continue
+            line = written.get(row.case)
+            problem = "it is not there" if line is None else line.differs(row)
+            if problem:
+                problems.append(f"{row.case}: {problem}")
+        assert not problems, "not as docs/faults.md says:\n" + "\n".join(problems)
+
+    return take
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    if _WRITE:
+        terminalreporter.section("docs/faults.md")
+        terminalreporter.write_line(page.write(config.stash.get(_ROWS, [])))
+
+
+@pytest.fixture
+def make_caller(ros_domain: int) -> Iterator[Callable[..., LocalCaller]]:
+    """Make clients in this process; they are closed at the test's end."""
+    with ExitStack() as stack:
+
+        def make(timeouts: Timeouts = TIMEOUTS) -> LocalCaller:
+            caller = LocalCaller(timeouts)
+            stack.callback(caller.close)
+            return caller
+
+        yield make

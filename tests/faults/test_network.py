@@ -1,0 +1,138 @@
+"""A client and a server on two hosts, and what becomes of goals when the network fails (C5.4)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from actionkit import Timeouts, servers
+from actionkit.servers import Server
+from tests.faults import network, page
+from tests.faults.callers import RemoteCaller
+from tests.faults.lab import (
+    ACCEPTED,
+    BEFORE_ACCEPT,
+    ENDS,
+    FEEDBACK,
+    TIMEOUTS,
+    Lab,
+    at_once,
+    executed,
+    scripts,
+    settle,
+)
+from tests.faults.network import Network
+from tests.faults.table import Case, Row
+
+
+class Field:
+    """The two hosts, with a server on one of them and a client on the other."""
+
+    def __init__(self, cable: Network, domain: int, stack: ExitStack) -> None:
+        self.cable = cable
+        self._domain = domain
+        self._stack = stack
+
+    def serve(self, name: str, **options: Any) -> Server:
+        with self.cable.second.inside():
+            server = servers.start(name, domain_id=self._domain, **options)
+        return self._stack.enter_context(server)
+
+    def caller(self, timeouts: Timeouts = TIMEOUTS) -> RemoteCaller:
+        with self.cable.first.inside():
+            caller = RemoteCaller(timeouts)
+        self._stack.callback(caller.kill)
+        assert caller.wait_for_server(20)
+        return caller
+
+
+@pytest.fixture(scope="module")
+def possible() -> None:
+    """Skip where no hosts can be made."""
+    reason = network.why_not()
+    if reason:
+        pytest.skip(reason)
+
+
+@pytest.fixture
+def field(
+    possible: None, ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Field]:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    # The two hosts share this machine's memory, which a cable has no part in.
+    monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    with network.two_hosts() as cable, ExitStack() as stack:
+        yield Field(cable, ros_domain, stack)
+
+
+def test_nothing_gets_through_a_cable_that_is_cut(field):
+    """Else the tests below would show nothing: by default there is shared memory, too."""
+    server = field.serve("countdown", period=0.1)
+    caller = field.caller()
+    caller.call("goal", "no retries", 20.0)
+    caller.wait_for_feedback("goal")
+    field.cable.cut()
+    server.wait_for("succeeded")
+    caller.call("another", "no retries", 1.0)
+    another = caller.seen("another", 10)
+    assert another.error == "DeadlineExceededError"
+    assert server.count("goal_received") == 1
+    field.cable.mend()
+    assert caller.seen("goal", 30).error == ""
+
+
+@pytest.mark.parametrize("fault", [page.OUTAGE, page.LONG_OUTAGE])
+def test_an_outage(fault, field, record):
+    short = fault == page.OUTAGE
+    server = field.serve("scripted", script=scripts(page.OUTAGE_PHASES))
+    caller = field.caller(TIMEOUTS if short else replace(TIMEOUTS, server=30.0))
+    lab = Lab(server, caller, page.OUTAGE_PHASES)
+    lab.fill()
+    struck = time.monotonic()
+    field.cable.cut()
+    lab.let_end(ENDS)
+    for phase in [BEFORE_ACCEPT] if short else page.OUTAGE_PHASES:
+        caller.seen(f"{phase}/no retries", 50)
+    field.cable.mend()
+    if not short:
+        lab.see_stopped(ACCEPTED, FEEDBACK)
+    server.release()
+    lab.see_stopped(BEFORE_ACCEPT)
+    seen = lab.seen()
+    lab.still_works()
+    record(lab.rows(fault, struck, seen))
+    # The long outage swallows what resend="always" sends meanwhile.
+    lab.close(watches=not short)
+
+
+def test_a_third_of_all_packets_is_lost(field, record):
+    network.skip_where_nothing_can_be_lost(field.cable)
+    server = field.serve("fibonacci")
+    caller = field.caller(Timeouts(server=30.0, accept=10.0))
+    field.cable.lose(30)
+    keys = [f"goal {number}" for number in range(200)]
+    for key in keys:
+        caller.call(key, "confirmed_stopped", 100.0)
+    seen = [caller.seen(key, 100) for key in keys]
+    assert {one.error for one in seen} == {""}
+    left = settle(server)
+    goals = [set(one.goals) for one in seen]
+    events = server.events
+    record(
+        [
+            Row(
+                Case(page.LOSS, page.MANY, "confirmed_stopped"),
+                "200 results",
+                None,
+                executed=sum(executed(events, one) for one in goals),
+                at_once=max(at_once(events, one) for one in goals),
+                left=len(left),
+            )
+        ]
+    )
+    assert "actionkit" not in caller.close()
