@@ -18,12 +18,13 @@ from actionkit._classify import Classify, asked, default_verdict, overruled
 from actionkit._clock import TimerHandle
 from actionkit._delivery import pool
 from actionkit._explain import Story, Surroundings, explain
-from actionkit._feedback import Callbacks, FeedbackTape
+from actionkit._feedback import Callbacks, FeedbackTape, Once
 from actionkit._future import GoalFuture
+from actionkit._observers.audience import NOBODY, Audience
 from actionkit._retry import GiveUp, Resend, Schedule, how_to_resend
 from actionkit._settings import RetryPolicy, Timeouts
 from actionkit._stages import Stage
-from actionkit._timeline import Timeline
+from actionkit._timeline import Recorder
 from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome, Verdict
 
 _LAST_FEEDBACK_GRACE = 0.05
@@ -94,15 +95,19 @@ class Request:
 class Call:
     """Carries a request through to the settling of its future."""
 
-    def __init__(self, carrier: Carrier, request: Request) -> None:
+    def __init__(self, carrier: Carrier, request: Request, audience: Audience = NOBODY) -> None:
         """Take note of a request; its time runs from now."""
         self.goal_id = uuid.uuid4()
         self.state = GoalState.SENDING
-        self.timeline = Timeline()
+        self.timeline = Recorder()
         self.cancel_grace = request.timeouts.cancel
         self._carrier = carrier
         self._request = request
         self._began = time.monotonic()
+        self._audience = audience
+        self._info = audience.call_info(
+            self.goal_id, request.goal, monotonic=self._began, wall=time.time()
+        )
         self._deadline = None if request.timeout is None else self._began + request.timeout
         self._schedule: Schedule | None = None
         self._tape: FeedbackTape[Any] = FeedbackTape()
@@ -199,6 +204,7 @@ class Call:
             self,
             resent=resent,
         )
+        self._attempt.number = self._attempts
         self._attempt.start()
         self._reconcile()
 
@@ -248,7 +254,7 @@ class Call:
 
     def on_record(self, attempt: Attempt, state: GoalState, detail: str) -> None:
         """Write the timeline; also after the end, for the log of a goal given up on."""
-        self._note(attempt.goal_id, state, detail)
+        self._note(attempt.goal_id, attempt.number, state, detail)
         if not self._settled and attempt is self._attempt:
             self.state = state
 
@@ -256,8 +262,10 @@ class Call:
         """Pass feedback on, undecoded."""
         if self._settled or attempt is not self._attempt:
             return
-        self._note(attempt.goal_id, GoalState.FEEDBACK, "")
-        decode = _Once(lambda: self._carrier.decode_feedback(message))
+        decode = Once(lambda: self._carrier.decode_feedback(message))
+        goal_id = attempt.goal_id
+        detail = f"no. {self.timeline.count_feedback(goal_id)}"
+        self._note(goal_id, attempt.number, GoalState.FEEDBACK, detail, decode)
         self._tape.put(decode)
         if self._request.callbacks is not None:
             self._request.callbacks.put(decode)
@@ -333,7 +341,8 @@ class Call:
             return f"the goal may still run, or have run (resend={policy.resend!r})"
         if not self._request.budget.allows_retry:
             return f"the retry budget forbids it ({self._request.budget!r})"
-        self._note(self.goal_id, GoalState.RETRYING, f"in {plan.seconds:.2f} s")
+        pause = f"in {plan.seconds:.2f} s"
+        self._note(self.goal_id, self._attempts, GoalState.RETRYING, pause)
         self.state = GoalState.RETRYING
         self._pause = self._carrier.call_at(
             now + plan.seconds, lambda: self._resume(resent=how is Resend.SAME_ID)
@@ -388,6 +397,7 @@ class Call:
         self.state = ending.status
         self._tape.end()
         outcome = self._outcome(ending)
+        self._audience.outcome(outcome, self._info)
         self._carrier.finished(self)  # first: who sees the end sees it counted out (C1.11)
         self.future.settle(outcome, ending.end)
 
@@ -414,29 +424,21 @@ class Call:
             cancel=ending.cancel,
             callback_errors=0 if callbacks is None else callbacks.errors,
             feedback_count=self._tape.count,
+            elapsed=story.elapsed,
         )
 
-    def _note(self, goal_id: uuid.UUID, state: GoalState, detail: str) -> None:
-        self.timeline.add(
-            GoalEvent(goal_id, self._attempts, state, time.monotonic(), time.time(), detail)
-        )
+    def _note(
+        self,
+        goal_id: uuid.UUID,
+        attempt: int,
+        state: GoalState,
+        detail: str,
+        feedback: Callable[[], Any] | None = None,
+    ) -> None:
+        event = GoalEvent(goal_id, attempt, state, time.monotonic(), time.time(), detail)
+        self.timeline.add(event)
+        self._audience.event(event, self._info, feedback)
 
 
 class _ToRetry(Exception):
     """Stands, towards tenacity's strategies, for a success that was judged a failure."""
-
-
-class _Once:
-    """Decodes a message at most once, for all who look at it."""
-
-    def __init__(self, decode: Callable[[], Any]) -> None:
-        self._decode: Callable[[], Any] | None = decode
-        self._value: Any = None
-
-    def __call__(self) -> Any:
-        decode = self._decode
-        if decode is not None:
-            # Two threads may both decode: the second value is as good as the first.
-            self._value = decode()
-            self._decode = None
-        return self._value
