@@ -133,6 +133,7 @@ def parse_line(text: str | bytes) -> LoggedLine:
     if data["v"] != VERSION:
         raise ValueError(f"of version {data['v']!r}; this ActionKit reads {VERSION}")
     try:
+        _check(data)
         return LoggedLine(
             kind=str(data["kind"]),
             call_id=uuid.UUID(data["call_id"]),
@@ -145,6 +146,18 @@ def parse_line(text: str | bytes) -> LoggedLine:
         )
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ValueError(f"of a strange form ({type(error).__name__}: {error})") from None
+
+
+_NUMBERS = ("monotonic", "wall", "elapsed_ms")
+
+
+def _check(data: Mapping[str, Any]) -> None:
+    """Raise where a field that others read is missing."""
+    for name in _NUMBERS:
+        float(data[name])
+    if data["kind"] == "outcome":
+        for name in ("goal_id", "outcome", "error"):
+            data[name]
 
 
 def _event(data: Mapping[str, Any]) -> GoalEvent:
