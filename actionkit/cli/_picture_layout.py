@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from itertools import zip_longest
 
 from actionkit._observers.json_schema import LoggedLine
 from actionkit._timeline_text import timeline_text
@@ -78,6 +79,7 @@ class Lane:
         marks: Its marked moments.
         feedback: When feedback came.
         text: Its timeline.
+        open: Whether it is in a phase at its end, and not over.
     """
 
     attempt: int
@@ -86,6 +88,7 @@ class Lane:
     marks: list[tuple[Sign, float]] = field(default_factory=list)
     feedback: list[float] = field(default_factory=list)
     text: str = ""
+    open: bool = False
 
 
 @dataclass
@@ -128,11 +131,9 @@ def lay_out(calls: Sequence[Sequence[LoggedLine]]) -> Picture:
     Args:
         calls: The lines of each call, none of them empty.
     """
-    began = [_wall_at_start(lines) for lines in calls]
-    base = min(began, default=0.0)
-    shifts = [
-        wall - base - lines[0].data["monotonic"] for wall, lines in zip(began, calls, strict=True)
-    ]
+    began = [_beginning(lines) for lines in calls]
+    base = min((wall for wall, _ in began), default=0.0)
+    shifts = [wall - base - monotonic for wall, monotonic in began]
     end = max(
         (
             line.data["monotonic"] + shift
@@ -145,8 +146,11 @@ def lay_out(calls: Sequence[Sequence[LoggedLine]]) -> Picture:
     return Picture(base, end, sorted(rows, key=lambda row: row.start))
 
 
-def _wall_at_start(lines: Sequence[LoggedLine]) -> float:
-    return float(lines[0].data["wall"])
+def _beginning(lines: Sequence[LoggedLine]) -> tuple[float, float]:
+    """Return the wall and the monotonic time at which a call comes into view."""
+    data = lines[0].data
+    before = data["elapsed_ms"] / 1000 if lines[0].kind == "outcome" else 0.0
+    return float(data["wall"]) - before, float(data["monotonic"]) - before
 
 
 def _row(lines: Sequence[LoggedLine], shift: float, end_of_all: float) -> Row:
@@ -156,19 +160,19 @@ def _row(lines: Sequence[LoggedLine], shift: float, end_of_all: float) -> Row:
     numbers = sorted({event.attempt for event in events})
     starts = {n: next(e.monotonic for e in events if e.attempt == n) + shift for n in numbers}
     lanes = []
-    for number, following in zip(numbers, [*numbers[1:], None], strict=True):
+    for number, following in zip_longest(numbers, numbers[1:]):
         own = [event for event in events if event.attempt == number]
         last = following is None
         until = ended if last else starts[following or number]
         lane = _lane(own, shift, until if until is not None else end_of_all)
-        if last and ended is None and (not lane.marks or lane.bars[-1].end == end_of_all):
+        if last and ended is None and lane.open:
             lane.marks.append((Sign.UNENDED, end_of_all))
         lanes.append(lane)
     word = "" if outcome is None else str(outcome.data["outcome"])
     if ended is not None and word != "ok" and not (lanes and lanes[-1].marks):
         lanes = lanes or [Lane(1, str(lines[0].data["goal_id"]))]
         lanes[-1].marks.append((Sign.FAILED, ended))
-    return Row(lines[0].action_name, lines[0].data["monotonic"] + shift, ended, word, lanes)
+    return Row(lines[0].action_name, _beginning(lines)[1] + shift, ended, word, lanes)
 
 
 def _lane(events: list[GoalEvent], shift: float, until: float) -> Lane:
@@ -187,6 +191,7 @@ def _lane(events: list[GoalEvent], shift: float, until: float) -> Lane:
             lane.marks.append((_SIGNS[event.state], at))
         never_sent = event.state is GoalState.TIMED_OUT and phase in _NEVER_SENT
         phase, since = None if never_sent else _PHASES.get(event.state), at
+    lane.open = phase is not None
     if phase is not None and until > since:
         lane.bars.append(Bar(phase, since, until))
     return lane

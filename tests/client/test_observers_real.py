@@ -279,12 +279,13 @@ def test_several_clients_share_a_file(action_server, make_client, tmp_path):
             make_client(observers=[log]),
             make_client(NestedMessage, "navigate", observers=[log]),
         ]
-        futures = [
-            client.call_async({} if number == 2 else {"order": 5}, timeout=30)
-            for _ in range(10)
-            for number, client in enumerate(clients)
-        ]
-        outcomes = [future.outcome(60) for future in futures]
+        outcomes = []
+        for _ in range(10):
+            futures = [
+                client.call_async({} if number == 2 else {"order": 5}, timeout=30)
+                for number, client in enumerate(clients)
+            ]
+            outcomes += [future.outcome(60) for future in futures]
         for client in clients:
             client.close()
     assert len(list(tmp_path.iterdir())) > 1
