@@ -50,7 +50,7 @@ def test_the_levels() -> None:
 
 
 def test_the_fields_of_the_log() -> None:
-    told = {word for heading in ("field",) for row in table(heading) for word in words(row[0])}
+    told = {word for row in table("field") for word in words(row[0])}
     kept: list[logging.LogRecord] = []
     handler = logging.Handler()
     handler.emit = kept.append  # type: ignore[method-assign]
@@ -67,10 +67,10 @@ def test_the_fields_of_the_log() -> None:
 def test_the_schema() -> None:
     start = TEXT.index("Version 1 of the schema")
     rows = re.findall(r"^\| (.+?) \| (both|event|outcome) \| .*\|$", TEXT[start:], re.M)
-    told = {
-        kind: {w for cell, k in rows if k in ("both", kind) for w in words(cell)}
-        for kind in ("event", "outcome")
-    }
+    told: dict[str, set[str]] = {"event": set(), "outcome": set()}
+    for cell, where in rows:
+        for kind in told if where == "both" else [where]:
+            told[kind] |= words(cell)
     assert told["event"] == set(json.loads(event_line(EVENT, CALL, goal={}, feedback={})))
     assert told["outcome"] == set(json.loads(outcome_line(OUTCOME, CALL, {})))
 
