@@ -75,6 +75,8 @@ class Attempt:
                 can be for now, because the server is gone (LOST).
         """
         self.goal_id = goal_id
+        self.number = 1
+        """Which of its call's attempts it is; the owner counts."""
         self.goal = Goal(timeouts, deadline, resent=resent)
         self._link = link
         self._liveness = timeouts.liveness

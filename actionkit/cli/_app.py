@@ -11,6 +11,7 @@ from actionkit.cli._exits import Exit
 
 _COMMANDS = {
     "demo": "actionkit.cli.demo",
+    "timeline": "actionkit.cli.timeline",
 }
 """Name of the command -> module that has it as `command`; imported only where it is needed."""
 
