@@ -34,6 +34,7 @@ class Context(Destroyable):
 class Node(Destroyable):
     @property
     def pointer(self) -> int: ...
+
 class EventHandle(Destroyable): ...
 
 class rmw_request_id_t:

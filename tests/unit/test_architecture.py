@@ -42,7 +42,8 @@ ROS_LAYERS: list[set[str]] = [
     {"_clock", "_errors"},
     {"_ros.discovery", "_ros.graph", "_ros.native", "_ros.outbox", "_ros.wire"},
     {"_ros.entities", "_ros.names", "_ros.presence", "_ros.runtime"},
-    {"_ros.liveness", "_ros.rollcall", "_ros.status"},
+    {"_ros.liveness", "_ros.rollcall", "_ros.roundtrip", "_ros.status"},
+    {"_ros.survey", "_ros.watch"},
     {"_ros.link"},
     {"_ros.port"},
     {"_carrier"},
@@ -245,7 +246,17 @@ def test_every_module_says_what_it_is_for() -> None:
         assert ast.get_docstring(ast.parse(path.read_text("utf-8"))), name
 
 
-HEAVY = ("rclpy", "rich", "click", "numpy", "test_msgs", "action_msgs", "rosidl_parser", "pytest")
+HEAVY = (
+    "rclpy",
+    "rich",
+    "click",
+    "yaml",
+    "numpy",
+    "test_msgs",
+    "action_msgs",
+    "rosidl_parser",
+    "pytest",
+)
 
 
 @pytest.mark.parametrize("module", ["actionkit", "actionkit.testing.plugin"])
