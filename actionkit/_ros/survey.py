@@ -16,7 +16,8 @@ from actionkit._ros.names import resolve
 _STEP = 0.05
 _QUIET = 0.4
 _LEAST = 1.0
-_MOST = 3.0
+_MOST = 4.0
+"""Fast DDS announces a process at once, and then every 3 s: so much does a lost packet cost."""
 _JOIN = 5.0
 
 
@@ -110,7 +111,7 @@ class Survey:
 
         Args:
             least: Seconds to look for, however quiet it is.
-            most: Seconds to look for at most.
+            most: Seconds to look for at most, unless `least` is more.
             enough: Whether what is seen will do; left out, anything will.
         """
         since = time.monotonic()
@@ -119,7 +120,7 @@ class Survey:
             now = time.monotonic()
             known = all(e.node for a in last.values() for e in (*a.servers, *a.clients))
             quiet = now - since >= _QUIET and known and enough(last)
-            if now - self.opened >= (least if quiet else most):
+            if now - self.opened >= (least if quiet else max(least, most)):
                 return last
             time.sleep(_STEP)
             seen = self.actions()

@@ -99,9 +99,9 @@ class Calling:
         return self._code or code
 
     def _turn(self) -> None:
-        try:
+        with contextlib.suppress(queue.Empty):
             self._inbox.get(timeout=_TICK)()
-        except queue.Empty:
+        if self._inbox.empty():
             self._catch_up(time.monotonic())
         assert self._future is not None
         elapsed = time.monotonic() - self._began

@@ -34,7 +34,6 @@ def actions_in_sight(survey: Survey, name: str | None, wait: float) -> Iterator[
     )
     actions = survey.settled(
         least=wait,
-        most=max(wait, 3.0),
         enough=lambda seen: bool(seen) if name is None else name in seen,
     )
     served = {key: action for key, action in actions.items() if action.servers}

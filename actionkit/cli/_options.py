@@ -60,7 +60,7 @@ wait_option = click.option(
     type=SECONDS,
     default=1.0,
     show_default=True,
-    help="How long to look at least. Where nothing is seen, it is 3 seconds.",
+    help="How long to look at least. For what is not seen so far it is 4 seconds.",
 )
 
 

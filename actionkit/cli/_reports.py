@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import uuid
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -82,6 +83,7 @@ class TextReport:
         self._goal = goal
         self._told = 0.0
         self._share: float | None = None
+        self._known: set[uuid.UUID] = set()
 
     def out(self, text: str) -> None:
         """Write a line to standard output, at once."""
@@ -98,12 +100,19 @@ class TextReport:
         if event.state is GoalState.SENT:
             again = f" (attempt {event.attempt})" if event.attempt > 1 else ""
             self.out(f"Sending goal{again}:\n{as_yaml(self._goal)}")
-        elif event.state is GoalState.ACCEPTED:
-            self.out(f"Goal accepted with ID: {event.goal_id.hex}\n")
+        elif event.state in (GoalState.ACCEPTED, GoalState.EXECUTING):
+            self._accepted(event)
         elif event.state is GoalState.REJECTED:
             self.out("Goal was rejected.")
         elif event.state is GoalState.RETRYING:
             self.out(f"Trying again: {event.detail}")
+
+    def _accepted(self, event: GoalEvent) -> None:
+        if event.goal_id not in self._known:
+            self._known.add(event.goal_id)
+            self.out(f"Goal accepted with ID: {event.goal_id.hex}\n")
+        elif event.detail:  # that the server refused to cancel it, for one
+            self.out(f"{event.detail[0].upper()}{event.detail[1:]}.")
 
     def feedback(self, message: Any) -> None:
         self.out(f"Feedback:\n{as_yaml(message)}")
@@ -113,7 +122,7 @@ class TextReport:
 
     def now(self, now: Now) -> None:
         grown = now.share is not None and now.share - (self._share or 0.0) >= 0.1
-        if now.feedbacks == 0 or (now.elapsed - self._told < 1.0 and not grown):
+        if now.feedbacks == 0 or now.state.is_terminal or (now.elapsed - self._told < 1.0 and not grown):
             return
         self._told, self._share = now.elapsed, now.share
         self.err(f"Progress: {described(now)}")

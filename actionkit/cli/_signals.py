@@ -62,6 +62,7 @@ def handled(first: Callable[[Exit], object], farewell: Callable[[], str]) -> Ite
 
 def leave_at_once(code: Exit, words: str) -> None:
     """End the process here and now. Does not return."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, _EXITS)  # it is said once
     with contextlib.suppress(OSError):
         if os.isatty(1):
             os.write(1, _SHOW_CURSOR)

@@ -25,7 +25,7 @@ Examples:
 def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -> int:
     """List the actions that have a server or a client."""
     with open_survey() as survey:
-        actions = survey.settled(least=wait, most=max(wait, 3.0))
+        actions = survey.settled(least=wait)
     if as_json:
         for action in actions.values():
             click.echo(

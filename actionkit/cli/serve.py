@@ -10,7 +10,7 @@ _EPILOG = """\b
 Examples:
   actionkit serve --list
   actionkit serve fibonacci --option period=0.2
-  actionkit serve flaky --action /dock --option failures=2
+  actionkit serve flaky --action /dock --option fails=2
 
 It runs until Ctrl-C, which is its normal end: the exit code is 0."""
 
