@@ -10,7 +10,7 @@ from rich.text import Text
 
 from actionkit._values import Outcome
 from actionkit.cli._exits import Exit
-from actionkit.cli._reports import Now, TextReport, described
+from actionkit.cli._reports import Now, TextReport, described, not_shown
 
 
 class LiveReport(TextReport):
@@ -41,8 +41,8 @@ class LiveReport(TextReport):
     def out(self, text: str) -> None:
         self._console.print(Text(text), soft_wrap=True)
 
-    def err(self, text: str) -> None:
-        self.out(text)
+    def not_shown(self, count: int) -> None:
+        self.out(not_shown(count))
 
     def begin(self) -> None:
         super().begin()

@@ -58,9 +58,10 @@ def SECONDS(value: str) -> float:
 wait_option = click.option(
     "--wait",
     type=SECONDS,
-    default=1.0,
+    default=3.0,
     show_default=True,
-    help="How long to look at least. For what is not seen so far it is 4 seconds.",
+    help="How long to look at least. Less may miss somebody: a process that is not seen at once"
+    " is seen after up to 3 seconds.",
 )
 
 
@@ -71,9 +72,9 @@ def complete_names(
     try:
         from actionkit._ros.survey import Survey
 
-        # Nobody waits long for the Tab key.
+        # As soon as anything is seen: nobody waits long for the Tab key.
         with Survey() as survey:
-            actions = survey.settled(least=0.7, most=1.5).values()
+            actions = survey.settled(least=0.5, most=3.5).values()
     except Exception:  # noqa: BLE001
         return []
     return [

@@ -118,11 +118,15 @@ class TextReport:
         self.out(f"Feedback:\n{as_yaml(message)}")
 
     def not_shown(self, count: int) -> None:
-        self.err(f"({count} feedback messages came too fast to be shown)")
+        self.err(not_shown(count))
 
     def now(self, now: Now) -> None:
         grown = now.share is not None and now.share - (self._share or 0.0) >= 0.1
-        if now.feedbacks == 0 or now.state.is_terminal or (now.elapsed - self._told < 1.0 and not grown):
+        if (
+            now.feedbacks == 0
+            or now.state.is_terminal
+            or (now.elapsed - self._told < 1.0 and not grown)
+        ):
             return
         self._told, self._share = now.elapsed, now.share
         self.err(f"Progress: {described(now)}")
@@ -206,6 +210,11 @@ class JsonReport:
 
     def close(self) -> None:
         """Nothing is held."""
+
+
+def not_shown(count: int) -> str:
+    """Return a sentence about feedback that was left out."""
+    return f"({count} feedback messages came too fast to be shown)"
 
 
 def described(now: Now) -> str:

@@ -45,7 +45,8 @@ def handled(first: Callable[[Exit], object], farewell: Callable[[], str]) -> Ite
         if not told:
             told.append(now)
             first(code)
-        elif now - told[0] > _ONE_PRESS:
+        elif len(told) == 1 and now - told[0] > _ONE_PRESS:
+            told.append(now)  # a third may come in the middle of this
             leave_at_once(code, farewell())
 
     before = {
@@ -62,7 +63,6 @@ def handled(first: Callable[[Exit], object], farewell: Callable[[], str]) -> Ite
 
 def leave_at_once(code: Exit, words: str) -> None:
     """End the process here and now. Does not return."""
-    signal.pthread_sigmask(signal.SIG_BLOCK, _EXITS)  # it is said once
     with contextlib.suppress(OSError):
         if os.isatty(1):
             os.write(1, _SHOW_CURSOR)

@@ -36,7 +36,7 @@ def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool
         full = full_name(survey, name)
         actions = survey.settled(
             least=wait,
-                enough=lambda seen: full in seen and bool(seen[full].servers),
+            enough=lambda seen: full in seen and bool(seen[full].servers),
         )
     action = actions.get(full)
     servers = action.servers if action else ()

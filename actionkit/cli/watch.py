@@ -12,12 +12,14 @@ import click
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, SECONDS, debug_option, json_option, name_argument
 from actionkit.cli._problems import full_name, open_survey
+from actionkit.cli._signals import watch_output
 
 if TYPE_CHECKING:
     from actionkit.cli._goal_board import Board
     from actionkit.cli._watch_screens import Screen
 
 _TICK = 0.25
+_CLOSED = object()
 _FIRST = 1.0
 """Seconds in which a server's memory of goals comes, if it has any."""
 
@@ -63,6 +65,7 @@ def command(
             if once:
                 return _once(full, board, inbox, server_timeout, as_json)
             click.echo(f"Watching the goals of {full}; Ctrl-C ends it.", err=True)
+            watch_output(lambda: inbox.put(_CLOSED))
             return _follow(_screen(full, as_json), board, inbox, seconds)
         finally:
             reader.close()
@@ -125,6 +128,8 @@ def _take(
         news = inbox.get(timeout=timeout)
     except queue.Empty:
         return
+    if news is _CLOSED:
+        raise BrokenPipeError
     changed, servers = board.take(news, time.time())
     if screen is None:
         return

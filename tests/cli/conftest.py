@@ -118,9 +118,7 @@ class World:
         self.stack.callback(_end, process)
         return Running(process)
 
-    def run(
-        self, *words: str, stdin: str = "", before: str = "", **environment: str
-    ) -> Done:
+    def run(self, *words: str, stdin: str = "", before: str = "", **environment: str) -> Done:
         """Run the command line to its end, standard output and error apart."""
         code = f"{before}\nfrom actionkit.cli import main; main()"
         done = subprocess.run(

@@ -193,9 +193,7 @@ def goal_id(text: str) -> str:
 
 
 def dashed(hexadecimal: str) -> str:
-    return "-".join(
-        hexadecimal[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32))
-    )
+    return "-".join(hexadecimal[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32)))
 
 
 def masked(text: str) -> str:
@@ -203,6 +201,7 @@ def masked(text: str) -> str:
     text = re.sub(r"\b[0-9a-f]{32}\b", "0123456789abcdef0123456789abcdef", text)
     text = re.sub(r"\b\w{8}(-\w{4}){3}-\w{12}\b", "01234567-89ab-cdef-0123-456789abcdef", text)
     text = re.sub(r"after \d+\.\d+ s\b", "after 0.1 s", text)
+    text = re.sub(r"again: in \d+\.\d+ s", "again: in 0.2 s", text)
     text = re.sub(r"was lost \d+\.\d+ s into", "was lost 0.1 s into", text)
     text = re.sub(r'"elapsed": [\d.e-]+', '"elapsed": 0.1', text)
     text = re.sub(r'"time": [\d.]+', '"time": 1700000000.5', text)

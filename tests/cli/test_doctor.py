@@ -27,7 +27,7 @@ def of(topic: str, found: list[Finding]) -> list[Finding]:
 
 def test_a_server_that_works_is_measured_by_phase_and_not_touched(world: World) -> None:
     server = world.server("fibonacci")
-    done = world.run("doctor", "fibonacci", "--json")
+    done = world.run("doctor", "fibonacci", "--json", "--wait", "1")
     found = findings(done)
     assert done.code == Exit.OK, found
     assert [finding.topic for finding in found if finding.level == "problem"] == []
@@ -45,7 +45,7 @@ def test_a_server_that_works_is_measured_by_phase_and_not_touched(world: World) 
     assert not any(event.details["running"] for event in asked)
     assert server.count("goal_received") == 0
 
-    plain = world.run("doctor")
+    plain = world.run("doctor", "--wait", "1")
     assert plain.code == Exit.OK
     assert plain.out.endswith("\nNo problem was found.\n")
     assert "/fibonacci" in plain.out
@@ -53,7 +53,7 @@ def test_a_server_that_works_is_measured_by_phase_and_not_touched(world: World) 
 
 def test_a_server_that_does_not_answer_is_told_from_one_that_is_not_there(world: World) -> None:
     server = world.server("fibonacci")
-    typo = world.run("doctor", "/fibonaci", "--json")
+    typo = world.run("doctor", "/fibonaci", "--json", "--wait", "1")
     assert typo.code == Exit.FAILED
     (missing,) = of("servers", findings(typo))
     assert "Did you mean /fibonacci?" in missing.text
@@ -61,7 +61,7 @@ def test_a_server_that_does_not_answer_is_told_from_one_that_is_not_there(world:
 
     server.pause()
     try:
-        silent = world.run("doctor", "/fibonacci", "--json")
+        silent = world.run("doctor", "/fibonacci", "--json", "--wait", "1")
     finally:
         server.resume()
     assert silent.code == Exit.FAILED
@@ -78,7 +78,7 @@ def test_clients_of_another_type_are_found(empty_world: World) -> None:
     caller.until("Waiting")
     caller.finish()  # tells the mismatch by itself
     empty_world.server("twins")
-    done = empty_world.run("doctor", "twins", "--json")
+    done = empty_world.run("doctor", "twins", "--json", "--wait", "1")
     (two,) = of("servers", findings(done))
     assert (two.level, done.code) == ("note", Exit.OK)
     assert "2 servers" in two.text
@@ -118,9 +118,7 @@ def test_an_rclpy_that_does_not_work_is_told(
 
 
 def test_settings_that_keep_everybody_apart_are_problems(empty_world: World) -> None:
-    done = empty_world.run(
-        "doctor", ROS_DOMAIN_ID="robot", ROS_AUTOMATIC_DISCOVERY_RANGE="OFF"
-    )
+    done = empty_world.run("doctor", ROS_DOMAIN_ID="robot", ROS_AUTOMATIC_DISCOVERY_RANGE="OFF")
     assert done.code == Exit.FAILED
     assert "Problems found: 2." in done.out
     assert done.out.count("->") >= 2

@@ -19,7 +19,7 @@ def test_list_and_info_know_servers_and_clients(world: World) -> None:
     waiting = world.start("call", "/elsewhere", FIBONACCI, "--server-timeout", "60")
     waiting.until("Waiting for")
 
-    listed = world.run("list", "--show-types", "--wait", "4")
+    listed = world.run("list", "--show-types")
     assert (listed.code, listed.err) == (Exit.OK, "")
     assert listed.out.splitlines() == [
         f"/elsewhere [{FIBONACCI}]",
@@ -28,7 +28,7 @@ def test_list_and_info_know_servers_and_clients(world: World) -> None:
     ]
     told = {
         record["name"]: record
-        for record in map(json.loads, world.run("list", "--json", "--wait", "4").out.splitlines())
+        for record in map(json.loads, world.run("list", "--json").out.splitlines())
     }
     assert told["/elsewhere"]["servers"] == []
     assert len(told["/elsewhere"]["clients"]) == 1
@@ -36,7 +36,7 @@ def test_list_and_info_know_servers_and_clients(world: World) -> None:
     assert told["/fibonacci"]["servers"][0].startswith("/reference_server")
     assert told["/fibonacci"]["clients"] == []
 
-    shown = world.run("info", "fibonacci", "-t")
+    shown = world.run("info", "fibonacci", "-t", "--wait", "1")
     assert (shown.code, shown.err) == (Exit.OK, "")
     assert re.fullmatch(
         r"Action: /fibonacci\nAction clients: 0\nAction servers: 1\n"
@@ -47,7 +47,7 @@ def test_list_and_info_know_servers_and_clients(world: World) -> None:
     assert nobody.code == Exit.NO_SERVER
     assert nobody.out == "Action: /fibonaci\nAction clients: 0\nAction servers: 0\n"
     assert "Did you mean /fibonacci?" in nobody.err
-    assert int(world.run("list", "-c").out) in (1, 2, 3)
+    assert int(world.run("list", "-c", "--wait", "1").out) in (1, 2, 3)
     waiting.signal(signal.SIGINT)
     assert waiting.finish() == Exit.INTERRUPTED
     assert "NOT_NEEDED" in waiting.text
@@ -93,6 +93,11 @@ def test_watch_ends_when_asked_to(empty_world: World) -> None:
     assert (nobody.code, nobody.out) == (Exit.NO_SERVER, "")
     assert "'/fibonacci' has no server in sight" in nobody.err
     assert empty_world.run("watch", "/fibonacci", "--for", "0.2").code == Exit.OK
+    deserted = empty_world.start("watch", "/fibonacci")
+    deserted.until("Watching")
+    assert deserted.process.stdout is not None
+    deserted.process.stdout.close()
+    assert deserted.process.wait(20) == Exit.OUTPUT_CLOSED
     empty_world.server("fibonacci")
     idle = empty_world.run("watch", "/fibonacci", "--once")
     assert (idle.code, idle.out) == (Exit.OK, "No goals: the server remembers none.\n")
