@@ -58,8 +58,8 @@ ROS_LAYERS: list[set[str]] = [
     {"_clock", "_errors"},
     {"_ros.discovery", "_ros.graph", "_ros.listener", "_ros.native", "_ros.outbox", "_ros.wire"},
     {"_ros.entities", "_ros.names", "_ros.presence", "_ros.runtime"},
-    {"_ros.liveness", "_ros.requests", "_ros.rollcall", "_ros.status"},
-    {"_ros.lookout"},
+    {"_ros.liveness", "_ros.requests", "_ros.rollcall", "_ros.roundtrip", "_ros.status"},
+    {"_ros.lookout", "_ros.survey", "_ros.watch"},
     {"_ros.link"},
     {"_ros.port"},
     {"_carrier"},
@@ -273,6 +273,7 @@ HEAVY = (
     "opentelemetry",
     "rich",
     "click",
+    "yaml",
     "numpy",
     "test_msgs",
     "action_msgs",
@@ -281,7 +282,7 @@ HEAVY = (
 )
 
 
-@pytest.mark.parametrize("module", ["actionkit", "actionkit.testing.plugin"])
+@pytest.mark.parametrize("module", ["actionkit", "actionkit.cli", "actionkit.testing.plugin"])
 def test_importing_is_light(module: str) -> None:
     allowed = {"pytest"} if "plugin" in module else set()
     code = f"import sys, {module}; print(*[m for m in {HEAVY} if m in sys.modules])"
