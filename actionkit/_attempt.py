@@ -159,8 +159,10 @@ class Attempt:
         if status in STATES:
             self._apply(self.goal.status(STATES[status], self._now()))
 
-    def on_result(self, status: int, result: Any) -> None:
+    def on_result(self, status: int, result: Any, *, early: bool = False) -> None:
         state = STATES.get(status)
+        if state is None and early and self.goal.stage in (Stage.ACCEPTED, Stage.LOST):
+            return  # asked before the acceptance; it is asked again since
         if state is not None and not state.is_terminal:
             return  # no server should answer with one; the nudge asks again
         self._apply(self.goal.result(state, result, self._now()))
@@ -221,7 +223,8 @@ class Attempt:
             if self._liveness is not None:
                 self._link.liveness.start(self._liveness)
         elif isinstance(effect, fx.AskResult):
-            self._link.ask_result(self)
+            accepted = self.goal.stage is not Stage.SENT
+            self._link.ask_result(self, accepted=accepted)
         elif isinstance(effect, fx.AskCancel):
             self.cancel_asked = True
             self._link.ask_cancel(self)

@@ -106,9 +106,9 @@ class Link:
         goal = self._sent.get(listener.goal_id.bytes)
         return goal is not None and bool(goal.sent_to & self.presence.servers)
 
-    def ask_result(self, listener: GoalListener) -> None:
+    def ask_result(self, listener: GoalListener, *, accepted: bool) -> None:
         """Ask for the goal's result; again only at a measured pace."""
-        self._requests.ask_result(listener.goal_id.bytes)
+        self._requests.ask_result(listener.goal_id.bytes, accepted=accepted)
 
     def ask_cancel(self, listener: GoalListener) -> None:
         """Ask for the goal's cancellation."""
@@ -206,9 +206,10 @@ class Link:
             if self._requests.awaits("result", seq):
                 self.lookout.suspect()
             return
+        early = self._requests.asked_early(seq)
         key = self._requests.answered("result", seq)
         if key is not None:
-            self._sent[key].listener.on_result(response.status, response.result)
+            self._sent[key].listener.on_result(response.status, response.result, early=early)
             self._requests.sync()
 
     def _take_cancel(self, seq: int, response: Any) -> None:

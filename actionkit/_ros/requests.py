@@ -14,7 +14,7 @@ from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
 
 from actionkit._ros.entities import Entities
-from actionkit._ros.native import ResponseSource, Source
+from actionkit._ros.native import Source
 from actionkit._ros.runtime import Runtime
 
 _REMEMBERED = 256
@@ -41,7 +41,8 @@ class Requests:
         self._closed = False
         self._unanswered: dict[str, dict[int, bytes]] = {"goal": {}, "result": {}, "cancel": {}}
         self._made: dict[bytes, list[tuple[str, int]]] = {}
-        self._asks: OrderedDict[bytes, None] = OrderedDict()
+        self._asks: OrderedDict[bytes, bool] = OrderedDict()
+        self._early: set[int] = set()
         self._asking = False
         self._questions: deque[int] = deque(maxlen=_QUESTIONS)
         self._ended: OrderedDict[int, bytes] = OrderedDict()
@@ -65,23 +66,28 @@ class Requests:
         self._made.setdefault(key, [])
         self._register("goal", key, seq)
 
-    def ask_result(self, key: bytes) -> None:
+    def ask_result(self, key: bytes, *, accepted: bool) -> None:
         """Ask for a sent goal's result; again only at a measured pace.
 
         Hundreds of goals that ask again at the same moment would overrun the server's queue
         (R3), and lose what they ask for.
+
+        Args:
+            key: The goal's id.
+            accepted: Whether the goal is known to be accepted: see `asked_early`.
         """
         if key not in self._made:
             return
         if not any(what == "result" for what, _ in self._made[key]):
-            self._send_ask(key)
+            self._send_ask(key, accepted)
             return
-        self._asks[key] = None
+        self._asks[key] = accepted
         self._ask_soon()
 
     def ask_cancel(self, key: bytes) -> None:
         """Ask for a sent goal's cancellation."""
-        self._request("cancel", self._entities.cancel, _cancel_request(key), key)
+        if key in self._made:
+            self._register("cancel", key, self._entities.cancel.send(_cancel_request(key)))
 
     def question(self) -> int:
         """Ask what every live server answers, and what changes nothing (R2).
@@ -105,6 +111,8 @@ class Requests:
         made = self._made.pop(key, ())
         for what, seq in made:
             self._unanswered[what].pop(seq, None)
+            if what == "result":
+                self._early.discard(seq)
         if elsewhere:
             self._ended.update((seq, key) for what, seq in made if what == "goal")
             while len(self._ended) > _REMEMBERED:
@@ -126,17 +134,18 @@ class Requests:
         if self._closed:
             return
         for _ in range(min(_ASKS_AT_ONCE, len(self._asks))):
-            self._send_ask(self._asks.popitem(last=False)[0])
+            self._send_ask(*self._asks.popitem(last=False))
         self._ask_soon()
 
-    def _send_ask(self, key: bytes) -> None:
+    def _send_ask(self, key: bytes, accepted: bool) -> None:
+        if key not in self._made:
+            return
         request = self._impl.GetResultService.Request()
         request.goal_id = _to_uuid(key)
-        self._request("result", self._entities.result, request, key)
-
-    def _request(self, what: str, client: ResponseSource, request: Any, key: bytes) -> None:
-        if key in self._made:
-            self._register(what, key, client.send(request))
+        seq = self._entities.result.send(request)
+        if not accepted:
+            self._early.add(seq)
+        self._register("result", key, seq)
 
     def _register(self, what: str, key: bytes, seq: int) -> None:
         self._unanswered[what][seq] = key
@@ -151,7 +160,17 @@ class Requests:
 
     def answered(self, what: str, seq: int) -> bytes | None:
         """Count a request as answered; return its goal's id, or `None` if nobody waits for it."""
+        if what == "result":
+            self._early.discard(seq)
         return self._unanswered[what].pop(seq, None)
+
+    def asked_early(self, seq: int) -> bool:
+        """Whether a result was asked for before the goal was known to be accepted.
+
+        That the server did not know the goal then says nothing about now, and the answer may be
+        held up on the way until long after the acceptance.
+        """
+        return seq in self._early
 
     def answered_late(self, seq: int, *, accepted: bool) -> None:
         """A second server has answered: cancel there what ended on the first (R14)."""
@@ -186,7 +205,7 @@ class Requests:
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table holds."""
         sizes = {what: len(table) for what, table in self._unanswered.items()}
-        return {**sizes, "sent": len(self._made), "asks": len(self._asks)}
+        return {**sizes, "sent": len(self._made), "asks": len(self._asks) + len(self._early)}
 
 
 def _to_uuid(key: bytes) -> UUID:

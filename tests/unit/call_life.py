@@ -110,7 +110,7 @@ class Link:
     def sees_server_of(self, listener: Attempt) -> bool:
         return False  # a server that is lost here does not come back
 
-    def ask_result(self, listener: Attempt) -> None:
+    def ask_result(self, listener: Attempt, *, accepted: bool) -> None:
         if listener.goal_id.bytes in self.listeners:
             self.life.goals[listener.goal_id.bytes].results_asked += 1
 
