@@ -112,7 +112,7 @@ def test_an_outage(fault, field, record):
     lab.close(watches=not short)
 
 
-@pytest.mark.timeout(240)
+@pytest.mark.timeout(170)
 def test_a_third_of_all_packets_is_lost(field, record, monkeypatch):
     network.skip_where_nothing_can_be_lost(field.cable)
     profiles = Path(__file__).parent / "heartbeats.xml"
