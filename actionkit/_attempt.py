@@ -161,8 +161,10 @@ class Attempt:
         if status in STATES:
             self._apply(self.goal.status(STATES[status], self._now()))
 
-    def on_result(self, status: int, result: Any) -> None:
+    def on_result(self, status: int, result: Any, *, outdated: bool = False) -> None:
         state = STATES.get(status)
+        if state is None and outdated:
+            return  # that the goal was not known then says nothing of now; it was asked again
         if state is not None and not state.is_terminal:
             return  # no server should answer with one; the nudge asks again
         self._apply(self.goal.result(state, result, self._now()))

@@ -124,7 +124,8 @@ class AskResult:
     """Ask the server for the goal's result; harmless to repeat (R3).
 
     Attributes:
-        anew: Whether answers to earlier questions do not count any more.
+        anew: Whether more is known than when it was asked before: that the server did not know
+            the goal then does not count any more.
     """
 
     anew: bool = False

@@ -166,9 +166,11 @@ def _listed(names: list[str], actions: dict[str, tuple[str, ...]] | None = None)
 
 
 def _type_mismatch(ending: Ending, story: Story) -> str:
+    # An earlier attempt may have met a server of the right type.
+    nothing = "nothing was sent" if story.attempts < 2 else f"attempt {story.attempts} sent nothing"
     return (
         f"Action {story.action_name!r} is served as {', '.join(ending.info)}, but this client"
-        f" was made for {story.type_name}; nothing was sent. Use the served type, or the name of"
+        f" was made for {story.type_name}; {nothing}. Use the served type, or the name of"
         " a server of your type."
     )
 

@@ -182,7 +182,7 @@ class Goal:
             effects.append(self._enter(GoalState.ACCEPTED))
         self.stage = Stage.ACCEPTED
         # Asked for at once: a result may expire within milliseconds of the end (R25).
-        effects.append(AskResult())
+        effects.append(AskResult(anew=True))
         self._nudge_after = FIRST_NUDGE
         effects.append(self._arm_nudge(now))
         if self._unwanted:

@@ -108,10 +108,7 @@ class Link:
 
     def ask_result(self, listener: GoalListener, *, anew: bool = False) -> None:
         """Ask for the goal's result; again only at a measured pace, unless it is `anew`."""
-        key = listener.goal_id.bytes
-        if anew:
-            self._requests.forget_asks(key)
-        self._requests.ask_result(key)
+        self._requests.ask_result(listener.goal_id.bytes, anew=anew)
 
     def ask_cancel(self, listener: GoalListener) -> None:
         """Ask for the goal's cancellation."""
@@ -209,9 +206,11 @@ class Link:
             if self._requests.awaits("result", seq):
                 self.lookout.suspect()
             return
+        outdated = self._requests.is_outdated(seq)
         key = self._requests.answered("result", seq)
         if key is not None:
-            self._sent[key].listener.on_result(response.status, response.result)
+            listener = self._sent[key].listener
+            listener.on_result(response.status, response.result, outdated=outdated)
             self._requests.sync()
 
     def _take_cancel(self, seq: int, response: Any) -> None:

@@ -14,7 +14,7 @@ from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
 
 from actionkit._ros.entities import Entities
-from actionkit._ros.native import ResponseSource, Source
+from actionkit._ros.native import Source
 from actionkit._ros.runtime import Runtime
 
 _REMEMBERED = 256
@@ -42,6 +42,7 @@ class Requests:
         self._unanswered: dict[str, dict[int, bytes]] = {"goal": {}, "result": {}, "cancel": {}}
         self._made: dict[bytes, list[tuple[str, int]]] = {}
         self._asks: OrderedDict[bytes, None] = OrderedDict()
+        self._outdated: set[int] = set()
         self._asking = False
         self._questions: deque[int] = deque(maxlen=_QUESTIONS)
         self._ended: OrderedDict[int, bytes] = OrderedDict()
@@ -65,31 +66,31 @@ class Requests:
         self._made.setdefault(key, [])
         self._register("goal", key, seq)
 
-    def ask_result(self, key: bytes) -> None:
+    def ask_result(self, key: bytes, *, anew: bool = False) -> None:
         """Ask for a sent goal's result; again only at a measured pace.
 
         Hundreds of goals that ask again at the same moment would overrun the server's queue
         (R3), and lose what they ask for.
+
+        Args:
+            key: The goal's id.
+            anew: Whether what was asked so far is outdated: see `is_outdated`.
         """
         if key not in self._made:
             return
-        if not any(what == "result" for what, _ in self._made[key]):
+        asked = [seq for what, seq in self._made[key] if what == "result"]
+        if anew:
+            self._outdated.update(seq for seq in asked if self.awaits("result", seq))
+        if anew or not asked:
             self._send_ask(key)
             return
         self._asks[key] = None
         self._ask_soon()
 
-    def forget_asks(self, key: bytes) -> None:
-        """Take no answer any more to the questions for a goal's result asked so far."""
-        made = self._made.get(key, [])
-        for what, seq in made:
-            if what == "result":
-                self._unanswered[what].pop(seq, None)
-        made[:] = [request for request in made if request[0] != "result"]
-
     def ask_cancel(self, key: bytes) -> None:
         """Ask for a sent goal's cancellation."""
-        self._request("cancel", self._entities.cancel, _cancel_request(key), key)
+        if key in self._made:
+            self._register("cancel", key, self._entities.cancel.send(_cancel_request(key)))
 
     def question(self) -> int:
         """Ask what every live server answers, and what changes nothing (R2).
@@ -113,6 +114,8 @@ class Requests:
         made = self._made.pop(key, ())
         for what, seq in made:
             self._unanswered[what].pop(seq, None)
+            if what == "result":
+                self._outdated.discard(seq)
         if elsewhere:
             self._ended.update((seq, key) for what, seq in made if what == "goal")
             while len(self._ended) > _REMEMBERED:
@@ -138,13 +141,11 @@ class Requests:
         self._ask_soon()
 
     def _send_ask(self, key: bytes) -> None:
+        if key not in self._made:
+            return
         request = self._impl.GetResultService.Request()
         request.goal_id = _to_uuid(key)
-        self._request("result", self._entities.result, request, key)
-
-    def _request(self, what: str, client: ResponseSource, request: Any, key: bytes) -> None:
-        if key in self._made:
-            self._register(what, key, client.send(request))
+        self._register("result", key, self._entities.result.send(request))
 
     def _register(self, what: str, key: bytes, seq: int) -> None:
         self._unanswered[what][seq] = key
@@ -159,7 +160,17 @@ class Requests:
 
     def answered(self, what: str, seq: int) -> bytes | None:
         """Count a request as answered; return its goal's id, or `None` if nobody waits for it."""
+        if what == "result":
+            self._outdated.discard(seq)
         return self._unanswered[what].pop(seq, None)
+
+    def is_outdated(self, seq: int) -> bool:
+        """Whether more has become known of a goal since its result was asked for.
+
+        A server that did not know the goal then may know it now, and its answer may be held up on
+        the way until long after the acceptance.
+        """
+        return seq in self._outdated
 
     def answered_late(self, seq: int, *, accepted: bool) -> None:
         """A second server has answered: cancel there what ended on the first (R14)."""
@@ -194,7 +205,7 @@ class Requests:
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table holds."""
         sizes = {what: len(table) for what, table in self._unanswered.items()}
-        return {**sizes, "sent": len(self._made), "asks": len(self._asks)}
+        return {**sizes, "sent": len(self._made), "asks": len(self._asks) + len(self._outdated)}
 
 
 def _to_uuid(key: bytes) -> UUID:

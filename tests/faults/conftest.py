@@ -19,21 +19,20 @@ from tests.faults.lab import TIMEOUTS
 from tests.faults.table import Row
 
 _ROWS: pytest.StashKey[list[Row]] = pytest.StashKey()
-_WRITE = os.environ.get("ACTIONKIT_WRITE_FAULTS") == "1"
+WRITING = os.environ.get("ACTIONKIT_WRITE_FAULTS") == "1"
 
 
 @pytest.fixture
 def record(request: pytest.FixtureRequest) -> Callable[[Iterable[Row]], None]:
     """Take the rows of a test, and compare them with the page."""
     rows = request.config.stash.setdefault(_ROWS, [])
-    written = {} if _WRITE else table.read(table.PATH.read_text())
+    written = {} if WRITING else table.read(table.PATH.read_text())
 
     def take(seen: Iterable[Row]) -> None:
         problems = []
         for row in seen:
-            print(row)
             rows.append(row)
-            if _WRITE:
+            if WRITING:
                 continue
             line = written.get(row.case)
             problem = "it is not there" if line is None else line.differs(row)
@@ -47,7 +46,7 @@ def record(request: pytest.FixtureRequest) -> Callable[[Iterable[Row]], None]:
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
-    if _WRITE:
+    if WRITING:
         terminalreporter.section("docs/faults.md")
         terminalreporter.write_line(page.write(config.stash.get(_ROWS, [])))
 

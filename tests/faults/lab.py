@@ -231,6 +231,7 @@ def check(row: Row, seen: Seen) -> None:
     """What no fault may bring about, whatever the table says."""
     story = f"{row}\n{seen.text}\n" + "\n".join(map(str, seen.events))
     assert row.left == 0, story
+    assert row.executed <= seen.attempts, story
     if row.case.policy != "always":
         assert row.at_once <= 1, story
     if row.case.policy in ("no retries", "never_accepted"):

@@ -85,7 +85,9 @@ class Network:
             if shutil.which("nft"):
                 host.run("nft", "-f", "-", text=_LOSSES.format(percent=percent))
             else:
-                host.run("tc", "qdisc", "add", "dev", "cable", "root", "netem", "loss", f"{percent}%")
+                host.run(
+                    "tc", "qdisc", "add", "dev", "cable", "root", "netem", "loss", f"{percent}%"
+                )
 
 
 @contextmanager

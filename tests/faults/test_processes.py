@@ -8,7 +8,15 @@ from dataclasses import replace
 import pytest
 
 from tests.faults import page
-from tests.faults.lab import ACCEPTED, BEFORE_ACCEPT, FEEDBACK, PHASES, POLICIES, TIMEOUTS, Lab, scripts
+from tests.faults.lab import (
+    ACCEPTED,
+    BEFORE_ACCEPT,
+    FEEDBACK,
+    PHASES,
+    TIMEOUTS,
+    Lab,
+    scripts,
+)
 
 
 @pytest.fixture
@@ -34,7 +42,8 @@ def make_lab(action_server, make_caller):
     ],
 )
 def test_a_server_that_ends(fault, end, back, make_lab, record):
-    lab = make_lab()
+    patient = replace(TIMEOUTS, accept=40.0)
+    lab = make_lab(patient if fault == page.KILL_RESTART else TIMEOUTS)
     struck = time.monotonic()
     getattr(lab.server, end)()
     if back:
@@ -47,9 +56,7 @@ def test_a_server_that_ends(fault, end, back, make_lab, record):
     lab.close()
 
 
-@pytest.mark.parametrize(
-    ("fault", "liveness"), [(page.STOP, None), (page.STOP_LIVENESS, 1.0)]
-)
+@pytest.mark.parametrize(("fault", "liveness"), [(page.STOP, None), (page.STOP_LIVENESS, 1.0)])
 def test_a_server_that_is_stopped_for_a_while(fault, liveness, make_lab, record):
     lab = make_lab(replace(TIMEOUTS, liveness=liveness))
     struck = time.monotonic()

@@ -7,9 +7,13 @@ from dataclasses import replace
 import pytest
 
 from tests.faults import page, table
+from tests.faults.conftest import WRITING
 from tests.faults.table import Case, Row, Written
 
+written = pytest.mark.skipif(WRITING, reason="docs/faults.md is being written")
 
+
+@written
 def test_the_page_has_a_row_for_each_case_and_no_other():
     text = table.PATH.read_text()
     assert set(table.read(text)) == set(page.cases())
@@ -18,6 +22,7 @@ def test_the_page_has_a_row_for_each_case_and_no_other():
     assert text.startswith(page.INTRO.strip())
 
 
+@written
 def test_what_the_page_promises_holds_in_every_row():
     for case, row in table.read(table.PATH.read_text()).items():
         assert row.left == "0", case
@@ -27,14 +32,14 @@ def test_what_the_page_promises_holds_in_every_row():
             assert row.executed in ("0", "1"), case
 
 
-ROW = Row(Case("fault", "phase", "confirmed_stopped"), "result", 1.0, 2, 1, 0)
+ROW = Row(Case("fault", "soon", "confirmed_stopped"), "result", 1.0, 2, 1, 0)
 
 
 def test_what_is_written_is_read_back():
-    rows = [ROW, replace(ROW, case=Case("fault", "phase", "no retries"))]
+    rows = [ROW, replace(ROW, case=Case("fault", "soon", "no retries"))]
     rows.append(replace(ROW, case=Case("fault", "later", "always"), noticed=None))
     text = table.render("# Title", {"fault": "What."}, rows)
-    assert text.count("\n| phase |") == 2  # the head, and one line for the two policies
+    assert text.count("\n| soon |") == 1  # for the two policies
     assert table.read(text) == {row.case: Written.of(row) for row in rows}
 
 
@@ -48,7 +53,6 @@ def test_what_is_written_is_read_back():
         ({"outcome": "`ServerLostError`"}, "outcome"),
         ({"executed": 3}, "executed"),
         ({"at_once": 2}, "at_once"),
-
         ({"left": 1}, "left"),
     ],
 )

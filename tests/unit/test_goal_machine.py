@@ -37,7 +37,7 @@ def test_a_goal_succeeds() -> None:
     assert life.see("server_ready") == [Disarm(Timer.SERVER), SendGoal()]
     life.see("sent")
     # Asked for at once, because a result may expire (R25).
-    assert AskResult() in life.see("accepted")
+    assert AskResult(anew=True) in life.see("accepted")
     life.see("feedback")
     life.tell("result", GoalState.SUCCEEDED, "the result")
     assert life.ending == Ending(

@@ -1,72 +1,102 @@
-"""Which requests are unanswered, and whose they are: over a middleware that only counts."""
+"""Which goal a request belongs to, and what its answer is worth."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
 from typing import Any
 
-from test_msgs.action import Fibonacci
+import pytest
 
+from actionkit._clock import TimerQueue
 from actionkit._ros.requests import Requests
+from tests.unit.call_life import CallLife
 
 KEY = bytes(range(16))
 
 
-class Counter:
-    """A service client that sends nowhere."""
+class Client:
+    """Gives each request a number."""
 
     def __init__(self) -> None:
-        self.sent: list[Any] = []
+        self.requests: list[Any] = []
 
     def send(self, request: Any) -> int:
-        self.sent.append(request)
-        return len(self.sent)
+        self.requests.append(request)
+        return len(self.requests)
 
 
 class Thread:
-    """The communication thread's clock, which the test moves."""
+    """The clock and the sources of a communication thread."""
 
     def __init__(self) -> None:
-        self.due: list[Any] = []
+        self.clock = 0.0
+        self.timers = TimerQueue()
+        self.sources: set[object] = set()
+        self.enable = self.sources.add
+        self.disable = self.sources.discard
 
     def now(self) -> float:
-        return 0.0
+        return self.clock
 
-    def call_at(self, at: float, callback: Any) -> None:
-        self.due.append(callback)
+    def call_at(self, at: float, callback: Any) -> Any:
+        return self.timers.arm(at, callback)
 
-    def enable(self, source: Any) -> None: ...
-    def disable(self, source: Any) -> None: ...
-
-
-def sent_goal() -> tuple[Requests, Any, Thread]:
-    thread = Thread()
-    names = ("goal", "result", "cancel", "feedback")
-    entities = SimpleNamespace(**{name: Counter() for name in names})
-    requests = Requests(thread, entities, Fibonacci.Impl)  # type: ignore[arg-type]
-    requests.send_goal(KEY, Fibonacci.Goal(order=1))
-    return requests, entities, thread
+    def advance(self, seconds: float) -> None:
+        self.clock += seconds
+        while (due := self.timers.pop_due(self.clock)) is not None:
+            due()
 
 
-def test_answers_to_questions_asked_before_do_not_count_when_asked_anew() -> None:
-    requests, entities, thread = sent_goal()
+@pytest.fixture
+def thread() -> Thread:
+    return Thread()
+
+
+@pytest.fixture
+def requests(thread: Thread) -> Requests:
+    entities = SimpleNamespace(goal=Client(), result=Client(), cancel=Client(), feedback=object())
+    request = SimpleNamespace(Request=SimpleNamespace)
+    impl = SimpleNamespace(SendGoalService=request, GetResultService=request)
+    made = Requests(thread, entities, impl)  # type: ignore[arg-type]
+    made.send_goal(KEY, object())
+    return made
+
+
+def test_what_was_asked_before_is_outdated_when_asked_anew(
+    requests: Requests, thread: Thread
+) -> None:
     requests.ask_result(KEY)
-    requests.ask_result(KEY)
-    requests.forget_asks(KEY)
-    requests.ask_result(KEY)
-    assert len(entities.result.sent) == 2  # at once: it is the first of its kind again
-    assert requests.answered("result", 1) is None
-    assert requests.answered("result", 2) == KEY
-    assert requests.answered("goal", 1) == KEY
-    assert thread.due  # the repeated question, which is asked at a measured pace
+    requests.ask_result(KEY)  # at a measured pace, and so not at once
+    requests.ask_result(KEY, anew=True)
+    thread.advance(1.0)
+    assert [requests.is_outdated(seq) for seq in (1, 2, 3)] == [True, False, False]
+    # A result counts all the same.
+    assert [requests.answered("result", seq) for seq in (1, 2, 3, 4)] == [KEY, KEY, KEY, None]
+    assert not requests.is_outdated(1)
 
 
-def test_what_is_forgotten_leaves_nothing_behind() -> None:
-    requests, _, _ = sent_goal()
+def test_a_forgotten_goal_leaves_nothing_behind(requests: Requests, thread: Thread) -> None:
     requests.ask_result(KEY)
+    requests.ask_result(KEY, anew=True)
     requests.ask_cancel(KEY)
     requests.forget(KEY, elsewhere=False)
-    assert set(requests.table_sizes().values()) == {0}
     requests.ask_result(KEY)
     requests.ask_cancel(KEY)
-    assert set(requests.table_sizes().values()) == {0}
+    thread.advance(1.0)
+    assert not any(requests.table_sizes().values())
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_late_answer_to_an_early_question_ends_nothing(lost: bool) -> None:
+    """A server that did not know the goal yet, and whose word was held up on the way."""
+    life = CallLife()
+    life.ready()
+    life.accepted(0)
+    attempt = life.call._attempt
+    assert attempt is not None
+    if lost:
+        life.gone()
+    life.does(attempt.on_result, 0, None, outdated=True)
+    assert attempt.goal.in_flight
+    life.result(0, None)
+    assert not attempt.goal.in_flight
