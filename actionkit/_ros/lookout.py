@@ -86,6 +86,7 @@ class Lookout:
     def close(self) -> None:
         """Tell nobody anything any more."""
         self._closed = True
+        self._rollcall.close()
         self.presence.close()
 
     # --- who waits for a server ------------------------------------------------------------
