@@ -141,20 +141,18 @@ def test_a_late_end_is_told_with_the_attempt_that_it_was_of(action_server, make_
         "scripted",
         script=[[{"accept_after": 1.5}, {"feedback": 200, "period": 0.05}], [{"feedback": 3}]],
     )
-    observer = Observer()
+    events = EventLog()
     client = make_client(
-        observers=[observer],
+        observers=[events],
         timeouts=Timeouts(accept=0.3, cancel=0.2),
         retry=RetryPolicy(initial=0.05, jitter=0.0, resend="always"),
     )
     assert client.wait_for_server(10)
     future = client.call_async({"order": 3}, timeout=20)
     future.outcome(20)
-    first = next(e.goal_id for e in observer.events.wait_for(1))
+    first = next(e.goal_id for e in events.wait_for(1))
     server.wait_for("canceled", goal_id=str(first))
-    late = observer.events.wait_for(
-        lambda e: e.goal_id == first and e.state is GoalState.CANCELED, 10
-    )
+    late = events.wait_for(lambda e: e.goal_id == first and e.state is GoalState.CANCELED, 10)
     assert late.attempt == 1
 
 

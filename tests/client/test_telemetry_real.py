@@ -94,6 +94,7 @@ def test_a_call_is_a_span_with_a_child_for_its_attempt(action_server, make_clien
     assert set(phases) == {"server", "accept", "execute"}
     assert sum(point.sum for point in phases.values()) == pytest.approx(outcome.elapsed, abs=0.05)
     assert telemetry.metrics("actionkit.call.duration")["ok"].sum == outcome.elapsed
+    assert phases["accept"].explicit_bounds[0] == 0.001
 
 
 def test_each_attempt_is_a_child(action_server, make_client, telemetry):
