@@ -167,6 +167,39 @@ def test_at_exit_what_no_thread_came_for_is_told_here(monkeypatch: pytest.Monkey
     assert channel not in channel_module._busy.channels
 
 
+def test_a_thread_that_comes_late_leaves_the_order_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Callable[[], None]] = []
+    monkeypatch.setattr(channel_module.pool, "submit", asked.append)
+    channel, gate, notes = Channel("it"), Gate(), list[int]()
+    channel.put(gate)
+    channel.put(lambda: notes.append(1))
+    flushing = threading.Thread(target=lambda: channel.flush(soon(), here=True))
+    flushing.start()
+    assert gate.entered.wait(LONG)
+    (late,) = asked
+    late()
+    assert notes == []  # the other thread is not through with what came before
+    gate.leave.set()
+    flushing.join(LONG)
+    assert notes == [1]
+
+
+def test_at_exit_a_human_need_not_wait_for_an_observer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(channel_module.pool, "submit", lambda job: None)
+    channel, notes = Channel("it"), list[int]()
+
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    channel.put(interrupted)
+    channel.put(lambda: notes.append(1))
+    with pytest.raises(KeyboardInterrupt):
+        channel.flush(soon(), here=True)
+    assert notes == []
+    assert channel.flush(soon(), here=True)  # and it is in good order
+    assert notes == [1]
+
+
 def test_what_is_not_told_at_exit_is_told_of(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
