@@ -23,7 +23,7 @@ class GoalLog:
     """Writes to the logger `actionkit.goal`; every record has the same extra fields."""
 
     def __repr__(self) -> str:
-        return "the log 'actionkit.goal'"
+        return "<the log actionkit.goal>"
 
     def wants(self, event: GoalEvent) -> bool:
         """Whether a record would be looked at."""

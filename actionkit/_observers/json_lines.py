@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -22,9 +23,10 @@ class JsonLines:
         with JsonLines("goals.jsonl") as log, Client(Fibonacci, "fibonacci", observers=[log]):
             ...
 
-    Each line is handed to the operating system by itself: a process that is killed loses at most
-    the line it was about to write. Any number of clients and threads of a process may share one;
-    `read_json_lines` reads the files back. The lines are described in docs/logging.md.
+    Each line is handed to the operating system by itself: of what came to this observer, a process
+    that is killed loses at most the line it was about to write. Any number of clients and threads
+    of a process may share one; `read_json_lines` reads the files back. The lines are described in
+    docs/logging.md.
     """
 
     def __init__(
@@ -96,9 +98,10 @@ class JsonLines:
         """Close the file."""
         self.close()
 
-    def __del__(self) -> None:
-        if getattr(self, "_file", None) is not None:
-            self._close()
+    def __del__(self, close: Callable[[int], None] = os.close) -> None:
+        file = getattr(self, "_file", None)  # it has none where its making failed
+        if file is not None:
+            close(file)  # bound above, since at the interpreter's end modules are gone
 
     def _plain(self, message: Any) -> dict[str, Any] | None:
         if message is None or not self._messages:

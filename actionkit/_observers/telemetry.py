@@ -30,6 +30,9 @@ _PHASE_ENDS = {
 }
 """The events that end a phase; what ends otherwise is not measured, or it would be a lie."""
 
+_BUCKETS = [0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0]
+"""Seconds: from an acceptance to a mission. OpenTelemetry's own are meant for milliseconds."""
+
 
 @dataclass
 class _Open:
@@ -79,10 +82,16 @@ class OpenTelemetry:
             "actionkit.calls", "{call}", "Calls that ended, by outcome"
         )
         self._duration = meter.create_histogram(
-            "actionkit.call.duration", "s", "From the call to its end"
+            "actionkit.call.duration",
+            "s",
+            "From the call to its end",
+            explicit_bucket_boundaries_advisory=_BUCKETS,
         )
         self._phase = meter.create_histogram(
-            "actionkit.phase.duration", "s", "How long a phase of an attempt took"
+            "actionkit.phase.duration",
+            "s",
+            "How long a phase of an attempt took",
+            explicit_bucket_boundaries_advisory=_BUCKETS,
         )
         self._retries = meter.create_counter(
             "actionkit.retries", "{retry}", "Attempts after the first"

@@ -18,7 +18,7 @@ from actionkit._values import GoalEvent, GoalState
 class Phase(Enum):
     """What a goal is in, between two events; the value is for the legend."""
 
-    SERVER = "waiting for a server"
+    SERVER = "waiting for a server or its turn"
     ACCEPT = "waiting for acceptance"
     ACCEPTED = "accepted"
     EXECUTING = "executing"

@@ -188,7 +188,7 @@ def test_it_stands_by_itself() -> None:
 def test_the_legend_has_what_is_in_the_picture_and_nothing_else() -> None:
     (legend,) = groups(draw([call(GOOD, end=5.0)]), "legend")
     assert [text.text for text in legend.iter(f"{SVG}text")] == [
-        "waiting for a server",
+        "waiting for a server or its turn",
         "waiting for acceptance",
         "accepted",
         "executing",
