@@ -240,13 +240,31 @@ def test_every_exit_code_has_a_test() -> None:
 
 def test_sigterm_is_as_ctrl_c(world: World) -> None:
     server = world.server("never_finishes")
-    running = world.start("call", "never_finishes", FIBONACCI)
-    running.until("Goal accepted")
+    running = world.start("call", "never_finishes", FIBONACCI, "--json")
+    running.until('"ACCEPTED"')
     running.signal(signal.SIGTERM)
     assert running.finish() == Exit.TERMINATED, running.text
-    assert "Canceling goal... (SIGTERM" in running.text
-    assert "Goal canceled: CONFIRMED" in running.text
-    server.wait_for("canceled", goal_id=dashed(goal_id(running.text)))
+    records = [json.loads(line) for line in running.text.splitlines()]
+    assert {"event": "canceling", "cause": "SIGTERM"} in records
+    last = records[-1]
+    # By a cancel, and not just by the end of the client.
+    assert (last["error"], last["cancel"]) == ("CancelledError", "CONFIRMED")
+    assert (last["status"], last["exit_code"]) == ("CANCELED", 143)
+    server.wait_for("canceled", goal_id=dashed(last["goal_id"]))
+
+
+def test_what_still_runs_is_told_even_where_nobody_reads_the_output(world: World) -> None:
+    server = world.server("slow_cancel", gate=1)
+    words = ("call", "slow_cancel", FIBONACCI, "--cancel-timeout", "0.3")
+    running = world.start(*words, stderr=subprocess.PIPE)
+    running.until("Goal accepted")
+    assert running.process.stdout is not None
+    running.process.stdout.close()
+    assert running.process.wait(20) == Exit.OUTPUT_CLOSED
+    assert running.process.stderr is not None
+    assert "MAY STILL BE RUNNING" in running.process.stderr.read()
+    assert dashed(goal_id(running.text)) in server.running()
+    server.release()
 
 
 @pytest.mark.parametrize("writes", [False, True])

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import uuid
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import click
 import pytest
@@ -14,7 +15,9 @@ from hypothesis import strategies as st
 from test_msgs.action import Fibonacci, NestedMessage
 from test_msgs.msg import Builtins, MultiNested
 
+from actionkit import GoalEvent, GoalState
 from actionkit._fields import to_plain
+from actionkit.cli._calling import Calling
 from actionkit.cli._doctor_graph import judged
 from actionkit.cli._findings import Finding
 from actionkit.cli._goal_board import Board
@@ -285,3 +288,29 @@ def test_a_round_trip_is_judged(
     findings: list[Finding] = list(judged("/fibonacci", servers, trip(**parts)))
     assert [finding.level for finding in findings] == levels
     assert told in findings[-1].text
+
+
+# --- the order in which a call is told ---------------------------------------------------------
+
+
+def test_an_end_is_told_after_the_feedback_that_came_before_it() -> None:
+    """The server's answer may be known while feedback is still on its way to be shown."""
+    told: list[GoalState] = []
+    report = SimpleNamespace(event=lambda event: told.append(event.state))
+    calling = Calling(cast(Any, None), cast(Any, report), echo=True, progress=None)
+    states = (GoalState.SENT, GoalState.ACCEPTED, GoalState.SUCCEEDED)
+    events = [GoalEvent(uuid.UUID(int=1), 1, s, float(n), 0.0) for n, s in enumerate(states)]
+    calling._future = cast(Any, SimpleNamespace(timeline=events))
+    calling._catch_up(0.5)
+    assert told == [GoalState.SENT]
+    calling._catch_up(9.0)
+    calling._catch_up(9.0)
+    assert told == [GoalState.SENT, GoalState.ACCEPTED]
+    calling._catch_up(9.0, ended=True)
+    assert told == list(states)
+    # An attempt that failed is no end of the call.
+    events.append(GoalEvent(uuid.UUID(int=1), 1, GoalState.RETRYING, 3.0, 0.0))
+    again = Calling(cast(Any, None), cast(Any, report), echo=True, progress=None)
+    again._future = calling._future
+    again._catch_up(9.0)
+    assert told[-1] is GoalState.RETRYING
