@@ -69,7 +69,7 @@ SCENES = {
         Exit.CANCELED, "cancels_itself", "{order: 3}", says="not by this client"
     ),
     "timed-out": Scene(
-        Exit.TIMED_OUT, "never_finishes", words=("--timeout", "3"), says="runs no more"
+        Exit.TIMED_OUT, "never_finishes", words=("--timeout", "6"), says="runs no more"
     ),
     "no-server": Scene(
         Exit.NO_SERVER, None, words=("--server-timeout", "0.3"), says="No action server at all"
@@ -175,7 +175,7 @@ def assert_came_to(name: str, server: Server, goal: str) -> None:
         server.resume()
     else:
         server.wait_for("cancel_requested", goal_id=goal)
-        server.release()
+        server.release(1)
 
 
 # --- what a capture is -------------------------------------------------------------------------
@@ -264,7 +264,7 @@ def test_what_still_runs_is_told_even_where_nobody_reads_the_output(world: World
     assert running.process.stderr is not None
     assert "MAY STILL BE RUNNING" in running.process.stderr.read()
     assert dashed(goal_id(running.text)) in server.running()
-    server.release()
+    server.release(1)
 
 
 @pytest.mark.parametrize("writes", [False, True])
@@ -292,7 +292,7 @@ def test_a_signal_that_was_ignored_stays_ignored(world: World) -> None:
     running = world.start("call", "fibonacci", FIBONACCI, "{order: 2}", before=ignore)
     running.until("Goal accepted")
     running.signal(signal.SIGINT)
-    server.release()
+    server.release(1)
     assert running.finish() == Exit.OK, running.text
     assert "Canceling" not in running.text
 

@@ -120,7 +120,7 @@ def test_ctrl_c_cancels_and_twice_leaves(world, terminal) -> None:
     assert shown.finish() == Exit.INTERRUPTED
     assert "MAY STILL BE RUNNING" in shown.text
     assert shown.raw.rindex(SHOW_CURSOR) > shown.raw.rindex("CANCELING")
-    server.release()
+    server.release(1)
 
 
 def test_a_closed_window_cancels_the_goal(world, terminal) -> None:
