@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 import uuid
 from types import SimpleNamespace
 from typing import Any, cast
@@ -17,8 +18,10 @@ from test_msgs.msg import Builtins, MultiNested
 
 from actionkit import GoalEvent, GoalState
 from actionkit._fields import to_plain
+from actionkit.cli import _signals
 from actionkit.cli._calling import Calling
 from actionkit.cli._doctor_graph import judged
+from actionkit.cli._exits import Exit
 from actionkit.cli._findings import Finding
 from actionkit.cli._goal_board import Board
 from actionkit.cli._goals import fill_now, parse
@@ -314,3 +317,23 @@ def test_an_end_is_told_after_the_feedback_that_came_before_it() -> None:
     again._future = calling._future
     again._catch_up(9.0)
     assert told[-1] is GoalState.RETRYING
+
+
+# --- signals -----------------------------------------------------------------------------------
+
+
+def test_two_signals_of_one_press_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The terminal sends Ctrl-C to all its processes, and a wrapper passes its own on."""
+    first: list[Exit] = []
+    left: list[tuple[Exit, str]] = []
+    monkeypatch.setattr(_signals, "leave_at_once", lambda *said: left.append(said))
+    before = signal.getsignal(signal.SIGINT)
+    with _signals.handled(first.append, lambda: "farewell"):
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        assert (first, left) == ([Exit.INTERRUPTED], [])
+        monkeypatch.setattr(_signals, "_ONE_PRESS", -1.0)
+        signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGINT)
+        assert (first, left) == ([Exit.INTERRUPTED], [(Exit.TERMINATED, "farewell")])
+    assert signal.getsignal(signal.SIGINT) is before
