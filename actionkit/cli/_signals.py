@@ -58,7 +58,7 @@ def handled(first: Callable[[Exit], object], farewell: Callable[[], str]) -> Ite
         yield
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            signal.signal(number, handler or signal.SIG_DFL)
 
 
 def leave_at_once(code: Exit, words: str) -> None:

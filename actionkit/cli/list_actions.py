@@ -9,6 +9,8 @@ from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option, json_option, wait_option
 from actionkit.cli._problems import open_survey
 
+_MOST = 4.0
+"""Seconds to look for anything at all, where nothing is seen."""
 _EPILOG = """\b
 Examples:
   actionkit list
@@ -25,7 +27,7 @@ Examples:
 def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -> int:
     """List the actions that have a server or a client."""
     with open_survey() as survey:
-        actions = survey.settled(least=wait)
+        actions = survey.settled(least=wait, most=_MOST)
     if as_json:
         for action in actions.values():
             click.echo(

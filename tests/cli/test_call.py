@@ -69,7 +69,7 @@ SCENES = {
         Exit.CANCELED, "cancels_itself", "{order: 3}", says="not by this client"
     ),
     "timed-out": Scene(
-        Exit.TIMED_OUT, "never_finishes", words=("--timeout", "3"), says="runs no more"
+        Exit.TIMED_OUT, "never_finishes", words=("--timeout", "6"), says="runs no more"
     ),
     "no-server": Scene(
         Exit.NO_SERVER, None, words=("--server-timeout", "0.3"), says="No action server at all"
@@ -175,7 +175,7 @@ def assert_came_to(name: str, server: Server, goal: str) -> None:
         server.resume()
     else:
         server.wait_for("cancel_requested", goal_id=goal)
-        server.release()
+        server.release(1)
 
 
 # --- what a capture is -------------------------------------------------------------------------
@@ -219,7 +219,8 @@ def stable(text: str) -> str:
 
 
 def test_there_is_a_scene_for_every_capture() -> None:
-    assert {path.stem for path in CAPTURES.glob("call-*")} == {f"call-{name}" for name in SCENES}
+    captures = {path.stem for path in CAPTURES.glob("call-*")}
+    assert captures == {f"call-{name}" for name in SCENES} | {"call-terminal"}
 
 
 # --- the other rows of the table ---------------------------------------------------------------
@@ -240,13 +241,31 @@ def test_every_exit_code_has_a_test() -> None:
 
 def test_sigterm_is_as_ctrl_c(world: World) -> None:
     server = world.server("never_finishes")
-    running = world.start("call", "never_finishes", FIBONACCI)
-    running.until("Goal accepted")
+    running = world.start("call", "never_finishes", FIBONACCI, "--json")
+    running.until('"ACCEPTED"')
     running.signal(signal.SIGTERM)
     assert running.finish() == Exit.TERMINATED, running.text
-    assert "Canceling goal... (SIGTERM" in running.text
-    assert "Goal canceled: CONFIRMED" in running.text
-    server.wait_for("canceled", goal_id=dashed(goal_id(running.text)))
+    records = [json.loads(line) for line in running.text.splitlines()]
+    assert {"event": "canceling", "cause": "SIGTERM"} in records
+    last = records[-1]
+    # By a cancel, and not just by the end of the client.
+    assert (last["error"], last["cancel"]) == ("CancelledError", "CONFIRMED")
+    assert (last["status"], last["exit_code"]) == ("CANCELED", 143)
+    server.wait_for("canceled", goal_id=dashed(last["goal_id"]))
+
+
+def test_what_still_runs_is_told_even_where_nobody_reads_the_output(world: World) -> None:
+    server = world.server("slow_cancel", gate=1)
+    words = ("call", "slow_cancel", FIBONACCI, "--cancel-timeout", "0.3")
+    running = world.start(*words, stderr=subprocess.PIPE)
+    running.until("Goal accepted")
+    assert running.process.stdout is not None
+    running.process.stdout.close()
+    assert running.process.wait(20) == Exit.OUTPUT_CLOSED
+    assert running.process.stderr is not None
+    assert "MAY STILL BE RUNNING" in running.process.stderr.read()
+    assert dashed(goal_id(running.text)) in server.running()
+    server.release(1)
 
 
 @pytest.mark.parametrize("writes", [False, True])
@@ -274,7 +293,7 @@ def test_a_signal_that_was_ignored_stays_ignored(world: World) -> None:
     running = world.start("call", "fibonacci", FIBONACCI, "{order: 2}", before=ignore)
     running.until("Goal accepted")
     running.signal(signal.SIGINT)
-    server.release()
+    server.release(1)
     assert running.finish() == Exit.OK, running.text
     assert "Canceling" not in running.text
 

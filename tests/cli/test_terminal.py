@@ -16,6 +16,7 @@ import pytest
 from actionkit.cli._exits import Exit
 
 from .conftest import FIBONACCI, NESTED, World
+from .test_call import CAPTURES, masked, shell
 
 CTRL_C = b"\x03"
 SHOW_CURSOR = "\x1b[?25h"
@@ -83,19 +84,43 @@ def terminal(world: World) -> Iterator[object]:
             one.process.wait()
 
 
-def test_a_bar_grows_where_feedback_tells_the_share(world, terminal) -> None:
+def test_a_bar_grows_where_feedback_tells_the_share(world, terminal, request) -> None:
     world.server("navigate")
-    goal = "{nested_field: {float64_value: 0.6}}"
-    shown = terminal("call", "navigate", NESTED, goal, "--progress", "nested_field.float32_value")
+    words = (
+        "call", "/navigate", NESTED, "{nested_field: {float64_value: 0.9}}",
+        "--progress", "nested_field.float32_value",
+    )  # fmt: skip
+    shown = terminal(*words)
     assert shown.finish() == Exit.OK, shown.text
     shares = [int(share) for share in re.findall(r"(\d+)%, \d+ feedback", shown.text)]
     assert len(set(shares)) > 3
     assert shares == sorted(shares)
-    bars = re.findall(r"━+", shown.text)
-    assert bars
     assert shown.raw.rindex(SHOW_CURSOR) > shown.raw.rindex("%")
     # What is left on the screen is what `ros2 action send_goal` leaves there.
     assert shown.text.replace("\r", "").endswith("Goal finished with status: SUCCEEDED\n")
+
+    frames = masked(f"$ {shell(list(words))}\n" + drawn(shown.text))
+    path = CAPTURES / "call-terminal.txt"
+    if request.config.getoption("--write-captures"):
+        path.write_text(frames, "utf-8")
+    assert shape(frames) == shape(path.read_text("utf-8")), "see --write-captures"
+
+
+def drawn(text: str) -> str:
+    """Return every line that was on the screen, those too that others were drawn over.
+
+    But for the line below while there is no feedback: how long that is depends on discovery.
+    """
+    lines = [line.rstrip() for line in re.split(r"\r\n|\n|\r", text)]
+    lines = [line for line in lines if not re.match(r"━+( 0 feedback.*)?$", line)]
+    kept = [line for n, line in enumerate(lines) if line and (n == 0 or line != lines[n - 1])]
+    return "\n".join(kept) + "\n"
+
+
+def shape(text: str) -> list[str]:
+    """Leave out how often the line was drawn, and what was in it by then."""
+    lines = [re.sub(r"^[━╸╺]+.*", "(the bar)", line) for line in text.splitlines()]
+    return [line for n, line in enumerate(lines) if line != "(the bar)" or lines[n - 1] != line]
 
 
 def test_without_a_share_there_are_counters_and_the_time(world, terminal) -> None:
@@ -120,7 +145,7 @@ def test_ctrl_c_cancels_and_twice_leaves(world, terminal) -> None:
     assert shown.finish() == Exit.INTERRUPTED
     assert "MAY STILL BE RUNNING" in shown.text
     assert shown.raw.rindex(SHOW_CURSOR) > shown.raw.rindex("CANCELING")
-    server.release()
+    server.release(1)
 
 
 def test_a_closed_window_cancels_the_goal(world, terminal) -> None:
