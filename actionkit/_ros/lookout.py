@@ -80,8 +80,6 @@ class Lookout:
         )
         if entities.matched is None:
             self._poll_matched()
-        else:
-            runtime.enable(entities.matched)
 
     def close(self) -> None:
         """Tell nobody anything any more."""

@@ -50,7 +50,7 @@ class Requests:
     # --- sending ---------------------------------------------------------------------------
 
     def send_goal(self, key: bytes, goal: Any) -> None:
-        """Send a goal; from now on its feedback is wanted.
+        """Send a goal.
 
         Args:
             key: Its id.
@@ -194,7 +194,6 @@ class Requests:
         self._want(entities.goal, bool(unanswered["goal"] or self._ended))
         self._want(entities.result, bool(unanswered["result"]))
         self._want(entities.cancel, bool(unanswered["cancel"] or self._questions))
-        self._want(entities.feedback, bool(self._made))
 
     def _want(self, source: Source, wanted: bool) -> None:
         if wanted:
