@@ -42,7 +42,7 @@ def main(quick: bool, only: tuple[str, ...], out: Path, write_docs: bool) -> Non
     for number in sorted(int(n) for n in only) or _MODULES:
         began = time.monotonic()
         module = importlib.import_module(f"benchmarks.{_MODULES[number]}")
-        reports.append(module.run(scale))
+        reports.append(module.run_all(scale))
         report.show(reports[-1])
         console.print(f"  {time.monotonic() - began:.0f} s", style="dim")
     command = " ".join(["python -m benchmarks", *sys.argv[1:]])

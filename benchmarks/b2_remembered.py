@@ -16,7 +16,7 @@ _FEW = 500
 """Below it, the calls that are measured would count."""
 
 
-def run(scale: Scale) -> Report:
+def run_all(scale: Scale) -> Report:
     """Measure against servers with so many goals in their memory."""
     report = Report(2, "Goals that the server remembers", axes=("remembered goals", "CPU ms/call"))
     clients = (OURS[0], BEST_RAW)

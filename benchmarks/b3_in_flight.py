@@ -16,7 +16,7 @@ _CLIENTS = {"threads": OURS[0], "asyncio": OURS[1], "rclpy, threads": BEST_RAW}
 _WAVES = {1: 30, 10: 10, 100: 2, 1000: 1}
 
 
-def run(scale: Scale) -> Report:
+def run_all(scale: Scale) -> Report:
     """Submit so many goals together; the server runs them when it has accepted them all."""
     report = Report(3, "Many goals in flight", axes=("goals in flight", "CPU ms/goal"))
     with ExitStack() as stack:

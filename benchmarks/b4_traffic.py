@@ -14,7 +14,7 @@ _CALLS = 20
 _OTHERS = 10
 
 
-def run(scale: Scale) -> Report:
+def run_all(scale: Scale) -> Report:
     """Measure with and without the feedback of ten other clients' goals, 100 Hz each."""
     report = Report(4, "Others' feedback, 1,000 messages a second")
     clients = (OURS[0], BEST_RAW)

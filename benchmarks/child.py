@@ -24,16 +24,13 @@ class Child:
 
     def __init__(self, domain: int, module: str, *arguments: str) -> None:
         """Start `python -m module arguments` in a ROS domain, on this machine only."""
-        environment = {k: v for k, v in os.environ.items() if k not in _ELSEWHERE}
-        environment["ROS_DOMAIN_ID"] = str(domain)
-        environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         self._process = subprocess.Popen(
             [sys.executable, "-m", module, *arguments],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
             bufsize=1,
-            env=environment,
+            env=_environment(domain),
         )
         self.pid = self._process.pid
 
@@ -77,6 +74,27 @@ class Child:
             self._process.kill()
             self._process.wait()
         self._process.stdout.close()
+
+
+def run(domain: int, module: str, *arguments: str) -> str:
+    """Run `python -m module arguments` in a ROS domain; return what it prints."""
+    return subprocess.run(
+        [sys.executable, "-m", module, *arguments],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=_environment(domain),
+        timeout=_PATIENCE,
+        check=True,
+    ).stdout
+
+
+def _environment(domain: int) -> dict[str, str]:
+    environment = {k: v for k, v in os.environ.items() if k not in _ELSEWHERE}
+    return {
+        **environment,
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
 
 
 def serve(commands: Mapping[str, Callable[..., Any]]) -> None:

@@ -40,6 +40,8 @@ OnFeedback = Callable[[Any], None]
 class Variant:
     """One way to call an action."""
 
+    client: Any
+
     def open(self, name: str) -> None:
         """Make a client and connect it to the server."""
         raise NotImplementedError
@@ -65,6 +67,14 @@ class Variant:
     def at_once(self, goals: int, order: int) -> list[float]:
         """Have so many goals in flight at a time; return the seconds that each took."""
         raise NotImplementedError
+
+    def is_connected(self) -> bool:
+        """Whether a server is there."""
+        return bool(self.client.server_is_ready())
+
+    def await_server(self) -> bool:
+        """Wait for one."""
+        return bool(self.client.wait_for_server(PATIENCE))
 
 
 class Blocking(Variant):

@@ -35,10 +35,16 @@ def write(reports: Sequence[Report], path: Path) -> None:
     pyplot.close(figure)
 
 
+def _share(verdict: Verdict) -> float:
+    if verdict.limit == 0:
+        return 0.0 if verdict.met else 2.0  # nothing at all is allowed
+    return max(0.0, verdict.measured or 0.0) / verdict.limit
+
+
 def _verdicts(axis: pyplot.Axes, reports: Sequence[Report]) -> None:
     """Each target as a share of its limit: left of the line is met."""
     verdicts = [(report.number, verdict) for report in reports for verdict in report.verdicts]
-    shares = [(verdict.measured or 0.0) / verdict.limit for _, verdict in verdicts]
+    shares = [_share(verdict) for _, verdict in verdicts]
     colours = ["tab:green" if verdict.met else "tab:red" for _, verdict in verdicts]
     axis.barh(range(len(verdicts)), shares, color=colours)
     axis.axvline(1.0, color="black", linewidth=1)

@@ -87,6 +87,18 @@ class Worker:
             client.close()
         self._endless.clear()
 
+    def server_is_gone(self) -> None:
+        """Wait until it is."""
+        until = time.monotonic() + 30.0
+        while self.client.is_connected():
+            assert time.monotonic() < until
+            time.sleep(0.01)
+
+    def await_server(self) -> float:
+        """Wait for a server; return the monotonic time at which it was there."""
+        assert self.client.await_server()
+        return time.monotonic()
+
     def state(self) -> dict[str, Any]:
         """What has grown, or has not."""
         gc.collect()
@@ -104,6 +116,6 @@ class Worker:
 
 if __name__ == "__main__":
     worker = Worker(sys.argv[1])
-    names = ("open", "close", "in_a_row", "at_once", "fill", "endless", "forget_endless", "state")
-    child.serve({name: getattr(worker, name) for name in names})
+    commands = [name for name in vars(Worker) if not name.startswith("_") and name != "client"]
+    child.serve({name: getattr(worker, name) for name in commands})
     worker.close()
