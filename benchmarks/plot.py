@@ -11,7 +11,7 @@ matplotlib.use("svg")
 
 from matplotlib import pyplot
 
-from benchmarks.measure import Report
+from benchmarks.measure import Report, Verdict
 
 
 def write(reports: Sequence[Report], path: Path) -> None:
