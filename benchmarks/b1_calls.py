@@ -29,7 +29,9 @@ def _cell(report: Report, scale: Scale, pairs: dict[str, Pair], order: int, feed
     what = f"order {order}" + (", on_feedback" if feedback else "")
     for pair in pairs.values():
         pair.renew()  # the tutorial's client gets slower with every call that it makes
-    turns = {name: partial(pair.turn, _CALLS, order, feedback) for name, pair in pairs.items()}
+    turns = {
+        name: partial(pair.turn, _CALLS, order, feedback=feedback) for name, pair in pairs.items()
+    }
     samples = alternate(scale.pick(30, 100), turns, f"1, {what}")
     fastest, leanest = best(samples, RAW, "latency"), best(samples, RAW, "cpu")
     for name in pairs:

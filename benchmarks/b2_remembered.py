@@ -12,6 +12,9 @@ from benchmarks.pairs import FORGETFUL, Pair
 _ORDER = 5
 _CALLS = 10
 _LEVELS = (0, 100, 1000, 5000)
+_PACE = 0.02
+"""Seconds for one call. Back to back, a call to a slower server would find colder caches, which
+alone doubles the CPU of a call."""
 _FEW = 500
 """Below it, the calls that are measured would count."""
 
@@ -57,4 +60,4 @@ def _turn(pair: Pair, level: int) -> Sample:
     if 0 < level < _FEW:
         pair.renew()
         pair.fill(level)
-    return pair.turn(_CALLS, _ORDER)
+    return pair.turn(_CALLS, _ORDER, pace=_PACE)

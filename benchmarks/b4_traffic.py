@@ -8,48 +8,57 @@ from functools import partial
 from benchmarks.clients import BEST_RAW, OURS
 from benchmarks.measure import Report, Sample, Scale, Verdict, alternate, figure, ratio
 from benchmarks.pairs import FORGETFUL, Pair
+from benchmarks.server import ELSEWHERE, NAME
 
 _ORDER = 5
 _CALLS = 20
 _OTHERS = 10
+_TRAFFIC = {"quiet": None, "traffic elsewhere": ELSEWHERE, "traffic": NAME}
 
 
 def run_all(scale: Scale) -> Report:
-    """Measure with and without the feedback of ten other clients' goals, 100 Hz each."""
+    """Measure with and without the feedback of ten other clients' goals, 100 Hz each.
+
+    The same traffic on another action of the same server, with as many clients, loads server
+    and machine alike: what it costs is not the client's doing.
+    """
     report = Report(4, "Others' feedback, 1,000 messages a second")
     clients = (OURS[0], BEST_RAW)
     with ExitStack() as stack:
         turns = {}
         for client in clients:
             pair = stack.enter_context(Pair(client, result_timeout=FORGETFUL))
-            others = stack.enter_context(pair.another(OURS[0]))
-            pair.server.do("stream", on=True)
-            others.do("endless", clients=_OTHERS)
-            for noise in (False, True):
-                turns[_name(client, noise)] = partial(_turn, pair, noise)
+            for name in (ELSEWHERE, NAME):
+                others = stack.enter_context(pair.another(OURS[0]))
+                # While they connect, so that each sees its goal run.
+                pair.server.do("stream", name=name)
+                others.begin("endless", clients=_OTHERS, name=name)
+                while pair.server.do("stream", name=name) < _OTHERS:
+                    pass
+                others.end()
+            for noise in _TRAFFIC:
+                turns[f"{client}, {noise}"] = partial(_turn, pair, noise)
         samples = alternate(scale.pick(12, 40), turns, "4")
     for client in clients:
-        for noise in (False, True):
-            name, quiet = _name(client, noise), _name(client, False)
-            report.figures += [
-                figure("latency", samples, name, "latency", baseline=quiet),
-                figure("client CPU", samples, name, "cpu", baseline=quiet),
-            ]
-    loud, quiet = _name(OURS[0], True), _name(OURS[0], False)
-    report.verdicts.append(
-        Verdict(
-            "latency under others' feedback, to quiet", ratio(samples, loud, quiet, "latency"), 1.3
+        for noise in _TRAFFIC:
+            for key, what in (("latency", "latency"), ("cpu", "client CPU")):
+                report.figures.append(
+                    figure(what, samples, f"{client}, {noise}", key, baseline=f"{client}, quiet")
+                )
+    loud = f"{OURS[0]}, traffic"
+    for noise in ("quiet", "traffic elsewhere"):
+        report.verdicts.append(
+            Verdict(
+                f"latency under others' feedback, to {noise}",
+                ratio(samples, loud, f"{OURS[0]}, {noise}", "latency"),
+                1.3,
+            )
         )
-    )
     return report
 
 
-def _name(client: str, noise: bool) -> str:
-    return f"{client}, {'with' if noise else 'no'} traffic"
-
-
-def _turn(pair: Pair, noise: bool) -> Sample:
-    assert pair.server.do("stream", on=noise) == _OTHERS
+def _turn(pair: Pair, noise: str) -> Sample:
+    pair.server.do("stream", name=_TRAFFIC[noise])
     sample = pair.turn(_CALLS, _ORDER)
-    pair.server.do("stream", on=False)
+    pair.server.do("stream", name=None)
     return sample

@@ -66,20 +66,20 @@ class Pair:
             other.do("fill", goals=goals)
             other.do("close")
 
-    def turn(self, calls: int, order: int, feedback: bool = False) -> Sample:
-        """Make some calls."""
+    def turn(self, calls: int, order: int, **how: float) -> Sample:
+        """Make some calls; `how` is what `Worker.in_a_row` may be told besides."""
         for _ in range(_TURNS - 1):
             try:
-                return self._turn(calls, order, feedback)
+                return self._turn(calls, order, how)
             except RuntimeError as error:
                 # A busy machine, and a server that had forgotten the result: once more.
                 console.print(str(error).splitlines()[-1], style="dim")
-        return self._turn(calls, order, feedback)
+        return self._turn(calls, order, how)
 
-    def _turn(self, calls: int, order: int, feedback: bool) -> Sample:
+    def _turn(self, calls: int, order: int, how: dict[str, float]) -> Sample:
         self.client.do("in_a_row", calls=_WARM, order=order)  # what slept is awake again
         before = process.cpu(self.server.pid)
-        sample = self.client.do("in_a_row", calls=calls, order=order, feedback=feedback)
+        sample = self.client.do("in_a_row", calls=calls, order=order, **how)
         return {
             **sample,
             "latency": statistics.median(sample["took"]),

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
-
-_TICKS = os.sysconf("SC_CLK_TCK")
 
 
 @dataclass(frozen=True)
@@ -45,13 +42,12 @@ def resident(pid: int) -> int:
 
 
 def cpu(pid: int) -> float:
-    """Return the seconds of CPU that a process has used."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / _TICKS
+    """Return the seconds of CPU that the threads of a process have used that still run."""
+    return sum(thread_cpu(pid).values())
 
 
 def thread_cpu(pid: int) -> dict[int, float]:
-    """Return the seconds that each thread has run, to the nanosecond where the kernel counts."""
+    """Return the seconds that each thread has run, to the nanosecond."""
     found = {}
     for task in Path(f"/proc/{pid}/task").iterdir():
         try:

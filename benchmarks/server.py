@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from typing import Any
 
 from rclpy.action import ActionServer
@@ -26,6 +27,8 @@ from actionkit._ros.discovery import stop_listening
 from benchmarks import child
 
 NAME = "fibonacci"
+ELSEWHERE = "elsewhere"
+"""The name of a second action, for traffic that does not concern clients of the first."""
 STREAM = 1000
 """The order of goals that never end, and have feedback only while `stream` is on."""
 RATE = 100.0
@@ -34,7 +37,7 @@ _INT32 = 2**31
 
 
 class Server:
-    """The process's action server, or none."""
+    """The process's action servers, or none."""
 
     def __init__(self) -> None:
         self._context = Context()
@@ -47,10 +50,11 @@ class Server:
         )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._server: ActionServer | None = None
+        self._servers: list[ActionServer] = []
         self._hold = 0
         self._held: list[Any] = []
-        self._streams: list[Any] = []
+        self._streams: dict[str, list[Any]] = {NAME: [], ELSEWHERE: []}
+        self._flowing: list[Any] = []
         self._streaming = threading.Event()
         threading.Thread(target=self._stream, daemon=True).start()
         self._stopping = False
@@ -60,17 +64,18 @@ class Server:
     # --- commands --------------------------------------------------------------------------
 
     def reset(self, result_timeout: float = 900.0, hold: int = 0) -> float:
-        """Replace the action server; return the monotonic time at which the new one was there."""
+        """Replace the action servers; return the monotonic time at which the new were there."""
         return self._on_spinner(lambda: self._make(result_timeout, hold))
 
     def leave(self) -> None:
-        """Have no action server."""
+        """Have no action server any more."""
         self._on_spinner(self._destroy)
 
-    def stream(self, on: bool) -> int:
-        """Publish feedback of the endless goals, or do not; return how many there are."""
-        (self._streaming.set if on else self._streaming.clear)()
-        return len(self._streams)
+    def stream(self, name: str | None) -> int:
+        """Publish feedback of an action's endless goals, or of none; return how many there are."""
+        self._flowing = [] if name is None else self._streams[name]
+        (self._streaming.clear if name is None else self._streaming.set)()
+        return len(self._flowing)
 
     def close(self) -> None:
         """Leave the ROS graph."""
@@ -103,27 +108,30 @@ class Server:
         return done.result(30)
 
     def _destroy(self) -> None:
-        if self._server is not None:
-            self._server.destroy()
-            self._server = None
-        self._held, self._streams = [], []
+        for server in self._servers:
+            server.destroy()
+        self._servers, self._held, self._flowing = [], [], []
+        self._streams = {NAME: [], ELSEWHERE: []}
 
     def _make(self, result_timeout: float, hold: int) -> float:
         self._destroy()
         self._hold = hold
-        self._server = ActionServer(
-            self._node,
-            Fibonacci,
-            NAME,
-            execute_callback=_execute,
-            handle_accepted_callback=self._on_accepted,
-            result_timeout=result_timeout,
-        )
+        self._servers = [
+            ActionServer(
+                self._node,
+                Fibonacci,
+                name,
+                execute_callback=_execute,
+                handle_accepted_callback=partial(self._on_accepted, name),
+                result_timeout=result_timeout,
+            )
+            for name in (NAME, ELSEWHERE)
+        ]
         return time.monotonic()
 
-    def _on_accepted(self, handle: Any) -> None:
+    def _on_accepted(self, name: str, handle: Any) -> None:
         if handle.request.order >= STREAM:
-            self._streams.append(handle)
+            self._streams[name].append(handle)
             return
         self._held.append(handle)
         if len(self._held) >= self._hold:
@@ -137,7 +145,7 @@ class Server:
         number = 0
         while True:
             self._streaming.wait()
-            streams = self._streams
+            streams = self._flowing
             if streams:
                 # One message at a time, evenly, as from goals that know nothing of each other.
                 number += 1

@@ -40,12 +40,20 @@ class Worker:
         assert self._client is not None
         return self._client
 
-    def in_a_row(self, calls: int, order: int, feedback: bool = False) -> dict[str, Any]:
-        """Call one after the other."""
+    def in_a_row(
+        self, calls: int, order: int, feedback: bool = False, pace: float = 0.0
+    ) -> dict[str, Any]:
+        """Call one after the other; with `pace`, one in so many seconds."""
         seen: list[Any] = []
         callback = seen.append if feedback else None
         cpu, wall = time.process_time(), time.perf_counter()
-        took = self.client.in_a_row(calls, order, callback)
+        if not pace:
+            took = self.client.in_a_row(calls, order, callback)
+        else:
+            took = []
+            for number in range(calls):
+                took += self.client.in_a_row(1, order, callback)
+                time.sleep(max(0.0, wall + (number + 1) * pace - time.perf_counter()))
         return {
             "took": took,
             "cpu": (time.process_time() - cpu) / calls,
@@ -69,14 +77,14 @@ class Worker:
         for future in [client.call_async({"order": 0}, timeout=300) for _ in range(goals)]:
             future.result()
 
-    def endless(self, clients: int) -> None:
-        """Be so many clients with a goal each that never ends."""
+    def endless(self, clients: int, name: str) -> None:
+        """Be so many clients of an action, with a goal each that never ends."""
         from test_msgs.action import Fibonacci
 
         from actionkit import Client
 
         for _ in range(clients):
-            client = Client(Fibonacci, NAME, on_close="abandon")
+            client = Client(Fibonacci, name, on_close="abandon")
             future = client.call_async({"order": STREAM})
             next(iter(future.feedback()))
             self._endless.append((client, future))

@@ -67,7 +67,8 @@ class FeedbackWatch:
         if not self._on:
             self._on = True
             self._messages.discard()
-            self._resume()
+            if self._pause is None or self._pause.at - self._runtime.now() > _PAUSE_FOR_OTHERS:
+                self._resume()
 
     def stop(self) -> None:
         """Tell none any more."""
