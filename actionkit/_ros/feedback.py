@@ -1,8 +1,8 @@
 """The subscription to the feedback topic: its messages, and the event that tells of servers.
 
 Everybody's feedback comes over it, and a turn of the thread costs more than taking a dozen
-messages. So after a look at the topic nothing is waited for during a pause. What a result has
-overtaken is taken with it (R15).
+messages. So where messages come fast, nothing is waited for during a pause after each look. What
+a result has overtaken is taken with it (R15).
 
 The two go together for another reason. With Fast DDS both wake a wait by one condition of the
 reader: whoever waits for the event alone, with messages unread, waits no time at all, and again
@@ -59,29 +59,28 @@ class FeedbackWatch:
         self._attentive = attentive
         self._on = False
         self._ours = 0  # how many messages were
+        self._looked = 0.0  # when some were taken last
         self._pause: TimerHandle | None = None
-        self._resume()
+        self._wait()
 
     def start(self) -> None:
         """Tell feedback from now on. What has come before is nobody's, however much it is."""
         if not self._on:
             self._on = True
             self._messages.discard()
-            if self._pause is None or self._pause.at - self._runtime.now() > _PAUSE_FOR_OTHERS:
-                self._resume()
+            # A goal that ends within the pause costs no look: its result takes its feedback.
+            self._rest(_PAUSE)
 
     def stop(self) -> None:
         """Tell none any more."""
         self._on = False
-        if self._matched is None:
-            self.close()
+        self._wait()
 
     def heed(self) -> None:
         """See at once what servers there are."""
-        if self._matched is not None:
+        if self._pause is not None and self._matched is not None:
             self._matched.take()
-            if self._pause is not None:
-                self._resume()
+            self._wait()
 
     def take_all(self) -> None:
         """Take what has come."""
@@ -90,16 +89,20 @@ class FeedbackWatch:
                 return
 
     def look(self) -> None:
-        """Take some of what has come, and pause."""
+        """Take some of what has come; then pause, unless messages come one by one."""
         before = self._ours
         if not self._take():
+            self._wait()
             return
-        if self._ours > before:
-            pause = _PAUSE
+        now = self._runtime.now()
+        since, self._looked = now - self._looked, now
+        pause = _PAUSE if self._ours > before else _PAUSE_FOR_OTHERS
+        if not self._on and not self._attentive():
+            self._rest(_PAUSE_WHEN_IDLE)
+        elif since > 2 * pause:
+            self._wait()
         else:
-            pause = _PAUSE_FOR_OTHERS if self._on or self._attentive() else _PAUSE_WHEN_IDLE
-        self.close()
-        self._pause = self._runtime.call_at(self._runtime.now() + pause, self._resume)
+            self._rest(pause)
 
     def close(self) -> None:
         """Wait for nothing."""
@@ -110,10 +113,16 @@ class FeedbackWatch:
             self._runtime.timers.cancel(self._pause)
             self._pause = None
 
-    def _resume(self) -> None:
-        if self._pause is not None:
-            self._runtime.timers.cancel(self._pause)
-            self._pause = None
+    def _rest(self, pause: float) -> None:
+        self.close()
+        self._pause = self._runtime.call_at(self._runtime.now() + pause, self._end_rest)
+
+    def _end_rest(self) -> None:
+        self._pause = None
+        self.look()
+
+    def _wait(self) -> None:
+        self.close()
         if self._matched is not None:
             self._runtime.enable(self._matched)
         if self._on or self._matched is not None:
