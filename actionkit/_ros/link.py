@@ -58,6 +58,7 @@ class Link:
             ask=self._requests.question,
             sent=self._sent,
             queued=lambda: [listener for listener, _ in self._outbox.waiting()],
+            flush=self._flush,
         )
         self._feedback = FeedbackWatch(
             runtime,
