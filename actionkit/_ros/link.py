@@ -211,9 +211,9 @@ class Link:
     def _on_matched(self, count: int) -> None:
         # What a server said before it went is not to be read after that: a result would come
         # too late, and a status would seem to show a lost goal running again.
-        for source in self._entities.sources:
-            if source is not self._entities.matched:
-                source.on_ready()
+        for answers in (self._entities.goal, self._entities.result, self._entities.cancel):
+            answers.take()
+        self._feedback.take_all()
         self._status.take_now()
         self.lookout.matched(count)
 

@@ -101,9 +101,10 @@ class StatusReader:
         self._runtime.disable(self._source)
         self._runtime.node.destroy_subscription(self._subscription)
 
-    def _take(self, message: bytes) -> None:
-        array = deserialize_message(message, GoalStatusArray)
-        self._on_goals([_seen(entry) for entry in array.status_list])
+    def _take(self) -> None:
+        for message in self._source.take():
+            array = deserialize_message(message, GoalStatusArray)
+            self._on_goals([_seen(entry) for entry in array.status_list])
 
     def _look(self) -> None:
         self._timer = self._runtime.call_at(self._runtime.now() + _PERIOD, self._look)
