@@ -147,10 +147,6 @@ class Link:
             self._status.stop()
             self._feedback.stop()
 
-    def take_feedback_now(self) -> None:
-        """Take the feedback that has come: it may be behind the result (R15)."""
-        self._feedback.take_all()
-
     def _flush(self) -> None:
         """Send what may be sent now."""
         while self.presence.ready and (taken := self._outbox.take()) is not None:
@@ -239,6 +235,7 @@ class Link:
         outdated = self._requests.is_outdated(seq)
         key = self._requests.answered("result", seq)
         if key is not None:
+            self._feedback.take_all()  # the result may have overtaken some (R15)
             listener = self._sent[key].listener
             listener.on_result(response.status, response.result, outdated=outdated)
             self._requests.sync()

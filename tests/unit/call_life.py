@@ -152,7 +152,6 @@ class CallLife:
         self.verdict = Verdict.SUCCESS
         self.told: list[tuple[Any, ...]] = []
         self.goals: dict[bytes, OnServers] = {}
-        self.feedback_behind: list[tuple[bytes, bytes]] = []
         self.link = Link(self)
         self.retry = retry
         self.timeouts = Timeouts(**timeouts)  # type: ignore[arg-type]
@@ -230,11 +229,6 @@ class CallLife:
 
     def decode_feedback(self, message: bytes) -> Any:
         return message
-
-    def take_feedback_now(self) -> None:
-        for key, message in self.feedback_behind:
-            self.link.listeners[key].on_feedback(message)
-        self.feedback_behind.clear()
 
     def surroundings(self) -> Surroundings:
         return Surroundings({}, 0, "none")

@@ -293,14 +293,6 @@ def test_a_late_success_is_taken_in_place_of_another_goal() -> None:
 SUCCEEDED: Event = ("result", 0, GoalState.SUCCEEDED)
 
 
-def test_feedback_that_the_result_has_overtaken_is_not_lost() -> None:
-    life = lived(RUNNING)
-    life.feedback_behind.append((next(iter(life.goals)), b""))
-    life.happens(*SUCCEEDED)
-    life.happens("wait", 0.1)
-    assert life.outcome.feedback_count == 1  # (R15)
-
-
 def test_a_success_judged_transient_is_tried_again_until_it_is_none() -> None:
     life = lived([*RUNNING, SUCCEEDED, ("judge", Verdict.TRANSIENT), *PAUSE], judged=True)
     assert life.sends == 2
