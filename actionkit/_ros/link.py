@@ -37,7 +37,9 @@ class Link:
         """
         self.runtime = runtime
         self._sent: dict[bytes, SentGoal] = {}
-        self._outbox: Outbox[tuple[GoalListener, Any]] = Outbox()
+        self._outbox: Outbox[tuple[GoalListener, Any]] = Outbox(
+            runtime.window(name), on_free=self._flush
+        )
         self._entities = Entities(
             runtime.node,
             action_type.Impl,
@@ -194,6 +196,7 @@ class Link:
 
     def close(self) -> None:
         """Destroy the entities. No listener is told anything any more."""
+        self._outbox.close()
         self.lookout.close()
         self._requests.close()
         self._status.stop()

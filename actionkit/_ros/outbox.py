@@ -1,12 +1,15 @@
-"""The goal requests of one client in their order, a few at a time.
+"""The goal requests of a client in their order, a few at a time.
 
 A server's request queue is 10 deep and drops what does not fit (R3), so no more than a window
-of requests is on its way unanswered; the rest wait here (contract C1.12).
+of requests is on its way unanswered; the rest wait here (contract C1.12). All clients of a
+process for one action share the window, since they share the server's queue; of clients in other
+processes nothing can be known.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -14,11 +17,52 @@ T = TypeVar("T")
 WINDOW = 8
 
 
+class Window:
+    """How many requests may be on their way, for any number of outboxes."""
+
+    def __init__(self, size: int = WINDOW) -> None:
+        self._size = size
+        self._taken = 0
+        self._waiting: OrderedDict[Callable[[], None], None] = OrderedDict()
+        self._telling = False
+
+    def enter(self, on_free: Callable[[], None]) -> bool:
+        """Take a place; where there is none, return `False` and tell `on_free` later, once."""
+        if self._taken >= self._size:
+            self._waiting[on_free] = None
+            return False
+        self._taken += 1
+        return True
+
+    def leave(self) -> None:
+        """Give a place back. Who has waited longest is told first, so that all get their turn."""
+        self._taken -= 1
+        if self._telling:
+            return  # whoever is told may give back places himself
+        self._telling = True
+        try:
+            while self._waiting and self._taken < self._size:
+                self._waiting.popitem(last=False)[0]()
+        finally:
+            self._telling = False
+
+    def forget(self, on_free: Callable[[], None]) -> None:
+        """Tell `on_free` nothing any more."""
+        self._waiting.pop(on_free, None)
+
+
 class Outbox(Generic[T]):
     """A queue with a window. Pure: it sends nothing itself."""
 
-    def __init__(self, window: int = WINDOW) -> None:
+    def __init__(self, window: Window, on_free: Callable[[], None]) -> None:
+        """Be empty.
+
+        Args:
+            window: Shared by all who send to the same servers.
+            on_free: Called when `take` has returned `None` and may return something now.
+        """
         self._window = window
+        self._on_free = on_free
         self._queue: OrderedDict[bytes, T] = OrderedDict()
         self._unanswered: set[bytes] = set()
 
@@ -32,7 +76,7 @@ class Outbox(Generic[T]):
 
     def take(self) -> tuple[bytes, T] | None:
         """Return the next request that may go out now, or `None`."""
-        if not self._queue or len(self._unanswered) >= self._window:
+        if not self._queue or not self._window.enter(self._on_free):
             return None
         key, request = self._queue.popitem(last=False)
         self._unanswered.add(key)
@@ -45,4 +89,13 @@ class Outbox(Generic[T]):
     def discard(self, key: bytes) -> None:
         """Forget a request: it was answered, or is no longer wanted."""
         self._queue.pop(key, None)
-        self._unanswered.discard(key)
+        if key in self._unanswered:
+            self._unanswered.discard(key)
+            self._window.leave()
+
+    def close(self) -> None:
+        """Forget all requests."""
+        self._queue.clear()
+        self._window.forget(self._on_free)
+        for key in list(self._unanswered):
+            self.discard(key)

@@ -21,6 +21,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
 from typing import TypeVar
+from weakref import WeakValueDictionary
 
 from rclpy.context import Context
 from rclpy.node import Node
@@ -29,6 +30,7 @@ from rclpy.parameter import Parameter
 from actionkit._clock import TimerHandle, TimerQueue
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.native import Source, Waiter
+from actionkit._ros.outbox import Window
 
 _log = logging.getLogger("actionkit")
 _T = TypeVar("_T")
@@ -53,6 +55,7 @@ class Runtime:
         """What ended the thread, where anything but `stop` did."""
         self.names_in_use: list[tuple[str, str]] = []
         """The action name and type of each client here, once for each."""
+        self._windows: WeakValueDictionary[str, Window] = WeakValueDictionary()
         self.on_failure: list[Callable[[BaseException], None]] = []
         self._pid = os.getpid()
         self._domain_id = domain_id
@@ -130,6 +133,14 @@ class Runtime:
             self._thread.join(timeout)
 
     # --- on the communication thread -------------------------------------------------------
+
+    def window(self, action_name: str) -> Window:
+        """Return what all who send goals to one action here share."""
+        # Not setdefault: nothing but the caller would hold what it makes.
+        window = self._windows.get(action_name)
+        if window is None:
+            window = self._windows[action_name] = Window()
+        return window
 
     def now(self) -> float:
         """Monotonic seconds, whatever simulated time does (R23)."""

@@ -13,7 +13,7 @@ from collections import Counter
 import pytest
 from test_msgs.action import Fibonacci
 
-from actionkit import Client, RetryPolicy, Timeouts
+from actionkit import Client, GoalState, RetryPolicy, Timeouts
 from actionkit._ros.outbox import WINDOW
 from actionkit._ros.presence import State
 
@@ -90,7 +90,7 @@ def test_2000_calls_in_a_row_leave_nothing_behind(action_server, make_client, ca
 
 FRESH = """
 import json, sys
-from actionkit import Client, RetryPolicy, Timeouts
+from actionkit import Client, GoalState, RetryPolicy, Timeouts
 from actionkit._ros.outbox import WINDOW
 from actionkit._ros.presence import State
 from test_msgs.action import Fibonacci
@@ -124,6 +124,20 @@ def test_100_fresh_processes_that_send_at_once(action_server, ros_domain):
     runs = executed(server)
     assert set(runs) == {goal_id for goal_id, _ in answers}
     assert set(runs.values()) == {1}
+
+
+def test_clients_of_one_process_share_the_queue_of_the_server(action_server, make_client):
+    server = action_server("slow_accept", delay=0.02)
+    clients = [make_client(timeouts=Timeouts(accept=None)) for _ in range(4)]
+    assert all(client.wait_for_server(10) for client in clients)
+    futures = [client.call_async({"order": 1}, timeout=30) for _ in range(20) for client in clients]
+    outcomes = [future.outcome(60) for future in futures]
+    # A request that the server's queue had no room for would have been sent again (R3).
+    assert {(outcome.status, outcome.attempts) for outcome in outcomes} == {
+        (GoalState.SUCCEEDED, 1)
+    }
+    received = [event.goal_id for event in server.wait_for("goal_received", count=80)]
+    assert sorted(received) == sorted(str(outcome.goal_id) for outcome in outcomes)
 
 
 def test_clients_come_and_go_while_others_work(action_server, make_client, own_threads):

@@ -6,15 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit._ros.outbox import WINDOW, Outbox
+from actionkit._ros.outbox import WINDOW, Outbox, Window
 
 
 def key(number: int) -> bytes:
     return number.to_bytes(16, "big")
 
 
+def nothing() -> None: ...
+
+
 def outbox_of(count: int, window: int = WINDOW) -> Outbox[int]:
-    outbox: Outbox[int] = Outbox(window)
+    outbox: Outbox[int] = Outbox(Window(window), nothing)
     for number in range(count):
         outbox.put(key(number), number)
     return outbox
@@ -79,7 +82,7 @@ def test_discarding_what_is_not_there_changes_nothing() -> None:
     st.lists(st.one_of(st.just("put"), st.just("take"), st.integers(0, 50)), max_size=100),
 )
 def test_any_order_of_operations(window: int, steps: list[str | int]) -> None:
-    outbox: Outbox[int] = Outbox(window)
+    outbox: Outbox[int] = Outbox(Window(window), nothing)
     waiting: list[int] = []
     unanswered: set[int] = set()
     count = 0
@@ -102,3 +105,61 @@ def test_any_order_of_operations(window: int, steps: list[str | int]) -> None:
             waiting = [number for number in waiting if number != step]
         assert len(unanswered) <= window
         assert len(outbox) == len(waiting) + len(unanswered)
+
+
+class Sender:
+    """Sends whatever its outbox lets it, as a link does."""
+
+    def __init__(self, window: Window, numbers: range, log: list[int]) -> None:
+        self.log = log
+        self.outbox: Outbox[int] = Outbox(window, self.flush)
+        for number in numbers:
+            self.outbox.put(key(number), number)
+
+    def flush(self) -> None:
+        while (request := self.outbox.take()) is not None:
+            self.log.append(request[1])
+
+    def answered(self, number: int) -> None:
+        self.outbox.discard(key(number))
+        self.flush()
+
+
+def test_those_who_share_a_window_take_turns() -> None:
+    window, log = Window(2), []  # type: ignore[var-annotated]
+    a, b = (Sender(window, range(start, start + 4), log) for start in (0, 10))
+    a.flush()
+    b.flush()
+    assert log == [0, 1]
+    for turn in range(8):
+        (b if log[turn] >= 10 else a).answered(log[turn])
+    assert log == [0, 1, 2, 10, 3, 11, 12, 13]
+    assert len(a.outbox) == len(b.outbox) == 0
+
+
+def test_one_who_goes_gives_his_places_back() -> None:
+    window, log = Window(2), []  # type: ignore[var-annotated]
+    a, b, c = (Sender(window, range(start, start + 3), log) for start in (0, 10, 20))
+    for sender in (a, b, c):
+        sender.flush()
+    b.outbox.close()  # while it waits
+    a.outbox.close()
+    assert log == [0, 1, 20, 21]
+
+
+def test_many_that_are_not_wanted_any_more_are_given_up_without_recursion() -> None:
+    window, log = Window(1), []  # type: ignore[var-annotated]
+
+    class Unwanted(Sender):
+        def flush(self) -> None:
+            while (request := self.outbox.take()) is not None:
+                self.log.append(request[1])
+                self.outbox.discard(request[0])
+
+    first = Sender(window, range(1), log)
+    first.flush()
+    others = [Unwanted(window, range(s, s + 2000), log) for s in (1000, 5000)]
+    for other in others:
+        other.flush()
+    first.answered(0)
+    assert len(log) == 4001
