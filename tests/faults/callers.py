@@ -60,6 +60,9 @@ class LocalCaller:
             lambda _: self._on_event(key, "end", Seen.of(future.outcome(0)).__dict__)
         )
 
+    def cancel(self, key: str) -> None:
+        self._futures[key].cancel()
+
     def wait_for_feedback(self, key: str) -> None:
         self._feedback[key].wait_for(1)
 
@@ -93,6 +96,9 @@ class RemoteCaller:
 
     def call(self, key: str, policy: str, timeout: float | None = None) -> None:
         self._tell(do="call", key=key, policy=policy, timeout=timeout)
+
+    def cancel(self, key: str) -> None:
+        self._tell(do="cancel", key=key)
 
     def wait_for_server(self, timeout: float) -> bool:
         """As `Client.wait_for_server`."""

@@ -8,7 +8,8 @@ waited for together. What each call came to is a row of the table in docs/faults
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -32,6 +33,10 @@ ACCEPTED = "executing, no feedback"
 FEEDBACK = "during feedback"
 ENDED = "ended, no result yet"
 ENDS = "ends during the fault"
+
+DEADLINE = "its deadline passes"
+CANCEL = "its caller cancels"
+NEVER_END = [*2 * [["accept", {"feedback": 1}, "never"]], [{"feedback": 2}]]
 
 #: A goal that is begun after the fault.
 _WORKS = [{"feedback": 2}]
@@ -111,6 +116,9 @@ class Caller(Protocol):
 
     def call(self, key: str, policy: str, timeout: float | None = None) -> None:
         """Send a goal that is called `key` from now on."""
+
+    def cancel(self, key: str) -> None:
+        """Cancel it, as its caller."""
 
     def wait_for_feedback(self, key: str) -> None:
         """Until the first has come."""
@@ -225,6 +233,46 @@ class Lab:
             )
             check(row, one)
             yield row
+
+
+def give_up(
+    fault: str, server: Server, caller: Caller, strike: Callable[[], None], heal: Callable[[], None]
+) -> Iterator[Row]:
+    """Give up on goals of a server that cannot be reached; yields their rows.
+
+    Args:
+        fault: What the table calls it.
+        server: A scripted one, with the option `NEVER_END`.
+        caller: Its client.
+        strike: Takes the server out of reach.
+        heal: Undoes that.
+    """
+    caller.call(DEADLINE, "confirmed_stopped", 4.0)
+    caller.call(CANCEL, "confirmed_stopped")
+    for key in (DEADLINE, CANCEL):
+        caller.wait_for_feedback(key)
+    struck = time.monotonic()
+    strike()
+    caller.cancel(CANCEL)
+    seen = {key: caller.seen(key, 20) for key in (DEADLINE, CANCEL)}
+    heal()
+    for one in seen.values():
+        assert server.wait_for("canceled", goal_id=one.goals[-1], timeout=30)
+    caller.call("afterwards", "confirmed_stopped", 40.0)
+    assert caller.seen("afterwards", 50).error == ""
+    left, events = settle(server), server.events
+    for key, one in seen.items():
+        goals = set(one.goals)
+        row = Row(
+            case=Case(fault, key, "confirmed_stopped"),
+            outcome=one.outcome,
+            noticed=one.noticed(struck),
+            executed=executed(events, goals),
+            at_once=at_once(events, goals),
+            left=len(goals & left),
+        )
+        check(row, one)
+        yield row
 
 
 def check(row: Row, seen: Seen) -> None:

@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-from tests.faults.lab import ACCEPTED, BEFORE_ACCEPT, ENDS, FEEDBACK, PHASES, POLICIES, TIMEOUTS
+from tests.faults.lab import (
+    ACCEPTED,
+    BEFORE_ACCEPT,
+    CANCEL,
+    DEADLINE,
+    ENDS,
+    FEEDBACK,
+    PHASES,
+    POLICIES,
+    TIMEOUTS,
+)
 from tests.faults.table import PATH, Case, Row, render
 
 KILL = "SIGKILL"
@@ -13,6 +23,8 @@ STOP = "SIGSTOP, SIGCONT"
 STOP_LIVENESS = "SIGSTOP, SIGCONT, with liveness"
 OUTAGE = "Network outage, shorter than the lease"
 LONG_OUTAGE = "Network outage, longer than the lease"
+GIVEN_UP_STOPPED = "Given up on, while the server is stopped"
+GIVEN_UP_OUTAGE = "Given up on, during a network outage"
 LOSS = "30 % of all packets lost"
 TWINS = "Two servers on one name"
 OTHER_TYPE = "Another type on the name"
@@ -50,6 +62,10 @@ The same, but the link comes up again only when the client has dropped the serve
 knows nothing of it: its goals run on, until the client is back, which cancels those that it has
 given up on. Here the client has `Timeouts(server=30.0)`, so that a second attempt outlasts the
 outage.""",
+    GIVEN_UP_STOPPED: """
+While the server is stopped (SIGSTOP) a goal is given up on. When the server goes on, the goal is
+cancelled, though its call has long ended.""",
+    GIVEN_UP_OUTAGE: "The same, with the link between two hosts down, and up again.",
     LOSS: """
 Two hosts; each drops 30 % of the packets that come in, at random. 200 goals, 10 at a time, with
 one client; the row is about all of them. DDS asks for what was lost every 3 s, which makes this
@@ -100,6 +116,8 @@ def cases() -> list[Case]:
 _PHASES = {
     OUTAGE: dict.fromkeys(OUTAGE_PHASES, POLICIES),
     LONG_OUTAGE: dict.fromkeys(OUTAGE_PHASES, POLICIES),
+    GIVEN_UP_STOPPED: dict.fromkeys((DEADLINE, CANCEL), ("confirmed_stopped",)),
+    GIVEN_UP_OUTAGE: dict.fromkeys((DEADLINE, CANCEL), ("confirmed_stopped",)),
     LOSS: {MANY: ("confirmed_stopped",)},
     TWINS: {ONE_GOAL: POLICIES},
     OTHER_TYPE: dict.fromkeys(OTHER_PHASES, POLICIES),

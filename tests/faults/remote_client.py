@@ -28,6 +28,8 @@ def main() -> None:
         what = command.pop("do")
         if what == "call":
             caller.call(**command)
+        elif what == "cancel":
+            caller.cancel(**command)
         elif what == "wait_for_server":
             tell(command["key"], "server", caller.client.wait_for_server(command["timeout"]))
         elif what == "close":

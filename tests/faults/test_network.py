@@ -20,10 +20,12 @@ from tests.faults.lab import (
     BEFORE_ACCEPT,
     ENDS,
     FEEDBACK,
+    NEVER_END,
     TIMEOUTS,
     Lab,
     at_once,
     executed,
+    give_up,
     scripts,
     settle,
 )
@@ -110,6 +112,14 @@ def test_an_outage(fault, field, record):
     record(lab.rows(fault, struck, seen))
     # The long outage swallows what resend="always" sends meanwhile.
     lab.close(watches=not short)
+
+
+def test_goals_are_given_up_on_during_an_outage(field, record):
+    server = field.serve("scripted", script=NEVER_END)
+    caller = field.caller()
+    cable = field.cable
+    record(give_up(page.GIVEN_UP_OUTAGE, server, caller, cable.cut, cable.mend))
+    assert "actionkit" not in caller.close()
 
 
 @pytest.mark.timeout(170)

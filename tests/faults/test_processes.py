@@ -12,9 +12,11 @@ from tests.faults.lab import (
     ACCEPTED,
     BEFORE_ACCEPT,
     FEEDBACK,
+    NEVER_END,
     PHASES,
     TIMEOUTS,
     Lab,
+    give_up,
     scripts,
 )
 
@@ -73,3 +75,11 @@ def test_a_server_that_is_stopped_for_a_while(fault, liveness, make_lab, record)
     lab.still_works()
     record(lab.rows(fault, struck, seen))
     lab.close()
+
+
+def test_goals_are_given_up_on_while_their_server_is_stopped(action_server, make_caller, record):
+    server = action_server("scripted", script=NEVER_END)
+    caller = make_caller()
+    assert caller.client.wait_for_server(10)
+    record(give_up(page.GIVEN_UP_STOPPED, server, caller, server.pause, server.resume))
+    assert "actionkit" not in caller.close()

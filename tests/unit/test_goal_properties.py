@@ -113,6 +113,8 @@ def next_lives(life: Life) -> Iterator[Life]:
     first = min(life.timers.values(), default=None)
     due = [("fire", timer) for timer, at in life.timers.items() if at == first]
     for event in [*EVENTS, *due]:
+        if event == ("server_back",) and life.goal.stage is not Stage.LOST:
+            continue  # the same as server_ready
         twin = life.copy()
         happens(twin, event)
         yield twin
