@@ -121,6 +121,12 @@ def test_an_error_that_nobody_thought_of_is_one_line(empty_world: World) -> None
     ]
 
 
+def test_options_may_come_from_the_environment(empty_world: World) -> None:
+    done = empty_world.run(*CALL, ACTIONKIT_CALL_SERVER_TIMEOUT="0.2")
+    assert done.code == Exit.NO_SERVER
+    assert "within 0.2 s" in done.err
+
+
 # --- completion --------------------------------------------------------------------------------
 
 
