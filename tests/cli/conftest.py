@@ -161,11 +161,21 @@ def _end(process: subprocess.Popen[str]) -> None:
 def world() -> Iterator[World]:
     """Return a domain, its servers, and the command line in it."""
     with isolated_domain() as domain, ExitStack() as stack:
+        stack.enter_context(_without_shared_memory())
         yield World(domain, stack)
+
+
+@contextlib.contextmanager
+def _without_shared_memory() -> Iterator[None]:
+    """Keep processes in other domains away: Fast DDS shares its shared memory ports with them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+        yield
 
 
 @pytest.fixture
 def empty_world() -> Iterator[World]:
     """Return the same with nothing in it, for one test."""
     with isolated_domain() as domain, ExitStack() as stack:
+        stack.enter_context(_without_shared_memory())
         yield World(domain, stack)

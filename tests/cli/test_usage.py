@@ -127,6 +127,17 @@ def test_options_may_come_from_the_environment(empty_world: World) -> None:
     assert "within 0.2 s" in done.err
 
 
+def test_what_libraries_write_to_standard_output_is_not_in_it(empty_world: World) -> None:
+    """Fast DDS does, where something is wrong."""
+    noisy = (
+        "import os, actionkit._ros.survey as s; real = s.Survey.settled\n"
+        "def settled(*a, **k): os.write(1, b'noise\\n'); return real(*a, **k)\n"
+        "s.Survey.settled = settled"
+    )
+    done = empty_world.run("list", "-c", before=noisy)
+    assert (done.code, done.out, done.err) == (Exit.OK, "0\n", "noise\n")
+
+
 # --- completion --------------------------------------------------------------------------------
 
 
