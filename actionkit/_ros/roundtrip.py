@@ -35,7 +35,6 @@ class RoundTrip:
         asked: How many questions that took.
         later: How long the answers to further questions took.
         answers: How many answers the last question got: one from each server.
-        known: Whether a server knew the made-up goal, which none can.
     """
 
     matched: float | None
@@ -43,7 +42,6 @@ class RoundTrip:
     asked: int
     later: tuple[float, ...]
     answers: int
-    known: bool
 
 
 def measure(action_name: str, timeout: float) -> RoundTrip:
@@ -68,7 +66,7 @@ class _Asker:
 
     def __init__(self, runtime: runtimes.Runtime, action_name: str) -> None:
         self._runtime = runtime
-        self._answers: queue.SimpleQueue[tuple[int, float, int]] = queue.SimpleQueue()
+        self._answers: queue.SimpleQueue[tuple[int, float]] = queue.SimpleQueue()
         self._client = runtime.run(
             lambda: runtime.node.create_client(
                 CancelGoal,
@@ -89,58 +87,48 @@ class _Asker:
         began = time.monotonic()
         while not self._runtime.run(self._client.service_is_ready):
             if time.monotonic() - began > timeout:
-                return RoundTrip(None, None, 0, (), 0, False)
+                return RoundTrip(None, None, 0, (), 0)
             time.sleep(_STEP)
         matched = time.monotonic() - began
         began = time.monotonic()
         asked = 0
-        codes: list[int] = []
-        first = None
-        while first is None and time.monotonic() - began < timeout:
+        first: list[float] = []
+        while not first and time.monotonic() - began < timeout:
             asked += 1
-            first = self._ask(codes)
-        if first is None:
-            return RoundTrip(matched, None, asked, (), 0, False)
+            first = self._ask()
+        if not first:
+            return RoundTrip(matched, None, asked, (), 0)
         total = time.monotonic() - began
-        later = [self._ask(codes) for _ in range(_TIMES)]
-        codes.clear()
-        self._ask(codes, until_quiet=True)
-        known = any(code != CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID for code in codes)
-        answered = tuple(seconds for seconds in later if seconds is not None)
-        return RoundTrip(matched, total, asked, answered, len(codes), known)
+        later = [seconds for _ in range(_TIMES) for seconds in self._ask()]
+        return RoundTrip(matched, total, asked, tuple(later), len(self._ask(everybody=True)))
 
-    def _ask(self, codes: list[int], *, until_quiet: bool = False) -> float | None:
-        """Ask once; return how long the first answer took, or `None`.
+    def _ask(self, *, everybody: bool = False) -> list[float]:
+        """Ask once; return how long the answer took, if it came.
 
         Args:
-            codes: What was answered is appended to these.
-            until_quiet: Whether to wait for the answers of all servers, not just the first.
+            everybody: Whether to wait for the answers of all servers, not just the first.
         """
         began = time.monotonic()
         number = self._runtime.run(self._send)
-        taken = None
-        while True:
+        taken: list[float] = []
+        while everybody or not taken:
+            # The others take about as long as the first.
+            patience = min(_PATIENCE, 0.1 + 10 * taken[0]) if taken else _PATIENCE
             try:
-                seq, at, code = self._answers.get(
-                    timeout=_PATIENCE if taken is None else min(_PATIENCE, 0.1 + 10 * taken)
-                )
+                seq, at = self._answers.get(timeout=patience)
             except queue.Empty:
-                return taken
-            if seq != number:
-                continue
-            codes.append(code)
-            if taken is None:
-                taken = at - began
-            if not until_quiet:
-                return taken
+                break
+            if seq == number:
+                taken.append(at - began)
+        return taken
 
     def _send(self) -> int:
         request = CancelGoal.Request()
         request.goal_info.goal_id.uuid = list(uuid.uuid4().bytes)
         return self._source.send(request)
 
-    def _take(self, seq: int, response: CancelGoal.Response) -> None:
-        self._answers.put((seq, time.monotonic(), int(response.return_code)))
+    def _take(self, seq: int, response: object) -> None:
+        self._answers.put((seq, time.monotonic()))
 
     def _destroy(self) -> None:
         self._runtime.disable(self._source)

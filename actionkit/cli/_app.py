@@ -95,7 +95,12 @@ def run(arguments: Sequence[str] | None) -> int:
         BrokenPipeError: Nobody reads the output any more.
     """
     try:
-        code = app.main(arguments, prog_name="actionkit", standalone_mode=False)
+        code = app.main(
+            arguments,
+            prog_name="actionkit",
+            standalone_mode=False,
+            auto_envvar_prefix="ACTIONKIT",  # ACTIONKIT_CALL_SERVER_TIMEOUT=30, for one
+        )
     except click.Abort:  # what click makes of a Ctrl-C
         raise KeyboardInterrupt from None
     except _OutputClosedError:

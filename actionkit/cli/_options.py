@@ -71,7 +71,9 @@ def complete_names(
     """Return the names of the actions in sight; nothing where that fails, whatever the reason."""
     try:
         from actionkit._ros.survey import Survey
+        from actionkit.cli._stdout import keep_clean
 
+        keep_clean()
         # As soon as anything is seen: nobody waits long for the Tab key.
         with Survey() as survey:
             actions = survey.settled(least=0.5, most=3.5).values()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from actionkit.cli._exits import Exit
+from actionkit.cli._stdout import keep_clean
 
 if TYPE_CHECKING:
     from actionkit._ros.survey import Survey
@@ -36,6 +37,7 @@ def open_survey() -> Survey:
     Raises:
         Problem: rclpy is not there, or refuses.
     """
+    keep_clean()
     try:
         from actionkit._ros.survey import Survey
     except Exception as error:  # also what a broken middleware raises

@@ -64,8 +64,8 @@ def handled(first: Callable[[Exit], object], farewell: Callable[[], str]) -> Ite
 def leave_at_once(code: Exit, words: str) -> None:
     """End the process here and now. Does not return."""
     with contextlib.suppress(OSError):
-        if os.isatty(1):
-            os.write(1, _SHOW_CURSOR)
+        if sys.stdout.isatty():
+            os.write(sys.stdout.fileno(), _SHOW_CURSOR)
         os.write(2, f"\n{words}\n".encode(errors="replace"))
     os._exit(code)
 
@@ -76,7 +76,8 @@ def watch_output(closed: Callable[[], object]) -> None:
     A write would tell as well, but the next one may be hours away, and a goal runs meanwhile.
     """
     try:
-        mode = os.fstat(1).st_mode
+        descriptor = sys.stdout.fileno()
+        mode = os.fstat(descriptor).st_mode
     except OSError:
         return
     if not (stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode)):
@@ -84,7 +85,7 @@ def watch_output(closed: Callable[[], object]) -> None:
 
     def watch() -> None:
         poll = select.poll()
-        poll.register(1, 0)  # errors are always told
+        poll.register(descriptor, 0)  # errors are always told
         poll.poll()
         closed()
 

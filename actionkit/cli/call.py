@@ -137,6 +137,9 @@ def command(
     field = _progress_field(progress, action.Feedback)
 
     from actionkit import Client, RetryPolicy, Timeouts
+    from actionkit.cli._stdout import keep_clean
+
+    keep_clean()
 
     timeouts = Timeouts(
         server=server_timeout,

@@ -7,9 +7,10 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,15 +19,27 @@ from actionkit import servers
 from actionkit.servers import Server
 from actionkit.testing import isolated_domain
 
+CAPTURES = Path(__file__).parents[2] / "docs" / "captures"
 PATIENCE = 40.0
 FIBONACCI = "test_msgs/action/Fibonacci"
 NESTED = "test_msgs/action/NestedMessage"
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption(
-        "--write-captures", action="store_true", help="write docs/captures/ from what is seen"
-    )
+def compare(name: str, shown: str, stable: Callable[[str], object]) -> None:
+    """Compare what was shown with the capture of that name in docs/captures.
+
+    Args:
+        name: The capture's, without its suffix.
+        shown: What it would be, with all masked that differs from run to run.
+        stable: Returns the part of it that is the same in each run.
+
+    With ACTIONKIT_WRITE_CAPTURES=1 in the environment, the capture is written.
+    """
+    path = CAPTURES / f"{name}.txt"
+    if os.environ.get("ACTIONKIT_WRITE_CAPTURES") == "1":
+        path.write_text(shown, "utf-8")
+    told = "not what ACTIONKIT_WRITE_CAPTURES=1 wrote"
+    assert stable(shown) == stable(path.read_text("utf-8")), told
 
 
 @dataclass
@@ -84,6 +97,9 @@ class World:
         return inherited | {
             "ROS_DOMAIN_ID": str(self.domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            # On a busy machine a server may come into sight late.
+            "ACTIONKIT_CALL_SERVER_TIMEOUT": "30",
+            "ACTIONKIT_WATCH_SERVER_TIMEOUT": "30",
             "COLUMNS": "100",
             "TERM": "xterm",
         }
@@ -145,11 +161,21 @@ def _end(process: subprocess.Popen[str]) -> None:
 def world() -> Iterator[World]:
     """Return a domain, its servers, and the command line in it."""
     with isolated_domain() as domain, ExitStack() as stack:
+        stack.enter_context(_without_shared_memory())
         yield World(domain, stack)
+
+
+@contextlib.contextmanager
+def _without_shared_memory() -> Iterator[None]:
+    """Keep processes in other domains away: Fast DDS shares its shared memory ports with them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+        yield
 
 
 @pytest.fixture
 def empty_world() -> Iterator[World]:
     """Return the same with nothing in it, for one test."""
     with isolated_domain() as domain, ExitStack() as stack:
+        stack.enter_context(_without_shared_memory())
         yield World(domain, stack)

@@ -8,7 +8,6 @@ import signal
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,9 +15,7 @@ import pytest
 from actionkit.cli._exits import Exit
 from actionkit.servers import Server
 
-from .conftest import FIBONACCI, NESTED, Running, World
-
-CAPTURES = Path(__file__).parents[2] / "docs" / "captures"
+from .conftest import CAPTURES, FIBONACCI, NESTED, Running, World, compare
 
 
 def interrupt(running: Running, server: Server) -> None:
@@ -134,9 +131,7 @@ SCENES = {
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_a_call(
-    name: str, world: World, empty_world: World, request: pytest.FixtureRequest
-) -> None:
+def test_a_call(name: str, world: World, empty_world: World) -> None:
     scene = SCENES[name]
     here = empty_world if scene.server is None else world
     options = {"period": 0.1} if scene.server == "fibonacci" else scene.options
@@ -156,10 +151,7 @@ def test_a_call(
         assert_came_to(name, server, dashed(goal_id(running.text)))
 
     shown = masked(f"$ {shell(words)}\n{running.text}[exit code {code}: {scene.code.name}]\n")
-    path = CAPTURES / f"call-{name}.txt"
-    if request.config.getoption("--write-captures"):
-        path.write_text(shown, "utf-8")
-    assert stable(shown) == stable(path.read_text("utf-8")), "see --write-captures"
+    compare(f"call-{name}", shown, stable)
 
 
 def assert_came_to(name: str, server: Server, goal: str) -> None:

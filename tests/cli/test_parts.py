@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import click
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_msgs.action import Fibonacci, NestedMessage
 from test_msgs.msg import Builtins, MultiNested
@@ -182,6 +182,7 @@ def test_json_numbers_are_numbers() -> None:
     assert goal.nested_field.float64_value == 1000.0
 
 
+@settings(deadline=None)  # the first one imports
 @given(text=st.text(max_size=40))
 def test_any_text_is_a_goal_or_is_refused_in_words(text: str) -> None:
     told = ""
@@ -192,6 +193,7 @@ def test_any_text_is_a_goal_or_is_refused_in_words(text: str) -> None:
     assert isinstance(parsed, Fibonacci.Goal) != ("Nothing was sent." in told)
 
 
+@settings(deadline=None)
 @given(
     order=st.integers(-(2**31), 2**31 - 1),
     numbers=st.lists(st.floats(width=32, allow_nan=False), min_size=1, max_size=1),
@@ -269,7 +271,6 @@ def test_the_board_is_bounded_and_keeps_what_runs() -> None:
 def trip(**parts: Any) -> Any:
     usual = {
         "matched": 0.01, "first": 0.002, "asked": 1, "later": (0.001,) * 5, "answers": 1,
-        "known": False,
     }  # fmt: skip
     return SimpleNamespace(**{**usual, **parts})
 

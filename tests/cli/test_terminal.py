@@ -15,8 +15,8 @@ import pytest
 
 from actionkit.cli._exits import Exit
 
-from .conftest import FIBONACCI, NESTED, World
-from .test_call import CAPTURES, masked, shell
+from .conftest import FIBONACCI, NESTED, World, compare
+from .test_call import masked, shell
 
 CTRL_C = b"\x03"
 SHOW_CURSOR = "\x1b[?25h"
@@ -84,7 +84,7 @@ def terminal(world: World) -> Iterator[object]:
             one.process.wait()
 
 
-def test_a_bar_grows_where_feedback_tells_the_share(world, terminal, request) -> None:
+def test_a_bar_grows_where_feedback_tells_the_share(world, terminal) -> None:
     world.server("navigate")
     words = (
         "call", "/navigate", NESTED, "{nested_field: {float64_value: 0.9}}",
@@ -100,10 +100,7 @@ def test_a_bar_grows_where_feedback_tells_the_share(world, terminal, request) ->
     assert shown.text.replace("\r", "").endswith("Goal finished with status: SUCCEEDED\n")
 
     frames = masked(f"$ {shell(list(words))}\n" + drawn(shown.text))
-    path = CAPTURES / "call-terminal.txt"
-    if request.config.getoption("--write-captures"):
-        path.write_text(frames, "utf-8")
-    assert shape(frames) == shape(path.read_text("utf-8")), "see --write-captures"
+    compare("call-terminal", frames, shape)
 
 
 def drawn(text: str) -> str:

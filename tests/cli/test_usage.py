@@ -121,6 +121,23 @@ def test_an_error_that_nobody_thought_of_is_one_line(empty_world: World) -> None
     ]
 
 
+def test_options_may_come_from_the_environment(empty_world: World) -> None:
+    done = empty_world.run(*CALL, ACTIONKIT_CALL_SERVER_TIMEOUT="0.2")
+    assert done.code == Exit.NO_SERVER
+    assert "within 0.2 s" in done.err
+
+
+def test_what_libraries_write_to_standard_output_is_not_in_it(empty_world: World) -> None:
+    """Fast DDS does, where something is wrong."""
+    noisy = (
+        "import os, actionkit._ros.survey as s; real = s.Survey.settled\n"
+        "def settled(*a, **k): os.write(1, b'noise\\n'); return real(*a, **k)\n"
+        "s.Survey.settled = settled"
+    )
+    done = empty_world.run("list", "-c", before=noisy)
+    assert (done.code, done.out, done.err) == (Exit.OK, "0\n", "noise\n")
+
+
 # --- completion --------------------------------------------------------------------------------
 
 
