@@ -31,8 +31,14 @@ from actionkit._errors import (
     TransientError,
 )
 from actionkit._future import GoalFuture
+from actionkit._observers.json_lines import JsonLines
+from actionkit._observers.json_reader import LogFile, read_json_lines
+from actionkit._observers.json_schema import LoggedLine
+from actionkit._observers.protocol import CallInfo, Observer
+from actionkit._observers.rosout import Rosout
+from actionkit._observers.telemetry import OpenTelemetry
 from actionkit._settings import RetryPolicy, Timeouts
-from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome, Verdict
+from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome, Timeline, Verdict
 
 __version__ = "0.1.0"
 
@@ -40,6 +46,7 @@ __all__ = [
     "AcceptanceTimeoutError",
     "ActionKitError",
     "ActionTypeMismatchError",
+    "CallInfo",
     "CancelReport",
     "Client",
     "ClientClosedError",
@@ -52,16 +59,24 @@ __all__ = [
     "GoalRejectedError",
     "GoalState",
     "InvalidGoalError",
+    "JsonLines",
+    "LogFile",
+    "LoggedLine",
+    "Observer",
+    "OpenTelemetry",
     "Outcome",
     "PermanentError",
     "ResultLostError",
     "RetriesExhaustedError",
     "RetryBudget",
     "RetryPolicy",
+    "Rosout",
     "ServerLostError",
     "ServerUnavailableError",
+    "Timeline",
     "Timeouts",
     "TransientError",
     "Verdict",
     "classify_by_field",
+    "read_json_lines",
 ]

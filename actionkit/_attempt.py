@@ -75,6 +75,8 @@ class Attempt:
                 can be for now, because the server is gone (LOST).
         """
         self.goal_id = goal_id
+        self.number = 1
+        """Which of its call's attempts it is; the owner counts."""
         self.goal = Goal(timeouts, deadline, resent=resent)
         self._link = link
         self._liveness = timeouts.liveness
@@ -159,10 +161,10 @@ class Attempt:
         if status in STATES:
             self._apply(self.goal.status(STATES[status], self._now()))
 
-    def on_result(self, status: int, result: Any, *, early: bool = False) -> None:
+    def on_result(self, status: int, result: Any, *, outdated: bool = False) -> None:
         state = STATES.get(status)
-        if state is None and early and self.goal.stage in (Stage.ACCEPTED, Stage.LOST):
-            return  # asked before the acceptance; it is asked again since
+        if state is None and outdated:
+            return  # that the goal was not known then says nothing of now; it was asked again
         if state is not None and not state.is_terminal:
             return  # no server should answer with one; the nudge asks again
         self._apply(self.goal.result(state, result, self._now()))
@@ -223,8 +225,7 @@ class Attempt:
             if self._liveness is not None:
                 self._link.liveness.start(self._liveness)
         elif isinstance(effect, fx.AskResult):
-            accepted = self.goal.stage is not Stage.SENT
-            self._link.ask_result(self, accepted=accepted)
+            self._link.ask_result(self, anew=effect.anew)
         elif isinstance(effect, fx.AskCancel):
             self.cancel_asked = True
             self._link.ask_cancel(self)

@@ -19,11 +19,12 @@ from actionkit._explain import Story, Surroundings, explain
 from actionkit._feedback import DecodeOnce, FeedbackTape
 from actionkit._future import GoalFuture
 from actionkit._judging import Judging
+from actionkit._observers.audience import NOBODY, Audience
 from actionkit._request import Request
 from actionkit._retry import GiveUp, JudgedFailure, Retries, Retry
 from actionkit._settings import Timeouts
 from actionkit._stages import Stage
-from actionkit._timeline import Timeline
+from actionkit._timeline import Recorder
 from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome, Verdict
 
 _LAST_FEEDBACK_GRACE = 0.05
@@ -58,7 +59,6 @@ class Carrier(Protocol):
     ) -> Attempt: ...
     def server_is_ready(self) -> bool: ...
     def decode_feedback(self, message: bytes) -> Any: ...
-    def take_feedback_now(self) -> None: ...
     def surroundings(self) -> Surroundings: ...
     def call_soon(self, callback: Callable[[], None]) -> None: ...
     def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle: ...
@@ -70,15 +70,19 @@ class Carrier(Protocol):
 class Call:
     """Carries a request through to the settling of its future."""
 
-    def __init__(self, carrier: Carrier, request: Request) -> None:
+    def __init__(self, carrier: Carrier, request: Request, audience: Audience = NOBODY) -> None:
         """Take note of a request; its time runs from now."""
         self.goal_id = uuid.uuid4()
         self.state = GoalState.SENDING
-        self.timeline = Timeline()
+        self.timeline = Recorder()
         self.cancel_grace = request.timeouts.cancel
         self._carrier = carrier
         self._request = request
         self._began = time.monotonic()
+        self._audience = audience
+        self._info = audience.call_info(
+            self.goal_id, request.goal, monotonic=self._began, wall=time.time()
+        )
         self._deadline = None if request.timeout is None else self._began + request.timeout
         self._retries = Retries(request.retry, request.budget, self._began)
         self._judging = Judging(carrier, request.classify, self._judged)
@@ -173,6 +177,7 @@ class Call:
             self,
             resent=resent,
         )
+        self._attempt.number = self._attempts
         self._attempt.start()
         self._reconcile()
 
@@ -222,7 +227,7 @@ class Call:
 
     def on_record(self, attempt: Attempt, state: GoalState, detail: str) -> None:
         """Write the timeline; also after the end, for the log of a goal given up on."""
-        self._note(attempt.goal_id, state, detail)
+        self._note(attempt.goal_id, attempt.number, state, detail)
         if not self._settled and attempt is self._attempt:
             self.state = state
 
@@ -230,8 +235,10 @@ class Call:
         """Pass feedback on, undecoded."""
         if self._settled or attempt is not self._attempt:
             return
-        self._note(attempt.goal_id, GoalState.FEEDBACK, "")
         decode = DecodeOnce(lambda: self._carrier.decode_feedback(message))
+        goal_id = attempt.goal_id
+        detail = f"no. {self.timeline.count_feedback(goal_id)}"
+        self._note(goal_id, attempt.number, GoalState.FEEDBACK, detail, decode)
         self._tape.put(decode)
         if self._request.callbacks is not None:
             self._request.callbacks.put(decode)
@@ -240,8 +247,6 @@ class Call:
         """Judge how the attempt ended, and end the call or try again."""
         if attempt is not self._attempt or self._ending is not None:
             return
-        if ending.end in _WITH_RESULT:
-            self._carrier.take_feedback_now()  # it may be behind the result (R15)
         earlier = self._previous
         if ending.end is fx.End.NO_SERVER and earlier and earlier.goal.in_flight:
             # Something was sent before this attempt, and its caller has to hear of that.
@@ -280,7 +285,8 @@ class Call:
         self._end(replace(ending, note=why_not))
 
     def _pause_for(self, plan: Retry) -> None:
-        self._note(self.goal_id, GoalState.RETRYING, f"in {plan.seconds:.2f} s")
+        pause = f"in {plan.seconds:.2f} s"
+        self._note(self.goal_id, self._attempts, GoalState.RETRYING, pause)
         self.state = GoalState.RETRYING
         until = time.monotonic() + plan.seconds
         self._pause = self._carrier.call_at(until, lambda: self._resume(resent=plan.same_id))
@@ -333,6 +339,7 @@ class Call:
         self.state = ending.status
         self._tape.end()
         outcome = self._outcome(ending)
+        self._audience.outcome(outcome, self._info)
         self._carrier.finished(self)  # first: who sees the end sees it counted out (C1.11)
         self.future.settle(outcome, ending.end)
 
@@ -359,9 +366,17 @@ class Call:
             cancel=ending.cancel,
             callback_errors=0 if callbacks is None else callbacks.errors,
             feedback_count=self._tape.count,
+            elapsed=story.elapsed,
         )
 
-    def _note(self, goal_id: uuid.UUID, state: GoalState, detail: str) -> None:
-        self.timeline.add(
-            GoalEvent(goal_id, self._attempts, state, time.monotonic(), time.time(), detail)
-        )
+    def _note(
+        self,
+        goal_id: uuid.UUID,
+        attempt: int,
+        state: GoalState,
+        detail: str,
+        feedback: Callable[[], Any] | None = None,
+    ) -> None:
+        event = GoalEvent(goal_id, attempt, state, time.monotonic(), time.time(), detail)
+        self.timeline.add(event)
+        self._audience.event(event, self._info, feedback)

@@ -77,10 +77,6 @@ class PortCarrier:
         """Whether goals can be sent now."""
         return self.port.link.presence.ready
 
-    def take_feedback_now(self) -> None:
-        """Take the feedback that has come."""
-        self.port.link.take_feedback_now()
-
     def surroundings(self) -> Surroundings:
         """Look at the graph, for an error's text."""
         return Surroundings(

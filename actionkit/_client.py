@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic
 
@@ -19,6 +19,7 @@ from actionkit._delivery import in_callback
 from actionkit._feedback import callbacks_for
 from actionkit._fields import FieldError, FieldTypeError, to_message
 from actionkit._future import GoalFuture
+from actionkit._observers.protocol import Observer, check_observers
 from actionkit._request import Request
 from actionkit._settings import RetryPolicy, Timeouts, check_seconds
 
@@ -46,7 +47,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         timeouts: Timeouts = Timeouts(),  # noqa: B008  frozen
         retry: RetryPolicy = RetryPolicy(),  # noqa: B008  frozen
         classify: Classify | None = None,
-        observers: Sequence[Any] = (),
+        observers: Iterable[Observer] = (),
         on_close: OnClose = "cancel",
         retry_budget: RetryBudget | None = None,
     ) -> None:
@@ -60,22 +61,22 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             timeouts: Caps on the phases of each call.
             retry: When a call that failed for a transient reason is tried again.
             classify: May overrule what counts as success, transient or permanent failure.
-            observers: For those to come; must be empty so far.
+            observers: Who is told of every transition of every goal: an `Observer` of yours,
+                `JsonLines`, `Rosout`, `OpenTelemetry` (contract C6.2).
             on_close: What closing does to goals in flight: `"cancel"` or `"abandon"`.
             retry_budget: A brake on retries to share with other clients; left out, the client
                 has one of its own.
 
         Raises:
             TypeError: An argument of the wrong type, `action_type` and `node` included.
-            ValueError: A bad name or `on_close`.
+            ValueError: A bad name or `on_close`, or the same observer twice.
             ImportError: rclpy is not importable.
             ActionTypeMismatchError: This process already uses the name with another type.
         """
         check_type("timeouts", timeouts, Timeouts)
         check_type("retry", retry, RetryPolicy)
         _check_classify(classify, action_type)
-        if tuple(observers):
-            raise ValueError(f"observers={observers!r}: there are none to be had so far")
+        told = check_observers(observers)
         if on_close not in ("cancel", "abandon"):
             raise ValueError(f"on_close={on_close!r} must be 'cancel' or 'abandon'")
         port, session = _transport()
@@ -84,7 +85,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         self._classify = classify
         self._budget = retry_budget or RetryBudget()
         self._session: Session = session.Session(
-            lambda: port.Port(action_type, action_name, node), on_close, timeouts.cancel
+            lambda: port.Port(action_type, action_name, node), on_close, timeouts.cancel, told
         )
         action: Any = action_type  # pyright knows no properties of a class object
         self._goal_type: Any = action.Goal
@@ -285,7 +286,8 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
     def close(self) -> None:
         """End every goal in flight as `on_close` says, and free all that is held (C1.10).
 
-        Returns within `timeouts.cancel` and about a second. Closing twice is fine. A goal
+        Returns within `timeouts.cancel` and about a second; where an observer is slow, one more.
+        Closing twice is fine. A goal
         whose acceptance is still out is watched a little longer, and cancelled if it comes.
         """
         self._finalizer.detach()

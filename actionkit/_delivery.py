@@ -44,7 +44,13 @@ class Pool:
             if self._threads >= self._most:
                 return
             self._threads += 1
-        threading.Thread(target=self._work, name="actionkit-callbacks", daemon=True).start()
+        try:
+            threading.Thread(target=self._work, name="actionkit-callbacks", daemon=True).start()
+        except RuntimeError:
+            # No more threads; from Python 3.12 on there are none at the interpreter's exit. The
+            # job waits for one that is there. What rests on it must not break on it.
+            with self._condition:
+                self._threads -= 1
 
     def _work(self) -> None:
         in_callback.set(True)

@@ -121,7 +121,14 @@ class Withdraw:
 
 @dataclass(frozen=True)
 class AskResult:
-    """Ask the server for the goal's result; harmless to repeat (R3)."""
+    """Ask the server for the goal's result; harmless to repeat (R3).
+
+    Attributes:
+        anew: Whether more is known than when it was asked before: that the server did not know
+            the goal then does not count any more.
+    """
+
+    anew: bool = False
 
 
 @dataclass(frozen=True)

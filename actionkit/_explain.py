@@ -16,7 +16,7 @@ from typing import Any
 from actionkit import _errors as errors
 from actionkit._effects import End, Ending
 from actionkit._settings import Timeouts
-from actionkit._values import CancelReport, GoalEvent, GoalState, Verdict
+from actionkit._values import CancelReport, GoalState, Timeline, Verdict
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Story:
     type_name: str
     goal_id: uuid.UUID
     attempts: int
-    timeline: tuple[GoalEvent, ...]
+    timeline: Timeline
     elapsed: float
     timeout: float | None
     timeouts: Timeouts

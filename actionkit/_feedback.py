@@ -193,6 +193,23 @@ def callbacks_for(function: Callable[[Any], object] | None, action_name: str) ->
     return LoopCallbacks(function, action_name, loop)
 
 
+class DecodeOnce:
+    """Decodes a message at most once, for all who look at it."""
+
+    def __init__(self, decode: Callable[[], Any]) -> None:
+        self._decode: Callable[[], Any] | None = decode
+        self._value: Any = None
+
+    def __call__(self) -> Any:
+        """Return the message."""
+        decode = self._decode
+        if decode is not None:
+            # Two threads may both decode: the second value is as good as the first.
+            self._value = decode()
+            self._decode = None
+        return self._value
+
+
 class FeedbackTape(Generic[FeedbackT]):
     """The feedback of one call as it comes, for any number of readers."""
 
@@ -311,20 +328,3 @@ def wake_future(loop: asyncio.AbstractEventLoop, future: asyncio.Future[None]) -
         loop.call_soon_threadsafe(complete)
     except RuntimeError:  # the loop was closed by now
         return
-
-
-class DecodeOnce:
-    """Decodes a message at most once, for all who look at it."""
-
-    def __init__(self, decode: Callable[[], Any]) -> None:
-        self._decode: Callable[[], Any] | None = decode
-        self._value: Any = None
-
-    def __call__(self) -> Any:
-        """Return the message."""
-        decode = self._decode
-        if decode is not None:
-            # Two threads may both decode: the second value is as good as the first.
-            self._value = decode()
-            self._decode = None
-        return self._value

@@ -18,8 +18,8 @@ from actionkit._delivery import pool
 from actionkit._effects import End
 from actionkit._errors import ActionKitError
 from actionkit._feedback import FeedbackStream, FeedbackTape, wake_future
-from actionkit._timeline import Timeline
-from actionkit._values import GoalEvent, GoalState, Outcome
+from actionkit._timeline import Recorder
+from actionkit._values import GoalState, Outcome, Timeline
 
 _log = logging.getLogger("actionkit")
 
@@ -37,7 +37,7 @@ class CallView(Protocol):
 
     goal_id: uuid.UUID
     state: GoalState
-    timeline: Timeline
+    timeline: Recorder
     cancel_grace: float
 
     def request_cancel(self) -> None:
@@ -78,7 +78,7 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         return self._call.state
 
     @property
-    def timeline(self) -> tuple[GoalEvent, ...]:
+    def timeline(self) -> Timeline:
         """The events so far, oldest first."""
         return self._call.timeline.events()
 

@@ -182,7 +182,7 @@ class Goal:
             effects.append(self._enter(GoalState.ACCEPTED))
         self.stage = Stage.ACCEPTED
         # Asked for at once: a result may expire within milliseconds of the end (R25).
-        effects.append(AskResult())
+        effects.append(AskResult(anew=True))
         self._nudge_after = FIRST_NUDGE
         effects.append(self._arm_nudge(now))
         if self._unwanted:
@@ -202,7 +202,8 @@ class Goal:
             return []
         if self._resent and not self._denied:
             self._denied = True
-            return [AskResult(), WatchStatus()]
+            # What it said of the goal before says nothing about a duplicate.
+            return [AskResult(anew=True), WatchStatus()]
         self.stage = Stage.OVER
         self._report = CancelReport.NOT_NEEDED
         effects: list[Effect] = [self._enter(GoalState.REJECTED)]

@@ -100,6 +100,8 @@ class Schedule:
                 return GiveUp(
                     f"the retry policy's stop strategy ended it after {attempts} attempts"
                 )
+            if attempts == 1:
+                return GiveUp("the retry policy allows one attempt")
             return GiveUp(f"all {attempts} attempts of the retry policy are used up")
         # With a first pause of 0 all are; tenacity's power of the factor overflows in the end.
         idle = self._policy.wait is None and self._policy.initial == 0

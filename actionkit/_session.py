@@ -18,6 +18,9 @@ from actionkit import _delivery
 from actionkit._call import Call
 from actionkit._carrier import PortCarrier
 from actionkit._errors import ClientClosedError
+from actionkit._observers import channel as channels
+from actionkit._observers.audience import Audience
+from actionkit._observers.protocol import Observer
 from actionkit._request import Request
 from actionkit._ros import runtime as runtimes
 from actionkit._ros.port import Port
@@ -25,6 +28,8 @@ from actionkit._ros.port import Port
 OnClose = Literal["cancel", "abandon"]
 _MARGIN = 0.5
 """Seconds that closing may take beyond the wait for cancellations."""
+_TELLING = 1.0
+"""Seconds that closing, and the interpreter's exit, wait for slow observers."""
 _FREEING = 5.0
 """Seconds that the freeing of entities may take; it takes milliseconds on an idle machine."""
 
@@ -33,7 +38,11 @@ class Session:
     """Carries the calls of one client. Any thread may use it."""
 
     def __init__(
-        self, open_port: Callable[[], Port], on_close: OnClose, cancel_grace: float
+        self,
+        open_port: Callable[[], Port],
+        on_close: OnClose,
+        cancel_grace: float,
+        observers: tuple[Observer, ...] = (),
     ) -> None:
         """Open the first port.
 
@@ -41,6 +50,7 @@ class Session:
             open_port: Opens a port; called again where a port became unusable.
             on_close: What closing does to goals in flight.
             cancel_grace: `Timeouts.cancel`.
+            observers: Who is told what happens to the goals.
         """
         self.cancel_grace = cancel_grace
         self._open_port = open_port
@@ -49,7 +59,14 @@ class Session:
         self._lock = threading.Lock()
         self._closed = False
         self._carriers = [PortCarrier(open_port(), self._on_freed)]
-        self.action_name = self._carriers[0].action_name
+        identity = self._carriers[0].port.identity
+        self.action_name = identity.action_name
+        self._audience = Audience(
+            observers,
+            action_name=identity.action_name,
+            action_type=identity.type_name,
+            node_name=identity.label,
+        )
         _live.add(self)
 
     @property
@@ -81,7 +98,7 @@ class Session:
             RuntimeError: This process was forked from the session's.
         """
         with self._lock:
-            return Call(self._current(), request)
+            return Call(self._current(), request, self._audience)
 
     def begin(self, call: Call) -> None:
         """Begin a call that was prepared. Calls begin in this order (contract C1.12).
@@ -143,6 +160,7 @@ class Session:
             self.await_calls(time.monotonic() + self.cancel_grace + _MARGIN)
         finally:
             self.retire()
+        self._audience.flush(time.monotonic() + _TELLING)
 
     def begin_close(self) -> None:
         """Take no more calls, and begin to end those in flight."""
@@ -205,6 +223,7 @@ def close_all() -> None:
         for session in sessions:
             # The middleware's own exit handlers crash under a thread that still uses it.
             session.stop_watching(until)
+        channels.flush_all(time.monotonic() + _TELLING)
     except KeyboardInterrupt:
         return  # a human who does not want to wait for it
 
@@ -215,6 +234,7 @@ def forget_inherited() -> None:
     _live.clear()
     runtimes.forget_inherited()
     _delivery.after_fork()
+    channels.after_fork()
 
 
 atexit.register(close_all)

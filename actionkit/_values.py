@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Generic
 
 from actionkit._action_type import ResultT
+from actionkit._timeline_text import timeline_text
 
 
 class GoalState(str, Enum):
@@ -84,7 +85,7 @@ class GoalEvent:
         state: The state entered; `FEEDBACK` for a feedback message.
         monotonic: Seconds on the monotonic clock.
         wall: Seconds since the epoch, for logs.
-        detail: A few words for people, or `""`.
+        detail: A few words for people, or `""`; the number of a feedback message.
     """
 
     goal_id: uuid.UUID
@@ -93,6 +94,19 @@ class GoalEvent:
     monotonic: float
     wall: float
     detail: str = ""
+
+
+class Timeline(tuple[GoalEvent, ...]):
+    """The events of a call, oldest first; printed, a text for a bug report (contract C6.1).
+
+    Of each goal's feedback the first and the last are kept, and of a call that retries for days
+    its beginning and its end.
+    """
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return timeline_text(self)
 
 
 @dataclass(frozen=True)
@@ -104,22 +118,24 @@ class Outcome(Generic[ResultT]):
         result: The action's result message wherever the server sent one, else `None`.
         error: What `result()` raises; `None` for a success.
         attempts: How many goals were sent.
-        timeline: The call's events, oldest first.
+        timeline: The call's events, oldest first; `print` it to read it.
         goal_id: The id of the last goal.
         cancel: What became of a goal that the caller gave up on; `None` where he did not.
         callback_errors: How many times a callback of the user's raised.
         feedback_count: How many feedback messages of the goal were received.
+        elapsed: Seconds from the call to its end.
     """
 
     status: GoalState
     result: ResultT | None
     error: BaseException | None
     attempts: int
-    timeline: tuple[GoalEvent, ...]
+    timeline: Timeline
     goal_id: uuid.UUID
     cancel: CancelReport | None
     callback_errors: int = 0
     feedback_count: int = 0
+    elapsed: float = 0.0
 
     @property
     def ok(self) -> bool:

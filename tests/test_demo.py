@@ -180,5 +180,5 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
     done = subprocess.run(
         ["bash", "-c", command], capture_output=True, text=True, timeout=PATIENCE, check=False
     )
-    assert done.returncode in (0, 1)  # 0: it had written before the reader went
+    assert done.returncode in (0, 141)  # 0: it had written before the reader went
     assert done.stderr == ""

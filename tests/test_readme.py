@@ -40,11 +40,12 @@ def script(blocks: list[tuple[int, str]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def execute(blocks: list[tuple[int, str]]) -> None:
-    """Run blocks as one program in a process of its own."""
+def execute(blocks: list[tuple[int, str]], folder: Path) -> None:
+    """Run blocks as one program in a process of its own, in a folder for what it writes."""
     done = subprocess.run(
         [sys.executable, __file__],
         input=script(blocks),
+        cwd=folder,
         capture_output=True,
         text=True,
         timeout=60,
@@ -54,8 +55,8 @@ def execute(blocks: list[tuple[int, str]]) -> None:
     assert done.stderr == ""
 
 
-def test_the_first_example(ros_domain: int) -> None:
-    execute(fences("python")[:1])
+def test_the_first_example(ros_domain: int, tmp_path: Path) -> None:
+    execute(fences("python")[:1], tmp_path)
 
 
 def test_the_first_example_is_ten_lines() -> None:
@@ -63,9 +64,9 @@ def test_the_first_example_is_ten_lines() -> None:
     assert len([line for line in code.splitlines() if line.strip()]) <= 10
 
 
-def test_the_tour(ros_domain: int) -> None:
+def test_the_tour(ros_domain: int, tmp_path: Path) -> None:
     with servers.start("fibonacci", domain_id=ros_domain, period=0.1):
-        execute(fences("python")[1:])
+        execute(fences("python")[1:], tmp_path)
 
 
 def test_the_server_of_the_tour(ros_domain: int) -> None:

@@ -36,7 +36,7 @@ class Entities:
         on_goal: Callable[[int, Any], None],
         on_result: Callable[[int, Any], None],
         on_cancel: Callable[[int, Any], None],
-        on_feedback: Callable[[bytes], None],
+        on_feedback: Callable[[], None],
         on_matched: Callable[[int], None],
     ) -> None:
         """Make the entities.
@@ -48,7 +48,7 @@ class Entities:
             on_goal: Called with the sequence number of, and the response to, a goal request.
             on_result: The same for result requests.
             on_cancel: The same for cancel requests.
-            on_feedback: Called with each serialised feedback message of the action.
+            on_feedback: Called when feedback of the action has come, of whichever goal.
             on_matched: Called with the number of servers when it changes.
 
         Raises:
@@ -88,8 +88,8 @@ class Entities:
         """
         return all(client.service_is_ready() for client in self._clients)
 
-    def subscribe_status(self, on_status: Callable[[bytes], None]) -> StatusSubscription:
-        """Subscribe to the serialised status messages, the latest of which comes at once."""
+    def subscribe_status(self, on_status: Callable[[], None]) -> StatusSubscription:
+        """Subscribe to the status messages, the latest of which comes at once."""
         subscription = self._node.create_subscription(
             self._impl.GoalStatusMessage,
             f"{self._name}/_action/status",
@@ -143,7 +143,7 @@ class StatusSubscription:
     """A subscription to the status topic that comes and goes."""
 
     def __init__(
-        self, node: Node, subscription: Subscription, on_status: Callable[[bytes], None]
+        self, node: Node, subscription: Subscription, on_status: Callable[[], None]
     ) -> None:
         self.source = MessageSource(subscription, on_status)
         self._node = node

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.utilities import get_rmw_implementation_identifier
 
 _FEEDBACK = "/_action/feedback"
@@ -40,28 +41,41 @@ def servers(node: Node, action_name: str) -> list[ServerInfo]:
     return [
         ServerInfo(
             gid=bytes(info.endpoint_gid),
-            action_type=info.topic_type.removesuffix(_FEEDBACK_TYPE),
-            node=_full_name(info.node_namespace, info.node_name),
+            action_type=action_type_of(info),
+            node=node_of(info),
         )
         for info in node.get_publishers_info_by_topic(feedback_topic(action_name))
     ]
 
 
-def _full_name(namespace: str, name: str) -> str:
-    if "_UNKNOWN_" in name:
+def action_type_of(info: TopicEndpointInfo) -> str:
+    """Return the action type of a publisher or subscription of a feedback topic."""
+    return info.topic_type.removesuffix(_FEEDBACK_TYPE)
+
+
+def node_of(info: TopicEndpointInfo) -> str:
+    """Return the full name of an endpoint's node; `""` while it is not known."""
+    if "_UNKNOWN_" in info.node_name:
         return ""  # the middleware's placeholder for a moment after discovery
-    return f"{namespace.rstrip('/')}/{name}"
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+
+
+def action_names(node: Node) -> list[str]:
+    """Return the names of all actions that have a server or a client."""
+    return [
+        topic.removesuffix(_FEEDBACK)
+        for topic, _ in node.get_topic_names_and_types()
+        if topic.endswith(_FEEDBACK)
+    ]
 
 
 def all_actions(node: Node) -> dict[str, tuple[str, ...]]:
     """Return every action name that has a server, with the types it is served with."""
     found: dict[str, tuple[str, ...]] = {}
-    for topic, _ in node.get_topic_names_and_types():
-        if topic.endswith(_FEEDBACK):
-            name = topic.removesuffix(_FEEDBACK)
-            types = {server.action_type for server in servers(node, name)}
-            if types:
-                found[name] = tuple(sorted(types))
+    for name in action_names(node):
+        types = {server.action_type for server in servers(node, name)}
+        if types:
+            found[name] = tuple(sorted(types))
     return found
 
 

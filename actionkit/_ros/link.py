@@ -5,9 +5,11 @@ All of it happens on the communication thread.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from actionkit._ros.entities import Entities
+from actionkit._ros.feedback import FeedbackWatch
 from actionkit._ros.listener import GoalListener, SentGoal
 from actionkit._ros.liveness import Liveness
 from actionkit._ros.lookout import Lookout
@@ -16,7 +18,6 @@ from actionkit._ros.presence import Presence
 from actionkit._ros.requests import Requests
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.status import StatusWatch
-from actionkit._ros.wire import feedback_goal_id
 
 
 class Link:
@@ -44,7 +45,7 @@ class Link:
             on_goal=self._take_goal,
             on_result=self._take_result,
             on_cancel=self._take_cancel,
-            on_feedback=self._take_feedback,
+            on_feedback=self._look_at_feedback,
             on_matched=self._on_matched,
         )
         self._requests = Requests(runtime, self._entities, action_type.Impl)
@@ -57,6 +58,15 @@ class Link:
             ask=self._requests.question,
             sent=self._sent,
             queued=lambda: [listener for listener, _ in self._outbox.waiting()],
+            flush=self._flush,
+        )
+        self._feedback = FeedbackWatch(
+            runtime,
+            self._entities.feedback,
+            self._entities.matched,
+            goals=self._sent,
+            on_feedback=self._take_feedback,
+            attentive=lambda: self.lookout.waiting > 0,
         )
 
     @property
@@ -73,10 +83,12 @@ class Link:
 
     def await_server(self, listener: GoalListener) -> None:
         """Tell the listener once when a server is ready, or while another type is served."""
+        self._feedback.heed()
         self.lookout.await_server(listener)
 
     def hold(self, listener: GoalListener) -> None:
         """Tell the listener again when a server is ready anew."""
+        self._feedback.heed()
         self.lookout.hold(listener)
 
     def send_goal(self, listener: GoalListener, goal: Any) -> None:
@@ -106,9 +118,9 @@ class Link:
         goal = self._sent.get(listener.goal_id.bytes)
         return goal is not None and bool(goal.sent_to & self.presence.servers)
 
-    def ask_result(self, listener: GoalListener, *, accepted: bool) -> None:
-        """Ask for the goal's result; again only at a measured pace."""
-        self._requests.ask_result(listener.goal_id.bytes, accepted=accepted)
+    def ask_result(self, listener: GoalListener, *, anew: bool = False) -> None:
+        """Ask for the goal's result; again only at a measured pace, unless it is `anew`."""
+        self._requests.ask_result(listener.goal_id.bytes, anew=anew)
 
     def ask_cancel(self, listener: GoalListener) -> None:
         """Ask for the goal's cancellation."""
@@ -133,10 +145,7 @@ class Link:
         self._requests.forget(key, elsewhere=self.presence.count > 1 and not abandoned)
         if not self._sent:
             self._status.stop()
-
-    def take_feedback_now(self) -> None:
-        """Take the feedback that has come: it may be behind the result (R15)."""
-        self._entities.feedback.take()
+            self._feedback.stop()
 
     def _flush(self) -> None:
         """Send what may be sent now."""
@@ -145,6 +154,7 @@ class Link:
             if listener.unwanted:
                 self._outbox.discard(key)
                 continue  # its cancellation is on the way to this thread
+            self._feedback.start()
             try:
                 self._requests.send_goal(key, goal)
             except Exception as error:  # noqa: BLE001  rclpy raises what its converters raise
@@ -157,6 +167,21 @@ class Link:
             listener.on_sent()
 
     # --- what its owner asks for -----------------------------------------------------------
+
+    def server_is_ready(self) -> bool:
+        """Whether goals can be sent now."""
+        self._feedback.heed()
+        return self.presence.ready
+
+    def add_ready_waiter(self, callback: Callable[[], None]) -> None:
+        """Call `callback` at once where a server is ready, and whenever one becomes so."""
+        self.lookout.add_ready_waiter(callback)
+        if self.server_is_ready():
+            callback()
+
+    def remove_ready_waiter(self, callback: Callable[[], None]) -> None:
+        """Undo `add_ready_waiter`."""
+        self.lookout.remove_ready_waiter(callback)
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table holds, for tests of growth (C7.5)."""
@@ -172,6 +197,7 @@ class Link:
         self.lookout.close()
         self._requests.close()
         self._status.stop()
+        self._feedback.close()
         for source in self._entities.sources:
             self.runtime.disable(source)
         self._entities.destroy()
@@ -181,9 +207,9 @@ class Link:
     def _on_matched(self, count: int) -> None:
         # What a server said before it went is not to be read after that: a result would come
         # too late, and a status would seem to show a lost goal running again.
-        for source in self._entities.sources:
-            if source is not self._entities.matched:
-                source.on_ready()
+        for answers in (self._entities.goal, self._entities.result, self._entities.cancel):
+            answers.take()
+        self._feedback.take_all()
         self._status.take_now()
         self.lookout.matched(count)
 
@@ -206,10 +232,12 @@ class Link:
             if self._requests.awaits("result", seq):
                 self.lookout.suspect()
             return
-        early = self._requests.asked_early(seq)
+        outdated = self._requests.is_outdated(seq)
         key = self._requests.answered("result", seq)
         if key is not None:
-            self._sent[key].listener.on_result(response.status, response.result, early=early)
+            self._feedback.take_all()  # the result may have overtaken some (R15)
+            listener = self._sent[key].listener
+            listener.on_result(response.status, response.result, outdated=outdated)
             self._requests.sync()
 
     def _take_cancel(self, seq: int, response: Any) -> None:
@@ -225,11 +253,12 @@ class Link:
             self._sent[key].listener.on_cancel_answer(response.return_code, canceling)
         self._requests.sync()
 
-    def _take_feedback(self, message: bytes) -> None:
-        goal = self._sent.get(feedback_goal_id(message))
-        if goal is not None:
-            self.liveness.heard()
-            goal.listener.on_feedback(message)
+    def _look_at_feedback(self) -> None:
+        self._feedback.look()
+
+    def _take_feedback(self, key: bytes, message: bytes) -> None:
+        self.liveness.heard()
+        self._sent[key].listener.on_feedback(message)
 
     def _take_status(self, key: bytes, code: int) -> None:
         goal = self._sent.get(key)

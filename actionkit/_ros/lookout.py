@@ -39,6 +39,7 @@ class Lookout:
         ask: Callable[[], int],
         sent: Mapping[bytes, SentGoal],
         queued: Callable[[], list[GoalListener]],
+        flush: Callable[[], None],
     ) -> None:
         """Begin to look.
 
@@ -50,12 +51,14 @@ class Lookout:
             ask: Asks what every live server answers; returns the sequence number.
             sent: The goals that may be on a server, by id; read at each event.
             queued: Returns whose goals wait for their turn to be sent.
+            flush: Sends those of them that may be sent.
         """
         self._runtime = runtime
         self._entities = entities
         self._name = name
         self._sent = sent
         self._queued = queued
+        self._flush = flush
         self._closed = False
         self._warned = False
         self._awaiting: dict[GoalListener, None] = {}
@@ -80,12 +83,11 @@ class Lookout:
         )
         if entities.matched is None:
             self._poll_matched()
-        else:
-            runtime.enable(entities.matched)
 
     def close(self) -> None:
         """Tell nobody anything any more."""
         self._closed = True
+        self._rollcall.close()
         self.presence.close()
 
     # --- who waits for a server ------------------------------------------------------------
@@ -183,6 +185,7 @@ class Lookout:
         for callback in list(self._ready_waiters):
             callback()
         self._on_return()
+        self._flush()  # what got its turn while none was ready
 
     def _on_return(self) -> None:
         for goal in list(self._sent.values()):

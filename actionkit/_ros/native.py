@@ -11,7 +11,7 @@ server after Ctrl-C. Seen on rclpy 7.1.x; `WaitSet`, `handle.send_request`,
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.client import Client as ServiceClient
@@ -75,21 +75,27 @@ class MessageSource(Source):
 
     kind = "subscription"
 
-    def __init__(self, subscription: Subscription, on_message: Callable[[bytes], None]) -> None:
-        super().__init__(self.take)
+    def __init__(self, subscription: Subscription, on_ready: Callable[[], None]) -> None:
+        super().__init__(on_ready)
         self._handle = subscription.handle
-        self._on_message = on_message
 
     def add_to(self, wait_set: Any) -> int:
         return int(wait_set.add_subscription(self._handle))
 
-    def take(self) -> None:
-        """Take what has come, without waiting."""
-        for _ in range(_MOST_AT_ONCE):
+    def take(self) -> list[bytes]:
+        """Return some of what has come, without waiting; nothing where nothing has."""
+        messages: list[bytes] = []
+        while len(messages) < _MOST_AT_ONCE:
             taken = self._handle.take_message(None, True)
             if taken is None:
-                return
-            self._on_message(taken[0])
+                break
+            messages.append(taken[0])
+        return messages
+
+    def discard(self) -> None:
+        """Forget what has come."""
+        while self._handle.take_message(None, True) is not None:
+            pass
 
 
 class EventSource(Source):
@@ -125,24 +131,26 @@ class Waiter:
         self._guard = GuardCondition(None, None, context=context)
         self._capacity = (0, 0, 0)
         self._wait_set: Any = None
+        self._reserved_for: Sequence[Source] | None = None
 
     def wake(self) -> None:
         """Make the current wait, or the next, return at once. Callable from any thread."""
         with contextlib.suppress(InvalidHandle):  # the thread has ended: nobody to wake
             self._guard.trigger()
 
-    def wait(self, sources: Iterable[Source], timeout: float | None) -> list[Source]:
+    def wait(self, sources: Sequence[Source], timeout: float | None) -> list[Source]:
         """Wait until a source is ready, `wake` is called, or the time is up.
 
         Args:
-            sources: What to wait for.
+            sources: What to wait for; not to be changed afterwards.
             timeout: Seconds; `None` waits for ever.
 
         Returns:
             The sources that are ready.
         """
-        sources = list(sources)
-        self._reserve(sources)
+        if sources is not self._reserved_for:
+            self._reserve(sources)
+            self._reserved_for = sources
         wait_set = self._wait_set
         wait_set.clear_entities()
         wait_set.add_guard_condition(self._guard.handle)
@@ -158,7 +166,7 @@ class Waiter:
             )
         ]
 
-    def _reserve(self, sources: list[Source]) -> None:
+    def _reserve(self, sources: Sequence[Source]) -> None:
         kinds = [source.kind for source in sources]
         needed = (kinds.count("subscription"), kinds.count("client"), kinds.count("event"))
         if self._wait_set is not None and all(

@@ -85,7 +85,7 @@ class Port:
 
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now."""
-        return self.runtime.run(lambda: self.link.presence.ready)
+        return self.runtime.run(self.link.server_is_ready)
 
     def wait_for_server(self, timeout: float | None) -> bool:
         """Block until goals can be sent; return whether they can.
@@ -95,17 +95,11 @@ class Port:
         """
         ready = threading.Event()
 
-        def begin() -> None:
-            if self.link.presence.ready:
-                ready.set()
-            else:
-                self.link.lookout.add_ready_waiter(ready.set)
-
-        self.call_soon(begin)
+        self.call_soon(lambda: self.link.add_ready_waiter(ready.set))
         try:
             return ready.wait(timeout) or (timeout == 0 and self.server_is_ready())
         finally:
-            self.call_soon(lambda: self.link.lookout.remove_ready_waiter(ready.set))
+            self.call_soon(lambda: self.link.remove_ready_waiter(ready.set))
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table of the link and the timers hold."""

@@ -41,8 +41,8 @@ class Requests:
         self._closed = False
         self._unanswered: dict[str, dict[int, bytes]] = {"goal": {}, "result": {}, "cancel": {}}
         self._made: dict[bytes, list[tuple[str, int]]] = {}
-        self._asks: OrderedDict[bytes, bool] = OrderedDict()
-        self._early: set[int] = set()
+        self._asks: OrderedDict[bytes, None] = OrderedDict()
+        self._outdated: set[int] = set()
         self._asking = False
         self._questions: deque[int] = deque(maxlen=_QUESTIONS)
         self._ended: OrderedDict[int, bytes] = OrderedDict()
@@ -50,7 +50,7 @@ class Requests:
     # --- sending ---------------------------------------------------------------------------
 
     def send_goal(self, key: bytes, goal: Any) -> None:
-        """Send a goal; from now on its feedback is wanted.
+        """Send a goal.
 
         Args:
             key: Its id.
@@ -66,7 +66,7 @@ class Requests:
         self._made.setdefault(key, [])
         self._register("goal", key, seq)
 
-    def ask_result(self, key: bytes, *, accepted: bool) -> None:
+    def ask_result(self, key: bytes, *, anew: bool = False) -> None:
         """Ask for a sent goal's result; again only at a measured pace.
 
         Hundreds of goals that ask again at the same moment would overrun the server's queue
@@ -74,14 +74,17 @@ class Requests:
 
         Args:
             key: The goal's id.
-            accepted: Whether the goal is known to be accepted: see `asked_early`.
+            anew: Whether what was asked so far is outdated: see `is_outdated`.
         """
         if key not in self._made:
             return
-        if not any(what == "result" for what, _ in self._made[key]):
-            self._send_ask(key, accepted)
+        asked = [seq for what, seq in self._made[key] if what == "result"]
+        if anew:
+            self._outdated.update(seq for seq in asked if self.awaits("result", seq))
+        if anew or not asked:
+            self._send_ask(key)
             return
-        self._asks[key] = accepted
+        self._asks[key] = None
         self._ask_soon()
 
     def ask_cancel(self, key: bytes) -> None:
@@ -112,7 +115,7 @@ class Requests:
         for what, seq in made:
             self._unanswered[what].pop(seq, None)
             if what == "result":
-                self._early.discard(seq)
+                self._outdated.discard(seq)
         if elsewhere:
             self._ended.update((seq, key) for what, seq in made if what == "goal")
             while len(self._ended) > _REMEMBERED:
@@ -134,18 +137,15 @@ class Requests:
         if self._closed:
             return
         for _ in range(min(_ASKS_AT_ONCE, len(self._asks))):
-            self._send_ask(*self._asks.popitem(last=False))
+            self._send_ask(self._asks.popitem(last=False)[0])
         self._ask_soon()
 
-    def _send_ask(self, key: bytes, accepted: bool) -> None:
+    def _send_ask(self, key: bytes) -> None:
         if key not in self._made:
             return
         request = self._impl.GetResultService.Request()
         request.goal_id = _to_uuid(key)
-        seq = self._entities.result.send(request)
-        if not accepted:
-            self._early.add(seq)
-        self._register("result", key, seq)
+        self._register("result", key, self._entities.result.send(request))
 
     def _register(self, what: str, key: bytes, seq: int) -> None:
         self._unanswered[what][seq] = key
@@ -161,16 +161,16 @@ class Requests:
     def answered(self, what: str, seq: int) -> bytes | None:
         """Count a request as answered; return its goal's id, or `None` if nobody waits for it."""
         if what == "result":
-            self._early.discard(seq)
+            self._outdated.discard(seq)
         return self._unanswered[what].pop(seq, None)
 
-    def asked_early(self, seq: int) -> bool:
-        """Whether a result was asked for before the goal was known to be accepted.
+    def is_outdated(self, seq: int) -> bool:
+        """Whether more has become known of a goal since its result was asked for.
 
-        That the server did not know the goal then says nothing about now, and the answer may be
-        held up on the way until long after the acceptance.
+        A server that did not know the goal then may know it now, and its answer may be held up on
+        the way until long after the acceptance.
         """
-        return seq in self._early
+        return seq in self._outdated
 
     def answered_late(self, seq: int, *, accepted: bool) -> None:
         """A second server has answered: cancel there what ended on the first (R14)."""
@@ -194,7 +194,6 @@ class Requests:
         self._want(entities.goal, bool(unanswered["goal"] or self._ended))
         self._want(entities.result, bool(unanswered["result"]))
         self._want(entities.cancel, bool(unanswered["cancel"] or self._questions))
-        self._want(entities.feedback, bool(self._made))
 
     def _want(self, source: Source, wanted: bool) -> None:
         if wanted:
@@ -205,7 +204,7 @@ class Requests:
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table holds."""
         sizes = {what: len(table) for what, table in self._unanswered.items()}
-        return {**sizes, "sent": len(self._made), "asks": len(self._asks) + len(self._early)}
+        return {**sizes, "sent": len(self._made), "asks": len(self._asks) + len(self._outdated)}
 
 
 def _to_uuid(key: bytes) -> UUID:

@@ -38,6 +38,7 @@ class RollCall:
         self._on_one = on_one
         self._answers: Counter[int] = Counter()
         self._running = False
+        self._closed = False
 
     @property
     def running(self) -> bool:
@@ -60,10 +61,15 @@ class RollCall:
         if question in self._answers:
             self._answers[question] += 1
 
+    def close(self) -> None:
+        """Ask and tell nothing any more."""
+        self._closed = True
+
     def _ask(self) -> None:
-        self._answers[self._probe()] = 0
+        if not self._closed:
+            self._answers[self._probe()] = 0
 
     def _end(self) -> None:
         self._running = False
-        if max(self._answers.values(), default=0) == 1:
+        if max(self._answers.values(), default=0) == 1 and not self._closed:
             self._on_one()

@@ -58,6 +58,7 @@ class Runtime:
         self._domain_id = domain_id
         self._inbox: deque[Callable[[], None]] = deque()
         self._sources: dict[Source, None] = {}
+        self._waited_for: tuple[Source, ...] | None = None  # the same, made anew after a change
         self._stopping = False
         self._links = 0
         started: Future[None] = Future()
@@ -140,11 +141,15 @@ class Runtime:
 
     def enable(self, source: Source) -> None:
         """Wait for `source` from now on."""
-        self._sources[source] = None
+        if source not in self._sources:
+            self._sources[source] = None
+            self._waited_for = None
 
     def disable(self, source: Source) -> None:
         """Do not wait for `source`."""
-        self._sources.pop(source, None)
+        if source in self._sources:
+            del self._sources[source]
+            self._waited_for = None
 
     def _main(self, started: Future[None]) -> None:
         try:
@@ -197,7 +202,9 @@ class Runtime:
         next_due = self.timers.next_due()
         if timeout is None and next_due is not None:
             timeout = max(0.0, next_due - time.monotonic())
-        for source in self._waiter.wait(self._sources, timeout):
+        if self._waited_for is None:
+            self._waited_for = tuple(self._sources)
+        for source in self._waiter.wait(self._waited_for, timeout):
             if source in self._sources:  # an earlier one may have ended its use
                 self._guarded(source.on_ready)
 

@@ -63,18 +63,19 @@ class StatusWatch:
 
     def take_now(self) -> None:
         """Read what has come, though the period is not over."""
-        if self._subscription is not None:
-            self._subscription.source.take()
+        if self._subscription is None:
+            return
+        for message in self._subscription.source.take()[-1:]:  # each tells all
+            for goal_id, code in list(goal_states(message, self._goals.keys())):
+                self._on_state(goal_id, code)
 
-    def _take(self, message: bytes) -> None:
+    def _take(self) -> None:
         if self._subscription is None:
             return
         # Not waited for until the period is over, so that a busy server cannot keep us busy.
-        if self._timer is None:  # several may be taken in one go
-            self._runtime.disable(self._subscription.source)
-            self._timer = self._runtime.call_at(self._runtime.now() + _PERIOD, self._resume)
-        for goal_id, code in list(goal_states(message, self._goals.keys())):
-            self._on_state(goal_id, code)
+        self._runtime.disable(self._subscription.source)
+        self._timer = self._runtime.call_at(self._runtime.now() + _PERIOD, self._resume)
+        self.take_now()
 
     def _resume(self) -> None:
         self._timer = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import contextlib
 import signal
 import sys
 from collections.abc import Sequence
@@ -23,10 +23,13 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except KeyboardInterrupt:
         # What was in use has been cleaned up on the way here; nothing may interrupt the rest.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        print("\nInterrupted.", file=sys.stderr)
         code = 130  # Exit.INTERRUPTED, whose import may be what was interrupted
+        with contextlib.suppress(OSError):  # its reader was interrupted as well
+            print("\nInterrupted.", file=sys.stderr)
     except BrokenPipeError:
         # Whoever read our output (`| head`) went away, and Python flushes it once more at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        code = 1  # Exit.FAILED; as click does where it notices first
+        from actionkit.cli._signals import discard_output
+
+        discard_output()
+        code = 141  # Exit.OUTPUT_CLOSED
     sys.exit(code)

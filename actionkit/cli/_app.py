@@ -2,20 +2,56 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
-from collections.abc import Sequence
+import logging
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import click
 
 from actionkit.cli._exits import Exit
+from actionkit.cli._options import HELP, debug_option, debugging
+from actionkit.cli._problems import Problem
 
 _COMMANDS = {
+    "call": "actionkit.cli.call",
+    "list": "actionkit.cli.list_actions",
+    "info": "actionkit.cli.info",
+    "watch": "actionkit.cli.watch",
+    "serve": "actionkit.cli.serve",
+    "doctor": "actionkit.cli.doctor",
     "demo": "actionkit.cli.demo",
+    "timeline": "actionkit.cli.timeline",
 }
 """Name of the command -> module that has it as `command`; imported only where it is needed."""
 
 
+class _OutputClosedError(Exception):
+    """Nobody reads the output. Not an OSError, which click would end the process at."""
+
+
+@contextlib.contextmanager
+def _noticing_closed_output() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError:
+        raise _OutputClosedError from None
+
+
 class _Group(click.Group):
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        """Read the words, and write the help where it is asked for."""
+        with _noticing_closed_output():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command."""
+        with _noticing_closed_output():
+            return super().invoke(ctx)
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all commands."""
         return list(_COMMANDS)
@@ -28,8 +64,19 @@ class _Group(click.Group):
         return command
 
 
-@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=_Group,
+    context_settings=HELP,
+    epilog="""\b
+Examples:
+  actionkit list -t
+  actionkit call /fibonacci test_msgs/action/Fibonacci '{order: 5}' --feedback
+  actionkit doctor /fibonacci
+
+`actionkit COMMAND --help` tells more. The exit codes are listed by `actionkit call --help`.""",
+)
 @click.version_option(None, "--version", package_name="actionkit", prog_name="actionkit")
+@debug_option
 def app() -> None:
     """ActionKit: call ROS 2 actions, with deadlines and real cancellation."""
 
@@ -45,12 +92,30 @@ def run(arguments: Sequence[str] | None) -> int:
 
     Raises:
         KeyboardInterrupt: Ctrl-C.
+        BrokenPipeError: Nobody reads the output any more.
     """
     try:
         code = app.main(arguments, prog_name="actionkit", standalone_mode=False)
     except click.Abort:  # what click makes of a Ctrl-C
         raise KeyboardInterrupt from None
+    except _OutputClosedError:
+        raise BrokenPipeError from None
     except click.ClickException as error:
+        _trace()
         error.show()
+        if isinstance(error, Problem):
+            return error.code
         return Exit.USAGE if isinstance(error, click.UsageError) else Exit.FAILED
-    return Exit(code or Exit.OK)
+    except Exception as error:  # noqa: BLE001  a person reads this, not Python
+        _trace()
+        click.echo(f"Error: {type(error).__name__}: {error}", err=True)
+        if not debugging():
+            click.echo("The same command with --debug shows where it comes from.", err=True)
+        return Exit.FAILED
+    return int(code or Exit.OK)
+
+
+def _trace() -> None:
+    if debugging():
+        logging.getLogger("actionkit").debug("the error is:")
+        traceback.print_exc(file=sys.stderr)

@@ -1,19 +1,72 @@
-"""The exit codes of the command line."""
+"""The exit codes of the command line: the one table of them, which the documentation shows."""
 
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from actionkit import Outcome
 
 
 class Exit(IntEnum):
-    """What the command `actionkit` ends with."""
+    """What the command `actionkit` ends with. `meaning` is for people."""
 
-    OK = 0
-    FAILED = 1
-    """The command ran, and did not come out as it should."""
-    USAGE = 2
-    """An unknown command, option or argument."""
-    NO_ROS = 3
-    """rclpy, or a message package that is needed, cannot be imported."""
-    INTERRUPTED = 130
-    """Ctrl-C."""
+    meaning: str
+
+    OK = 0, "It came out as it should; of `call`: the goal succeeded."
+    FAILED = 1, "It did not come out as it should, and no other code says how."
+    USAGE = 2, "A wrong command, option or argument, goals and types included; nothing was sent."
+    NO_ROS = 3, "rclpy, or a message package that is needed, cannot be imported."
+    REJECTED = 10, "The server rejected the goal; it never ran."
+    ABORTED = 11, "The server aborted the goal."
+    CANCELED = 12, "Somebody else cancelled the goal."
+    TIMED_OUT = 13, "The time of --timeout ran out; the goal was cancelled."
+    NO_SERVER = 14, "No server was seen; nothing was sent."
+    SERVER_LOST = 15, "The server went away, or was restarted, with the goal in flight."
+    TYPE_MISMATCH = 16, "The action is served with another type; nothing was sent."
+    RESULT_LOST = 17, "The goal ended, but its result cannot be had."
+    NO_ANSWER = 18, "The server neither accepted nor rejected the goal in time; it was cancelled."
+    STALLED = 19, "No feedback for --feedback-timeout seconds; the goal was cancelled."
+    JUDGED = 20, "The goal succeeded, but not by --ok or --transient."
+    RETRIES_EXHAUSTED = 21, "The same, and the retries of --retries ended."
+    HANGUP = 129, "The terminal was closed; as after Ctrl-C."
+    INTERRUPTED = 130, "Ctrl-C. The goal was cancelled, and the output tells what became of it."
+    OUTPUT_CLOSED = 141, "Whoever read the output went away, as `| head -1` does; as after Ctrl-C."
+    TERMINATED = 143, "SIGTERM; as after Ctrl-C."
+
+    def __new__(cls, code: int, meaning: str) -> Exit:
+        """Make one row of the table."""
+        member = int.__new__(cls, code)
+        member._value_ = code
+        member.meaning = meaning
+        return member
+
+
+_OF_ERRORS = (
+    # The first that fits counts.
+    ("InvalidGoalError", Exit.USAGE),
+    ("GoalRejectedError", Exit.REJECTED),
+    ("GoalAbortedError", Exit.ABORTED),
+    ("GoalCanceledError", Exit.CANCELED),
+    ("DeadlineExceededError", Exit.TIMED_OUT),
+    ("ServerUnavailableError", Exit.NO_SERVER),
+    ("ServerLostError", Exit.SERVER_LOST),
+    ("ActionTypeMismatchError", Exit.TYPE_MISMATCH),
+    ("ResultLostError", Exit.RESULT_LOST),
+    ("AcceptanceTimeoutError", Exit.NO_ANSWER),
+    ("FeedbackStalledError", Exit.STALLED),
+    ("RetriesExhaustedError", Exit.RETRIES_EXHAUSTED),
+    ("PermanentError", Exit.JUDGED),
+)
+
+
+def exit_of(outcome: Outcome[Any]) -> Exit:
+    """Return the exit code for a call that nobody interrupted."""
+    if outcome.error is None:
+        return Exit.OK
+    names = [cls.__name__ for cls in type(outcome.error).__mro__]
+    for name, code in _OF_ERRORS:
+        if name in names:
+            return code
+    return Exit.FAILED

@@ -19,6 +19,7 @@ class EventLog(Generic[T]):
         future = client.call_async(goal, on_feedback=log)
         log.wait_for(3)                                    # three feedbacks
         log.wait_for(lambda fb: len(fb.sequence) > 5)      # that one
+        Client(..., observers=[EventLog()])                # every GoalEvent
     """
 
     def __init__(self) -> None:
@@ -32,6 +33,10 @@ class EventLog(Generic[T]):
             self._changed.notify_all()
 
     __call__ = append
+
+    def on_event(self, event: T, call: object) -> None:
+        """Note a `GoalEvent`: what makes this an observer of a client."""
+        self.append(event)
 
     @property
     def items(self) -> list[T]:

@@ -68,6 +68,9 @@ class Node:
     def get_publishers_info_by_topic(
         self, topic_name: str, no_mangle: bool = False
     ) -> list[TopicEndpointInfo]: ...
+    def get_subscriptions_info_by_topic(
+        self, topic_name: str, no_mangle: bool = False
+    ) -> list[TopicEndpointInfo]: ...
     def get_topic_names_and_types(
         self, no_demangle: bool = False
     ) -> list[tuple[str, list[str]]]: ...

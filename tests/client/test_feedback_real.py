@@ -148,3 +148,14 @@ def test_feedback_of_others_is_not_ours(action_server, make_client):
     for future, log, order in zip(futures, logs, (3, 5, 7, 9), strict=True):
         assert len(future.result(10).sequence) == order + 1
         assert [len(f.sequence) for f in log] == list(range(3, order + 2))
+
+
+def test_feedback_that_the_result_has_overtaken_comes_before_it(action_server, make_client):
+    action_server("fibonacci")  # which sends all its feedback within a millisecond
+    client = make_client()
+    assert client.wait_for_server(10)
+    outcomes = [client.call_async({"order": 5}).outcome(10) for _ in range(50)]
+    for outcome in outcomes:
+        assert outcome.timeline[-1].state is GoalState.SUCCEEDED
+    # Best effort, so one may be missing (R15).
+    assert sum(outcome.feedback_count for outcome in outcomes) > 180

@@ -146,6 +146,9 @@ with Client(Fibonacci, "fibonacci") as client:
     except KeyboardInterrupt:
         pass
     print("result", list(client.call({"order": 1}, 10).sequence))
+    with Client(Fibonacci, "fibonaci", timeouts=Timeouts(server=1.0)) as typo:
+        error = typo.call_async({"order": 1}).exception()
+        print("hint", "/fibonacci" in str(error))  # it can look at the graph
     print("threads", sum(t.name == "actionkit" for t in threading.enumerate()))
 """
     )
@@ -154,6 +157,7 @@ with Client(Fibonacci, "fibonacci") as client:
     code, out, err = script.finish()
     assert (code, err) == (0, "")
     assert "result [0, 1]" in out
+    assert "hint True" in out
     assert "threads 1" in out
 
 

@@ -151,6 +151,21 @@ def test_both_servers_see_the_cancel(action_server, make_client):
     assert runs_nothing(server)
 
 
+def test_a_goal_that_one_server_finished_is_cancelled_on_the_other(action_server, make_client):
+    action_server("fibonacci")
+    client = make_client(retry=ONCE)
+    assert client.call({"order": 1}, 10)
+    endless = action_server("never_finishes")
+    give_up = time.monotonic() + 20
+    while not endless.count("accepted"):  # it takes a moment to be known to us
+        assert time.monotonic() < give_up
+        assert list(client.call({"order": 1}, 10).sequence) == [0, 1]
+    last = client.call_async({"order": 1})
+    assert last.result(10)
+    endless.wait_for("canceled", goal_id=str(last.goal_id))
+    assert runs_nothing(endless)
+
+
 def test_the_death_of_our_thread_fails_every_call_loudly(action_server, make_client, caplog):
     server = action_server("never_finishes")
     client = make_client(retry=ONCE)

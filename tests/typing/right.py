@@ -9,7 +9,20 @@ from array import array
 from test_msgs.action import Fibonacci, NestedMessage
 from typing_extensions import assert_type
 
-from actionkit import Client, GoalFuture, Outcome, RetryPolicy, Timeouts, Verdict
+from actionkit import (
+    CallInfo,
+    Client,
+    GoalEvent,
+    GoalFuture,
+    JsonLines,
+    OpenTelemetry,
+    Outcome,
+    RetryPolicy,
+    Rosout,
+    Timeline,
+    Timeouts,
+    Verdict,
+)
 
 FibonacciClient = Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]
 
@@ -27,9 +40,14 @@ def the_action_type_types_the_client() -> None:
         timeouts=Timeouts(server=1, accept=None, feedback=2.5),
         retry=RetryPolicy(attempts=2, resend="never_accepted"),
         classify=strict,
-        observers=(),
+        observers=(JsonLines("goals.jsonl"), Rosout(None), OpenTelemetry(), Watching()),
         on_close="abandon",
     ).close()
+
+
+class Watching:
+    def on_event(self, event: GoalEvent, call: CallInfo) -> None:
+        assert_type(event.attempt, int)
 
 
 def call() -> None:
@@ -61,6 +79,9 @@ def call_async() -> None:
     assert_type(future.result(timeout=1.0), Fibonacci.Result)
     assert_type(future.outcome(), Outcome[Fibonacci.Result])
     assert_type(future.outcome().result, Fibonacci.Result | None)
+    assert_type(future.outcome().timeline, Timeline)
+    for event in future.timeline:
+        assert_type(event, GoalEvent)
     assert_type(future.latest_feedback, Fibonacci.Feedback | None)
     for feedback in future.feedback():
         assert_type(feedback, Fibonacci.Feedback)

@@ -27,6 +27,7 @@ def clients() -> None:
     Client(Fibonacci, "fibonacci", timeouts=5.0)  # error[arg-type, reportArgumentType]
     Client(Fibonacci, "fibonacci", retry=3)  # error[arg-type, reportArgumentType]
     Client(Fibonacci, "fibonacci", on_close="wait")  # error[arg-type, reportArgumentType]
+    Client(Fibonacci, "fibonacci", observers=[print])  # error[list-item, reportArgumentType]
     Client(Fibonacci, "fibonacci", timeout=5.0)  # error[call-arg, reportCallIssue]: timeouts
 
 

@@ -110,9 +110,12 @@ class Link:
     def sees_server_of(self, listener: Attempt) -> bool:
         return False  # a server that is lost here does not come back
 
-    def ask_result(self, listener: Attempt, *, accepted: bool) -> None:
+    def ask_result(self, listener: Attempt, *, anew: bool = False) -> None:
         if listener.goal_id.bytes in self.listeners:
-            self.life.goals[listener.goal_id.bytes].results_asked += 1
+            asked = self.life.goals[listener.goal_id.bytes]
+            if anew:
+                asked.results_answered = asked.results_asked
+            asked.results_asked += 1
 
     def ask_cancel(self, listener: Attempt) -> None:
         if listener.goal_id.bytes in self.listeners:
@@ -226,9 +229,6 @@ class CallLife:
 
     def decode_feedback(self, message: bytes) -> Any:
         return message
-
-    def take_feedback_now(self) -> None:
-        pass
 
     def surroundings(self) -> Surroundings:
         return Surroundings({}, 0, "none")

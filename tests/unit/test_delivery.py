@@ -208,6 +208,28 @@ def test_no_job_is_lost_between_threads_that_come_and_go() -> None:
         assert done.acquire(timeout=LONG)
 
 
+def test_where_no_thread_can_be_started_the_job_waits_for_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As from Python 3.12 on at the interpreter's exit; what rests on it goes on."""
+    pool, gate, notes = Pool(most=8, idle=0.0), Gate(), list[int]()
+    pool.submit(gate)
+    assert gate.entered.wait(LONG)
+
+    def refuse(thread: threading.Thread) -> None:
+        raise RuntimeError("can't create new thread at interpreter shutdown")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    pool.submit(noting(notes, 1))
+    monkeypatch.undo()
+    assert notes == []
+    gate.leave.set()
+    assert gate.thread is not None
+    gate.thread.join(LONG)
+    assert notes == [1]
+    assert pool._threads == 0
+
+
 def test_threads_do_not_hold_up_the_end_of_the_interpreter() -> None:
     gate = Gate()
     Pool().submit(gate)

@@ -37,7 +37,7 @@ def test_a_goal_succeeds() -> None:
     assert life.see("server_ready") == [Disarm(Timer.SERVER), SendGoal()]
     life.see("sent")
     # Asked for at once, because a result may expire (R25).
-    assert AskResult() in life.see("accepted")
+    assert AskResult(anew=True) in life.see("accepted")
     life.see("feedback")
     life.tell("result", GoalState.SUCCEEDED, "the result")
     assert life.ending == Ending(
@@ -325,7 +325,7 @@ def test_a_result_that_is_unknown_before_acceptance_says_nothing() -> None:
 def test_the_first_no_to_a_goal_sent_again_may_be_the_answer_to_a_duplicate() -> None:
     life = Life(resent=True)
     life.see(*UNTIL_SENT)
-    assert life.see("rejected") == [AskResult(), WatchStatus()]  # (R5)
+    assert life.see("rejected") == [AskResult(anew=True), WatchStatus()]  # (R5)
     life.tell("result", GoalState.SUCCEEDED, 1)
     assert life.ending is not None
     assert (life.end, life.ending.reached) == (End.SUCCEEDED, Reached.ACCEPTED)

@@ -19,6 +19,7 @@ NAMES = [
     "AcceptanceTimeoutError",
     "ActionKitError",
     "ActionTypeMismatchError",
+    "CallInfo",
     "CancelReport",
     "Client",
     "ClientClosedError",
@@ -31,18 +32,26 @@ NAMES = [
     "GoalRejectedError",
     "GoalState",
     "InvalidGoalError",
+    "JsonLines",
+    "LogFile",
+    "LoggedLine",
+    "Observer",
+    "OpenTelemetry",
     "Outcome",
     "PermanentError",
     "ResultLostError",
     "RetriesExhaustedError",
     "RetryBudget",
     "RetryPolicy",
+    "Rosout",
     "ServerLostError",
     "ServerUnavailableError",
+    "Timeline",
     "Timeouts",
     "TransientError",
     "Verdict",
     "classify_by_field",
+    "read_json_lines",
 ]
 SIGNATURES = {
     Client.__init__: "(self, action_type, action_name, *, node=None,"
@@ -58,6 +67,12 @@ SIGNATURES = {
     Client.wait_for_server: "(self, timeout=None)",
     actionkit.RetryBudget.__init__: "(self, capacity=10.0, ratio=0.1)",
     actionkit.classify_by_field: "(path, *, transient=(), permanent=(), ok=())",
+    actionkit.JsonLines.__init__: "(self, path, *, max_bytes=10000000, backups=5, messages=True,"
+    " max_items=100)",
+    actionkit.OpenTelemetry.__init__: "(self, tracer_provider=None, meter_provider=None)",
+    actionkit.Rosout.__init__: "(self, node)",
+    actionkit.Observer.on_event: "(self, event, call)",
+    actionkit.read_json_lines: "(path)",
     Client.server_is_ready: "(self)",
     Client.cancel_all: "(self)",
     Client.close: "(self)",
@@ -77,7 +92,10 @@ MEMBERS = {
 FIELDS = {
     "GoalEvent": "goal_id attempt state monotonic wall detail",
     "Outcome": "status result error attempts timeline goal_id cancel callback_errors"
-    " feedback_count",
+    " feedback_count elapsed",
+    "CallInfo": "call_id action_name action_type node_name monotonic wall goal context",
+    "LogFile": "lines problems",
+    "LoggedLine": "kind call_id action_name action_type node_name pid event data",
     "RetryPolicy": "attempts initial factor max_pause jitter resend stop wait",
     "Timeouts": "server accept total feedback cancel liveness",
 }
@@ -88,6 +106,10 @@ RAISES = {
     Client.wait_for_server: "ClientClosedError TypeError ValueError",
     actionkit.RetryBudget.__init__: "TypeError ValueError",
     actionkit.classify_by_field: "TypeError ValueError",
+    actionkit.JsonLines.__init__: "OSError TypeError ValueError",
+    actionkit.OpenTelemetry.__init__: "ImportError",
+    actionkit.Rosout.__init__: "TypeError",
+    actionkit.read_json_lines: "OSError",
     Client.server_is_ready: "ClientClosedError",
     Client.cancel_all: "ClientClosedError",
     GoalFuture.result: "TimeoutError CancelledError ActionKitError",
@@ -112,6 +134,10 @@ def own_members() -> Iterator[tuple[str, Any]]:
     yield "Client.__init__", Client.__init__
     yield "RetryBudget.__init__", actionkit.RetryBudget.__init__
     yield "classify_by_field", actionkit.classify_by_field
+    yield "JsonLines.__init__", actionkit.JsonLines.__init__
+    yield "OpenTelemetry.__init__", actionkit.OpenTelemetry.__init__
+    yield "Rosout.__init__", actionkit.Rosout.__init__
+    yield "read_json_lines", actionkit.read_json_lines
 
 
 METHODS = dict(own_members())

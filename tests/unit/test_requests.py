@@ -62,25 +62,26 @@ def requests(thread: Thread) -> Requests:
     return made
 
 
-def test_results_that_were_asked_for_before_the_acceptance(
+def test_what_was_asked_before_is_outdated_when_asked_anew(
     requests: Requests, thread: Thread
 ) -> None:
-    requests.ask_result(KEY, accepted=False)
-    requests.ask_result(KEY, accepted=False)  # at a measured pace, and so not at once
-    requests.ask_result(KEY, accepted=True)
+    requests.ask_result(KEY)
+    requests.ask_result(KEY)  # at a measured pace, and so not at once
+    requests.ask_result(KEY, anew=True)
     thread.advance(1.0)
-    assert requests.asked_early(1)
-    assert not requests.asked_early(2)
-    assert requests.answered("result", 1) == requests.answered("result", 2) == KEY
-    assert requests.answered("result", 3) is None
-    assert not requests.asked_early(1)
+    assert [requests.is_outdated(seq) for seq in (1, 2, 3)] == [True, False, False]
+    # A result counts all the same.
+    assert [requests.answered("result", seq) for seq in (1, 2, 3, 4)] == [KEY, KEY, KEY, None]
+    assert not requests.is_outdated(1)
 
 
 def test_a_forgotten_goal_leaves_nothing_behind(requests: Requests, thread: Thread) -> None:
-    requests.ask_result(KEY, accepted=False)
-    requests.ask_result(KEY, accepted=True)
+    requests.ask_result(KEY)
+    requests.ask_result(KEY, anew=True)
     requests.ask_cancel(KEY)
     requests.forget(KEY, elsewhere=False)
+    requests.ask_result(KEY)
+    requests.ask_cancel(KEY)
     thread.advance(1.0)
     assert not any(requests.table_sizes().values())
 
@@ -95,7 +96,7 @@ def test_a_late_answer_to_an_early_question_ends_nothing(lost: bool) -> None:
     assert attempt is not None
     if lost:
         life.gone()
-    life.does(attempt.on_result, 0, None, early=True)
+    life.does(attempt.on_result, 0, None, outdated=True)
     assert attempt.goal.in_flight
     life.result(0, None)
     assert not attempt.goal.in_flight

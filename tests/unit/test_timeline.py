@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import pickle
+import re
 import uuid
 from collections.abc import Callable
 
@@ -10,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit import GoalEvent, GoalState
-from actionkit._timeline import Timeline
+from actionkit import GoalEvent, GoalState, Timeline
+from actionkit._timeline import Recorder
 
 GOALS = [uuid.UUID(int=number) for number in range(3)]
 MOST = 200
@@ -28,17 +30,16 @@ def event_maker() -> Callable[..., GoalEvent]:
 
 
 def test_events_are_kept_in_order() -> None:
-    make, timeline = event_maker(), Timeline()
+    make, timeline = event_maker(), Recorder()
     added = [make(state) for state in GoalState if state is not GoalState.FEEDBACK]
     for event in added:
         timeline.add(event)
     assert timeline.events() == tuple(added)
-    assert timeline.feedback_count == 0
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 1000])
 def test_the_first_and_the_last_feedback_are_kept(count: int) -> None:
-    make, timeline = event_maker(), Timeline()
+    make, timeline = event_maker(), Recorder()
     before = make(GoalState.ACCEPTED)
     timeline.add(before)
     feedback = [make(GoalState.FEEDBACK) for _ in range(count)]
@@ -48,11 +49,10 @@ def test_the_first_and_the_last_feedback_are_kept(count: int) -> None:
     timeline.add(after)
     kept = feedback if count == 1 else [feedback[0], feedback[-1]]
     assert timeline.events() == (before, *kept, after)
-    assert timeline.feedback_count == count
 
 
 def test_each_goal_of_a_call_keeps_its_own_feedback() -> None:
-    make, timeline = event_maker(), Timeline()
+    make, timeline = event_maker(), Recorder()
     for goal in GOALS:
         for _ in range(5):
             timeline.add(make(GoalState.FEEDBACK, goal))
@@ -60,7 +60,7 @@ def test_each_goal_of_a_call_keeps_its_own_feedback() -> None:
 
 
 def test_what_was_seen_does_not_change() -> None:
-    make, timeline = event_maker(), Timeline()
+    make, timeline = event_maker(), Recorder()
     timeline.add(make(GoalState.SENDING))
     seen = timeline.events()
     timeline.add(make(GoalState.SENT))
@@ -68,7 +68,7 @@ def test_what_was_seen_does_not_change() -> None:
 
 
 def test_a_call_that_goes_on_for_ever_keeps_its_beginning_and_its_end() -> None:
-    make, timeline = event_maker(), Timeline()
+    make, timeline = event_maker(), Recorder()
     added = [make(GoalState.RETRYING) for _ in range(10 * MOST)]
     for event in added:
         timeline.add(event)
@@ -77,7 +77,7 @@ def test_a_call_that_goes_on_for_ever_keeps_its_beginning_and_its_end() -> None:
 
 @given(st.lists(st.tuples(st.sampled_from(GoalState), st.sampled_from(GOALS)), max_size=500))
 def test_any_story_is_in_order_and_bounded(steps: list[tuple[GoalState, uuid.UUID]]) -> None:
-    make, timeline = event_maker(), Timeline()
+    make, timeline = event_maker(), Recorder()
     for state, goal in steps:
         timeline.add(make(state, goal))
         assert timeline.events()[-1].state is state
@@ -88,4 +88,89 @@ def test_any_story_is_in_order_and_bounded(steps: list[tuple[GoalState, uuid.UUI
     for goal in GOALS:
         kept = [e for e in events if e.goal_id == goal and e.state is GoalState.FEEDBACK]
         assert len(kept) <= 2
-    assert timeline.feedback_count == sum(state is GoalState.FEEDBACK for state, _ in steps)
+
+
+def test_a_call_with_very_many_goals_that_all_send_feedback_is_bounded() -> None:
+    make, timeline = event_maker(), Recorder()
+    for number in range(20 * MOST):
+        for _ in range(3):
+            timeline.add(make(GoalState.FEEDBACK, uuid.UUID(int=number)))
+    assert len(timeline.events()) <= MOST
+    held = sum(len(value) for value in vars(timeline).values() if hasattr(value, "__len__"))
+    assert held <= MOST
+
+
+def test_each_goal_counts_its_feedback_from_one() -> None:
+    recorder = Recorder()
+    counted = [recorder.count_feedback(goal) for goal in (GOALS[0], GOALS[0], GOALS[1])]
+    assert counted == [1, 2, 1]
+
+
+# --- as text -----------------------------------------------------------------------------------
+
+
+def event(
+    state: GoalState, at: float, attempt: int = 1, goal: int = 0, detail: str = ""
+) -> GoalEvent:
+    return GoalEvent(GOALS[goal], attempt, state, 100.0 + at, 1_700_000_000.25 + at, detail)
+
+
+STORY = Timeline(
+    [
+        event(GoalState.SENDING, 0.0),
+        event(GoalState.SENT, 0.0012),
+        event(GoalState.FEEDBACK, 0.4, detail="no. 1"),
+        event(GoalState.LOST, 12.3456, detail="its server was restarted"),
+        event(GoalState.RETRYING, 12.3457, detail="in 0.20 s"),
+        event(GoalState.SENDING, 12.6, attempt=2, goal=1),
+        event(GoalState.SUCCEEDED, 13.0, attempt=2, goal=1),
+    ]
+)
+TEXT = """\
+    0.0 ms  #1  SENDING    goal 00000000-0000-0000-0000-000000000000, at 2023-11-14 22:13:20.250 UTC
+    1.2 ms  #1  SENT
+  400.0 ms  #1  FEEDBACK   no. 1
+12345.6 ms  #1  LOST       its server was restarted
+12345.7 ms  #1  RETRYING   in 0.20 s
+12600.0 ms  #2  SENDING    goal 00000000-0000-0000-0000-000000000001
+13000.0 ms  #2  SUCCEEDED"""
+
+
+def test_the_text_of_a_timeline() -> None:
+    assert str(STORY) == TEXT
+
+
+def test_the_text_of_nothing() -> None:
+    assert str(Timeline()) == "(no events)"
+
+
+def test_a_timeline_is_a_tuple_and_can_be_pickled() -> None:
+    again = pickle.loads(pickle.dumps(STORY))
+    assert again == STORY == tuple(STORY)
+    assert str(again) == TEXT
+
+
+TIMES = st.floats(allow_nan=False, allow_infinity=False, width=32)
+EVENTS = st.builds(
+    GoalEvent,
+    goal_id=st.sampled_from(GOALS),
+    attempt=st.integers(1, 5),
+    state=st.sampled_from(GoalState),
+    monotonic=TIMES,
+    wall=TIMES,
+    detail=st.sampled_from(["", "a reason"]),
+)
+
+
+@given(st.lists(EVENTS, min_size=1, max_size=20))
+def test_any_timeline_has_a_line_for_each_event(events: list[GoalEvent]) -> None:
+    lines = str(Timeline(events)).split("\n")
+    assert len(lines) == len(events)
+    for line, each in zip(lines, events, strict=True):
+        found = re.match(r" *(-?[0-9.]+) ms  #(\d)  (\w+)", line)
+        assert found, line
+        assert float(found[1]) == pytest.approx(
+            (each.monotonic - events[0].monotonic) * 1000, abs=0.1
+        )
+        assert (int(found[2]), found[3]) == (each.attempt, each.state.value)
+        assert each.detail in line

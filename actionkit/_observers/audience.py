@@ -1,0 +1,98 @@
+"""All who are told what happens to the goals of one client."""
+
+from __future__ import annotations
+
+import contextvars
+import uuid
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from actionkit._observers.channel import Channel, Job
+from actionkit._observers.goal_log import GoalLog
+from actionkit._observers.protocol import CallInfo, Observer
+from actionkit._values import GoalEvent, GoalState, Outcome
+
+
+class Seat:
+    """One observer, and the channel to it."""
+
+    def __init__(self, observer: Observer, action_name: str) -> None:
+        self.channel = Channel(f"observer {observer!r} of action {action_name!r}")
+        self._on_event = observer.on_event
+        self._on_feedback: Callable[..., object] | None = getattr(observer, "on_feedback", None)
+        self._on_outcome: Callable[..., object] | None = getattr(observer, "on_outcome", None)
+
+    def event(self, event: GoalEvent, call: CallInfo, decode: Callable[[], Any] | None) -> None:
+        """Tell of a transition, soon."""
+        if decode is not None and self._on_feedback is not None:
+            job: Job = partial(_decoded, self._on_feedback, event, decode, call)
+        else:
+            job = partial(self._on_event, event, call)
+        self.channel.put(job, feedback=event.state is GoalState.FEEDBACK)
+
+    def outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
+        """Tell of the end of a call, soon."""
+        if self._on_outcome is not None:
+            self.channel.put(partial(self._on_outcome, outcome, call))
+
+
+def _decoded(
+    hook: Callable[..., object], event: GoalEvent, decode: Callable[[], Any], call: CallInfo
+) -> None:
+    hook(event, decode(), call)
+
+
+class Audience:
+    """The log and the observers of one client. Costs next to nothing where nobody listens."""
+
+    def __init__(
+        self,
+        observers: tuple[Observer, ...] = (),
+        *,
+        action_name: str = "",
+        action_type: str = "",
+        node_name: str = "",
+    ) -> None:
+        """Seat the observers, which were checked. The names are those of `CallInfo`."""
+        self._names = (action_name, action_type, node_name)
+        self._log = GoalLog()
+        self._log_seat = Seat(self._log, action_name)
+        self._seats = [Seat(observer, action_name) for observer in observers]
+
+    def call_info(
+        self, call_id: uuid.UUID, goal: Any, *, monotonic: float, wall: float
+    ) -> CallInfo:
+        """Return what all are told of a call. On the caller's thread, for its context."""
+        context = contextvars.copy_context() if self._seats else None
+        return CallInfo(call_id, *self._names, monotonic, wall, goal, context)
+
+    def event(
+        self, event: GoalEvent, call: CallInfo, decode: Callable[[], Any] | None = None
+    ) -> None:
+        """Tell all of a transition. Never blocks.
+
+        Args:
+            event: It.
+            call: Whose it is.
+            decode: Returns the feedback message where it is one.
+        """
+        if self._log.wants(event):
+            self._log_seat.event(event, call, None)
+        for seat in self._seats:
+            seat.event(event, call, decode)
+
+    def outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
+        """Tell all of the end of a call. Never blocks."""
+        if self._log.wants_outcome(outcome):
+            self._log_seat.outcome(outcome, call)
+        for seat in self._seats:
+            seat.outcome(outcome, call)
+
+    def flush(self, until: float) -> None:
+        """Wait until all have been told, or until that monotonic time."""
+        for seat in (self._log_seat, *self._seats):
+            seat.channel.flush(until)
+
+
+NOBODY = Audience()

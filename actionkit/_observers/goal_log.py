@@ -1,0 +1,88 @@
+"""Each transition as one record of the standard library's logging (contract C6.2)."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from actionkit._observers.protocol import CallInfo
+from actionkit._observers.words import (
+    level_of,
+    level_of_outcome,
+    outcome_sentence,
+    outcome_word,
+    sentence,
+)
+from actionkit._values import GoalEvent, Outcome
+
+logger = logging.getLogger("actionkit.goal")
+logger.addHandler(logging.NullHandler())  # silent where the user has set up no logging
+
+
+class GoalLog:
+    """Writes to the logger `actionkit.goal`; every record has the same extra fields."""
+
+    def __repr__(self) -> str:
+        return "<the log actionkit.goal>"
+
+    def wants(self, event: GoalEvent) -> bool:
+        """Whether a record would be looked at."""
+        return logger.isEnabledFor(level_of(event))
+
+    def wants_outcome(self, outcome: Outcome[Any]) -> bool:
+        """Whether a record would be looked at."""
+        return logger.isEnabledFor(level_of_outcome(outcome))
+
+    def on_event(self, event: GoalEvent, call: CallInfo) -> None:
+        """Write a transition."""
+        elapsed_ms = call.elapsed_ms(event)
+        _write(
+            level_of(event),
+            sentence(event, call.action_name, elapsed_ms),
+            event.wall,
+            call,
+            kind="event",
+            goal_id=str(event.goal_id),
+            attempt=event.attempt,
+            state=event.state.value,
+            elapsed_ms=elapsed_ms,
+            detail=event.detail,
+            outcome="",
+        )
+
+    def on_outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
+        """Write the end of a call."""
+        _write(
+            level_of_outcome(outcome),
+            outcome_sentence(outcome, call.action_name),
+            call.wall + outcome.elapsed,
+            call,
+            kind="outcome",
+            goal_id=str(outcome.goal_id),
+            attempt=outcome.attempts,
+            state=outcome.status.value,
+            elapsed_ms=round(outcome.elapsed * 1000, 3),
+            detail="" if outcome.error is None else str(outcome.error),
+            outcome=outcome_word(outcome),
+        )
+
+
+def _write(level: int, text: str, wall: float, call: CallInfo, **fields: object) -> None:
+    if not logger.isEnabledFor(level):
+        return
+    extra = {
+        "call_id": str(call.call_id),
+        "action_name": call.action_name,
+        "action_type": call.action_type,
+        "node_name": call.node_name,
+        **fields,
+    }
+    where = f"[{call.node_name}] " if call.node_name else ""
+    record = logger.makeRecord(
+        logger.name, level, __file__, 0, "%s%s", (where, text), None, extra=extra
+    )
+    # When it happened, and not when this thread came to it.
+    record.relativeCreated += (wall - record.created) * 1000
+    record.created = wall
+    record.msecs = float(int(wall % 1 * 1000))
+    logger.handle(record)

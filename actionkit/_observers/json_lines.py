@@ -1,0 +1,165 @@
+"""Events as lines of JSON in a file that rotates, and survives the end of its process."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from typing_extensions import Self
+
+from actionkit._fields import to_plain
+from actionkit._observers.json_schema import event_line, outcome_line
+from actionkit._observers.protocol import CallInfo
+from actionkit._values import GoalEvent, GoalState, Outcome
+
+
+class JsonLines:
+    """An observer that appends a line of JSON for each event to a file (contract C6.2).
+
+        with JsonLines("goals.jsonl") as log, Client(Fibonacci, "fibonacci", observers=[log]):
+            ...
+
+    Each line is handed to the operating system by itself: of what came to this observer, a process
+    that is killed loses at most the line it was about to write. Any number of clients and threads
+    of a process may share one; `read_json_lines` reads the files back. The lines are described in
+    docs/logging.md.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        max_bytes: int | None = 10_000_000,
+        backups: int = 5,
+        messages: bool = True,
+        max_items: int | None = 100,
+    ) -> None:
+        """Open the file for appending; make it where there is none.
+
+        Args:
+            path: Where. Its folder must exist.
+            max_bytes: The size at which the file is set aside as `path.1`, and a new one begun;
+                `None` for never.
+            backups: How many files set aside are kept: `path.1`, the newest, to `path.N`.
+            messages: Whether goals, feedback and results are written, too.
+            max_items: The most elements written of each array in a message, or `None` for all.
+
+        Raises:
+            OSError: The file cannot be written.
+            TypeError, ValueError: A number of the wrong type, or out of range.
+        """
+        self.path = Path(os.path.abspath(path))
+        self._max_bytes = _whole("max_bytes", max_bytes)
+        self._backups = _whole("backups", backups) or 0
+        self._messages = messages
+        self._max_items = _whole("max_items", max_items)
+        self._lock = threading.Lock()
+        self._file: int | None = None
+        self._size = 0
+        self._torn = False
+        """Whether the file ends in the middle of a line."""
+        self._open()
+
+    def __repr__(self) -> str:
+        return f"<JsonLines {str(self.path)!r}>"
+
+    def on_event(self, event: GoalEvent, call: CallInfo) -> None:
+        """Write a transition; the first also has the goal."""
+        first = event.state is GoalState.SENDING and event.attempt == 1
+        self._write(event_line(event, call, goal=self._plain(call.goal) if first else None))
+
+    def on_feedback(self, event: GoalEvent, feedback: Any, call: CallInfo) -> None:
+        """Write a feedback message."""
+        self._write(event_line(event, call, feedback=self._plain(feedback)))
+
+    def on_outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
+        """Write the end of a call."""
+        self._write(outcome_line(outcome, call, self._plain(outcome.result)))
+
+    def close(self) -> None:
+        """Close the file. An event that comes afterwards opens it again."""
+        with self._lock:
+            self._close()
+
+    def __enter__(self) -> Self:
+        """Return the observer."""
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the file."""
+        self.close()
+
+    def __del__(self, close: Callable[[int], None] = os.close) -> None:
+        file = getattr(self, "_file", None)  # it has none where its making failed
+        if file is not None:
+            close(file)  # bound above, since at the interpreter's end modules are gone
+
+    def _plain(self, message: Any) -> dict[str, Any] | None:
+        if message is None or not self._messages:
+            return None
+        return to_plain(message, max_items=self._max_items)
+
+    def _write(self, line: str) -> None:
+        data = line.encode() + b"\n"  # ASCII: whatever is not is escaped
+        with self._lock:
+            if self._file is None:
+                self._open()
+            if self._max_bytes is not None and 0 < self._size > self._max_bytes - len(data):
+                self._rotate()
+            self._append(b"\n" + data if self._torn else data)
+
+    def _append(self, data: bytes) -> None:
+        assert self._file is not None
+        rest = memoryview(data)
+        while rest:
+            written = os.write(self._file, rest)
+            self._size += written
+            rest = rest[written:]
+            self._torn = bool(rest)  # true for those who come next where the disk is full
+
+    def _open(self) -> None:
+        flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC
+        self._file = os.open(self.path, flags, 0o666)
+        self._size = os.fstat(self._file).st_size
+        # What a killed process left: the next line must not be joined to it.
+        self._torn = self._size > 0 and os.pread(self._file, 1, self._size - 1) != b"\n"
+
+    def _close(self) -> None:
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+    def _rotate(self) -> None:
+        self._close()
+        if self._backups == 0:
+            self.path.unlink(missing_ok=True)
+        for number in range(self._backups, 0, -1):
+            source = backup(self.path, number - 1)
+            if source.exists():
+                source.replace(backup(self.path, number))
+        self._open()
+
+
+def backup(path: Path, number: int) -> Path:
+    """Return the name of the file that was set aside `number` rotations ago."""
+    return path.with_name(f"{path.name}.{number}") if number else path
+
+
+def _whole(name: str, value: int | None) -> int | None:
+    if value is None and name != "backups":
+        return None
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise TypeError(f"JsonLines: {name}={value!r} must be a whole number")
+    least = 0 if name == "backups" else 1
+    if value < least:
+        raise ValueError(f"JsonLines: {name}={value!r} must be {least} or more")
+    return value

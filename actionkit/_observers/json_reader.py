@@ -1,0 +1,81 @@
+"""Reads the files of `JsonLines` back, rotated ones and broken ones included."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+
+from actionkit._observers.json_schema import LoggedLine, parse_line
+from actionkit._timeline import Recorder
+from actionkit._values import Timeline
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """What `read_json_lines` found.
+
+    Attributes:
+        lines: Every line that could be read, the oldest first.
+        problems: What could not, each as `file:line: why`; a killed process leaves one at most.
+    """
+
+    lines: tuple[LoggedLine, ...]
+    problems: tuple[str, ...]
+
+    def calls(self) -> dict[uuid.UUID, list[LoggedLine]]:
+        """Return the lines of each call by its id, the call that began first first."""
+        calls: dict[uuid.UUID, list[LoggedLine]] = {}
+        for line in self.lines:
+            calls.setdefault(line.call_id, []).append(line)
+        return calls
+
+    def timelines(self) -> dict[uuid.UUID, Timeline]:
+        """Return the timeline of each call by its id, as the call's own future had it."""
+        return {call_id: _timeline(lines) for call_id, lines in self.calls().items()}
+
+
+def _timeline(lines: list[LoggedLine]) -> Timeline:
+    recorder = Recorder()
+    for line in lines:
+        if line.event is not None:
+            recorder.add(line.event)
+    return recorder.events()
+
+
+def read_json_lines(path: str | os.PathLike[str]) -> LogFile:
+    """Read a file that `JsonLines` wrote, together with those that it set aside before.
+
+    Args:
+        path: The name that `JsonLines` was given.
+
+    Returns:
+        All lines, and what could not be read; a last line that was cut off is told there.
+
+    Raises:
+        OSError: There is no such file, or it cannot be read.
+    """
+    lines: list[LoggedLine] = []
+    problems: list[str] = []
+    for each in _files(Path(path)):
+        for number, text in enumerate(each.read_bytes().split(b"\n"), 1):
+            if not text.strip():
+                continue
+            try:
+                lines.append(parse_line(text))
+            except ValueError as error:
+                problems.append(f"{each.name}:{number}: {len(text)} bytes, {error}")
+    return LogFile(tuple(lines), tuple(problems))
+
+
+def _files(path: Path) -> list[Path]:
+    """Return the files of a log, the oldest first."""
+    numbered = {}
+    for each in path.parent.glob("*"):
+        stem, _, number = each.name.rpartition(".")
+        if stem == path.name and number.isdecimal() and number.isascii():
+            numbered[int(number)] = each
+    # A process killed between two renamings leaves the backups without the file itself.
+    current = [path] if path.exists() or not numbered else []
+    return [numbered[number] for number in sorted(numbered, reverse=True)] + current

@@ -1,0 +1,171 @@
+"""One line of JSON for each event and each outcome, and back (described in docs/logging.md)."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from actionkit._observers.protocol import CallInfo
+from actionkit._observers.words import outcome_word
+from actionkit._values import GoalEvent, GoalState, Outcome
+
+VERSION = 1
+"""Of the schema. Fields may be added to it; what is there keeps its name and meaning."""
+
+
+def event_line(event: GoalEvent, call: CallInfo, **messages: Mapping[str, Any] | None) -> str:
+    """Return the line of an event.
+
+    Args:
+        event: It.
+        call: Whose it is.
+        messages: `goal=` or `feedback=`, the message as plain data; `None` is left out.
+    """
+    return _line(
+        {
+            **_head("event", call),
+            "goal_id": str(event.goal_id),
+            "attempt": event.attempt,
+            "state": event.state.value,
+            "monotonic": event.monotonic,
+            "wall": event.wall,
+            "elapsed_ms": call.elapsed_ms(event),
+            "detail": event.detail,
+            **{name: plain for name, plain in messages.items() if plain is not None},
+        }
+    )
+
+
+def outcome_line(outcome: Outcome[Any], call: CallInfo, result: Mapping[str, Any] | None) -> str:
+    """Return the line of a call's end, with its result as plain data."""
+    return _line(
+        {
+            **_head("outcome", call),
+            "goal_id": str(outcome.goal_id),
+            "state": outcome.status.value,
+            "monotonic": call.monotonic + outcome.elapsed,
+            "wall": call.wall + outcome.elapsed,
+            "elapsed_ms": round(outcome.elapsed * 1000, 3),
+            "ok": outcome.ok,
+            "outcome": outcome_word(outcome),
+            "error": None if outcome.error is None else str(outcome.error),
+            "attempts": outcome.attempts,
+            "cancel": None if outcome.cancel is None else outcome.cancel.value,
+            "feedback_count": outcome.feedback_count,
+            "callback_errors": outcome.callback_errors,
+            **({} if result is None else {"result": result}),
+        }
+    )
+
+
+def _head(kind: str, call: CallInfo) -> dict[str, Any]:
+    return {
+        "v": VERSION,
+        "kind": kind,
+        "pid": os.getpid(),
+        "call_id": str(call.call_id),
+        "action_name": call.action_name,
+        "action_type": call.action_type,
+        "node_name": call.node_name,
+    }
+
+
+def _line(fields: dict[str, Any]) -> str:
+    try:
+        return json.dumps(fields, allow_nan=False, separators=(",", ":"))
+    except ValueError:  # JSON knows neither nan nor the infinities; most lines have none
+        return json.dumps(_finite(fields), allow_nan=False, separators=(",", ":"))
+
+
+def _finite(value: Any) -> Any:
+    """Return the value with "nan", "inf" and "-inf" as words, which `float()` takes back."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, dict):
+        return {name: _finite(item) for name, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return value
+
+
+@dataclass(frozen=True)
+class LoggedLine:
+    """One line of a JSON lines file, read back.
+
+    Attributes:
+        kind: `"event"` or `"outcome"`.
+        call_id: The id of the call's first goal; it stays the same for all attempts.
+        action_name: The full name of the action.
+        action_type: Such as `test_msgs/action/Fibonacci`.
+        node_name: The full name of the client's `node=`, `""` where there was none.
+        pid: The process that wrote it.
+        event: The event, equal to the one that was told; `None` for an outcome.
+        data: The whole line, with the messages in it.
+    """
+
+    kind: str
+    call_id: uuid.UUID
+    action_name: str
+    action_type: str
+    node_name: str
+    pid: int
+    event: GoalEvent | None
+    data: Mapping[str, Any]
+
+
+def parse_line(text: str | bytes) -> LoggedLine:
+    """Return what a line says.
+
+    Raises:
+        ValueError: It is no line of this schema; the text says why.
+    """
+    try:
+        data = json.loads(text)
+    except ValueError:
+        raise ValueError("cut off, or no JSON") from None
+    if not isinstance(data, dict) or "v" not in data:
+        raise ValueError("no line of ActionKit's")
+    if data["v"] != VERSION:
+        raise ValueError(f"of version {data['v']!r}; this ActionKit reads {VERSION}")
+    try:
+        _check(data)
+        return LoggedLine(
+            kind=str(data["kind"]),
+            call_id=uuid.UUID(data["call_id"]),
+            action_name=str(data["action_name"]),
+            action_type=str(data["action_type"]),
+            node_name=str(data["node_name"]),
+            pid=int(data["pid"]),
+            event=_event(data) if data["kind"] == "event" else None,
+            data=data,
+        )
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise ValueError(f"of a strange form ({type(error).__name__}: {error})") from None
+
+
+_NUMBERS = ("monotonic", "wall", "elapsed_ms")
+
+
+def _check(data: Mapping[str, Any]) -> None:
+    """Raise where a field that others read is missing."""
+    for name in _NUMBERS:
+        float(data[name])
+    if data["kind"] == "outcome":
+        for name in ("goal_id", "outcome", "error"):
+            data[name]
+
+
+def _event(data: Mapping[str, Any]) -> GoalEvent:
+    return GoalEvent(
+        goal_id=uuid.UUID(data["goal_id"]),
+        attempt=int(data["attempt"]),
+        state=GoalState(data["state"]),
+        monotonic=float(data["monotonic"]),
+        wall=float(data["wall"]),
+        detail=str(data["detail"]),
+    )

@@ -1,0 +1,57 @@
+"""Events in the log of a ROS node, and so on the topic /rosout."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from actionkit._observers.protocol import CallInfo
+from actionkit._observers.words import level_of, level_of_outcome, outcome_sentence, sentence
+from actionkit._values import GoalEvent, Outcome
+
+
+class Rosout:
+    """An observer that writes to the logger of a node of yours, and so to /rosout (contract C6.2).
+
+        Client(NavigateToPose, "navigate_to_pose", node=node, observers=[Rosout(node)])
+
+    Levels and texts are those of the log `actionkit.goal`.
+    """
+
+    def __init__(self, node: Any) -> None:
+        """Take the node's logger.
+
+        Args:
+            node: An rclpy node. It is neither spun nor changed, and may be destroyed while the
+                observer is in use.
+
+        Raises:
+            TypeError: It has no logger.
+        """
+        try:
+            self._logger = node.get_logger()
+        except AttributeError:
+            raise TypeError(f"Rosout: node={node!r} must be an rclpy node") from None
+
+    def __repr__(self) -> str:
+        return f"<Rosout {getattr(self._logger, 'name', '')!r}>"
+
+    def on_event(self, event: GoalEvent, call: CallInfo) -> None:
+        """Write a transition."""
+        self._write(level_of(event), sentence(event, call.action_name, call.elapsed_ms(event)))
+
+    def on_outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
+        """Write the end of a call."""
+        self._write(level_of_outcome(outcome), outcome_sentence(outcome, call.action_name))
+
+    def _write(self, level: int, text: str) -> None:
+        # A line for each level: rclpy remembers the level of each line that logs, and refuses
+        # another one there.
+        if level >= logging.ERROR:
+            self._logger.error(text)
+        elif level >= logging.WARNING:
+            self._logger.warning(text)
+        elif level >= logging.INFO:
+            self._logger.info(text)
+        else:
+            self._logger.debug(text)

@@ -1,0 +1,147 @@
+"""Who serves and who uses which action, as the ROS graph shows it to a newcomer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from typing_extensions import Self
+
+from actionkit._ros import graph
+from actionkit._ros import runtime as runtimes
+from actionkit._ros.names import resolve
+
+_STEP = 0.05
+_QUIET = 0.4
+_LEAST = 3.0
+_MOST = 7.0
+"""A third of the processes are seen after 1 to 3 s only, on an idle machine and by plain rclpy
+too: what Fast DDS sends at once does not always arrive, and then it is 3 s to the next time."""
+_JOIN = 5.0
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """One client or server of an action.
+
+    Attributes:
+        node: The full name of its node; `""` while it is not known.
+        action_type: Such as `test_msgs/action/Fibonacci`.
+    """
+
+    node: str
+    action_type: str
+
+
+@dataclass(frozen=True)
+class ActionSeen:
+    """One action name, and who is on it."""
+
+    name: str
+    servers: tuple[Endpoint, ...]
+    clients: tuple[Endpoint, ...]
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """The types that it is served with; without a server those that clients ask for."""
+        return tuple(sorted({end.action_type for end in self.servers or self.clients}))
+
+
+class Survey:
+    """A look at the graph from a node of ActionKit's own. A context manager."""
+
+    def __init__(self) -> None:
+        """Join the graph.
+
+        Raises:
+            Exception: Whatever rclpy raises where a node cannot be made.
+        """
+        began = time.monotonic()
+        self.runtime = runtimes.acquire(None)
+        self.opened = time.monotonic()
+        self.seconds_to_open = self.opened - began
+        """Seconds that it took to make the context and the node."""
+        self.first_seen: dict[str, float] = {}
+        """Action name -> seconds from then until a server of it was seen."""
+
+    @property
+    def domain_id(self) -> int:
+        """The ROS domain."""
+        return int(self.runtime.context.get_domain_id())
+
+    @property
+    def middleware(self) -> str:
+        """The name of the middleware in use, such as `rmw_fastrtps_cpp`."""
+        return graph.middleware()
+
+    def resolve(self, name: str) -> str:
+        """Return the full name of an action.
+
+        Raises:
+            ValueError: It is no valid name.
+        """
+        return resolve(self.runtime.node, name)
+
+    def actions(self) -> dict[str, ActionSeen]:
+        """Return every action in sight at this moment, by name, sorted."""
+        node = self.runtime.node
+        seen = {}
+        for name in sorted(graph.action_names(node)):
+            topic = graph.feedback_topic(name)
+            action = ActionSeen(
+                name,
+                servers=_endpoints(node.get_publishers_info_by_topic(topic)),
+                clients=_endpoints(node.get_subscriptions_info_by_topic(topic)),
+            )
+            seen[name] = action
+            if action.servers:
+                self.first_seen.setdefault(name, time.monotonic() - self.opened)
+        return seen
+
+    def settled(
+        self,
+        least: float = _LEAST,
+        most: float = _MOST,
+        enough: Callable[[dict[str, ActionSeen]], bool] = bool,
+    ) -> dict[str, ActionSeen]:
+        """Look until nothing new comes into sight any more.
+
+        Discovery has no end that could be waited for: a while without news has to do.
+
+        Args:
+            least: Seconds to look for, however quiet it is.
+            most: Seconds to look for at most, unless `least` is more.
+            enough: Whether what is seen will do; left out, anything will.
+        """
+        since = time.monotonic()
+        last = self.actions()
+        while True:
+            now = time.monotonic()
+            known = all(e.node for a in last.values() for e in (*a.servers, *a.clients))
+            quiet = now - since >= _QUIET and known and enough(last)
+            if now - self.opened >= (least if quiet else max(least, most)):
+                return last
+            time.sleep(_STEP)
+            seen = self.actions()
+            if seen != last:
+                last, since = seen, time.monotonic()
+
+    def close(self) -> None:
+        """Leave the graph."""
+        runtimes.release(self.runtime)
+        self.runtime.join_if_stopping(_JOIN)
+
+    def __enter__(self) -> Self:
+        """Return the survey."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the graph."""
+        self.close()
+
+
+def _endpoints(infos: Iterable[Any]) -> tuple[Endpoint, ...]:
+    ends = [Endpoint(graph.node_of(info), graph.action_type_of(info)) for info in infos]
+    return tuple(sorted(ends, key=lambda end: (end.node, end.action_type)))

@@ -1,0 +1,184 @@
+"""One call from the command line: what happens is told, and whatever ends it cancels the goal."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from actionkit._client import Client
+from actionkit._future import GoalFuture
+from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome
+from actionkit.cli._exits import Exit, exit_of
+from actionkit.cli._progress import Progress
+from actionkit.cli._reports import Now, Report, became
+from actionkit.cli._signals import discard_output, handled, watch_output
+
+_TICK = 0.1
+"""Seconds between two looks at the goal's timeline, and two frames of the display."""
+_ROOM = 256
+"""Feedback messages that may wait to be written, where the output is slow."""
+_SLOW = 0.5
+_MARGIN = 0.5
+
+
+class Calling:
+    """Makes one call and follows it. In the main thread, because signals come there."""
+
+    def __init__(
+        self,
+        client: Client[Any, Any, Any],
+        report: Report,
+        *,
+        echo: bool,
+        progress: Progress | None,
+    ) -> None:
+        """Make one.
+
+        Args:
+            client: Closed at the end of `run`.
+            report: Whom to tell.
+            echo: Whether each feedback is told.
+            progress: What reads the share from feedback, if anything.
+        """
+        self._client = client
+        self._report = report
+        self._echo = echo
+        self._progress = progress
+        # Not Queue: a signal handler may put into it in the middle of a get.
+        self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._room = threading.BoundedSemaphore(_ROOM)
+        self._feedbacks = 0
+        self._not_shown = 0
+        self._share: float | None = None
+        self._seen: set[GoalEvent] = set()
+        self._code: Exit | None = None
+        self._give_up_at: float | None = None
+        self._future: GoalFuture[Any, Any] | None = None
+
+    def run(self, goal: Any, timeout: float | None) -> Exit:
+        """Make the call; return what it ended with.
+
+        Args:
+            goal: The goal message.
+            timeout: Seconds, or `None` for no limit.
+        """
+        try:
+            with handled(self._interrupt_soon, self._farewell), self._client:
+                watch_output(lambda: self._interrupt_soon(Exit.OUTPUT_CLOSED))
+                return self._run(goal, timeout)
+        finally:
+            with contextlib.suppress(OSError):
+                self._report.close()
+
+    def _run(self, goal: Any, timeout: float | None) -> Exit:
+        self._tell(self._report.begin)
+        self._began = time.monotonic()
+        future = self._client.call_async(goal, on_feedback=self._on_feedback, timeout=timeout)
+        self._future = future
+        future.add_done_callback(lambda _: self._inbox.put(_nothing))
+        while not future.done():
+            self._turn()
+            if self._give_up_at is not None and time.monotonic() >= self._give_up_at:
+                # Refused, and so still running: closing ends the wait, not the goal.
+                self._client.close()
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self._inbox.get_nowait()()
+        self._catch_up(time.monotonic(), ended=True)
+        if self._not_shown:
+            self._tell(lambda: self._report.not_shown(self._not_shown))
+        outcome = future.outcome(0)
+        code = exit_of(outcome) if self._code is None else self._code
+        self._tell(lambda: self._report.finished(outcome, code))
+        self._last_words(outcome)
+        return self._code or code
+
+    def _turn(self) -> None:
+        with contextlib.suppress(queue.Empty):
+            self._inbox.get(timeout=_TICK)()
+        if self._inbox.empty():
+            self._catch_up(time.monotonic())
+        assert self._future is not None
+        elapsed = time.monotonic() - self._began
+        now = Now(self._future.state, elapsed, self._feedbacks, self._share)
+        self._tell(lambda: self._report.now(now))
+
+    def _catch_up(self, until: float, *, ended: bool = False) -> None:
+        """Tell the events of the timeline that are new.
+
+        Args:
+            until: Later events are not told so far.
+            ended: Whether all feedback was told, which comes before the goal's end.
+        """
+        assert self._future is not None
+        events = [e for e in self._future.timeline if e.state is not GoalState.FEEDBACK]
+        if not ended and events and events[-1].state.is_terminal:
+            events.pop()
+        for event in events:
+            if event.monotonic <= until and event not in self._seen:
+                self._seen.add(event)
+                self._tell(lambda e=event: self._report.event(e))  # type: ignore[misc]
+
+    def _on_feedback(self, message: Any) -> None:
+        self._feedbacks += 1
+        if self._progress is not None:
+            self._share = self._progress.share(message)
+        if not self._echo:
+            return
+        at = time.monotonic()
+        if self._room.acquire(timeout=_SLOW):
+            self._inbox.put(lambda: self._show(message, at))
+        else:
+            self._not_shown += 1
+
+    def _show(self, message: Any, at: float) -> None:
+        self._room.release()
+        self._catch_up(at)
+        self._tell(lambda: self._report.feedback(message))
+
+    # --- the end from outside --------------------------------------------------------------
+
+    def _interrupt_soon(self, code: Exit) -> None:
+        self._inbox.put(lambda: self._interrupt(code))
+
+    def _interrupt(self, code: Exit) -> None:
+        if self._code is not None or self._future is None or self._future.done():
+            return
+        self._code = code
+        self._give_up_at = time.monotonic() + self._client.timeouts.cancel + _MARGIN
+        self._future.cancel()
+        self._catch_up(time.monotonic())
+        self._tell(lambda: self._report.interrupted(code))
+
+    def _tell(self, words: Callable[[], None]) -> None:
+        try:
+            words()
+        except OSError:  # nobody reads any more; not told to others than the goal
+            discard_output()
+            self._interrupt(Exit.OUTPUT_CLOSED)
+
+    def _last_words(self, outcome: Outcome[Any]) -> None:
+        """Where nobody reads the output, what is still running is told to standard error."""
+        safe = (None, CancelReport.CONFIRMED, CancelReport.NOT_NEEDED)
+        if self._code is Exit.OUTPUT_CLOSED and outcome.cancel not in safe:
+            with contextlib.suppress(OSError):
+                print(became(outcome), file=sys.stderr, flush=True)
+
+    def _farewell(self) -> str:
+        if self._future is None or self._future.state is GoalState.SENDING:
+            return "Left at once. Nothing was sent."
+        if self._future.done():
+            return "Left at once. The goal had ended."
+        return (
+            f"Left at once. Goal {self._future.goal_id.hex} MAY STILL BE RUNNING: its cancellation"
+            " was asked for, and not confirmed so far."
+        )
+
+
+def _nothing() -> None:
+    """Only wake up."""

@@ -1,0 +1,176 @@
+"""What `actionkit doctor` finds out about the servers in sight, and how fast one answers."""
+
+from __future__ import annotations
+
+import importlib.util
+import statistics
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from actionkit.cli._findings import Finding, note, ok, problem
+from actionkit.cli.info import nothing_there
+
+if TYPE_CHECKING:
+    from actionkit._ros.roundtrip import RoundTrip
+    from actionkit._ros.survey import ActionSeen, Survey
+
+_ROUND_TRIP = 5.0
+_SLOW = 0.1
+_LISTED = 10
+
+
+def actions_in_sight(survey: Survey, name: str | None, wait: float) -> Iterator[Finding]:
+    """Yield findings about the graph, and about one action where it is named.
+
+    Args:
+        survey: An open look at the graph.
+        name: The full name of an action, or `None`.
+        wait: Seconds to look for at least.
+    """
+    yield ok(
+        "middleware",
+        f"{survey.middleware}, domain {survey.domain_id}; a node was made in"
+        f" {survey.seconds_to_open * 1000:.0f} ms",
+    )
+    actions = survey.settled(
+        least=wait,
+        enough=lambda seen: bool(seen) if name is None else name in seen,
+    )
+    served = {key: action for key, action in actions.items() if action.servers}
+    if name is None:
+        yield from _all(served)
+        return
+    action = served.get(name)
+    if action is None:
+        yield _missing(name, actions, survey.domain_id)
+        return
+    seconds = survey.first_seen.get(name, 0.0)
+    yield ok("discovery", f"a server of {name} was seen after {seconds * 1000:.0f} ms")
+    yield from _one(action)
+    yield from _answers(name, len(action.servers))
+
+
+def _all(served: dict[str, ActionSeen]) -> Iterator[Finding]:
+    if not served:
+        yield problem(
+            "servers",
+            "no action server is in sight.",
+            "Start one (`actionkit serve fibonacci` is one to try), in the same domain and within"
+            " the range of discovery; see the settings above. Multicast may be blocked by a"
+            " firewall, a container or a wireless network: ROS_STATIC_PEERS goes without it.",
+        )
+        return
+    for action in list(served.values())[:_LISTED]:
+        yield from _one(action)
+    if len(served) > _LISTED:
+        yield ok("servers", f"and {len(served) - _LISTED} more; `actionkit list` shows all")
+
+
+def _missing(name: str, actions: dict[str, ActionSeen], domain: int) -> Finding:
+    clients = actions[name].clients if name in actions else ()
+    waiting = f" Waiting for one are: {_nodes(clients)}." if clients else ""
+    return problem(
+        "servers",
+        nothing_there(name, actions) + waiting,
+        "Correct the name, its namespace included, or start the server: in domain"
+        f" {domain}, within the range of discovery.",
+    )
+
+
+def _one(action: ActionSeen) -> Iterator[Finding]:
+    name, types = action.name, action.types
+    yield ok("server", f"{name} [{', '.join(types)}] by {_nodes(action.servers)}")
+    if len(types) > 1:
+        yield problem(
+            "type",
+            f"{name} is served with {len(types)} types: {', '.join(types)}.",
+            "One of the servers has the wrong type or name: remap or stop it.",
+        )
+    elif len(action.servers) > 1:
+        yield note(
+            "servers",
+            f"{name} has {len(action.servers)} servers: each goal is run by all of them.",
+            "Stop all but one. Right after a restart it is the old one that is not forgotten so"
+            " far, for up to 20 s.",
+        )
+    wrong = sorted({end.action_type for end in action.clients} - set(types))
+    if wrong:
+        yield problem(
+            "type",
+            f"{name} is served as {', '.join(types)}, but clients ask for {', '.join(wrong)}.",
+            "Those clients wait for ever: give them the served type, or another name.",
+        )
+    for kind in types:
+        package = kind.split("/", 1)[0]
+        if importlib.util.find_spec(package) is None:
+            yield note(
+                "package",
+                f"{package}, which {name} needs, cannot be imported here.",
+                f"Source the workspace that has {package}, or install it; without it nothing here"
+                " can call the action.",
+            )
+
+
+def _answers(name: str, servers: int) -> Iterator[Finding]:
+    from actionkit._ros.roundtrip import measure
+
+    yield from judged(name, servers, measure(name, _ROUND_TRIP))
+
+
+def judged(name: str, servers: int, trip: RoundTrip) -> Iterator[Finding]:
+    """Yield findings about a round trip.
+
+    Args:
+        name: The action's.
+        servers: How many are in sight.
+        trip: What was measured.
+    """
+    if trip.matched is None:
+        yield problem(
+            "round trip",
+            f"the services of {name} were not matched within {_ROUND_TRIP:g} s.",
+            "The server was seen, but is not reached: it was killed a moment ago (it stays in"
+            " sight for up to 20 s), or data is blocked where discovery is not. Check firewalls,"
+            " and shared memory between containers: run them with --ipc=host.",
+        )
+        return
+    text = f"endpoints matched in {trip.matched * 1000:.0f} ms"
+    if trip.first is None:
+        yield problem(
+            "round trip",
+            f"{text}, but none of {trip.asked} questions was answered in {_ROUND_TRIP:g} s.",
+            "The server's process is stopped or was killed, or the only thread of its executor is"
+            " busy in a callback: look at its log, and have it use a MultiThreadedExecutor.",
+        )
+        return
+    text += f", first answer after {trip.first * 1000:.1f} ms"
+    if trip.later:
+        text += (
+            f", then {statistics.median(trip.later) * 1000:.1f} ms (median of {len(trip.later)};"
+            f" {min(trip.later) * 1000:.1f} to {max(trip.later) * 1000:.1f})"
+        )
+    yield ok("round trip", f"{text}. The question: to cancel a goal that nobody knows")
+    if trip.asked > 1:
+        yield note(
+            "round trip",
+            f"{trip.asked - 1} questions were lost before the first answer.",
+            "Right after its start a server may not know the way back; if it goes on, the network"
+            " loses packets or the server is overloaded.",
+        )
+    if trip.later and statistics.median(trip.later) > _SLOW:
+        yield note(
+            "round trip",
+            f"an answer takes more than {_SLOW * 1000:g} ms.",
+            "The server's executor has too much to do in too few threads, or the network is slow.",
+        )
+    if trip.answers < servers:
+        yield note(
+            "round trip",
+            f"{trip.answers} of {servers} servers answer.",
+            "The silent one was killed, and is not forgotten so far, or is busy in its only"
+            " thread.",
+        )
+
+
+def _nodes(ends: tuple[object, ...]) -> str:
+    return ", ".join(getattr(end, "node", "") or "(a node not known yet)" for end in ends)

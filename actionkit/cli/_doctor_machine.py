@@ -1,0 +1,170 @@
+"""What `actionkit doctor` finds out about Python and rclpy, without importing it."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from actionkit.cli._findings import Finding, note, ok, problem
+
+_INSTALL = (
+    "With a ROS 2 installation: source its setup file, such as /opt/ros/jazzy/setup.bash, and run"
+    " ActionKit with that system's Python. Without one: pip install 'actionkit[ros]'."
+)
+_PATIENCE = 30.0
+_TESTED = ((3, 10), (3, 13))
+_PREFIX = "/opt/ros/"
+
+
+def machine(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
+    """Yield findings about Python and rclpy; a problem is the last one where rclpy fails."""
+    yield _python()
+    yield ok("actionkit", f"{_version('actionkit')}, {Path(__file__).parents[1]}")
+    places = rclpy_places()
+    if not places:
+        yield problem("rclpy", "not found by this Python.", _INSTALL)
+        yield from _other_python(environment)
+        return
+    if failure := _import_failure():
+        yield _broken(places[0], failure, environment)
+        return
+    yield ok("rclpy", f"{_rclpy_version(places[0])}, {places[0]} ({origin(places[0])})")
+    if len(places) > 1:
+        yield note(
+            "rclpy",
+            f"there is another one at {', '.join(map(str, places[1:]))}, which is not used.",
+            "Two of them mix up their libraries: use either the ROS installation, without"
+            " actionkit[ros], or a virtual environment in a shell where no setup file was sourced.",
+        )
+    distro = environment.get("ROS_DISTRO", "")
+    if distro not in ("", "jazzy"):
+        yield note(
+            "ROS_DISTRO",
+            f"is {distro!r}; ActionKit is tested with jazzy.",
+            "Source the setup file of ROS 2 Jazzy, or expect differences.",
+        )
+
+
+def rclpy_places() -> list[Path]:
+    """Return each directory named rclpy on Python's path, in the order of use."""
+    found = []
+    for entry in sys.path:
+        place = Path(entry or ".") / "rclpy"
+        if (place / "__init__.py").is_file() and place.resolve() not in found:
+            found.append(place.resolve())
+    # None in sys.modules is how a module is switched off.
+    return [] if "rclpy" in sys.modules and sys.modules["rclpy"] is None else found
+
+
+def origin(place: Path) -> str:
+    """Return in a few words where an rclpy comes from."""
+    if str(place).startswith(_PREFIX):
+        return f"the ROS installation {_PREFIX}{place.parts[3]}"
+    if _metadata("ros-jazzy-rclpy"):
+        return "wheels from a package index"
+    return "a workspace or another installation"
+
+
+def _python() -> Finding:
+    text = f"{sys.version.split()[0]}, {sys.executable}"
+    first, last = (".".join(map(str, version)) for version in _TESTED)
+    if _TESTED[0] <= sys.version_info[:2] <= _TESTED[1]:
+        return ok("python", text)
+    return note(
+        "python",
+        f"{text}: ActionKit is tested with {first} to {last}.",
+        "ROS 2 Jazzy comes with Python 3.12: use that one where something does not work.",
+    )
+
+
+def _other_python(environment: Mapping[str, str]) -> Iterator[Finding]:
+    """Say so where there is an rclpy, but of another Python."""
+    here = f"python{sys.version_info[0]}.{sys.version_info[1]}"
+    prefixes = environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    prefixes += [str(path) for path in sorted(Path(_PREFIX).glob("*"))]
+    for prefix in dict.fromkeys(filter(None, prefixes)):
+        for place in sorted(Path(prefix).glob("lib/python3*/site-packages/rclpy")):
+            python = place.parts[-3]
+            if python == here:
+                text = f"there is one at {place}, which is not on Python's path."
+                yield problem("rclpy", text, f"source {prefix}/setup.bash")
+            else:
+                text = f"there is one at {place}, for {python}; this is {here}."
+                yield problem("rclpy", text, f"Install and run ActionKit with {python}.")
+
+
+def _import_failure() -> str:
+    """Return why rclpy cannot be imported, or `""`.
+
+    In a process of its own: with a wrong RMW_IMPLEMENTATION, rcl ends the whole process.
+    """
+    # What every node needs, too: the middleware is loaded by that, not by rclpy itself.
+    code = "import rclpy.node, action_msgs.srv"
+    try:
+        run = subprocess.run(
+            [sys.executable, "-c", code],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=_PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return f"it took more than {_PATIENCE:g} s"
+    if run.returncode == 0:
+        return ""
+    last = run.stderr.strip().splitlines()[-1:] or [""]
+    return last[0] or f"the process ended with {run.returncode}"
+
+
+def _broken(place: Path, error: str, environment: Mapping[str, str]) -> Finding:
+    text = f"found at {place}, but it cannot be imported: {error}"
+    rmw = environment.get("RMW_IMPLEMENTATION", "")
+    if "rmw" in error.lower():
+        if rmw:
+            return problem(
+                "rclpy",
+                text,
+                f"RMW_IMPLEMENTATION={rmw} names a middleware that is not installed: unset it, or"
+                f" install it (apt install ros-jazzy-{rmw.replace('_', '-')}).",
+            )
+        return problem(
+            "rclpy",
+            text,
+            "No middleware is installed: pip install 'ros-jazzy-rclpy[fastrtps]' (the extra"
+            " matters), or apt install ros-jazzy-rmw-fastrtps-cpp.",
+        )
+    if "_BOOTSTRAP" in "".join(environment) and ".so" in error:
+        return problem(
+            "rclpy",
+            text,
+            "This process was started by one of another virtual environment, whose library path"
+            " it inherited: unset LD_LIBRARY_PATH and _ROS_WHEELS_BOOTSTRAP_COMPLETE.",
+        )
+    return problem("rclpy", text, _INSTALL)
+
+
+def _rclpy_version(place: Path) -> str:
+    for name in ("ros-jazzy-rclpy", "rclpy"):
+        if version := _metadata(name):
+            return version
+    package = place.parents[3] / "share" / "rclpy" / "package.xml"
+    if package.is_file() and (found := re.search(r"<version>(.*?)<", package.read_text("utf-8"))):
+        return found[1]
+    return "of unknown version"
+
+
+def _version(name: str) -> str:
+    return _metadata(name) or "of unknown version"
+
+
+def _metadata(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return ""

@@ -1,0 +1,120 @@
+"""What `actionkit doctor` finds in the environment variables that decide who sees whom. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from actionkit.cli._findings import Finding, note, ok, problem
+
+_RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
+_SAFE = 101
+"""The ports of higher domains reach into those that Linux gives to any program."""
+_MOST = 232
+_PROFILES = (
+    "FASTDDS_DEFAULT_PROFILES_FILE",
+    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    "CYCLONEDDS_URI",
+)
+
+
+def settings(environment: Mapping[str, str]) -> Iterator[Finding]:
+    """Yield findings about domain, discovery and middleware settings."""
+    yield _domain(environment.get("ROS_DOMAIN_ID", "").strip())
+    yield from _range(environment)
+    if peers := environment.get("ROS_STATIC_PEERS", ""):
+        yield note(
+            "ROS_STATIC_PEERS",
+            f"{peers!r}: these hosts are looked for beside those in range.",
+            "Where a host of the list does not answer, correct or unset it. Separate several by"
+            " a semicolon.",
+        )
+    if server := environment.get("ROS_DISCOVERY_SERVER", ""):
+        yield _discovery_server(server, environment)
+    for name in _PROFILES:
+        if value := environment.get(name, ""):
+            yield _profile(name, value)
+    if rmw := environment.get("RMW_IMPLEMENTATION", ""):
+        yield ok("RMW_IMPLEMENTATION", f"{rmw}; it must be the same for server and client")
+
+
+def _domain(text: str) -> Finding:
+    if not text:
+        return ok("ROS_DOMAIN_ID", "not set: domain 0")
+    if not text.isdigit() or int(text) > _MOST:
+        return problem(
+            "ROS_DOMAIN_ID",
+            f"{text!r} is no domain: a whole number from 0 to {_MOST} is one.",
+            f"export ROS_DOMAIN_ID=0, or whichever is that of the server; best up to {_SAFE}.",
+        )
+    if int(text) > _SAFE:
+        return note(
+            "ROS_DOMAIN_ID",
+            f"{text}: the network ports of domains above {_SAFE} may be taken by any program.",
+            f"Use a domain from 0 to {_SAFE}, for all nodes alike.",
+        )
+    return ok("ROS_DOMAIN_ID", f"{text}; that of the server must be the same")
+
+
+def _range(environment: Mapping[str, str]) -> Iterator[Finding]:
+    value = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
+    old = environment.get("ROS_LOCALHOST_ONLY", "")
+    if old:
+        only = old == "1"
+        yield note(
+            "ROS_LOCALHOST_ONLY",
+            f"{old!r}: deprecated, and it overrules ROS_AUTOMATIC_DISCOVERY_RANGE. "
+            + ("Only nodes on this machine are seen." if only else "Nodes on all hosts are seen."),
+            f"Unset it; ROS_AUTOMATIC_DISCOVERY_RANGE={'LOCALHOST' if only else 'SUBNET'} says the"
+            " same.",
+        )
+    topic = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+    if not value:
+        yield ok(topic, "not set: nodes in the whole subnet are seen")
+    elif value not in _RANGES:
+        yield problem(
+            topic,
+            f"{value!r} is not known, and so taken for LOCALHOST.",
+            f"Use {_one_of(_RANGES)}.",
+        )
+    elif value == "OFF":
+        yield problem(
+            topic,
+            "OFF: no node sees any other.",
+            "Unset it, or set it to SUBNET or LOCALHOST, for the server as well.",
+        )
+    elif value == "LOCALHOST":
+        yield note(
+            topic,
+            "LOCALHOST: only nodes on this machine are seen.",
+            "For a server on another machine: set it to SUBNET on both, or name the other in"
+            " ROS_STATIC_PEERS.",
+        )
+    else:
+        yield ok(topic, value)
+
+
+def _discovery_server(server: str, environment: Mapping[str, str]) -> Finding:
+    super_client = environment.get("ROS_SUPER_CLIENT", "").upper() in ("TRUE", "1")
+    return note(
+        "ROS_DISCOVERY_SERVER",
+        f"{server!r}: only nodes that use this discovery server are seen"
+        + ("." if super_client else ", and the graph is not shown whole to plain clients."),
+        "Set the same for the action server's process, and check that the discovery server runs."
+        + ("" if super_client else " For list, info and doctor set ROS_SUPER_CLIENT=TRUE, too."),
+    )
+
+
+def _profile(name: str, value: str) -> Finding:
+    path = Path(value.removeprefix("file://"))
+    if "<" not in value and not path.is_file():
+        return problem(name, f"{value!r} is not there.", f"Correct the path, or unset {name}.")
+    return note(
+        name,
+        f"{value!r}: a profile may switch off transports or discovery.",
+        f"Try once with {name} unset; server and client need profiles that fit.",
+    )
+
+
+def _one_of(words: tuple[str, ...]) -> str:
+    return f"{', '.join(words[:-1])} or {words[-1]}"

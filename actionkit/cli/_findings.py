@@ -1,0 +1,45 @@
+"""What `actionkit doctor` finds: each with a remedy, unless it is as it should be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Level = Literal["ok", "note", "problem"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes:
+        level: `"ok"`; `"note"`: may be meant so, and may be why a call does not work;
+            `"problem"`: something does not work.
+        topic: A word or two.
+        text: What was found.
+        remedy: What to do about it; only `"ok"` goes without.
+    """
+
+    level: Level
+    topic: str
+    text: str
+    remedy: str = ""
+
+    def __post_init__(self) -> None:
+        if self.level != "ok" and not self.remedy:
+            raise ValueError(f"a finding without a remedy: {self}")
+
+
+def ok(topic: str, text: str) -> Finding:
+    """Return a finding that is as it should be."""
+    return Finding("ok", topic, text)
+
+
+def note(topic: str, text: str, remedy: str) -> Finding:
+    """Return one that may be why a call does not work."""
+    return Finding("note", topic, text, remedy)
+
+
+def problem(topic: str, text: str, remedy: str) -> Finding:
+    """Return one that does not work."""
+    return Finding("problem", topic, text, remedy)

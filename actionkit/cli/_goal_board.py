@@ -1,0 +1,92 @@
+"""What is known of all goals of an action, from one status message to the next. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+_ENDED = ("SUCCEEDED", "CANCELED", "ABORTED", "LOST")
+_MOST = 1000
+"""Goals kept; of those that ended, the oldest go first."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One goal.
+
+    Attributes:
+        goal_id: 32 hexadecimal digits.
+        state: Its state; `LOST` where it had not ended when the last server went.
+        accepted: When it was accepted, in seconds since the epoch.
+        since: When this state was first seen, in seconds since the epoch.
+        before: The state before, as far as it was seen.
+    """
+
+    goal_id: str
+    state: str
+    accepted: float
+    since: float
+    before: str = ""
+
+    @property
+    def ended(self) -> bool:
+        """Whether it runs no more, or is lost."""
+        return self.state in _ENDED
+
+
+class Board:
+    """The goals of an action and its servers."""
+
+    def __init__(self) -> None:
+        self.goals: dict[str, Row] = {}
+        self.servers: tuple[str, ...] = ()
+
+    def take(self, news: Any, now: float) -> tuple[list[Row], bool]:
+        """Take in a list of goals, or a tuple of servers.
+
+        Args:
+            news: A list of `GoalSeen`, or the names of the servers' nodes.
+            now: Seconds since the epoch.
+
+        Returns:
+            The goals whose state changed, and whether the servers did.
+        """
+        if isinstance(news, tuple):
+            self.servers = news
+            return ([] if news else self._lose(now)), True
+        return self._update(news, now), False
+
+    def _update(self, seen: Sequence[Any], now: float) -> list[Row]:
+        changed = []
+        for goal in seen:
+            row = self.goals.get(goal.goal_id)
+            # Messages of two servers may cross; what has ended stays so.
+            if row is not None and (row.state == goal.state or (row.ended and row.state != "LOST")):
+                continue
+            before = "" if row is None else row.state
+            new = Row(goal.goal_id, goal.state, goal.accepted, now, before)
+            self.goals[goal.goal_id] = new
+            changed.append(new)
+        ended = [row for row in self.goals.values() if row.ended]
+        for row in sorted(ended, key=lambda row: row.accepted)[: len(self.goals) - _MOST]:
+            if len(self.goals) > _MOST:
+                del self.goals[row.goal_id]
+        return sorted(changed, key=lambda row: row.accepted)
+
+    def _lose(self, now: float) -> list[Row]:
+        lost = [row for row in self.goals.values() if not row.ended]
+        for row in lost:
+            self.goals[row.goal_id] = Row(row.goal_id, "LOST", row.accepted, now, row.state)
+        return [self.goals[row.goal_id] for row in lost]
+
+    def sorted(self) -> list[Row]:
+        """Return the goals in the order of their acceptance."""
+        return sorted(self.goals.values(), key=lambda row: row.accepted)
+
+    def counts(self) -> dict[str, int]:
+        """Return how many goals are in each state."""
+        found: dict[str, int] = {}
+        for row in self.goals.values():
+            found[row.state] = found.get(row.state, 0) + 1
+        return found

@@ -1,0 +1,89 @@
+"""From the text of a goal, YAML or JSON, to a message that was checked field by field."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import click
+import yaml
+
+from actionkit._field_paths import message_class, slots_of, type_name
+from actionkit._fields import FieldProblem, to_message
+
+_NOW = ("now", "auto")
+"""The words for the present time, as `ros2` has them: one for stamps, one for headers."""
+_TIME = "builtin_interfaces/msg/Time"
+_HEADER = "std_msgs/msg/Header"
+
+
+def parse(text: str, goal_class: type) -> Any:
+    """Return the goal.
+
+    Args:
+        text: YAML or JSON: a mapping of the goal's fields. Those that are missing keep their
+            defaults. `now` stands for the present time, in a stamp and in a header.
+        goal_class: Such as `Fibonacci.Goal`.
+
+    Raises:
+        click.BadParameter: It does not fit; the text names the field.
+    """
+    value = _read(text)
+    if not isinstance(value, Mapping):
+        fields = ", ".join(slots_of(goal_class)) or "none"
+        raise _bad(
+            f"{value!r} is not a mapping of fields to values, as '{{order: 5}}' is. The fields of"
+            f" {type_name(goal_class)} are: {fields}."
+        )
+    try:
+        return to_message(goal_class, fill_now(goal_class, value, time.time_ns()))
+    except FieldProblem as error:
+        raise _bad(f"{error}") from error
+
+
+def fill_now(cls: type, value: Any, nanoseconds: int) -> Any:
+    """Return the value with the time wherever a stamp or header says `now`.
+
+    Args:
+        cls: The message class that the value is for.
+        value: Plain values; what does not fit the class is left as it is.
+        nanoseconds: The time, since the epoch.
+    """
+    from rosidl_parser.definition import AbstractNestedType, NamespacedType
+
+    name = type_name(cls)
+    if isinstance(value, str) and value in _NOW and name in (_TIME, _HEADER):
+        stamp = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
+        return stamp if name == _TIME else {"stamp": stamp}
+    if not isinstance(value, Mapping):
+        return value
+    filled = dict(value)
+    for field, (slot, _) in slots_of(cls).items():
+        if field not in filled:
+            continue
+        if isinstance(slot, NamespacedType):
+            filled[field] = fill_now(message_class(slot), filled[field], nanoseconds)
+        elif isinstance(slot, AbstractNestedType) and isinstance(slot.value_type, NamespacedType):
+            inner = message_class(slot.value_type)
+            if isinstance(filled[field], list):
+                filled[field] = [fill_now(inner, item, nanoseconds) for item in filled[field]]
+    return filled
+
+
+def _read(text: str) -> Any:
+    try:
+        return json.loads(text)  # first: YAML takes the number 1e3 for a string
+    except ValueError:
+        pass
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        problem = " ".join(str(error).split())
+        raise _bad(f"it is neither YAML nor JSON: {problem}") from error
+    return {} if value is None else value
+
+
+def _bad(problem: str) -> click.BadParameter:
+    return click.BadParameter(f"{problem} Nothing was sent.", param_hint="GOAL")

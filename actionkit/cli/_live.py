@@ -1,0 +1,62 @@
+"""The same on a terminal: with a line below that tells how far the goal is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+from rich.text import Text
+
+from actionkit._values import Outcome
+from actionkit.cli._exits import Exit
+from actionkit.cli._reports import Now, TextReport, described, not_shown
+
+
+class LiveReport(TextReport):
+    """Draws a bar where the share is known, else a sign that it goes on."""
+
+    def __init__(self, goal: Any, *, bar: bool) -> None:
+        """Make one.
+
+        Args:
+            goal: The goal message.
+            bar: Whether feedback will tell the share.
+        """
+        super().__init__(goal)
+        self._console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
+        shown = BarColumn(bar_width=30) if bar else SpinnerColumn("line")
+        self._progress = Progress(
+            shown,
+            TextColumn("{task.description}", markup=False),
+            console=self._console,
+            # Drawn by the call's own thread alone, and gone when it ends.
+            auto_refresh=False,
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
+        )
+        self._task = self._progress.add_task("", total=1.0)
+
+    def out(self, text: str) -> None:
+        self._console.print(Text(text), soft_wrap=True)
+
+    def not_shown(self, count: int) -> None:
+        self.out(not_shown(count))
+
+    def begin(self) -> None:
+        super().begin()
+        self._progress.start()
+
+    def now(self, now: Now) -> None:
+        words = described(now)
+        self._progress.update(self._task, completed=now.share or 0.0, description=words)
+        self._progress.refresh()
+
+    def finished(self, outcome: Outcome[Any], code: Exit) -> None:
+        self._progress.stop()
+        super().finished(outcome, code)
+
+    def close(self) -> None:
+        """Let go of the terminal."""
+        self._progress.stop()

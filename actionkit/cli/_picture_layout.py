@@ -1,0 +1,203 @@
+"""What a picture of goals shows, as plain data: rows for calls, lanes for attempts, bars and marks.
+
+Pure: from the lines of a log to times in seconds. How it looks is another module's business.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from itertools import zip_longest
+
+from actionkit._observers.json_schema import LoggedLine
+from actionkit._timeline_text import timeline_text
+from actionkit._values import GoalEvent, GoalState
+
+
+class Phase(Enum):
+    """What a goal is in, between two events; the value is for the legend."""
+
+    SERVER = "waiting for a server or its turn"
+    ACCEPT = "waiting for acceptance"
+    ACCEPTED = "accepted"
+    EXECUTING = "executing"
+    CANCELING = "given up or canceling"
+    PAUSE = "pause before a retry"
+
+
+class Sign(Enum):
+    """A moment that is marked; the value is for the legend."""
+
+    SUCCEEDED = "succeeded"
+    ABORTED = "aborted"
+    CANCELED = "canceled"
+    REJECTED = "rejected"
+    LOST = "server or result lost"
+    TIMED_OUT = "time ran out"
+    FAILED = "ended otherwise"
+    UNENDED = "no end in this log"
+
+
+_PHASES = {
+    GoalState.SENDING: Phase.SERVER,
+    GoalState.SENT: Phase.ACCEPT,
+    GoalState.ACCEPTED: Phase.ACCEPTED,
+    GoalState.EXECUTING: Phase.EXECUTING,
+    GoalState.CANCELING: Phase.CANCELING,
+    GoalState.TIMED_OUT: Phase.CANCELING,
+    GoalState.RETRYING: Phase.PAUSE,
+}
+_SIGNS = {
+    GoalState.SUCCEEDED: Sign.SUCCEEDED,
+    GoalState.ABORTED: Sign.ABORTED,
+    GoalState.CANCELED: Sign.CANCELED,
+    GoalState.REJECTED: Sign.REJECTED,
+    GoalState.LOST: Sign.LOST,
+    GoalState.TIMED_OUT: Sign.TIMED_OUT,
+}
+_NEVER_SENT = {Phase.SERVER, Phase.PAUSE, None}
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A phase from one moment to another."""
+
+    phase: Phase
+    start: float
+    end: float
+
+
+@dataclass
+class Lane:
+    """One attempt.
+
+    Attributes:
+        attempt: Its number.
+        goal_id: Its goal.
+        bars: Its phases, in order.
+        marks: Its marked moments.
+        feedback: When feedback came.
+        text: Its timeline.
+        open: Whether it is in a phase at its end, and not over.
+    """
+
+    attempt: int
+    goal_id: str
+    bars: list[Bar] = field(default_factory=list)
+    marks: list[tuple[Sign, float]] = field(default_factory=list)
+    feedback: list[float] = field(default_factory=list)
+    text: str = ""
+    open: bool = False
+
+
+@dataclass
+class Row:
+    """One call.
+
+    Attributes:
+        action_name: Of which action.
+        start: When it was made.
+        end: When it ended; `None` where the log does not tell.
+        outcome: `"ok"`, `"cancelled"` or the name of the error; `""` where the log has none.
+        lanes: Its attempts, the first first.
+    """
+
+    action_name: str
+    start: float
+    end: float | None
+    outcome: str
+    lanes: list[Lane]
+
+
+@dataclass
+class Picture:
+    """All calls of a log.
+
+    Attributes:
+        wall: Seconds since the epoch at the time 0 of all others.
+        end: The last moment, in seconds.
+        rows: The calls, in the order in which they began.
+    """
+
+    wall: float
+    end: float
+    rows: list[Row]
+
+
+def lay_out(calls: Sequence[Sequence[LoggedLine]]) -> Picture:
+    """Return what to draw.
+
+    Args:
+        calls: The lines of each call, none of them empty.
+    """
+    began = [_beginning(lines) for lines in calls]
+    base = min((wall for wall, _ in began), default=0.0)
+    shifts = [wall - base - monotonic for wall, monotonic in began]
+    end = max(
+        (
+            line.data["monotonic"] + shift
+            for lines, shift in zip(calls, shifts, strict=True)
+            for line in lines
+        ),
+        default=0.0,
+    )
+    rows = [_row(lines, shift, end) for lines, shift in zip(calls, shifts, strict=True)]
+    return Picture(base, end, sorted(rows, key=lambda row: row.start))
+
+
+def _beginning(lines: Sequence[LoggedLine]) -> tuple[float, float]:
+    """Return the wall and the monotonic time at which a call comes into view."""
+    data = lines[0].data
+    before = data["elapsed_ms"] / 1000 if lines[0].kind == "outcome" else 0.0
+    return float(data["wall"]) - before, float(data["monotonic"]) - before
+
+
+def _row(lines: Sequence[LoggedLine], shift: float, end_of_all: float) -> Row:
+    events = [line.event for line in lines if line.event is not None]
+    outcome = next((line for line in lines if line.kind == "outcome"), None)
+    ended = None if outcome is None else float(outcome.data["monotonic"]) + shift
+    numbers = sorted({event.attempt for event in events})
+    starts = {n: next(e.monotonic for e in events if e.attempt == n) + shift for n in numbers}
+    lanes = []
+    for number, following in zip_longest(numbers, numbers[1:]):
+        own = [event for event in events if event.attempt == number]
+        last = following is None
+        until = ended if last else starts[following or number]
+        lane = _lane(own, shift, until if until is not None else end_of_all)
+        if last and ended is None and lane.open:
+            lane.marks.append((Sign.UNENDED, end_of_all))
+        lanes.append(lane)
+    word = "" if outcome is None else str(outcome.data["outcome"])
+    if ended is not None and word != "ok" and not (lanes and lanes[-1].marks):
+        lanes = lanes or [Lane(1, str(lines[0].data["goal_id"]))]
+        lanes[-1].marks.append((Sign.FAILED, ended))
+    return Row(lines[0].action_name, _beginning(lines)[1] + shift, ended, word, lanes)
+
+
+def _lane(events: list[GoalEvent], shift: float, until: float) -> Lane:
+    """Return the lane of one attempt, whose last phase lasts until `until`."""
+    kept = _without_middle_feedback(events)
+    lane = Lane(events[0].attempt, str(events[0].goal_id), text=timeline_text(kept))
+    phase, since = None, 0.0
+    for event in events:
+        at = event.monotonic + shift
+        if event.state is GoalState.FEEDBACK:
+            lane.feedback.append(at)
+            continue
+        if phase is not None and at > since:
+            lane.bars.append(Bar(phase, since, at))
+        if event.state in _SIGNS:
+            lane.marks.append((_SIGNS[event.state], at))
+        never_sent = event.state is GoalState.TIMED_OUT and phase in _NEVER_SENT
+        phase, since = None if never_sent else _PHASES.get(event.state), at
+    lane.open = phase is not None
+    if phase is not None and until > since:
+        lane.bars.append(Bar(phase, since, until))
+    return lane
+
+
+def _without_middle_feedback(events: list[GoalEvent]) -> list[GoalEvent]:
+    places = [n for n, event in enumerate(events) if event.state is GoalState.FEEDBACK]
+    dropped = set(places[1:-1])
+    return [event for n, event in enumerate(events) if n not in dropped]

@@ -1,0 +1,62 @@
+"""Errors that a person is told in one line, with the exit code that goes with them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from actionkit.cli._exits import Exit
+
+if TYPE_CHECKING:
+    from actionkit._ros.survey import Survey
+
+
+class Problem(click.ClickException):
+    """Something that is told as `Error: ...`."""
+
+    def __init__(self, code: Exit, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def no_ros(error: BaseException) -> Problem:
+    """Return the problem that rclpy, or what it needs, cannot be imported."""
+    return Problem(
+        Exit.NO_ROS,
+        f"rclpy cannot be used here ({type(error).__name__}: {error}). On a machine with a ROS"
+        " installation source its setup file, such as /opt/ros/jazzy/setup.bash; elsewhere: pip"
+        " install 'actionkit[ros]'. `actionkit doctor` tells more.",
+    )
+
+
+def open_survey() -> Survey:
+    """Join the ROS graph.
+
+    Raises:
+        Problem: rclpy is not there, or refuses.
+    """
+    try:
+        from actionkit._ros.survey import Survey
+    except Exception as error:  # also what a broken middleware raises
+        raise no_ros(error) from error
+    try:
+        return Survey()
+    except Exception as error:
+        raise Problem(
+            Exit.FAILED,
+            f"the ROS graph cannot be joined ({type(error).__name__}: {error})."
+            " `actionkit doctor` tells more.",
+        ) from error
+
+
+def full_name(survey: Survey, name: str) -> str:
+    """Return the full name of an action.
+
+    Raises:
+        click.BadParameter: It is no valid name.
+    """
+    try:
+        return survey.resolve(name)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="NAME") from error

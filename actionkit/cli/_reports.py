@@ -1,0 +1,224 @@
+"""What `actionkit call` tells while it goes on, in the words of `ros2 action send_goal`."""
+
+from __future__ import annotations
+
+import sys
+import uuid
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome
+from actionkit.cli._exits import Exit
+from actionkit.cli._plain import as_json, as_yaml
+
+_CAUSES = {
+    Exit.INTERRUPTED: "Ctrl-C",
+    Exit.TERMINATED: "SIGTERM",
+    Exit.HANGUP: "SIGHUP",
+    Exit.OUTPUT_CLOSED: "closed output",
+}
+_BECAME = {
+    CancelReport.CONFIRMED: "Goal canceled: CONFIRMED. The server says that it runs no more.",
+    CancelReport.REFUSED: "Goal not canceled: REFUSED by the server. IT IS STILL RUNNING.",
+    CancelReport.UNKNOWN: "Goal perhaps not canceled: UNKNOWN, for want of an answer. IT MAY"
+    " STILL BE RUNNING.",
+    CancelReport.NOT_NEEDED: "Nothing to cancel: NOT_NEEDED. No goal was running.",
+}
+_WITH_RESULT = (GoalState.SUCCEEDED, GoalState.ABORTED, GoalState.CANCELED)
+
+
+@dataclass(frozen=True)
+class Now:
+    """How a call stands.
+
+    Attributes:
+        state: The goal's.
+        elapsed: Seconds since the call.
+        feedbacks: How many feedback messages came.
+        share: How much is done, 0 to 1, where that is known.
+    """
+
+    state: GoalState
+    elapsed: float
+    feedbacks: int
+    share: float | None
+
+
+class Report(Protocol):
+    """What a call is told to. On one thread."""
+
+    def begin(self) -> None: ...
+    def event(self, event: GoalEvent) -> None: ...
+    def feedback(self, message: Any) -> None: ...
+    def not_shown(self, count: int) -> None: ...
+    def now(self, now: Now) -> None: ...
+    def interrupted(self, code: Exit) -> None: ...
+    def finished(self, outcome: Outcome[Any], code: Exit) -> None: ...
+    def close(self) -> None: ...
+
+
+def became(outcome: Outcome[Any]) -> str:
+    """Return a sentence about what became of a goal that was interrupted."""
+    if outcome.status in (GoalState.SUCCEEDED, GoalState.ABORTED):
+        return f"Too late to cancel: the goal had ended as {outcome.status}."
+    report = outcome.cancel or getattr(outcome.error, "cancel", None)
+    if report is None:
+        report = (
+            CancelReport.CONFIRMED
+            if outcome.status is GoalState.CANCELED
+            else CancelReport.NOT_NEEDED
+        )
+    return _BECAME[report]
+
+
+class TextReport:
+    """Lines for people: on standard output what `ros2` says, on standard error the rest."""
+
+    def __init__(self, goal: Any) -> None:
+        """Make one.
+
+        Args:
+            goal: The goal message.
+        """
+        self._goal = goal
+        self._told = 0.0
+        self._share: float | None = None
+        self._known: set[uuid.UUID] = set()
+
+    def out(self, text: str) -> None:
+        """Write a line to standard output, at once."""
+        print(text, flush=True)
+
+    def err(self, text: str) -> None:
+        """Write a line to standard error."""
+        print(text, file=sys.stderr, flush=True)
+
+    def begin(self) -> None:
+        self.out("Waiting for an action server to become available...")
+
+    def event(self, event: GoalEvent) -> None:
+        if event.state is GoalState.SENT:
+            again = f" (attempt {event.attempt})" if event.attempt > 1 else ""
+            self.out(f"Sending goal{again}:\n{as_yaml(self._goal)}")
+        elif event.state in (GoalState.ACCEPTED, GoalState.EXECUTING):
+            self._accepted(event)
+        elif event.state is GoalState.REJECTED:
+            self.out("Goal was rejected.")
+        elif event.state is GoalState.RETRYING:
+            self.out(f"Trying again: {event.detail}")
+
+    def _accepted(self, event: GoalEvent) -> None:
+        if event.goal_id not in self._known:
+            self._known.add(event.goal_id)
+            self.out(f"Goal accepted with ID: {event.goal_id.hex}\n")
+        elif event.detail:  # that the server refused to cancel it, for one
+            self.out(f"{event.detail[0].upper()}{event.detail[1:]}.")
+
+    def feedback(self, message: Any) -> None:
+        self.out(f"Feedback:\n{as_yaml(message)}")
+
+    def not_shown(self, count: int) -> None:
+        self.err(not_shown(count))
+
+    def now(self, now: Now) -> None:
+        grown = now.share is not None and now.share - (self._share or 0.0) >= 0.1
+        if (
+            now.feedbacks == 0
+            or now.state.is_terminal
+            or (now.elapsed - self._told < 1.0 and not grown)
+        ):
+            return
+        self._told, self._share = now.elapsed, now.share
+        self.err(f"Progress: {described(now)}")
+
+    def interrupted(self, code: Exit) -> None:
+        self.out(f"Canceling goal... ({_CAUSES[code]}; once more leaves at once)")
+
+    def finished(self, outcome: Outcome[Any], code: Exit) -> None:
+        if outcome.result is not None and outcome.status in _WITH_RESULT:
+            self.out(f"Result:\n{as_yaml(outcome.result)}")
+        if outcome.status.is_terminal and outcome.status is not GoalState.REJECTED:
+            self.out(f"Goal finished with status: {outcome.status}")
+        if code in _CAUSES:
+            self.out(became(outcome))
+        elif outcome.error is not None:
+            self.err(f"Error: {outcome.error}")
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class JsonReport:
+    """One JSON object on each line of standard output."""
+
+    def __init__(self, goal: Any) -> None:
+        self._goal = goal
+        self._began: float | None = None
+
+    def _write(self, kind: str, **details: Any) -> None:
+        print(as_json({"event": kind, **details}), flush=True)
+
+    def begin(self) -> None:
+        """Nothing is known so far."""
+
+    def event(self, event: GoalEvent) -> None:
+        if event.state is GoalState.FEEDBACK:
+            return
+        if self._began is None:
+            self._began = event.monotonic
+        self._write(
+            "state",
+            state=event.state.value,
+            goal_id=event.goal_id.hex,
+            attempt=event.attempt,
+            elapsed=round(event.monotonic - self._began, 6),
+            time=event.wall,
+            detail=event.detail,
+        )
+
+    def feedback(self, message: Any) -> None:
+        from actionkit._fields import to_plain
+
+        self._write("feedback", feedback=to_plain(message))
+
+    def not_shown(self, count: int) -> None:
+        self._write("feedback_not_shown", count=count)
+
+    def now(self, now: Now) -> None:
+        """Programs ask no such question."""
+
+    def interrupted(self, code: Exit) -> None:
+        self._write("canceling", cause=_CAUSES[code])
+
+    def finished(self, outcome: Outcome[Any], code: Exit) -> None:
+        from actionkit._fields import to_plain
+
+        error = outcome.error
+        self._write(
+            "outcome",
+            exit_code=int(code),
+            exit=code.name,
+            status=outcome.status.value,
+            goal_id=outcome.goal_id.hex,
+            attempts=outcome.attempts,
+            feedback_count=outcome.feedback_count,
+            result=None if outcome.result is None else to_plain(outcome.result),
+            error=None if error is None else type(error).__name__,
+            message=None if error is None else str(error),
+            cancel=None if outcome.cancel is None else outcome.cancel.value,
+        )
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+def not_shown(count: int) -> str:
+    """Return a sentence about feedback that was left out."""
+    return f"({count} feedback messages came too fast to be shown)"
+
+
+def described(now: Now) -> str:
+    """Return in a few words how a call stands."""
+    share = "" if now.share is None else f"{now.share:4.0%}, "
+    some = "feedback message" if now.feedbacks == 1 else "feedback messages"
+    return f"{share}{now.feedbacks} {some}, {now.elapsed:.1f} s, {now.state}"

@@ -1,0 +1,102 @@
+"""What ends a call from outside: signals, and a reader of the output that went away."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import stat
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from types import FrameType
+
+from actionkit.cli._exits import Exit
+
+_EXITS = {
+    signal.SIGINT: Exit.INTERRUPTED,
+    signal.SIGTERM: Exit.TERMINATED,
+    signal.SIGHUP: Exit.HANGUP,
+}
+_SHOW_CURSOR = b"\x1b[?25h"
+_ONE_PRESS = 0.1
+"""Seconds in which two signals are one press of Ctrl-C: the terminal sends it to all its
+processes, and a wrapper such as `uv run` passes its own on."""
+
+
+@contextlib.contextmanager
+def handled(first: Callable[[Exit], object], farewell: Callable[[], str]) -> Iterator[None]:
+    """Handle SIGINT, SIGTERM and SIGHUP: the first is told, the second ends the process at once.
+
+    Signals that were ignored before, as `nohup` and a shell's `&` have it, stay so.
+
+    Args:
+        first: Called with the exit code of the first, in the main thread, in the middle of
+            whatever it does.
+        farewell: Returns what to say at the second.
+    """
+    told: list[float] = []
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        now = time.monotonic()
+        code = _EXITS[signal.Signals(number)]
+        if not told:
+            told.append(now)
+            first(code)
+        elif len(told) == 1 and now - told[0] > _ONE_PRESS:
+            told.append(now)  # a third may come in the middle of this
+            leave_at_once(code, farewell())
+
+    before = {
+        number: signal.signal(number, handle)
+        for number in _EXITS
+        if signal.getsignal(number) is not signal.SIG_IGN
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+
+
+def leave_at_once(code: Exit, words: str) -> None:
+    """End the process here and now. Does not return."""
+    with contextlib.suppress(OSError):
+        if os.isatty(1):
+            os.write(1, _SHOW_CURSOR)
+        os.write(2, f"\n{words}\n".encode(errors="replace"))
+    os._exit(code)
+
+
+def watch_output(closed: Callable[[], object]) -> None:
+    """Have `closed` called, on another thread, when nobody reads our output any more.
+
+    A write would tell as well, but the next one may be hours away, and a goal runs meanwhile.
+    """
+    try:
+        mode = os.fstat(1).st_mode
+    except OSError:
+        return
+    if not (stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode)):
+        return
+
+    def watch() -> None:
+        poll = select.poll()
+        poll.register(1, 0)  # errors are always told
+        poll.poll()
+        closed()
+
+    threading.Thread(target=watch, name="output", daemon=True).start()
+
+
+def discard_output() -> None:
+    """Send what is still to be written to nowhere; Python flushes once more at its end."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)

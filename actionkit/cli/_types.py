@@ -1,0 +1,95 @@
+"""From the name of an action type to its class, and which types are installed."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import importlib.util
+import re
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import click
+
+from actionkit.cli._exits import Exit
+from actionkit.cli._problems import Problem
+
+_TYPE = re.compile(r"([A-Za-z]\w*)/(?:action/)?([A-Za-z]\w*)")
+_PART = re.compile(r"_(SendGoal|GetResult)(_Request|_Response|_Event)?$")
+
+
+@cache
+def installed() -> tuple[str, ...]:
+    """Return the names of all action types that can be imported, sorted."""
+    found: set[str] = set()
+    for entry in sys.path:
+        for init in Path(entry or ".").glob("*/action/__init__.py"):
+            package = init.parts[-3]
+            # What rosidl generates is of this form; nothing is imported to look.
+            line = re.compile(rf"^from {re.escape(package)}\.action\._\w+ import (\w+)", re.M)
+            try:
+                names = line.findall(init.read_text("utf-8"))
+            except (OSError, UnicodeDecodeError):
+                continue
+            found.update(f"{package}/action/{name}" for name in names if not _PART.search(name))
+    return tuple(sorted(found))
+
+
+def load(text: str) -> Any:
+    """Return the class of an action type.
+
+    Args:
+        text: Such as `test_msgs/action/Fibonacci`; `test_msgs/Fibonacci` will do.
+
+    Raises:
+        click.BadParameter: There is no such type; the text names the nearest that there are.
+        Problem: The package is there, but cannot be imported.
+    """
+    match = _TYPE.fullmatch(text)
+    if match is None:
+        raise _bad(
+            f"{text!r} is no action type: one is written as test_msgs/action/Fibonacci.", text
+        )
+    package, name = match.groups()
+    if importlib.util.find_spec(package) is None:
+        raise _bad(f"there is no package {package!r} here that could be imported.", text)
+    try:
+        module = importlib.import_module(f"{package}.action")
+    except ModuleNotFoundError as error:
+        if error.name != f"{package}.action":
+            raise _broken(package, error) from error
+        raise _bad(f"the package {package!r} has no actions.", text) from None
+    except Exception as error:  # whatever a broken package raises
+        raise _broken(package, error) from error
+    found = getattr(module, name, None)
+    if not all(hasattr(found, part) for part in ("Goal", "Result", "Feedback", "Impl")):
+        raise _bad(f"the package {package!r} has no action {name!r}.", text)
+    return found
+
+
+def _broken(package: str, error: Exception) -> Problem:
+    return Problem(
+        Exit.NO_ROS,
+        f"the package {package!r} is here, but cannot be imported"
+        f" ({type(error).__name__}: {error}). Source the setup file of the workspace that it was"
+        " built in, for this Python.",
+    )
+
+
+def _bad(problem: str, text: str) -> click.BadParameter:
+    known = installed()
+    # By the last name too, because the package is what is mostly mistaken.
+    by_tail = {name.rsplit("/", 1)[-1]: name for name in reversed(known)}
+    near = difflib.get_close_matches(text, known, n=3, cutoff=0.7)
+    for tail in difflib.get_close_matches(text.rsplit("/", 1)[-1], by_tail, n=2, cutoff=0.8):
+        if by_tail[tail] not in near:
+            near.append(by_tail[tail])
+    if near:
+        hint = f"Did you mean {' or '.join(near)}?"
+    elif known:
+        hint = f"Installed are: {', '.join(known[:8])}{' and more' if len(known) > 8 else ''}."
+    else:
+        hint = "No action types at all are installed: source the setup file of your workspace."
+    return click.BadParameter(f"{problem} {hint}", param_hint="TYPE")

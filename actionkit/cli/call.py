@@ -1,0 +1,231 @@
+"""`actionkit call`: send one goal and wait for what becomes of it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from actionkit.cli._exits import Exit
+from actionkit.cli._options import (
+    HELP,
+    SECONDS,
+    complete_types,
+    debug_option,
+    json_option,
+    name_argument,
+)
+from actionkit.cli._problems import no_ros
+
+if TYPE_CHECKING:
+    from actionkit._classify import FieldClassifier
+    from actionkit.cli._progress import Field
+    from actionkit.cli._reports import Report
+
+_EPILOG = """\b
+Examples:
+  actionkit call /fibonacci test_msgs/action/Fibonacci '{order: 5}' --feedback
+  actionkit call /fibonacci test_msgs/action/Fibonacci '{order: 5}' --timeout 10 --json
+  echo '{"order": 5}' | actionkit call fibonacci test_msgs/Fibonacci --stdin
+  actionkit call /navigate nav2_msgs/action/NavigateToPose --progress distance_remaining \\
+      '{pose: {header: {stamp: now, frame_id: map}, pose: {position: {x: 1.5}}}}'
+
+Ctrl-C cancels the goal on the server and tells what became of it; twice leaves at once.
+
+\b
+Exit codes:
+""" + "\n".join(f"  {code.value:>3}  {code.meaning}" for code in Exit)
+
+
+@click.command("call", context_settings=HELP, epilog=_EPILOG)
+@name_argument
+@click.argument("type_name", metavar="TYPE", shell_complete=complete_types)
+@click.argument("goal", metavar="[GOAL]", required=False)
+@click.option("-f", "--feedback", is_flag=True, help="Show each feedback message.")
+@click.option("--stdin", is_flag=True, help="Read the goal from standard input.")
+@click.option(
+    "--timeout",
+    type=SECONDS,
+    help="For everything: the server, acceptance, execution, retries. When they run out, the"
+    " goal is cancelled. Without it: no limit.",
+)
+@click.option(
+    "--server-timeout",
+    type=SECONDS,
+    default=5.0,
+    show_default=True,
+    help="Until a server is seen.",
+)
+@click.option(
+    "--accept-timeout",
+    type=SECONDS,
+    default=5.0,
+    show_default=True,
+    help="Until the server accepts or rejects the goal.",
+)
+@click.option(
+    "--feedback-timeout", type=SECONDS, help="The longest silence between two feedback messages."
+)
+@click.option(
+    "--cancel-timeout",
+    type=SECONDS,
+    default=2.0,
+    show_default=True,
+    help="For a cancellation to be confirmed.",
+)
+@click.option(
+    "--retries",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Try again up to N times after a failure that may pass; never while an earlier goal may"
+    " still be running.",
+)
+@click.option(
+    "--ok",
+    metavar="PATH=VALUE,..",
+    help="Take a result for a success only where this field has one of the values.",
+)
+@click.option(
+    "--transient",
+    metavar="PATH=VALUE,..",
+    help="Take one for a failure that may pass where this field has one of the values.",
+)
+@click.option(
+    "--progress",
+    metavar="PATH[:HOW]",
+    help="The field of the feedback that tells how far the goal is. HOW is percent, share,"
+    " remaining, or the number that it counts up to; an array counts by its length. Without it:"
+    " a field that has such a name.",
+)
+@json_option("Write one JSON object on each line.")
+@debug_option
+def command(
+    name: str,
+    type_name: str,
+    goal: str | None,
+    feedback: bool,
+    stdin: bool,
+    timeout: float | None,
+    server_timeout: float,
+    accept_timeout: float,
+    feedback_timeout: float | None,
+    cancel_timeout: float,
+    retries: int,
+    ok: str | None,
+    transient: str | None,
+    progress: str | None,
+    as_json: bool,
+) -> int:
+    """Send a goal to the action NAME and wait for its result.
+
+    TYPE is the action's type, such as test_msgs/action/Fibonacci. GOAL is YAML or JSON; fields
+    that are missing keep their defaults, and `now` stands for the present time in a stamp or a
+    header. Words and flags are those of `ros2 action send_goal`.
+    """
+    if stdin and goal is not None:
+        raise click.UsageError("Give the goal as GOAL or by --stdin, not both.")
+
+    from actionkit.cli import _goals, _types
+
+    action = _types.load(type_name)
+    message = _goals.parse(sys.stdin.read() if stdin else goal or "{}", action.Goal)
+    classify = _classifier(ok, transient, action.Result)
+    field = _progress_field(progress, action.Feedback)
+
+    from actionkit import Client, RetryPolicy, Timeouts
+
+    timeouts = Timeouts(
+        server=server_timeout,
+        accept=accept_timeout,
+        feedback=feedback_timeout,
+        cancel=cancel_timeout,
+    )
+    try:
+        client: Any = Client(
+            action,
+            name,
+            timeouts=timeouts,
+            retry=RetryPolicy(attempts=retries + 1),
+            classify=classify,
+        )
+    except ImportError as error:
+        raise no_ros(error) from error
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+
+    from actionkit.cli._calling import Calling
+    from actionkit.cli._progress import Progress
+
+    calling = Calling(
+        client,
+        _report(message, as_json, bar=field is not None),
+        echo=feedback,
+        progress=None if field is None else Progress(field),
+    )
+    return calling.run(message, timeout)
+
+
+def _report(goal: Any, as_json: bool, *, bar: bool) -> Report:
+    from actionkit.cli._reports import JsonReport, TextReport
+
+    if as_json:
+        return JsonReport(goal)
+    if sys.stdout.isatty():
+        from actionkit.cli._live import LiveReport
+
+        return LiveReport(goal, bar=bar)
+    return TextReport(goal)
+
+
+def _progress_field(text: str | None, feedback_class: type) -> Field | None:
+    from actionkit.cli import _progress
+
+    if text is None:
+        return _progress.found(feedback_class)
+    try:
+        return _progress.chosen(text, feedback_class)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--progress") from error
+
+
+def _classifier(
+    ok: str | None, transient: str | None, result_class: type
+) -> FieldClassifier | None:
+    if ok is None and transient is None:
+        return None
+    from actionkit._classify import classify_by_field
+
+    paths, values = {}, {}
+    for option, text in (("ok", ok), ("transient", transient)):
+        if text is not None:
+            paths[option], values[option] = _condition(f"--{option}", text)
+    if len(set(paths.values())) > 1:
+        raise click.UsageError("--ok and --transient must be about the same field.")
+    try:
+        classifier = classify_by_field(next(iter(paths.values())), **values)
+        classifier.check(result_class)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    return classifier
+
+
+def _condition(option: str, text: str) -> tuple[str, set[Any]]:
+    path, equals, values = text.partition("=")
+    if not (path and equals and values):
+        raise click.BadParameter(
+            f"{text!r} is not of the form error_code=0 or error_code=101,102", param_hint=option
+        )
+    return path, {_value(value) for value in values.split(",")}
+
+
+def _value(text: str) -> Any:
+    """Return a number, `true` or `false` as such, anything else as a string."""
+    try:
+        value = json.loads(text)
+    except ValueError:
+        return text
+    return value if isinstance(value, (bool, int, float, str)) else text

@@ -1,0 +1,80 @@
+"""`actionkit info`: who is on an action."""
+
+from __future__ import annotations
+
+import difflib
+from typing import TYPE_CHECKING
+
+import click
+
+from actionkit.cli import _plain
+from actionkit.cli._exits import Exit
+from actionkit.cli._options import HELP, debug_option, json_option, name_argument, wait_option
+from actionkit.cli._problems import full_name, open_survey
+
+if TYPE_CHECKING:
+    from actionkit._ros.survey import ActionSeen, Endpoint
+
+_EPILOG = """\b
+Examples:
+  actionkit info /fibonacci -t
+  actionkit info /fibonacci --json
+
+The exit code is 14 where the action has no server in sight."""
+
+
+@click.command("info", context_settings=HELP, epilog=_EPILOG)
+@name_argument
+@click.option("-t", "--show-types", is_flag=True, help="Show the action types, too.")
+@click.option("-c", "--count", is_flag=True, help="Show only how many there are.")
+@wait_option
+@json_option("Write one JSON object.")
+@debug_option
+def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool) -> int:
+    """Show the clients and servers of the action NAME."""
+    with open_survey() as survey:
+        full = full_name(survey, name)
+        actions = survey.settled(
+            least=wait,
+            enough=lambda seen: full in seen and bool(seen[full].servers),
+        )
+    action = actions.get(full)
+    servers = action.servers if action else ()
+    clients = action.clients if action else ()
+    if as_json:
+        click.echo(
+            _plain.as_json(
+                {
+                    "name": full,
+                    "clients": [{"node": e.node, "type": e.action_type} for e in clients],
+                    "servers": [{"node": e.node, "type": e.action_type} for e in servers],
+                }
+            )
+        )
+    else:
+        click.echo(f"Action: {full}")
+        _show("clients", clients, count, show_types)
+        _show("servers", servers, count, show_types)
+    if not servers:
+        click.echo(f"Error: {nothing_there(full, actions)}", err=True)
+        return Exit.NO_SERVER
+    return Exit.OK
+
+
+def nothing_there(name: str, actions: dict[str, ActionSeen]) -> str:
+    """Return a sentence on an action without a server, with the names that come near."""
+    served = [action.name for action in actions.values() if action.servers]
+    near = difflib.get_close_matches(name, served, n=3, cutoff=0.6)
+    tail = name.rsplit("/", 1)[-1]
+    near += [other for other in served if other.rsplit("/", 1)[-1] == tail and other not in near]
+    hint = f" Did you mean {' or '.join(near)}?" if near else ""
+    more = "" if hint else " `actionkit list` shows the actions in sight, `actionkit doctor` more."
+    return f"Action {name!r} has no server in sight.{hint}{more}"
+
+
+def _show(what: str, ends: tuple[Endpoint, ...], count: bool, show_types: bool) -> None:
+    click.echo(f"Action {what}: {len(ends)}")
+    if not count:
+        for end in ends:
+            kind = f" [{end.action_type}]" if show_types else ""
+            click.echo(f"    {end.node or '(a node not known yet)'}{kind}")

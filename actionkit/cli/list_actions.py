@@ -1,0 +1,49 @@
+"""`actionkit list`: the actions in sight."""
+
+from __future__ import annotations
+
+import click
+
+from actionkit.cli import _plain
+from actionkit.cli._exits import Exit
+from actionkit.cli._options import HELP, debug_option, json_option, wait_option
+from actionkit.cli._problems import open_survey
+
+_MOST = 4.0
+"""Seconds to look for anything at all, where nothing is seen."""
+_EPILOG = """\b
+Examples:
+  actionkit list
+  actionkit list -t
+  actionkit list --json"""
+
+
+@click.command("list", context_settings=HELP, epilog=_EPILOG)
+@click.option("-t", "--show-types", is_flag=True, help="Show the action types, too.")
+@click.option("-c", "--count-actions", is_flag=True, help="Show only how many there are.")
+@wait_option
+@json_option("Write one JSON object for each action.")
+@debug_option
+def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -> int:
+    """List the actions that have a server or a client."""
+    with open_survey() as survey:
+        actions = survey.settled(least=wait, most=_MOST)
+    if as_json:
+        for action in actions.values():
+            click.echo(
+                _plain.as_json(
+                    {
+                        "name": action.name,
+                        "types": action.types,
+                        "servers": [end.node for end in action.servers],
+                        "clients": [end.node for end in action.clients],
+                    }
+                )
+            )
+    elif count_actions:
+        click.echo(len(actions))
+    else:
+        for action in actions.values():
+            types = f" [{', '.join(action.types)}]" if show_types else ""
+            click.echo(f"{action.name}{types}")
+    return Exit.OK

@@ -1,0 +1,35 @@
+"""`actionkit serve`: a reference server, for trying things out."""
+
+from __future__ import annotations
+
+import click
+
+from actionkit.cli._options import HELP, complete_servers, debug_option
+
+_EPILOG = """\b
+Examples:
+  actionkit serve --list
+  actionkit serve fibonacci --option period=0.2
+  actionkit serve flaky --action /dock --option fails=2
+
+It runs until Ctrl-C, which is its normal end: the exit code is 0."""
+
+
+@click.command("serve", context_settings=HELP, epilog=_EPILOG)
+@click.argument("server", metavar="SERVER", required=False, shell_complete=complete_servers)
+@click.option("--action", default="fibonacci", show_default=True, help="The action's name.")
+@click.option(
+    "--option", "options", metavar="KEY=VALUE", multiple=True, help="Of the server; repeatable."
+)
+@click.option("--list", "list_them", is_flag=True, help="List the servers and leave.")
+@debug_option
+def command(server: str | None, action: str, options: tuple[str, ...], list_them: bool) -> None:
+    """Run the reference action server SERVER and show what it sees."""
+    from actionkit.servers._child import main
+
+    if list_them:
+        main(["--list"])
+    if server is None:
+        raise click.UsageError("Missing argument 'SERVER'; --list shows them.")
+    words = [word for option in options for word in ("--option", option)]
+    main([server, "--action", action, "--human", *words])

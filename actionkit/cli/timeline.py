@@ -1,0 +1,85 @@
+"""`actionkit timeline`: the log that `JsonLines` wrote, as text and as a picture."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from actionkit._observers.json_reader import read_json_lines
+from actionkit._observers.json_schema import LoggedLine
+from actionkit._timeline import Recorder
+from actionkit.cli._exits import Exit
+
+
+@click.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    "--svg",
+    type=click.Path(dir_okay=False, path_type=Path, allow_dash=True),
+    metavar="OUT",
+    help="Draw the goals, too, into this file; '-' for the standard output, without the text.",
+)
+@click.option(
+    "--last",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Only the N calls that began last.",
+)
+def command(file: Path, svg: Path | None, last: int | None) -> int:
+    """Show the goals in FILE, a log of the observer JsonLines.
+
+    Files that it set aside (FILE.1, FILE.2, ...) are read, too.
+    """
+    try:
+        log = read_json_lines(file)
+    except OSError as error:
+        raise click.BadParameter(f"{file}: {error.strerror or error}", param_hint="FILE") from error
+    for problem in log.problems:
+        click.echo(f"not read: {problem}", err=True)
+    calls = list(log.calls().values())[-(last or 0) :]
+    if not calls:
+        click.echo(f"{file}: there are no goals in it", err=True)
+        return Exit.FAILED
+    to_stdout = svg is not None and str(svg) == "-"
+    if not to_stdout:
+        click.echo(report(calls))
+    if svg is not None:
+        _draw(calls, file, None if to_stdout else svg)
+    return Exit.OK
+
+
+def _draw(calls: list[list[LoggedLine]], file: Path, out: Path | None) -> None:
+    from actionkit.cli._picture_svg import draw
+
+    picture = draw(calls, name=file.name)
+    if out is None:
+        sys.stdout.write(picture)
+        return
+    try:
+        out.write_text(picture, "utf-8")
+    except OSError as error:
+        raise click.ClickException(f"{out}: {error.strerror or error}") from error
+
+
+def report(calls: list[list[LoggedLine]]) -> str:
+    """Return the timelines of calls, each with its end."""
+    return "\n\n".join(_call_text(lines) for lines in calls)
+
+
+def _call_text(lines: list[LoggedLine]) -> str:
+    recorder = Recorder()
+    for line in lines:
+        if line.event is not None:
+            recorder.add(line.event)
+    node = f", node {lines[0].node_name}" if lines[0].node_name else ""
+    head = f"{lines[0].action_name} ({lines[0].action_type}{node}, process {lines[0].pid})"
+    parts = [head, str(recorder.events())] if recorder.events() else [head]
+    ends = [line.data for line in lines if line.kind == "outcome"]
+    if not ends:
+        parts.append("=> no end in this log")
+    for end in ends:
+        said = f"=> {end['outcome']} after {end['elapsed_ms']:.1f} ms"
+        parts.append(f"{said}: {end['error']}" if end["error"] else said)
+    return "\n".join(parts)

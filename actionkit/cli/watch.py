@@ -1,0 +1,139 @@
+"""`actionkit watch`: the states of all goals of an action, other clients' goals too."""
+
+from __future__ import annotations
+
+import queue
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import click
+
+from actionkit.cli._exits import Exit
+from actionkit.cli._options import HELP, SECONDS, debug_option, json_option, name_argument
+from actionkit.cli._problems import full_name, open_survey
+from actionkit.cli._signals import watch_output
+
+if TYPE_CHECKING:
+    from actionkit.cli._goal_board import Board
+    from actionkit.cli._watch_screens import Screen
+
+_TICK = 0.25
+_CLOSED = object()
+_FIRST = 1.0
+"""Seconds in which a server's memory of goals comes, if it has any."""
+
+_EPILOG = """\b
+Examples:
+  actionkit watch /fibonacci
+  actionkit watch /fibonacci --once
+  actionkit watch /fibonacci --for 60 --json > goals.jsonl
+
+States come from the servers' status topic, which needs no package of the action's own. Ctrl-C
+ends it."""
+
+
+@click.command("watch", context_settings=HELP, epilog=_EPILOG)
+@name_argument
+@click.option("--once", is_flag=True, help="Show how the goals stand now, and leave.")
+@click.option("--for", "seconds", type=SECONDS, help="Leave after so many seconds.")
+@click.option(
+    "--server-timeout",
+    type=SECONDS,
+    default=5.0,
+    show_default=True,
+    help="With --once: how long to wait for a server.",
+)
+@json_option("Write one JSON object for each change.")
+@debug_option
+def command(
+    name: str, once: bool, seconds: float | None, server_timeout: float, as_json: bool
+) -> int:
+    """Show the goals of the action NAME as their states change."""
+    if once and seconds is not None:
+        raise click.UsageError("Give --once or --for, not both.")
+    with open_survey() as survey:
+        full = full_name(survey, name)
+
+        from actionkit._ros.watch import StatusReader
+        from actionkit.cli._goal_board import Board
+
+        board = Board()
+        inbox: queue.SimpleQueue[object] = queue.SimpleQueue()
+        reader = StatusReader(full, on_goals=inbox.put, on_servers=inbox.put)
+        try:
+            if once:
+                return _once(full, board, inbox, server_timeout, as_json)
+            click.echo(f"Watching the goals of {full}; Ctrl-C ends it.", err=True)
+            watch_output(lambda: inbox.put(_CLOSED))
+            return _follow(_screen(full, as_json), board, inbox, seconds)
+        finally:
+            reader.close()
+
+
+def _screen(name: str, as_json: bool) -> Screen:
+    from actionkit.cli import _watch_screens as screens
+
+    if as_json:
+        return screens.JsonLines()
+    return screens.Table(name) if sys.stdout.isatty() else screens.Lines()
+
+
+def _follow(
+    screen: Screen, board: Board, inbox: queue.SimpleQueue[object], seconds: float | None
+) -> int:
+    end = None if seconds is None else time.monotonic() + seconds
+    with screen:
+        while end is None or time.monotonic() < end:
+            left = _TICK if end is None else max(0.0, min(_TICK, end - time.monotonic()))
+            _take(board, inbox, left, screen)
+            screen.tick(board)
+    return Exit.OK
+
+
+def _once(
+    name: str,
+    board: Board,
+    inbox: queue.SimpleQueue[object],
+    server_timeout: float,
+    as_json: bool,
+) -> int:
+    from actionkit.cli import _watch_screens as screens
+
+    screen: Screen = screens.JsonLines() if as_json else screens.Lines()
+    give_up = time.monotonic() + server_timeout
+    first: float | None = None
+    while True:
+        now = time.monotonic()
+        if board.servers and first is None:
+            first = now + _FIRST
+        if (first is not None and (board.goals or now >= first)) or now >= give_up:
+            break
+        _take(board, inbox, _TICK, None)
+    if not board.servers:
+        click.echo(f"Error: Action {name!r} has no server in sight.", err=True)
+        return Exit.NO_SERVER
+    with screen:
+        for goal in board.sorted():
+            screen.goal(goal, board)
+    if not board.goals and not as_json:
+        click.echo("No goals: the server remembers none.")
+    return Exit.OK
+
+
+def _take(
+    board: Board, inbox: queue.SimpleQueue[object], timeout: float, screen: Screen | None
+) -> None:
+    try:
+        news = inbox.get(timeout=timeout)
+    except queue.Empty:
+        return
+    if news is _CLOSED:
+        raise BrokenPipeError
+    changed, servers = board.take(news, time.time())
+    if screen is None:
+        return
+    if servers:
+        screen.servers(board)
+    for goal in changed:
+        screen.goal(goal, board)

@@ -1,0 +1,1 @@
+"""What ActionKit costs, beside hand-written rclpy clients: `python -m benchmarks`."""

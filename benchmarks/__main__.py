@@ -1,0 +1,60 @@
+"""The command `python -m benchmarks`."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import time
+from pathlib import Path
+
+import click
+
+_ROOT = Path(__file__).parent.parent
+_MODULES = {
+    1: "b1_calls",
+    2: "b2_remembered",
+    3: "b3_in_flight",
+    4: "b4_traffic",
+    5: "b5_idle",
+    6: "b6_soak",
+}
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--quick", is_flag=True, help="Fewer rounds and calls: all six in ten minutes.")
+@click.option("--only", type=click.Choice([str(n) for n in _MODULES]), multiple=True, help="One.")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=_ROOT / "build" / "benchmarks",
+    help="Where results.json and results.svg go.",
+)
+@click.option("--write-docs", is_flag=True, help="Put the tables and the plot into docs/cost.md.")
+def main(quick: bool, only: tuple[str, ...], out: Path, write_docs: bool) -> None:
+    """Measure what ActionKit costs, in alternation with hand-written rclpy clients."""
+    try:
+        from benchmarks import plot, report
+        from benchmarks.measure import Scale, console
+    except ImportError as error:
+        raise click.ClickException(f"{error}; pip install -e '.[bench]'") from error
+    scale = Scale(quick)
+    reports = []
+    for number in sorted(int(n) for n in only) or _MODULES:
+        began = time.monotonic()
+        module = importlib.import_module(f"benchmarks.{_MODULES[number]}")
+        reports.append(module.run_all(scale))
+        report.show(reports[-1])
+        console.print(f"  {time.monotonic() - began:.0f} s", style="dim")
+    command = " ".join(["python -m benchmarks", *sys.argv[1:]])
+    out.mkdir(parents=True, exist_ok=True)
+    report.write_json(reports, out / "results.json", command)
+    plot.write(reports, out / "results.svg")
+    if write_docs:
+        report.write_docs(reports, _ROOT / "docs" / "cost.md", command)
+        plot.write(reports, _ROOT / "docs" / "cost.svg")
+    missed = [verdict.target for one in reports for verdict in one.verdicts if not verdict.met]
+    click.echo(f"{len(missed)} targets missed" + "".join(f"\n- {target}" for target in missed))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,49 @@
+"""1: what one call costs, with calls one after the other."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from functools import partial
+
+from benchmarks.clients import OURS, RAW, VARIANTS
+from benchmarks.measure import Report, Scale, Verdict, alternate, best, figure
+from benchmarks.pairs import FORGETFUL, Pair
+
+_CALLS = 10
+
+
+def run_all(scale: Scale) -> Report:
+    """Measure latency and client CPU for two orders, with and without feedback."""
+    report = Report(1, "One call at a time")
+    with ExitStack() as stack:
+        pairs = {
+            name: stack.enter_context(Pair(name, result_timeout=FORGETFUL)) for name in VARIANTS
+        }
+        for order in (5, 50):
+            for feedback in (False, True):
+                _cell(report, scale, pairs, order, feedback)
+    return report
+
+
+def _cell(report: Report, scale: Scale, pairs: dict[str, Pair], order: int, feedback: bool) -> None:
+    what = f"order {order}" + (", on_feedback" if feedback else "")
+    for pair in pairs.values():
+        pair.renew()  # the tutorial's client gets slower with every call that it makes
+    turns = {
+        name: partial(pair.turn, _CALLS, order, feedback=feedback) for name, pair in pairs.items()
+    }
+    samples = alternate(scale.pick(30, 100), turns, f"1, {what}")
+    fastest, leanest = best(samples, RAW, "latency"), best(samples, RAW, "cpu")
+    for name in pairs:
+        latency = figure(f"{what}: latency", samples, name, "latency", baseline=fastest)
+        cpu = figure(f"{what}: client CPU", samples, name, "cpu", baseline=leanest)
+        report.figures += [latency, cpu]
+        if feedback:
+            report.figures.append(
+                figure(f"{what}: feedback messages", samples, name, "feedback", unit="")
+            )
+        if name in OURS:
+            report.verdicts += [
+                Verdict(f"{what}: latency of {name}, to the best raw", latency.ratio, 1.0),
+                Verdict(f"{what}: client CPU of {name}, to the best raw", cpu.ratio, 0.6),
+            ]

@@ -1,0 +1,68 @@
+"""3: many goals in flight at a time."""
+
+from __future__ import annotations
+
+import statistics
+from contextlib import ExitStack
+from functools import partial
+
+from benchmarks.clients import BEST_RAW, OURS
+from benchmarks.measure import Report, Sample, Scale, Verdict, alternate, figure, middle, ratio
+from benchmarks.pairs import Pair
+
+_ORDER = 5
+_LEVELS = (1, 10, 100, 1000)
+_CLIENTS = {"threads": OURS[0], "asyncio": OURS[1], "rclpy, threads": BEST_RAW}
+_WAVES = {1: 30, 10: 10, 100: 2, 1000: 1}
+
+
+def run_all(scale: Scale) -> Report:
+    """Submit so many goals together; the server runs them when it has accepted them all."""
+    report = Report(3, "Many goals in flight", axes=("goals in flight", "CPU ms/goal"))
+    with ExitStack() as stack:
+        pairs = {name: stack.enter_context(Pair(client)) for name, client in _CLIENTS.items()}
+        turns = {
+            _name(name, level): partial(_turn, pair, level)
+            for level in _LEVELS
+            for name, pair in pairs.items()
+        }
+        samples = alternate(scale.pick(4, 12), turns, "3")
+    for who in _CLIENTS:
+        for level in _LEVELS:
+            name, ten = _name(who, level), _name(who, 10)
+            report.figures += [
+                figure("wall time per goal", samples, name, "wall", baseline=ten),
+                figure("client CPU per goal", samples, name, "cpu", baseline=ten),
+                figure("slowest 5 % to median goal", samples, name, "unfair", unit="x"),
+            ]
+            report.series.setdefault(who, []).append((level, 1e3 * middle(samples[name], "cpu")))
+        if who in ("threads", "asyncio"):
+            thousand, ten = _name(who, 1000), _name(who, 10)
+            for key, what in (("wall", "wall time"), ("cpu", "client CPU")):
+                report.verdicts.append(
+                    Verdict(
+                        f"{what} per goal, 1,000 in flight ({who}), to 10",
+                        ratio(samples, thousand, ten, key),
+                        2.0,
+                    )
+                )
+    return report
+
+
+def _name(who: str, level: int) -> str:
+    return f"{who}, {level} in flight"
+
+
+def _turn(pair: Pair, level: int) -> Sample:
+    pair.renew(hold=level)  # or what the server remembers would differ
+    waves = [pair.client.do("at_once", goals=level, order=_ORDER) for _ in range(_WAVES[level])]
+    return {
+        "wall": statistics.median(wave["wall"] for wave in waves),
+        "cpu": statistics.mean(wave["cpu"] for wave in waves),
+        "unfair": statistics.median(_unfair(sorted(wave["took"])) for wave in waves),
+    }
+
+
+def _unfair(took: list[float]) -> float:
+    """Return how much longer than the median goal the slowest of twenty took."""
+    return took[min(len(took) - 1, int(0.95 * len(took)))] / statistics.median(took)

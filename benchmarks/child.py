@@ -1,0 +1,111 @@
+"""A process that does what it is told: one JSON object per line, there and back."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import subprocess
+import sys
+import traceback
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from typing_extensions import Self
+
+_PATIENCE = 600.0
+_LEAVING = 20.0
+_ELSEWHERE = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS")
+"""Variables that would overrule the range of discovery."""
+
+
+class Child:
+    """The parent's side. A context manager, which ends the process."""
+
+    def __init__(self, domain: int, module: str, *arguments: str) -> None:
+        """Start `python -m module arguments` in a ROS domain, on this machine only."""
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", module, *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            bufsize=1,
+            env=_environment(domain),
+        )
+        self.pid = self._process.pid
+
+    def do(self, command: str, **arguments: Any) -> Any:
+        """Carry out one command and return what it returns.
+
+        Raises:
+            RuntimeError: It failed there, the process ended, or nothing came for ten minutes.
+        """
+        self.begin(command, **arguments)
+        return self.end()
+
+    def begin(self, command: str, **arguments: Any) -> None:
+        """Send a command; `end` waits for its answer."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps({"do": command, **arguments}) + "\n")
+        self._process.stdin.flush()
+
+    def end(self) -> Any:
+        """Return what the command of `begin` returns."""
+        assert self._process.stdout is not None
+        ready, _, _ = select.select([self._process.stdout], [], [], _PATIENCE)
+        line = self._process.stdout.readline() if ready else ""
+        if not line:
+            raise RuntimeError(f"no answer from {self._process.args}")
+        answer = json.loads(line)
+        if "error" in answer:
+            raise RuntimeError(f"{self._process.args} failed:\n{answer['error']}")
+        return answer["ok"]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.close()
+        try:
+            self._process.wait(_LEAVING)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._process.stdout.close()
+
+
+def run(domain: int, module: str, *arguments: str) -> str:
+    """Run `python -m module arguments` in a ROS domain; return what it prints."""
+    return subprocess.run(
+        [sys.executable, "-m", module, *arguments],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=_environment(domain),
+        timeout=_PATIENCE,
+        check=True,
+    ).stdout
+
+
+def _environment(domain: int) -> dict[str, str]:
+    environment = {k: v for k, v in os.environ.items() if k not in _ELSEWHERE}
+    return {
+        **environment,
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
+
+
+def serve(commands: Mapping[str, Callable[..., Any]]) -> None:
+    """The child's side: obey until stdin ends."""
+    # Nothing but answers may get into stdout, whatever a library prints.
+    answers = os.fdopen(os.dup(1), "w", buffering=1)
+    os.dup2(2, 1)
+    for line in sys.stdin:
+        arguments = json.loads(line)
+        try:
+            answer = {"ok": commands[arguments.pop("do")](**arguments)}
+        except Exception:  # noqa: BLE001  told to the parent
+            answer = {"error": traceback.format_exc()}
+        answers.write(json.dumps(answer) + "\n")

@@ -1,0 +1,277 @@
+"""The clients that are compared: ActionKit's two forms, and three written by hand on rclpy.
+
+The hand-written ones are as good as careful users make them: each checks acceptance and status,
+bounds every wait, and, with many goals at a time, leaves no more than eight requests unanswered
+(a server's queue is ten deep) and has queues of its own that are deep enough.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import threading
+import time
+import uuid
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.context import Context
+from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from test_msgs.action import Fibonacci
+from unique_identifier_msgs.msg import UUID
+
+from actionkit import Client
+from actionkit._ros.discovery import stop_listening
+
+PATIENCE = 60.0
+_DEEP = QoSProfile(depth=2000)
+_WINDOW = 8
+
+OnFeedback = Callable[[Any], None]
+
+
+class Variant:
+    """One way to call an action."""
+
+    client: Any
+
+    def open(self, name: str) -> None:
+        """Make a client and connect it to the server."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Free everything."""
+        raise NotImplementedError
+
+    def call(self, order: int, on_feedback: OnFeedback | None) -> Any:
+        """Call, wait, and return the result's sequence."""
+        raise NotImplementedError
+
+    def in_a_row(self, calls: int, order: int, on_feedback: OnFeedback | None) -> list[float]:
+        """Call so often, one after the other; return the seconds that each took."""
+        took = []
+        for _ in range(calls):
+            began = time.perf_counter()
+            sequence = self.call(order, on_feedback)
+            took.append(time.perf_counter() - began)
+            assert len(sequence) == order + 1
+        return took
+
+    def at_once(self, goals: int, order: int) -> list[float]:
+        """Have so many goals in flight at a time; return the seconds that each took."""
+        raise NotImplementedError
+
+    def is_connected(self) -> bool:
+        """Whether a server is there."""
+        return bool(self.client.server_is_ready())
+
+    def await_server(self) -> bool:
+        """Wait for one."""
+        return bool(self.client.wait_for_server(PATIENCE))
+
+
+class Blocking(Variant):
+    """`client.call`; many at once from as many threads."""
+
+    def open(self, name: str) -> None:
+        self.client = Client(Fibonacci, name)
+        assert self.client.wait_for_server(PATIENCE)
+
+    def close(self) -> None:
+        self.client.close()
+
+    def call(self, order: int, on_feedback: OnFeedback | None) -> Any:
+        return self.client.call(
+            Fibonacci.Goal(order=order), PATIENCE, on_feedback=on_feedback
+        ).sequence
+
+    def at_once(self, goals: int, order: int) -> list[float]:
+        return from_threads(self, goals, order)
+
+
+class Awaiting(Blocking):
+    """`await client.call_async`; many at once in one event loop."""
+
+    def in_a_row(self, calls: int, order: int, on_feedback: OnFeedback | None) -> list[float]:
+        async def main() -> list[float]:
+            return [await self._timed(order, on_feedback) for _ in range(calls)]
+
+        return asyncio.run(main())
+
+    def at_once(self, goals: int, order: int) -> list[float]:
+        async def main() -> list[float]:
+            return await asyncio.gather(*(self._timed(order, None) for _ in range(goals)))
+
+        return asyncio.run(main())
+
+    async def _timed(self, order: int, on_feedback: OnFeedback | None) -> float:
+        began = time.perf_counter()
+        goal = Fibonacci.Goal(order=order)
+        result = await self.client.call_async(goal, on_feedback, PATIENCE)
+        assert len(result.sequence) == order + 1
+        return time.perf_counter() - began
+
+
+class Tutorial(Variant):
+    """`spin_until_future_complete`, twice per call."""
+
+    def open(self, name: str) -> None:
+        rclpy.init(args=[])
+        self.node = rclpy.create_node("tutorial")
+        self.client = ActionClient(self.node, Fibonacci, name)
+        assert self.client.wait_for_server(PATIENCE)
+        connect(self.client, self._spin)
+
+    def close(self) -> None:
+        rclpy.get_global_executor().remove_node(self.node)
+        self.client.destroy()
+        stop_listening(self.node)
+        self.node.destroy_node()
+        rclpy.shutdown()
+
+    def call(self, order: int, on_feedback: OnFeedback | None) -> Any:
+        callback = None if on_feedback is None else lambda msg: on_feedback(msg.feedback)
+        handle = self._spin(self.client.send_goal_async(Fibonacci.Goal(order=order), callback))
+        assert handle.accepted
+        answer = self._spin(handle.get_result_async())
+        assert answer.status == GoalStatus.STATUS_SUCCEEDED
+        return answer.result.sequence
+
+    def _spin(self, future: Any, timeout: float = PATIENCE) -> Any:
+        rclpy.spin_until_future_complete(self.node, future, timeout_sec=timeout)
+        return future.result() if future.done() else None
+
+
+class OneThread(Variant):
+    """A thread that spins; the caller waits for an event that done callbacks set."""
+
+    def open(self, name: str) -> None:
+        self.context = Context()
+        self.context.init(args=[], initialize_logging=False)
+        self.node = Node("one_thread", context=self.context)
+        self.executor = self.make_executor()
+        self.executor.add_node(self.node)
+        self.client = ActionClient(
+            self.node,
+            Fibonacci,
+            name,
+            callback_group=self.make_group(),
+            goal_service_qos_profile=_DEEP,
+            result_service_qos_profile=_DEEP,
+            feedback_sub_qos_profile=_DEEP,
+        )
+        self._window = threading.Semaphore(_WINDOW)
+        self._thread = threading.Thread(target=self.executor.spin, daemon=True)
+        self._thread.start()
+        assert self.client.wait_for_server(PATIENCE)
+        connect(self.client, self._wait)
+
+    def make_executor(self) -> Executor:
+        return SingleThreadedExecutor(context=self.context)
+
+    def make_group(self) -> Any:
+        return None
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self._thread.join()
+        self.client.destroy()
+        stop_listening(self.node)
+        self.node.destroy_node()
+        self.context.shutdown()
+
+    def call(self, order: int, on_feedback: OnFeedback | None) -> Any:
+        return self.start(order, on_feedback).result(PATIENCE)
+
+    def start(
+        self, order: int, on_feedback: OnFeedback | None = None
+    ) -> concurrent.futures.Future[Any]:
+        """Send a goal; the future gets the result's sequence."""
+        done: concurrent.futures.Future[Any] = concurrent.futures.Future()
+
+        def accepted(future: Any) -> None:
+            self._window.release()
+            handle = future.result()
+            if not handle.accepted:
+                done.set_exception(RuntimeError("rejected"))
+                return
+            handle.get_result_async().add_done_callback(ended)
+
+        def ended(future: Any) -> None:
+            answer = future.result()
+            if answer.status == GoalStatus.STATUS_SUCCEEDED:
+                done.set_result(answer.result.sequence)
+            else:
+                done.set_exception(RuntimeError(f"ended with status {answer.status}"))
+
+        callback = None if on_feedback is None else lambda msg: on_feedback(msg.feedback)
+        self._window.acquire()
+        self.client.send_goal_async(Fibonacci.Goal(order=order), callback).add_done_callback(
+            accepted
+        )
+        return done
+
+    def at_once(self, goals: int, order: int) -> list[float]:
+        return from_threads(self, goals, order)
+
+    def _wait(self, future: Any, timeout: float = PATIENCE) -> Any:
+        event = threading.Event()
+        future.add_done_callback(lambda _: event.set())
+        return future.result() if event.wait(timeout) else None
+
+
+class MultiThreaded(OneThread):
+    """The same with a MultiThreadedExecutor and a reentrant callback group."""
+
+    def make_executor(self) -> Executor:
+        return MultiThreadedExecutor(context=self.context)
+
+    def make_group(self) -> Any:
+        return ReentrantCallbackGroup()
+
+
+VARIANTS: dict[str, type[Variant]] = {
+    "ActionKit blocking": Blocking,
+    "ActionKit await": Awaiting,
+    "rclpy tutorial": Tutorial,
+    "rclpy one thread": OneThread,
+    "rclpy multi-threaded": MultiThreaded,
+}
+OURS = ("ActionKit blocking", "ActionKit await")
+RAW = ("rclpy tutorial", "rclpy one thread", "rclpy multi-threaded")
+BEST_RAW = "rclpy one thread"
+"""The best of the three where only one is measured."""
+
+
+def connect(client: ActionClient, wait: Callable[[Any, float], Any]) -> None:
+    """Ask for the result of an unknown goal until that is answered.
+
+    A server that is ready may not know our endpoints so far, and its answers would be lost.
+    """
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        unknown = UUID(uuid=list(uuid.uuid4().bytes))
+        future = ClientGoalHandle(client, unknown, None).get_result_async()
+        if wait(future, 1.0) is not None:
+            return
+        future.cancel()
+    raise TimeoutError("the server does not answer")
+
+
+def from_threads(variant: Variant, goals: int, order: int) -> list[float]:
+    """Call from as many threads as there are goals."""
+    start = threading.Barrier(goals)
+
+    def one(_: int) -> float:
+        start.wait()
+        return variant.in_a_row(1, order, None)[0]
+
+    with concurrent.futures.ThreadPoolExecutor(goals) as pool:
+        return list(pool.map(one, range(goals)))

@@ -1,0 +1,87 @@
+"""Pairs of a server and a client, each in processes and in a ROS domain of their own.
+
+So nothing of one client reaches another's server, all can stay connected, and turns can be as
+short as it takes for the machine's noise to fall on all of them alike.
+"""
+
+from __future__ import annotations
+
+import statistics
+from contextlib import ExitStack
+
+from typing_extensions import Self
+
+from actionkit.testing import isolated_domain
+from benchmarks import process
+from benchmarks.child import Child
+from benchmarks.clients import OURS
+from benchmarks.measure import Sample, console
+
+FORGETFUL = 0.5
+"""Seconds that a server of which nothing is to be remembered keeps a result."""
+_WARM = 2
+_TURNS = 3
+
+
+class Pair:
+    """One server and one client, connected. A context manager."""
+
+    def __init__(self, variant: str, **options: float) -> None:
+        """Name the variant of the client, and the options of the server's `reset`."""
+        self._variant = variant
+        self._options = options
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        with self._stack:
+            self._domain = self._stack.enter_context(isolated_domain())
+            self.server = self._start("benchmarks.server")
+            self.client = self._start("benchmarks.worker", self._variant)
+            self.renew()
+            self._stack = self._stack.pop_all()
+        return self
+
+    def _start(self, *arguments: str) -> Child:
+        return self._stack.enter_context(Child(self._domain, *arguments))
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def another(self, variant: str) -> Child:
+        """Start another client's process; it has to be ended, and connected."""
+        return Child(self._domain, "benchmarks.worker", variant)
+
+    def renew(self, **options: float) -> None:
+        """Have a new server, which remembers nothing; with options, of another kind."""
+        self.client.do("close")
+        self.server.do("reset", **{**self._options, **options})
+        self.client.do("open")
+
+    def fill(self, goals: int) -> None:
+        """Let the server remember so many goals more, whoever sends them."""
+        if not goals:
+            return
+        with self.another(OURS[0]) as other:
+            other.do("open")
+            other.do("fill", goals=goals)
+            other.do("close")
+
+    def turn(self, calls: int, order: int, **how: float) -> Sample:
+        """Make some calls; `how` is what `Worker.in_a_row` may be told besides."""
+        for _ in range(_TURNS - 1):
+            try:
+                return self._turn(calls, order, how)
+            except RuntimeError as error:
+                # A busy machine, and a server that had forgotten the result: once more.
+                console.print(str(error).splitlines()[-1], style="dim")
+        return self._turn(calls, order, how)
+
+    def _turn(self, calls: int, order: int, how: dict[str, float]) -> Sample:
+        self.client.do("in_a_row", calls=_WARM, order=order)  # what slept is awake again
+        before = process.cpu(self.server.pid)
+        sample = self.client.do("in_a_row", calls=calls, order=order, **how)
+        return {
+            **sample,
+            "latency": statistics.median(sample["took"]),
+            "server": (process.cpu(self.server.pid) - before) / calls,
+        }

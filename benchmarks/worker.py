@@ -1,0 +1,129 @@
+"""A process with one client in it, so that what it uses is the client's."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import threading
+import time
+from typing import Any
+
+from benchmarks import child
+from benchmarks.clients import VARIANTS, Variant
+from benchmarks.process import resident
+from benchmarks.server import NAME, STREAM
+
+
+class Worker:
+    """Carries out commands on clients of one variant."""
+
+    def __init__(self, variant: str) -> None:
+        self._make = VARIANTS[variant]
+        self._client: Variant | None = None
+        self._endless: list[Any] = []
+
+    def open(self) -> None:
+        """Make a client, connect it, and call a few times."""
+        self._client = self._make()
+        self._client.open(NAME)
+
+    def close(self) -> None:
+        """Close it, where there is one."""
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+    @property
+    def client(self) -> Variant:
+        """The client that is open."""
+        assert self._client is not None
+        return self._client
+
+    def in_a_row(
+        self, calls: int, order: int, feedback: bool = False, pace: float = 0.0
+    ) -> dict[str, Any]:
+        """Call one after the other; with `pace`, one in so many seconds."""
+        seen: list[Any] = []
+        callback = seen.append if feedback else None
+        cpu, wall = time.process_time(), time.perf_counter()
+        if not pace:
+            took = self.client.in_a_row(calls, order, callback)
+        else:
+            took = []
+            for number in range(calls):
+                took += self.client.in_a_row(1, order, callback)
+                time.sleep(max(0.0, wall + (number + 1) * pace - time.perf_counter()))
+        return {
+            "took": took,
+            "cpu": (time.process_time() - cpu) / calls,
+            "wall": (time.perf_counter() - wall) / calls,
+            "feedback": len(seen) / calls,
+        }
+
+    def at_once(self, goals: int, order: int) -> dict[str, Any]:
+        """Have so many goals in flight at a time."""
+        cpu, wall = time.process_time(), time.perf_counter()
+        took = self.client.at_once(goals, order)
+        return {
+            "took": took,
+            "cpu": (time.process_time() - cpu) / goals,
+            "wall": (time.perf_counter() - wall) / goals,
+        }
+
+    def fill(self, goals: int) -> None:
+        """Let the server remember so many goals more."""
+        client = self.client.client  # type: ignore[attr-defined]  of ActionKit
+        for future in [client.call_async({"order": 0}, timeout=300) for _ in range(goals)]:
+            future.result()
+
+    def endless(self, clients: int, name: str) -> None:
+        """Be so many clients of an action, with a goal each that never ends."""
+        from test_msgs.action import Fibonacci
+
+        from actionkit import Client
+
+        for _ in range(clients):
+            client = Client(Fibonacci, name, on_close="abandon")
+            future = client.call_async({"order": STREAM})
+            next(iter(future.feedback()))
+            self._endless.append((client, future))
+
+    def forget_endless(self) -> None:
+        """Close them."""
+        for client, _ in self._endless:
+            client.close()
+        self._endless.clear()
+
+    def server_is_gone(self) -> None:
+        """Wait until it is."""
+        until = time.monotonic() + 30.0
+        while self.client.is_connected():
+            assert time.monotonic() < until
+            time.sleep(0.01)
+
+    def await_server(self) -> float:
+        """Wait for a server; return the monotonic time at which it was there."""
+        assert self.client.await_server()
+        return time.monotonic()
+
+    def state(self) -> dict[str, Any]:
+        """What has grown, or has not."""
+        gc.collect()
+        tables: dict[str, int] = {}
+        if hasattr(self.client, "client") and hasattr(self.client.client, "pending"):
+            tables = self.client.client._session.port.table_sizes()
+        return {
+            "memory": resident(os.getpid()),
+            "objects": len(gc.get_objects()),
+            "threads": threading.active_count(),
+            "tables": sum(count for name, count in tables.items() if name != "timers"),
+            "timers": tables.get("timers", 0),
+        }
+
+
+if __name__ == "__main__":
+    worker = Worker(sys.argv[1])
+    commands = [name for name in vars(Worker) if not name.startswith("_") and name != "client"]
+    child.serve({name: getattr(worker, name) for name in commands})
+    worker.close()

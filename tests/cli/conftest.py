@@ -1,0 +1,155 @@
+"""What tests of the command line share: running it as users do, beside servers that are kept."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+
+from actionkit import servers
+from actionkit.servers import Server
+from actionkit.testing import isolated_domain
+
+PATIENCE = 40.0
+FIBONACCI = "test_msgs/action/Fibonacci"
+NESTED = "test_msgs/action/NestedMessage"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--write-captures", action="store_true", help="write docs/captures/ from what is seen"
+    )
+
+
+@dataclass
+class Running:
+    """The command line in a process of its own, standard output and error in one pipe."""
+
+    process: subprocess.Popen[str]
+    text: str = ""
+
+    def until(self, words: str) -> None:
+        """Read lines until one has the words; the test's time limit bounds the wait."""
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.text += line
+            if words in line:
+                return
+        raise AssertionError(f"ended without {words!r}:\n{self.text}")
+
+    def signal(self, number: int) -> None:
+        """Send a signal, as a terminal does."""
+        self.process.send_signal(number)
+
+    def finish(self) -> int:
+        """Read the rest; return the exit code."""
+        assert self.process.stdout is not None
+        self.text += self.process.stdout.read()
+        return self.process.wait(PATIENCE)
+
+
+@dataclass
+class Done:
+    """What a run came to."""
+
+    code: int
+    out: str
+    err: str
+
+
+@dataclass
+class World:
+    """A ROS domain for the tests of a module, with servers that are started once."""
+
+    domain: int
+    stack: ExitStack
+    cached: dict[str, tuple[dict[str, Any], Server]] = field(default_factory=dict)
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """What a process needs to be in the domain, and to look the same everywhere."""
+        inherited = {
+            name: value
+            for name, value in os.environ.items()
+            if not name.startswith(("ROS_", "COLUMNS", "_ACTIONKIT")) and name != "PYTHONUNBUFFERED"
+        }
+        return inherited | {
+            "ROS_DOMAIN_ID": str(self.domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "COLUMNS": "100",
+            "TERM": "xterm",
+        }
+
+    def server(self, name: str, **options: Any) -> Server:
+        """Return the server, on the action of its name; started where it does not run."""
+        known, server = self.cached.get(name, (options, None))
+        if server is not None and (known != options or not server.alive):
+            server.stop()
+            server = None
+        if server is None:
+            server = self.stack.enter_context(
+                servers.start(name, action_name=name, domain_id=self.domain, **options)
+            )
+        self.cached[name] = (options, server)
+        return server
+
+    def start(self, *words: str, before: str = "", **options: Any) -> Running:
+        """Start the command line; `before` is code to run first, in the same process."""
+        code = f"{before}\nfrom actionkit.cli import main; main()"
+        process = subprocess.Popen(
+            [sys.executable, "-c", code, *words],
+            **{
+                "stdin": subprocess.DEVNULL,
+                "stdout": subprocess.PIPE,
+                "stderr": subprocess.STDOUT,
+                "text": True,
+                "env": self.environment,
+                **options,
+            },
+        )
+        self.stack.callback(_end, process)
+        return Running(process)
+
+    def run(self, *words: str, stdin: str = "", before: str = "", **environment: str) -> Done:
+        """Run the command line to its end, standard output and error apart."""
+        code = f"{before}\nfrom actionkit.cli import main; main()"
+        done = subprocess.run(
+            [sys.executable, "-c", code, *words],
+            input=stdin,
+            capture_output=True,
+            text=True,
+            env=self.environment | environment,
+            timeout=PATIENCE,
+            check=False,
+        )
+        assert "Traceback" not in done.stderr, done.stderr
+        return Done(done.returncode, done.stdout, done.stderr)
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    if process.poll() is None:
+        process.send_signal(signal.SIGKILL)
+    with contextlib.suppress(ValueError):  # the test closed the pipe
+        process.communicate()
+
+
+@pytest.fixture(scope="module")
+def world() -> Iterator[World]:
+    """Return a domain, its servers, and the command line in it."""
+    with isolated_domain() as domain, ExitStack() as stack:
+        yield World(domain, stack)
+
+
+@pytest.fixture
+def empty_world() -> Iterator[World]:
+    """Return the same with nothing in it, for one test."""
+    with isolated_domain() as domain, ExitStack() as stack:
+        yield World(domain, stack)

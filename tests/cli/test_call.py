@@ -1,0 +1,357 @@
+"""`actionkit call`: every exit code, what is shown with it, and what becomes of the goal (C6.3)."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from actionkit.cli._exits import Exit
+from actionkit.servers import Server
+
+from .conftest import FIBONACCI, NESTED, Running, World
+
+CAPTURES = Path(__file__).parents[2] / "docs" / "captures"
+
+
+def interrupt(running: Running, server: Server) -> None:
+    running.until("Goal accepted")
+    running.signal(signal.SIGINT)
+
+
+def interrupt_twice(running: Running, server: Server) -> None:
+    interrupt(running, server)
+    running.until("Canceling goal...")
+    # One press of Ctrl-C may come as two signals, so the second is heard only a moment later.
+    server.wait_for("cancel_requested", goal_id=dashed(goal_id(running.text)))
+    running.signal(signal.SIGINT)
+    while running.process.poll() is None:
+        running.signal(signal.SIGINT)
+
+
+def interrupt_a_stopped_server(running: Running, server: Server) -> None:
+    running.until("Goal accepted")
+    server.pause()
+    running.signal(signal.SIGINT)
+
+
+@dataclass
+class Scene:
+    """One call, and how it ends."""
+
+    code: Exit
+    server: str | None
+    """The reference server; `None` for none at all."""
+    goal: str = "{order: 100}"
+    words: tuple[str, ...] = ()
+    says: str = ""
+    options: dict[str, Any] = field(default_factory=dict)
+    action: str = ""
+    kind: str = FIBONACCI
+    act: Callable[[Running, Server], None] | None = None
+
+
+CODE_102 = "{nested_field: {int32_value: 102}}"
+SCENES = {
+    "succeeds": Scene(Exit.OK, "fibonacci", "{order: 5}", says="status: SUCCEEDED"),
+    "feedback": Scene(Exit.OK, "fibonacci", "{order: 3}", ("-f",), says="Feedback:"),
+    "json": Scene(Exit.OK, "fibonacci", '{"order": 3}', ("--json",), says='"exit_code": 0'),
+    "rejected": Scene(Exit.REJECTED, "fibonacci", "{order: -1}", says="Goal was rejected."),
+    "aborted": Scene(Exit.ABORTED, "aborts", "{order: 3}", says="status: ABORTED"),
+    "canceled-by-another": Scene(
+        Exit.CANCELED, "cancels_itself", "{order: 3}", says="not by this client"
+    ),
+    "timed-out": Scene(
+        Exit.TIMED_OUT, "never_finishes", words=("--timeout", "6"), says="runs no more"
+    ),
+    "no-server": Scene(
+        Exit.NO_SERVER, None, words=("--server-timeout", "0.3"), says="No action server at all"
+    ),
+    "server-lost": Scene(Exit.SERVER_LOST, "vanishes", says="was lost"),
+    "type-mismatch": Scene(Exit.TYPE_MISMATCH, "wrong_type", says=NESTED),
+    "result-lost": Scene(Exit.RESULT_LOST, "no_result", "{order: 3}", says="result cannot be had"),
+    "no-answer": Scene(
+        Exit.NO_ANSWER, "silent", words=("--accept-timeout", "0.5"), says="neither accepted nor"
+    ),
+    "stalled": Scene(
+        Exit.STALLED, "never_finishes", words=("--feedback-timeout", "0.5"), says="no feedback for"
+    ),
+    "judged": Scene(
+        Exit.JUDGED,
+        "error_code",
+        CODE_102,
+        ("--ok", "nested_field.int32_value=0"),
+        "a failure",
+        {"ends": "succeeded"},
+        kind=NESTED,
+    ),
+    "retries-exhausted": Scene(
+        Exit.RETRIES_EXHAUSTED,
+        "error_code",
+        CODE_102,
+        ("--transient", "nested_field.int32_value=102", "--retries", "1"),
+        "The retries ended",
+        {"ends": "succeeded"},
+        kind=NESTED,
+    ),
+    "interrupted": Scene(
+        Exit.INTERRUPTED, "never_finishes", says="Goal canceled: CONFIRMED", act=interrupt
+    ),
+    "interrupted-refused": Scene(
+        Exit.INTERRUPTED,
+        "refuses_cancel",
+        words=("--cancel-timeout", "0.5"),
+        says="REFUSED by the server. IT IS STILL RUNNING",
+        act=interrupt,
+    ),
+    "interrupted-unanswered": Scene(
+        Exit.INTERRUPTED,
+        "never_finishes",
+        words=("--cancel-timeout", "0.5"),
+        says="MAY STILL BE RUNNING",
+        act=interrupt_a_stopped_server,
+    ),
+    "interrupted-twice": Scene(
+        Exit.INTERRUPTED,
+        "slow_cancel",
+        words=("--cancel-timeout", "30"),
+        says="Left at once. Goal",
+        options={"gate": 1},
+        act=interrupt_twice,
+    ),
+    "wrong-goal": Scene(Exit.USAGE, "fibonacci", "{oder: 5}", says="did you mean 'order'?"),
+    "wrong-type": Scene(
+        Exit.USAGE, "fibonacci", kind="test_msg/action/Fibonaci", says=f"Did you mean {FIBONACCI}?"
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_call(
+    name: str, world: World, empty_world: World, request: pytest.FixtureRequest
+) -> None:
+    scene = SCENES[name]
+    here = empty_world if scene.server is None else world
+    options = {"period": 0.1} if scene.server == "fibonacci" else scene.options
+    server = scene.server and here.server(scene.server, **options)
+    action = f"/{scene.server or 'fibonacci'}"
+    words = ["call", action, scene.kind, scene.goal, *scene.words]
+    running = here.start(*words)
+    if scene.act is not None:
+        assert isinstance(server, Server)
+        scene.act(running, server)
+    code = running.finish()
+
+    assert code == scene.code, running.text
+    assert scene.says in running.text
+    assert "Traceback" not in running.text
+    if isinstance(server, Server) and code == Exit.INTERRUPTED:
+        assert_came_to(name, server, dashed(goal_id(running.text)))
+
+    shown = masked(f"$ {shell(words)}\n{running.text}[exit code {code}: {scene.code.name}]\n")
+    path = CAPTURES / f"call-{name}.txt"
+    if request.config.getoption("--write-captures"):
+        path.write_text(shown, "utf-8")
+    assert stable(shown) == stable(path.read_text("utf-8")), "see --write-captures"
+
+
+def assert_came_to(name: str, server: Server, goal: str) -> None:
+    """What the command said of the goal is what its server saw."""
+    if name == "interrupted":
+        server.wait_for("canceled", goal_id=goal)
+        assert goal not in server.running()
+    elif name == "interrupted-refused":
+        server.wait_for("cancel_refused", goal_id=goal)
+        assert goal in server.running()
+    elif name == "interrupted-unanswered":
+        assert goal in server.running()
+        server.resume()
+    else:
+        server.wait_for("cancel_requested", goal_id=goal)
+        server.release(1)
+
+
+# --- what a capture is -------------------------------------------------------------------------
+
+
+def shell(words: list[str]) -> str:
+    quoted = [f"'{word}'" if re.search(r"[\s{}\"]", word) else word for word in words]
+    return "actionkit " + " ".join(quoted)
+
+
+def goal_id(text: str) -> str:
+    found = re.search(r"accepted with ID: (\w{32})", text)
+    assert found, text
+    return found[1]
+
+
+def dashed(hexadecimal: str) -> str:
+    return "-".join(hexadecimal[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32)))
+
+
+def masked(text: str) -> str:
+    """Replace what differs from run to run: ids, times, the domain."""
+    text = re.sub(r"\b[0-9a-f]{32}\b", "0123456789abcdef0123456789abcdef", text)
+    text = re.sub(r"\b\w{8}(-\w{4}){3}-\w{12}\b", "01234567-89ab-cdef-0123-456789abcdef", text)
+    text = re.sub(r"after \d+\.\d+ s\b", "after 0.1 s", text)
+    text = re.sub(r"again: in \d+\.\d+ s", "again: in 0.2 s", text)
+    text = re.sub(r"was lost \d+\.\d+ s into", "was lost 0.1 s into", text)
+    text = re.sub(r'"elapsed": [\d.e-]+', '"elapsed": 0.1', text)
+    text = re.sub(r'"time": [\d.]+', '"time": 1700000000.5', text)
+    text = re.sub(r'"feedback_count": \d+', '"feedback_count": 2', text)
+    text = re.sub(r"ROS_DOMAIN_ID=\d+", "ROS_DOMAIN_ID=0", text)
+    return re.sub(r"/reference_server_\w+", "/reference_server", text)
+
+
+def stable(text: str) -> str:
+    """Leave out what may come more or less often: feedback is sent best effort."""
+    text = re.sub(r"^Feedback:\n( .*\n)+\n", "", text, flags=re.M)
+    text = re.sub(r"^Progress:.*\n", "", text, flags=re.M)
+    # A goal that ends within a second may end before it is seen to execute.
+    return re.sub(r'^\{"event": "state", "state": "EXECUTING".*\n', "", text, flags=re.M)
+
+
+def test_there_is_a_scene_for_every_capture() -> None:
+    captures = {path.stem for path in CAPTURES.glob("call-*")}
+    assert captures == {f"call-{name}" for name in SCENES} | {"call-terminal"}
+
+
+# --- the other rows of the table ---------------------------------------------------------------
+
+
+ELSEWHERE = {
+    Exit.FAILED: "test_doctor.py",
+    Exit.NO_ROS: "test_usage.py",
+    Exit.HANGUP: "test_terminal.py",
+    Exit.OUTPUT_CLOSED: "test_a_closed_pipe_cancels_the_goal, below",
+    Exit.TERMINATED: "test_sigterm_is_as_ctrl_c, below",
+}
+
+
+def test_every_exit_code_has_a_test() -> None:
+    assert {scene.code for scene in SCENES.values()} | set(ELSEWHERE) == set(Exit)
+
+
+def test_sigterm_is_as_ctrl_c(world: World) -> None:
+    server = world.server("never_finishes")
+    running = world.start("call", "never_finishes", FIBONACCI, "--json")
+    running.until('"ACCEPTED"')
+    running.signal(signal.SIGTERM)
+    assert running.finish() == Exit.TERMINATED, running.text
+    records = [json.loads(line) for line in running.text.splitlines()]
+    assert {"event": "canceling", "cause": "SIGTERM"} in records
+    last = records[-1]
+    # By a cancel, and not just by the end of the client.
+    assert (last["error"], last["cancel"]) == ("CancelledError", "CONFIRMED")
+    assert (last["status"], last["exit_code"]) == ("CANCELED", 143)
+    server.wait_for("canceled", goal_id=dashed(last["goal_id"]))
+
+
+def test_what_still_runs_is_told_even_where_nobody_reads_the_output(world: World) -> None:
+    server = world.server("slow_cancel", gate=1)
+    words = ("call", "slow_cancel", FIBONACCI, "--cancel-timeout", "0.3")
+    running = world.start(*words, stderr=subprocess.PIPE)
+    running.until("Goal accepted")
+    assert running.process.stdout is not None
+    running.process.stdout.close()
+    assert running.process.wait(20) == Exit.OUTPUT_CLOSED
+    assert running.process.stderr is not None
+    assert "MAY STILL BE RUNNING" in running.process.stderr.read()
+    assert dashed(goal_id(running.text)) in server.running()
+    server.release(1)
+
+
+@pytest.mark.parametrize("writes", [False, True])
+def test_a_closed_pipe_cancels_the_goal(world: World, writes: bool) -> None:
+    """It is noticed also where nothing is written any more, as that goal sends no feedback."""
+    name = "countdown" if writes else "never_finishes"
+    server = world.server(name)
+    words = ["call", name, FIBONACCI, "{order: 1000}", *(["-f"] if writes else [])]
+    running = world.start(*words, stderr=subprocess.PIPE)
+    running.until("Goal accepted" if not writes else "Feedback:")
+    assert running.process.stdout is not None
+    running.process.stdout.close()
+    assert running.process.wait(20) == Exit.OUTPUT_CLOSED
+    assert running.process.stderr is not None
+    told = running.process.stderr.read()
+    assert re.sub(r"Progress: .*\n", "", told) == ""
+    server.wait_for("canceled", goal_id=dashed(goal_id(running.text)))
+    assert dashed(goal_id(running.text)) not in server.running()
+
+
+def test_a_signal_that_was_ignored_stays_ignored(world: World) -> None:
+    """As under nohup, or in the background of a script."""
+    server = world.server("fibonacci", gate=1)
+    ignore = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+    running = world.start("call", "fibonacci", FIBONACCI, "{order: 2}", before=ignore)
+    running.until("Goal accepted")
+    running.signal(signal.SIGINT)
+    server.release(1)
+    assert running.finish() == Exit.OK, running.text
+    assert "Canceling" not in running.text
+
+
+# --- what is asked for and what is told --------------------------------------------------------
+
+
+def test_json_tells_every_state_in_order_and_the_outcome_last(world: World) -> None:
+    world.server("fibonacci", period=0.1)
+    goal = json.dumps({"order": 6})
+    done = world.run("call", "fibonacci", FIBONACCI, "--stdin", "--json", "-f", stdin=goal)
+    assert (done.code, done.err) == (Exit.OK, "")
+    records = [json.loads(line) for line in done.out.splitlines()]
+    states = [record["state"] for record in records if record["event"] == "state"]
+    assert [state for state in states if state != "EXECUTING"] == [
+        "SENDING",
+        "SENT",
+        "ACCEPTED",
+        "SUCCEEDED",
+    ]
+    events = [record["event"] for record in records]
+    assert "feedback" in events
+    # All feedback is told before the end that it came before.
+    assert events[-2:] == ["state", "outcome"]
+    assert records[-1]["result"] == {"sequence": [0, 1, 1, 2, 3, 5, 8]}
+    assert records[-1]["exit"] == "OK"
+    assert {r["goal_id"] for r in records if "goal_id" in r} == {records[-1]["goal_id"]}
+
+
+def test_retries_are_told_and_the_result_of_the_last_is_shown(world: World) -> None:
+    world.server("error_code", codes="102,102,0", ends="succeeded")
+    words = ("call", "error_code", NESTED, "--retries", "2")
+    done = world.run(*words, "--transient", "nested_field.int32_value=102", "--ok",
+                     "nested_field.int32_value=0")  # fmt: skip
+    assert done.code == Exit.OK, done.err
+    assert done.out.count("Trying again:") == 2
+    assert "Sending goal (attempt 3):" in done.out
+    assert "int32_value: 0" in done.out.rpartition("Result:")[2]
+
+
+def test_now_is_the_present_time(world: World) -> None:
+    world.server("navigate")
+    goal = "{nested_different_pkg: now, nested_field: {float64_value: -1.0}}"
+    done = world.run("call", "navigate", NESTED, goal)
+    assert done.code == Exit.REJECTED, done.err
+    found = re.search(r"nested_different_pkg:\n\s+sec: (\d+)", done.out)
+    assert found, done.out
+    assert int(found[1]) > 1_600_000_000
+
+
+def test_progress_is_told_in_lines_where_there_is_no_terminal(world: World) -> None:
+    world.server("navigate")
+    done = world.run(
+        "call", "navigate", NESTED, "{nested_field: {float64_value: 0.5}}",
+        "--progress", "nested_field.float64_value:remaining",
+    )  # fmt: skip
+    assert done.code == Exit.OK, done.err
+    shares = [int(share) for share in re.findall(r"^Progress: +(\d+)%", done.err, re.M)]
+    assert len(shares) >= 2
+    assert shares == sorted(shares)
+    assert "Progress" not in done.out  # which is what `ros2 action send_goal` writes

@@ -1,0 +1,162 @@
+"""`actionkit doctor`: what is wrong is found, and each finding says what to do. Contract C6.3."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from actionkit.cli._doctor_machine import origin
+from actionkit.cli._doctor_settings import settings
+from actionkit.cli._exits import Exit
+from actionkit.cli._findings import Finding, problem
+
+from .conftest import FIBONACCI, Done, World
+
+
+def findings(done: Done) -> list[Finding]:
+    """Read what `--json` wrote."""
+    records = [json.loads(line) for line in done.out.splitlines()]
+    return [Finding(r["level"], r["topic"], r["text"], r["remedy"] or "") for r in records]
+
+
+def of(topic: str, found: list[Finding]) -> list[Finding]:
+    return [finding for finding in found if finding.topic == topic]
+
+
+def test_a_server_that_works_is_measured_by_phase_and_not_touched(world: World) -> None:
+    server = world.server("fibonacci")
+    done = world.run("doctor", "fibonacci", "--json", "--wait", "1")
+    found = findings(done)
+    assert done.code == Exit.OK, found
+    assert [finding.topic for finding in found if finding.level == "problem"] == []
+    for topic in ("python", "rclpy", "ROS_DOMAIN_ID", "middleware"):
+        assert of(topic, found), topic
+    assert "wheels" in of("rclpy", found)[0].text or "installation" in of("rclpy", found)[0].text
+    assert f"domain {world.domain}" in of("middleware", found)[0].text
+    assert FIBONACCI in of("server", found)[0].text
+    assert "was seen after" in of("discovery", found)[0].text
+    (trip,) = of("round trip", found)
+    for phase in ("endpoints matched in", "first answer after", "median of 5"):
+        assert phase in trip.text
+    # All that the server saw were questions about goals that it does not have.
+    asked = server.wait_for("cancel_requested", count=7)
+    assert not any(event.details["running"] for event in asked)
+    assert server.count("goal_received") == 0
+
+    plain = world.run("doctor", "--wait", "1")
+    assert plain.code == Exit.OK
+    assert plain.out.endswith("\nNo problem was found.\n")
+    assert "/fibonacci" in plain.out
+
+
+def test_a_server_that_does_not_answer_is_told_from_one_that_is_not_there(world: World) -> None:
+    server = world.server("fibonacci")
+    typo = world.run("doctor", "/fibonaci", "--json", "--wait", "1")
+    assert typo.code == Exit.FAILED
+    (missing,) = of("servers", findings(typo))
+    assert "Did you mean /fibonacci?" in missing.text
+    assert str(world.domain) in missing.remedy
+
+    server.pause()
+    try:
+        silent = world.run("doctor", "/fibonacci", "--json", "--wait", "1")
+    finally:
+        server.resume()
+    assert silent.code == Exit.FAILED
+    trip = findings(silent)[-1]
+    assert (trip.level, trip.topic) in (("problem", "round trip"), ("problem", "servers"))
+    assert trip.remedy
+
+
+def test_clients_of_another_type_are_found(empty_world: World) -> None:
+    empty_world.server("wrong_type")
+    caller = empty_world.start(
+        "call", "wrong_type", FIBONACCI, "--server-timeout", "60", "--retries", "9"
+    )
+    caller.until("Waiting")
+    caller.finish()  # tells the mismatch by itself
+    empty_world.server("twins")
+    done = empty_world.run("doctor", "twins", "--json", "--wait", "1")
+    (two,) = of("servers", findings(done))
+    assert (two.level, done.code) == ("note", Exit.OK)
+    assert "2 servers" in two.text
+
+
+@pytest.mark.parametrize(
+    ("before", "environment", "told", "remedy"),
+    [
+        ("import sys; sys.modules['rclpy'] = None", {}, "not found", "pip install"),
+        ("", {"RMW_IMPLEMENTATION": "rmw_nothing_cpp"}, "rmw_nothing_cpp", "unset it"),
+        ("", {"PYTHONPATH": "BROKEN"}, "No module named 'librclpy'", "setup file"),
+    ],
+    ids=["missing", "wrong middleware", "broken"],
+)
+def test_an_rclpy_that_does_not_work_is_told(
+    before: str,
+    environment: dict[str, str],
+    told: str,
+    remedy: str,
+    empty_world: World,
+    tmp_path: Path,
+) -> None:
+    if "PYTHONPATH" in environment:
+        broken = tmp_path / "rclpy" / "__init__.py"
+        broken.parent.mkdir()
+        broken.write_text("import librclpy\n", "utf-8")
+        environment = {"PYTHONPATH": str(tmp_path)}
+    done = empty_world.run("doctor", "--json", before=before, **environment)
+    found = findings(done)
+    assert done.code == Exit.NO_ROS, found
+    (rclpy,) = [f for f in of("rclpy", found) if f.level == "problem"]
+    assert told in rclpy.text
+    assert remedy in rclpy.remedy
+    # The settings are told all the same, and nobody tries to join the graph.
+    assert of("ROS_DOMAIN_ID", found)
+    assert not of("middleware", found)
+
+
+def test_settings_that_keep_everybody_apart_are_problems(empty_world: World) -> None:
+    done = empty_world.run("doctor", ROS_DOMAIN_ID="robot", ROS_AUTOMATIC_DISCOVERY_RANGE="OFF")
+    assert done.code == Exit.FAILED
+    assert "Problems found: 2." in done.out
+    assert done.out.count("->") >= 2
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "level", "told", "remedy"),
+    [
+        ("ROS_DOMAIN_ID", "", "ok", "domain 0", ""),
+        ("ROS_DOMAIN_ID", "7", "ok", "7", ""),
+        ("ROS_DOMAIN_ID", "150", "note", "above 101", "0 to 101"),
+        ("ROS_DOMAIN_ID", "233", "problem", "no domain", "ROS_DOMAIN_ID=0"),
+        ("ROS_DOMAIN_ID", "-1", "problem", "no domain", "ROS_DOMAIN_ID=0"),
+        ("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET", "ok", "SUBNET", ""),
+        ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF", "problem", "no node sees", "SUBNET"),
+        ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LAN", "problem", "'LAN'", "SUBNET, LOCALHOST"),
+        ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST", "note", "this machine", "SUBNET"),
+        ("ROS_LOCALHOST_ONLY", "1", "note", "overrules", "RANGE=LOCALHOST"),
+        ("ROS_LOCALHOST_ONLY", "0", "note", "all hosts", "RANGE=SUBNET"),
+        ("ROS_STATIC_PEERS", "10.0.0.2", "note", "10.0.0.2", "unset"),
+        ("ROS_DISCOVERY_SERVER", "10.0.0.2:11811", "note", "only nodes", "ROS_SUPER_CLIENT"),
+        ("FASTDDS_DEFAULT_PROFILES_FILE", "/not/there.xml", "problem", "not there", "unset"),
+        ("CYCLONEDDS_URI", "<CycloneDDS/>", "note", "discovery", "unset"),
+        ("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp", "ok", "the same", ""),
+    ],
+)
+def test_each_setting(variable: str, value: str, level: str, told: str, remedy: str) -> None:
+    (finding,) = [found for found in settings({variable: value}) if found.topic == variable]
+    assert finding.level == level
+    assert told in finding.text
+    assert remedy in finding.remedy
+
+
+def test_a_finding_needs_a_remedy() -> None:
+    with pytest.raises(ValueError, match="without a remedy"):
+        problem("rclpy", "not found", "")
+
+
+def test_where_an_rclpy_comes_from() -> None:
+    place = Path("/opt/ros/jazzy/lib/python3.12/site-packages/rclpy")
+    assert origin(place) == "the ROS installation /opt/ros/jazzy"

@@ -1,0 +1,180 @@
+"""Wrong usage, help, completion, and what is documented. Contract C6.3."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from actionkit.cli._app import app
+from actionkit.cli._exits import Exit
+
+from .conftest import FIBONACCI, NESTED, World
+
+DOCS = Path(__file__).parents[2] / "docs" / "command-line.md"
+COMMANDS = ("call", "list", "info", "watch", "serve", "doctor", "demo")
+CALL = ("call", "/fibonacci", FIBONACCI)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ((), "Usage:"),
+        (("cal",), "No such command 'cal'"),
+        (("call",), "Missing argument 'NAME'"),
+        ((*CALL, "{order: 5}", "--fedback"), "No such option"),
+        ((*CALL, "{order: 5}", "--stdin"), "not both"),
+        ((*CALL, "{order: five}"), "order: 'five' is of type str"),
+        ((*CALL, "{order: 99999999999}"), "order: 99999999999"),
+        ((*CALL, "[1, 2]"), "not a mapping"),
+        ((*CALL, "{order: [}"), "neither YAML nor JSON"),
+        ((*CALL, "--timeout", "soon"), "'soon' is not a number of seconds"),
+        ((*CALL, "--timeout", "-1"), "zero or more"),
+        ((*CALL, "--timeout", "nan"), "zero or more"),
+        ((*CALL, "--retries", "-1"), "--retries"),
+        ((*CALL, "--ok", "sequence"), "not of the form"),
+        ((*CALL, "--ok", "code=1"), "'code' is no field"),
+        ((*CALL, "--ok", "a=1", "--transient", "b=2"), "about the same field"),
+        ((*CALL, "--progress", "percent"), "percent' is no field"),
+        ((*CALL, "--progress", "sequence:fast"), "'fast' must be"),
+        (("call", "not a name", FIBONACCI), "no valid ROS name"),
+        (("call", "/fibonacci", "Fibonacci"), "is no action type"),
+        (("call", "/fibonacci", "test_msgs/action/Fibonaci"), f"Did you mean {FIBONACCI}?"),
+        (("call", "/fibonacci", "tests_msgs/action/Fibonacci"), f"Did you mean {FIBONACCI}?"),
+        (("call", "/fibonacci", "json/action/Fibonacci"), "'json' has no actions"),
+        (("watch", "/fibonacci", "--once", "--for", "1"), "not both"),
+        (("info", "not a name"), "no valid ROS name"),
+    ],
+)
+def test_wrong_usage(words: tuple[str, ...], told: str, ros_domain: int) -> None:
+    from actionkit.cli._app import run
+
+    runner = CliRunner()
+
+    # The command's own way to report, rather than click's.
+    import click
+
+    @click.command(context_settings={"ignore_unknown_options": True, "help_option_names": []})
+    @click.argument("rest", nargs=-1, type=click.UNPROCESSED)
+    def through(rest: tuple[str, ...]) -> None:
+        sys.exit(run(rest))
+
+    result = runner.invoke(through, ["--", *words])
+    assert result.exit_code == Exit.USAGE, result.output
+    assert told in " ".join(result.output.split())
+    assert "Traceback" not in result.output
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_has_examples_and_needs_no_ros(command: str) -> None:
+    code = (
+        f"import sys; sys.modules['rclpy'] = None; sys.modules['test_msgs'] = None\n"
+        f"from actionkit.cli import main; main(['{command}', '--help'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=30,
+        check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"Usage: actionkit {command}")
+    assert command == "demo" or f"actionkit {command} " in done.stdout.partition("Examples:")[2]
+
+
+def test_the_group_names_every_command() -> None:
+    shown = CliRunner().invoke(app, ["--help"]).output
+    assert [name for name in COMMANDS if re.search(rf"^  {name}  ", shown, re.M)] == list(COMMANDS)
+
+
+def test_without_ros_every_command_says_what_to_install(empty_world: World) -> None:
+    missing = "import sys; sys.modules['rclpy'] = None"
+    for words in (("list",), ("info", "/a"), ("watch", "/a"), CALL):
+        done = empty_world.run(*words, before=missing)
+        assert done.code == Exit.NO_ROS, (words, done.err)
+        assert "source its setup file" in done.err
+        assert done.out == ""
+
+
+def test_debug_shows_where_an_error_comes_from(empty_world: World) -> None:
+    code = (
+        "import sys; sys.modules['rclpy'] = None\n"
+        "from actionkit.cli import main; main(['--debug', 'list'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False
+    )
+    assert done.returncode == Exit.NO_ROS
+    assert "Traceback (most recent call last)" in done.stderr
+    assert "open_survey" in done.stderr
+
+
+def test_an_error_that_nobody_thought_of_is_one_line(empty_world: World) -> None:
+    broken = "import actionkit._ros.survey as s; s.Survey.settled = lambda *a, **k: 1 / 0"
+    done = empty_world.run("list", before=broken)
+    assert done.code == Exit.FAILED
+    assert done.err.splitlines() == [
+        "Error: ZeroDivisionError: division by zero",
+        "The same command with --debug shows where it comes from.",
+    ]
+
+
+# --- completion --------------------------------------------------------------------------------
+
+
+def completions(world: World, words: str, shell: str = "bash") -> list[str]:
+    """Ask as the shell does when Tab is pressed; the last word is the one to complete."""
+    done = world.run(
+        _ACTIONKIT_COMPLETE=f"{shell}_complete",
+        COMP_WORDS=words,
+        COMP_CWORD=str(len(words.split(" ")) - 1),
+    )
+    assert done.err == ""
+    return [line.partition(",")[2] for line in done.out.splitlines()]
+
+
+def test_tab_completes_commands_names_types_servers_and_options(world: World) -> None:
+    world.server("fibonacci")
+    assert completions(world, "actionkit d") == ["doctor", "demo"]
+    assert completions(world, "actionkit call /fib") == ["/fibonacci"]
+    assert completions(world, "actionkit call /fibonacci test_msgs/") == [FIBONACCI, NESTED]
+    assert completions(world, "actionkit serve fibo") == ["fibonacci"]
+    assert "--feedback" in completions(world, "actionkit call --fee")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_each_shell_is_given_its_script(empty_world: World, shell: str) -> None:
+    done = empty_world.run(_ACTIONKIT_COMPLETE=f"{shell}_source")
+    assert done.code == 0, done.err
+    assert "_ACTIONKIT_COMPLETE" in done.out
+    assert f"_ACTIONKIT_COMPLETE={shell}_source actionkit" in DOCS.read_text("utf-8")
+
+
+# --- documentation -----------------------------------------------------------------------------
+
+
+def test_the_documented_exit_codes_are_the_real_ones() -> None:
+    rows = re.findall(r"^\| (\d+) \| `(\w+)` \| (.*) \|$", DOCS.read_text("utf-8"), re.M)
+    assert rows == [(str(code.value), code.name, code.meaning.replace("|", "\\|")) for code in Exit]
+
+
+def test_every_capture_is_linked_from_the_documentation() -> None:
+    text = DOCS.read_text("utf-8")
+    for path in DOCS.parent.glob("captures/*.txt"):
+        assert f"captures/{path.name}" in text, path.name
+    for name in re.findall(r"\((captures/[^)]+)\)", text):
+        assert (DOCS.parent / name).is_file(), name
+
+
+def test_every_option_is_documented() -> None:
+    text = DOCS.read_text("utf-8")
+    context = app.make_context("actionkit", [], resilient_parsing=True)
+    for name in COMMANDS:
+        command = app.get_command(context, name)
+        assert command is not None
+        for parameter in command.params:
+            for word in parameter.opts:
+                if word.startswith("--") and word != "--help":
+                    assert f"`{word}" in text, f"{name} {word}"

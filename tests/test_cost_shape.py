@@ -1,0 +1,245 @@
+"""The shape of the cost: what is not done, not made, not kept (C7). Speed is for `benchmarks`."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import re
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from actionkit import Client, Timeouts
+from actionkit._ros.entities import Entities
+from actionkit._ros.native import MessageSource, Waiter
+from actionkit._ros.port import Port
+
+NEVER = threading.Event()  # nobody sets it: waiting for it is how a test lets time pass
+
+
+@pytest.fixture
+def count(monkeypatch: pytest.MonkeyPatch) -> Callable[[type, str], Counter[Any]]:
+    """Count the calls of a method, by the object that they are made on."""
+
+    def start(owner: type, name: str) -> Counter[Any]:
+        calls: Counter[Any] = Counter()
+        original = getattr(owner, name)
+
+        def counted(self: Any, *args: Any, **kwargs: Any) -> Any:
+            calls[self] += 1
+            return original(self, *args, **kwargs)
+
+        monkeypatch.setattr(owner, name, counted)
+        return calls
+
+    return start
+
+
+def link_of(client: Client) -> Any:
+    return client._session.port.link
+
+
+def node_of(client: Client) -> Any:
+    return client._session.port.runtime.node
+
+
+def wakeups() -> int:
+    """Return how often the communication thread has been woken so far."""
+    (thread,) = (thread for thread in threading.enumerate() if thread.name == "actionkit")
+    text = Path(f"/proc/self/task/{thread.native_id}/status").read_text()
+    found = re.search(r"^voluntary_ctxt_switches:\t(\d+)$", text, re.MULTILINE)
+    assert found
+    return int(found[1])
+
+
+def wakeups_in(seconds: float) -> int:
+    before = wakeups()
+    NEVER.wait(seconds)
+    return wakeups() - before
+
+
+# --- growth ------------------------------------------------------------------------------------
+
+
+def settled() -> int:
+    """Return how many objects there are, when no thread is left that holds some for a moment."""
+    until = time.monotonic() + 10
+    while any(t.name == "actionkit-callbacks" for t in threading.enumerate()):
+        assert time.monotonic() < until
+        NEVER.wait(0.05)
+    gc.collect()
+    return len(gc.get_objects())
+
+
+def test_nothing_is_left_of_calls_that_are_over(action_server, make_client):
+    action_server("fibonacci", journal="none")  # it would grow here
+    client = make_client()
+    seen: list[int] = []
+
+    def call(times: int) -> tuple[int, int]:
+        for n in range(times):
+            on_feedback = (lambda fb: seen.append(1)) if n % 10 == 0 else None
+            client.call({"order": 3}, 20, on_feedback=on_feedback)
+        seen.clear()
+        return settled(), threading.active_count()
+
+    call(200)  # what is made once and kept
+    objects, threads = call(100)
+    more_objects, more_threads = call(400)
+    assert more_objects - objects < 100  # of 400 calls
+    assert more_threads == threads
+    sizes = client._session.port.table_sizes()
+    assert sizes.pop("timers") <= 1
+    assert set(sizes.values()) == {0}
+
+
+def test_nothing_is_left_of_calls_that_failed(action_server, make_client, monkeypatch):
+    # pytest keeps every record of the log.
+    monkeypatch.setattr(logging.getLogger("actionkit.goal"), "disabled", True)
+    action_server("fibonacci", max_order=5, journal="none")
+    client = make_client()
+
+    def fail(times: int) -> int:
+        for n in range(times):
+            future = client.call_async({"order": 6 if n % 2 else 3}, timeout=20)
+            if n % 3 == 0:
+                future.cancel()
+            future.outcome(20)
+            del future
+        return settled()
+
+    fail(100)
+    before = fail(50)
+    assert fail(200) - before < 100
+    until = time.monotonic() + 20  # a goal that was cancelled may end after its future
+    while any(link_of(client).table_sizes().values()):
+        assert time.monotonic() < until, link_of(client).table_sizes()
+        NEVER.wait(0.05)
+
+
+# --- what is not made --------------------------------------------------------------------------
+
+
+def test_a_client_has_four_entities_and_shares_the_rest(action_server, make_client):
+    action_server("fibonacci")
+    clients = [make_client() for _ in range(5)]
+    node = node_of(clients[0])
+    assert {node_of(client) for client in clients} == {node}
+    for client in clients:
+        client.call({"order": 3}, 20)
+    assert len(list(node.clients)) == 3 * len(clients)
+    assert len(list(node.subscriptions)) == len(clients)
+    assert len(list(node.services)) == len(list(node.timers)) == 0
+    assert sum(thread.name == "actionkit" for thread in threading.enumerate()) == 1
+    clients[0].close()
+    assert len(list(node.clients)) == 3 * (len(clients) - 1)
+
+
+def test_status_is_subscribed_to_only_while_a_goal_lasts(action_server, make_client, count):
+    server = action_server("fibonacci", gate=1)
+    client = make_client()
+    client.wait_for_server(20)
+    made = count(Entities, "subscribe_status")
+    server.release()
+    for _ in range(20):
+        client.call({"order": 3}, 20)
+    assert sum(made.values()) == 0  # none of the 20 goals that the server remembers was looked at
+    server.command("hold")
+    future = client.call_async({"order": 3}, timeout=30)
+    until = time.monotonic() + 20
+    while not made:
+        assert time.monotonic() < until
+        NEVER.wait(0.05)
+    server.release()
+    future.result(20)
+    assert sum(made.values()) == 1
+    port = client._session.port
+    assert port.runtime.run(lambda: len(list(node_of(client).subscriptions))) == 1
+
+
+# --- what is not done --------------------------------------------------------------------------
+
+
+def test_nobody_elses_feedback_is_decoded(action_server, make_client, count):
+    action_server("fibonacci")
+    decoded = count(Port, "decode_feedback")
+    ours, theirs = make_client(), make_client()
+    ours.call({"order": 3}, 20)
+    theirs.call({"order": 40}, 20, on_feedback=lambda _: None)
+    assert decoded[ours._session.port] == 0  # not even its own: nobody has asked for it
+    assert decoded[theirs._session.port] > 0
+
+
+def test_status_is_read_ten_times_a_second_at_most(action_server, make_client, count):
+    server = action_server("fibonacci", gate=1)
+    ours, others = make_client(), make_client()
+    # Thousands of state changes a second would not be read any oftener.
+    future = ours.call_async({"order": 3}, timeout=60)
+    server.wait_for("executing")
+    taken = count(MessageSource, "take")
+    began = time.monotonic()
+    while not any(source is not link_of(c)._entities.feedback for source in taken for c in (ours,)):
+        assert time.monotonic() - began < 20  # until status is watched
+        others.call_async({"order": 1}, timeout=60).cancel()
+        NEVER.wait(0.02)
+    feedback = {link_of(client)._entities.feedback for client in (ours, others)}
+    began, taken_before = time.monotonic(), Counter(taken)
+    for _ in range(40):
+        others.call_async({"order": 1}, timeout=60).cancel()
+        NEVER.wait(0.02)
+    took = time.monotonic() - began
+    reads = sum(n - taken_before[source] for source, n in taken.items() if source not in feedback)
+    assert reads <= 2 * (10 * took + 2)  # of two clients
+    server.release()
+    future.result(20)
+
+
+def test_feedback_does_not_cost_a_turn_each(action_server, make_client, count):
+    action_server("fibonacci")
+    client = make_client()
+    client.call({"order": 3}, 20)
+    waits = count(Waiter, "wait")
+    feedback = 0
+    for _ in range(10):
+        future = client.call_async({"order": 90}, timeout=20)
+        feedback += future.outcome(20).feedback_count
+    assert feedback > 400
+    assert sum(waits.values()) < feedback
+
+
+# --- wake-ups ----------------------------------------------------------------------------------
+
+
+def test_an_idle_client_is_not_woken(action_server, make_client):
+    action_server("fibonacci")
+    clients = [make_client() for _ in range(5)]
+    for client in clients:
+        client.call({"order": 3}, 20)
+    NEVER.wait(2.5)  # what discovery has to say, and the others' feedback
+    assert wakeups_in(1.5) <= 2
+
+
+def test_who_waits_for_a_server_is_woken_once_a_second(make_client):
+    client = make_client(timeouts=Timeouts(server=30.0))
+    future = client.call_async({"order": 3})
+    NEVER.wait(0.2)
+    assert wakeups_in(2.5) <= 6
+    future.cancel()
+
+
+def test_who_waits_for_a_result_is_woken_now_and_then(action_server, make_client):
+    server = action_server("fibonacci", gate=1)
+    client = make_client()
+    futures = [client.call_async({"order": 1}, timeout=30) for _ in range(20)]
+    server.wait_for("executing", count=20)
+    NEVER.wait(2.5)  # status has been subscribed to, and its first message read
+    # Each goal asks anew from time to time whether its result is there (R1).
+    assert wakeups_in(2.0) <= 2 * len(futures)
+    server.release()
+    for future in futures:
+        future.result(20)

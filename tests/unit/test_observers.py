@@ -1,0 +1,472 @@
+"""Who is told of transitions: in order, off the communication thread, whatever they do (C6.2)."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import logging
+import subprocess
+import sys
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+import actionkit as ak
+from actionkit import CallInfo, GoalEvent, GoalState, Outcome, Rosout, Timeline
+from actionkit._observers import channel as channel_module
+from actionkit._observers.audience import Audience
+from actionkit._observers.channel import Channel
+from actionkit._observers.goal_log import GoalLog
+from actionkit._observers.protocol import check_observers
+from actionkit._observers.words import LEVELS, level_of, level_of_outcome, outcome_word
+from actionkit.testing import EventLog
+
+LONG = 10.0
+GOAL = uuid.UUID(int=7)
+CALL = CallInfo(GOAL, "/fibonacci", "test_msgs/action/Fibonacci", "/robot/planner", 100.0, 5e8)
+
+
+def event(state: GoalState, at: float = 0.5, detail: str = "", attempt: int = 1) -> GoalEvent:
+    return GoalEvent(GOAL, attempt, state, 100.0 + at, 5e8 + at, detail)
+
+
+def outcome(error: BaseException | None = None) -> Outcome[Any]:
+    return Outcome(GoalState.SUCCEEDED, None, error, 2, Timeline(), GOAL, None, elapsed=1.5)
+
+
+class Noting:
+    """An observer with every hook."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[Any, ...]] = []
+
+    def on_event(self, event: GoalEvent, call: CallInfo) -> None:
+        self.told.append(("event", event, call))
+
+    def on_feedback(self, event: GoalEvent, feedback: Any, call: CallInfo) -> None:
+        self.told.append(("feedback", event, feedback, call))
+
+    def on_outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
+        self.told.append(("outcome", outcome, call))
+
+
+class OnlyEvents:
+    def __init__(self) -> None:
+        self.told: list[GoalEvent] = []
+
+    def on_event(self, event: GoalEvent, call: CallInfo) -> None:
+        self.told.append(event)
+
+
+class Gate:
+    """A job that runs until it is let go."""
+
+    def __init__(self) -> None:
+        self.entered, self.leave = threading.Event(), threading.Event()
+
+    def __call__(self) -> None:
+        self.entered.set()
+        assert self.leave.wait(LONG)
+
+
+def soon() -> float:
+    return time.monotonic() + LONG
+
+
+# --- the channel -------------------------------------------------------------------------------
+
+
+def test_jobs_run_in_order_and_one_at_a_time_from_any_threads() -> None:
+    channel, alone = Channel("it"), threading.Lock()
+    notes: list[tuple[int, int]] = []
+    overlaps = []
+
+    def job(who: int, number: int) -> None:
+        if not alone.acquire(blocking=False):
+            overlaps.append(1)
+            return
+        notes.append((who, number))
+        alone.release()
+
+    def putter(who: int) -> Callable[[], None]:
+        return lambda: [channel.put(lambda n=n: job(who, n)) for n in range(500)] and None
+
+    threads = [threading.Thread(target=putter(who)) for who in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert channel.flush(soon())
+    assert overlaps == []
+    assert len(notes) == 2000
+    for who in range(4):
+        assert [number for each, number in notes if each == who] == list(range(500))
+
+
+def test_flushing_waits_for_no_longer_than_it_is_told() -> None:
+    channel, gate = Channel("it"), Gate()
+    channel.put(gate)
+    assert gate.entered.wait(LONG)
+    assert not channel.flush(time.monotonic() + 0.05)
+    assert not channel.flush(time.monotonic() + 0.05, here=True)  # another thread is at it
+    gate.leave.set()
+    assert channel.flush(soon())
+
+
+def test_a_job_that_raises_closes_the_channel_with_one_warning(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    channel, notes = Channel("observer X"), list[int]()
+    gate = Gate()
+    channel.put(gate)
+    channel.put(lambda: 1 / 0)
+    channel.put(lambda: 1 / 0)
+    channel.put(lambda: notes.append(1))
+    gate.leave.set()
+    assert channel.flush(soon())
+    channel.put(lambda: notes.append(2))
+    assert channel.flush(soon())
+    assert notes == []
+    (record,) = caplog.records
+    assert record.levelname == "WARNING"
+    assert record.getMessage() == "observer X raised, and is told nothing more"
+    assert record.exc_info is not None
+    assert record.exc_info[0] is ZeroDivisionError
+
+
+def test_where_too_much_waits_feedback_goes_first_and_is_told_of_once(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(channel_module, "MOST_FEEDBACK", 3)
+    monkeypatch.setattr(channel_module, "MOST", 6)
+    channel, gate, notes = Channel("observer X"), Gate(), list[str]()
+    channel.put(gate)
+    assert gate.entered.wait(LONG)
+    for number in range(5):
+        channel.put(lambda n=number: notes.append(f"feedback {n}"), feedback=True)
+    for number in range(5):
+        channel.put(lambda n=number: notes.append(f"event {n}"))
+    gate.leave.set()
+    assert channel.flush(soon())
+    assert notes == ["feedback 0", "feedback 1", "feedback 2", "event 0", "event 1", "event 2"]
+    (record,) = caplog.records
+    assert "observer X is too slow" in record.getMessage()
+
+
+def test_at_exit_what_no_thread_came_for_is_told_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From Python 3.12 on no thread can be started at the interpreter's exit."""
+    monkeypatch.setattr(channel_module.pool, "submit", lambda job: None)
+    channel, notes = Channel("it"), list[int]()
+    for number in range(3):
+        channel.put(lambda n=number: notes.append(n))
+    assert not channel.flush(time.monotonic() + 0.02)
+    channel_module.flush_all(soon())
+    assert notes == [0, 1, 2]
+    assert channel not in channel_module._busy.channels
+
+
+def test_a_thread_that_comes_late_leaves_the_order_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Callable[[], None]] = []
+    monkeypatch.setattr(channel_module.pool, "submit", asked.append)
+    channel, gate, notes = Channel("it"), Gate(), list[int]()
+    channel.put(gate)
+    channel.put(lambda: notes.append(1))
+    flushing = threading.Thread(target=lambda: channel.flush(soon(), here=True))
+    flushing.start()
+    assert gate.entered.wait(LONG)
+    (late,) = asked
+    late()
+    assert notes == []  # the other thread is not through with what came before
+    gate.leave.set()
+    flushing.join(LONG)
+    assert notes == [1]
+
+
+def test_at_exit_a_human_need_not_wait_for_an_observer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(channel_module.pool, "submit", lambda job: None)
+    channel, notes = Channel("it"), list[int]()
+
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    channel.put(interrupted)
+    channel.put(lambda: notes.append(1))
+    with pytest.raises(KeyboardInterrupt):
+        channel.flush(soon(), here=True)
+    assert notes == []
+    assert channel.flush(soon(), here=True)  # and it is in good order
+    assert notes == [1]
+
+
+def test_what_is_not_told_at_exit_is_told_of(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    channel, gate = Channel("observer X"), Gate()
+    channel.put(gate)
+    assert gate.entered.wait(LONG)
+    channel_module.flush_all(time.monotonic() + 0.02)
+    assert [r.getMessage() for r in caplog.records] == [
+        "at exit, observer X had not been told everything"
+    ]
+    gate.leave.set()
+    assert channel.flush(soon())
+
+
+AT_EXIT = """
+import atexit, threading
+from actionkit._observers import channel as channels
+import time
+channel = channels.Channel("it")
+def at_exit():
+    for number in range(3):
+        channel.put(lambda n=number: print(n, flush=True))
+    channels.flush_all(time.monotonic() + 10)
+atexit.register(at_exit)
+"""
+
+
+def test_an_event_of_the_exit_itself_is_told() -> None:
+    run = [sys.executable, "-W", "error", "-c", AT_EXIT]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=30, check=True)
+    assert (done.stdout, done.stderr) == ("0\n1\n2\n", "")
+
+
+# --- the audience ------------------------------------------------------------------------------
+
+
+def test_all_are_told_all_in_order() -> None:
+    first, second = Noting(), OnlyEvents()
+    audience = Audience((first, second), action_name="/fibonacci")
+    events = [event(GoalState.SENDING), event(GoalState.FEEDBACK), event(GoalState.SUCCEEDED)]
+    decoded: list[object] = []
+
+    def decode() -> str:
+        decoded.append(threading.current_thread())
+        return "the message"
+
+    for each in events:
+        audience.event(each, CALL, decode if each.state is GoalState.FEEDBACK else None)
+    end = outcome()
+    audience.outcome(end, CALL)
+    audience.flush(soon())
+    assert first.told == [
+        ("event", events[0], CALL),
+        ("feedback", events[1], "the message", CALL),
+        ("event", events[2], CALL),
+        ("outcome", end, CALL),
+    ]
+    assert second.told == events
+    assert len(decoded) == 1  # only for who wants it
+    assert decoded != [threading.current_thread()]
+
+
+def test_one_that_blocks_or_raises_harms_nobody_else(caplog: pytest.LogCaptureFixture) -> None:
+    gate, good, raised = Gate(), EventLog[GoalEvent](), EventLog[str]()
+
+    class Blocking:
+        def on_event(self, event: GoalEvent, call: CallInfo) -> None:
+            gate()
+
+    class Raising:
+        def on_event(self, event: GoalEvent, call: CallInfo) -> None:
+            raised.append("")
+            raise SystemExit("not even this")
+
+    audience = Audience((Blocking(), Raising(), good), action_name="/fibonacci")
+    for _ in range(3):
+        audience.event(event(GoalState.SENT), CALL)
+    assert len(good.wait_for(3)) == 3
+    gate.leave.set()
+    audience.flush(soon())
+    assert len(raised) == 1
+    assert len([r for r in caplog.records if "Raising" in r.getMessage()]) == 1
+
+
+def test_the_callers_context_is_kept_for_those_who_look() -> None:
+    begun = {"monotonic": 1.0, "wall": 2.0}
+    assert Audience().call_info(GOAL, None, **begun).context is None
+    assert Audience((Noting(),)).call_info(GOAL, None, **begun).context is not None
+
+
+class Asynchronous:
+    async def on_event(self, event: GoalEvent, call: CallInfo) -> None: ...
+
+
+class HalfAnObserver(OnlyEvents):
+    on_outcome = "not to be called"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (Noting(), "must be a list of observers"),
+        ("JsonLines", "must be a list of observers"),
+        (None, "must be a list of observers"),
+        ([Noting], "is a class; make an instance"),
+        ([print], "it has no on_event"),
+        ([None], "it has no on_event"),
+        ([Asynchronous()], "is a coroutine function"),
+        ([HalfAnObserver()], "it has no on_outcome"),
+    ],
+)
+def test_what_is_no_observer_is_refused(given: Any, said: str) -> None:
+    with pytest.raises(TypeError, match="observers") as caught:
+        check_observers(given)
+    assert said in str(caught.value)
+
+
+def test_the_same_observer_twice_is_refused() -> None:
+    observer = Noting()
+    with pytest.raises(ValueError, match="twice"):
+        check_observers([observer, observer])
+    assert check_observers(iter([observer, Noting()]))[0] is observer
+
+
+# --- the log -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def records() -> Iterator[list[logging.LogRecord]]:
+    """All records of the goals' log."""
+    kept: list[logging.LogRecord] = []
+    handler = logging.Handler(logging.DEBUG)
+    handler.emit = kept.append  # type: ignore[method-assign]
+    logger = logging.getLogger("actionkit.goal")
+    logger.addHandler(handler)
+    logger.setLevel(logging.DEBUG)
+    yield kept
+    logger.removeHandler(handler)
+    logger.setLevel(logging.NOTSET)
+
+
+FIELDS = {
+    *("kind", "call_id", "goal_id", "action_name", "action_type", "node_name", "attempt"),
+    *("state", "elapsed_ms", "detail", "outcome"),
+}
+
+
+def extra(record: logging.LogRecord) -> dict[str, Any]:
+    plain = set(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
+    return {name: value for name, value in vars(record).items() if name not in plain}
+
+
+def test_the_fields_of_an_event(records: list[logging.LogRecord]) -> None:
+    GoalLog().on_event(event(GoalState.RETRYING, 0.5, "in 0.20 s", attempt=2), CALL)
+    (record,) = records
+    assert extra(record) == {
+        "kind": "event",
+        "call_id": str(GOAL),
+        "goal_id": str(GOAL),
+        "action_name": "/fibonacci",
+        "action_type": "test_msgs/action/Fibonacci",
+        "node_name": "/robot/planner",
+        "attempt": 2,
+        "state": "RETRYING",
+        "elapsed_ms": 500.0,
+        "detail": "in 0.20 s",
+        "outcome": "",
+    }
+    assert record.levelno == logging.WARNING
+    assert record.getMessage() == (
+        f"[/robot/planner] /fibonacci goal {GOAL} RETRYING after 500.0 ms, attempt 2: in 0.20 s"
+    )
+    assert record.created == 5e8 + 0.5  # when it was, not when it was told
+    assert record.msecs == 500.0
+
+
+def test_the_fields_of_an_outcome(records: list[logging.LogRecord]) -> None:
+    GoalLog().on_outcome(outcome(ak.GoalAbortedError("It was aborted.")), CALL)
+    (record,) = records
+    assert set(extra(record)) == FIELDS
+    assert (record.levelno, extra(record)["outcome"]) == (logging.ERROR, "GoalAbortedError")
+    assert record.getMessage().endswith("call failed (GoalAbortedError): It was aborted.")
+    assert extra(record)["elapsed_ms"] == 1500.0
+
+
+def test_every_state_has_a_level() -> None:
+    assert set(LEVELS) == set(GoalState)
+    assert level_of(event(GoalState.ACCEPTED)) == logging.INFO
+    assert level_of(event(GoalState.FEEDBACK, detail="no. 1")) == logging.DEBUG
+    assert level_of(event(GoalState.EXECUTING, detail="the server refused")) == logging.WARNING
+
+
+@pytest.mark.parametrize(
+    ("error", "level", "word"),
+    [
+        (None, logging.DEBUG, "ok"),
+        (concurrent.futures.CancelledError("by its caller"), logging.INFO, "cancelled"),
+        (ak.ClientClosedError("closed"), logging.WARNING, "ClientClosedError"),
+        (ak.GoalRejectedError("no"), logging.ERROR, "GoalRejectedError"),
+        (ak.DeadlineExceededError("late"), logging.ERROR, "DeadlineExceededError"),
+    ],
+)
+def test_the_level_of_an_outcome(error: BaseException | None, level: int, word: str) -> None:
+    assert level_of_outcome(outcome(error)) == level
+    assert outcome_word(outcome(error)) == word
+
+
+def test_nothing_is_made_where_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
+    put = []
+    monkeypatch.setattr(channel_module.Channel, "put", lambda *args, **named: put.append(args))
+    audience = Audience(action_name="/fibonacci")
+    for state in (GoalState.SENDING, GoalState.ACCEPTED, GoalState.FEEDBACK, GoalState.SUCCEEDED):
+        audience.event(event(state), CALL)
+    audience.outcome(outcome(), CALL)
+    assert put == []  # the root logger lets through warnings, and these are none
+
+
+SILENT = """
+import actionkit as ak, uuid, time
+from actionkit._observers.audience import Audience
+audience = Audience(action_name="/fibonacci")
+id = uuid.uuid4()
+call = audience.call_info(id, None, monotonic=0.0, wall=0.0)
+audience.event(ak.GoalEvent(id, 1, ak.GoalState.ABORTED, 1.0, 1.0), call)
+audience.outcome(ak.Outcome(ak.GoalState.ABORTED, None, ak.GoalAbortedError("no"), 1,
+    ak.Timeline(), id, None), call)
+audience.flush(time.monotonic() + 10)
+"""
+
+
+def test_the_log_is_silent_by_default() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", SILENT], capture_output=True, text=True, timeout=30, check=True
+    )
+    assert (done.stdout, done.stderr) == ("", "")
+
+
+# --- rosout ------------------------------------------------------------------------------------
+
+
+class NodeLogger:
+    def __init__(self) -> None:
+        self.lines: list[tuple[str, str]] = []
+
+    def __getattr__(self, level: str) -> Callable[[str], None]:
+        return lambda text: self.lines.append((level, text))
+
+
+class FakeNode:
+    def __init__(self) -> None:
+        self.logger = NodeLogger()
+
+    def get_logger(self) -> NodeLogger:
+        return self.logger
+
+
+def test_rosout_has_the_levels_of_the_log() -> None:
+    node = FakeNode()
+    rosout = Rosout(node)
+    for state in (GoalState.SENT, GoalState.ACCEPTED, GoalState.ABORTED):
+        rosout.on_event(event(state), CALL)
+    rosout.on_outcome(outcome(ak.GoalAbortedError("It was aborted.")), CALL)
+    assert [level for level, _ in node.logger.lines] == ["debug", "info", "warning", "error"]
+    assert node.logger.lines[1][1] == f"/fibonacci goal {GOAL} ACCEPTED after 500.0 ms"
+
+
+def test_rosout_wants_a_node() -> None:
+    with pytest.raises(TypeError, match="must be an rclpy node"):
+        Rosout("planner")
