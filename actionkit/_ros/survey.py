@@ -17,8 +17,8 @@ _STEP = 0.05
 _QUIET = 0.4
 _LEAST = 3.0
 _MOST = 7.0
-"""A third of the processes are seen after 1 to 3 s only, on an idle machine and by plain rclpy
-too: what Fast DDS sends at once does not always arrive, and then it is 3 s to the next time."""
+"""A third of the processes are seen after 1 to 3 s only, on a machine with other work, by
+plain rclpy too: what Fast DDS sends at once may get lost, and the next time is 3 s later."""
 _JOIN = 5.0
 
 
