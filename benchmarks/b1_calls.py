@@ -32,7 +32,7 @@ def _cell(report: Report, scale: Scale, pairs: dict[str, Pair], order: int, feed
     turns = {
         name: partial(pair.turn, _CALLS, order, feedback=feedback) for name, pair in pairs.items()
     }
-    samples = alternate(scale.pick(30, 100), turns, f"1, {what}")
+    samples = alternate(scale.pick(20, 100), turns, f"1, {what}")
     fastest, leanest = best(samples, RAW, "latency"), best(samples, RAW, "cpu")
     for name in pairs:
         latency = figure(f"{what}: latency", samples, name, "latency", baseline=fastest)
@@ -42,6 +42,9 @@ def _cell(report: Report, scale: Scale, pairs: dict[str, Pair], order: int, feed
             report.figures.append(
                 figure(f"{what}: feedback messages", samples, name, "feedback", unit="")
             )
+        if name == OURS[0]:
+            for part in ("communication", "callbacks", "caller", "middleware"):
+                report.figures.append(figure(f"{what}: CPU, thread: {part}", samples, name, part))
         if name in OURS:
             report.verdicts += [
                 Verdict(f"{what}: latency of {name}, to the best raw", latency.ratio, 1.0),

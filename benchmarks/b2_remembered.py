@@ -33,7 +33,7 @@ def run_all(scale: Scale) -> Report:
                 turns[_name(client, level)] = (
                     lambda pair=pair, level=level: _turn(pair, level)  # type: ignore[misc]
                 )
-        samples = alternate(scale.pick(8, 20), turns, "2")
+        samples = alternate(scale.pick(6, 20), turns, "2")
     for client in clients:
         for level in _LEVELS:
             name, zero = _name(client, level), _name(client, 0)
@@ -41,10 +41,15 @@ def run_all(scale: Scale) -> Report:
                 ("cpu", "client CPU"),
                 ("latency", "latency"),
                 ("server", "server CPU"),
+                ("rest", "latency less server CPU"),
             ):
                 report.figures.append(figure(what, samples, name, key, baseline=zero))
             report.series.setdefault(client, []).append((level, 1e3 * middle(samples[name], "cpu")))
-    for key, what in (("cpu", "client CPU"), ("latency", "latency")):
+    for key, what in (
+        ("cpu", "client CPU"),
+        ("latency", "latency"),
+        ("rest", "latency less server CPU"),
+    ):
         most, zero = _name(OURS[0], _LEVELS[-1]), _name(OURS[0], 0)
         report.verdicts.append(
             Verdict(f"{what} with 5,000 remembered, to none", ratio(samples, most, zero, key), 1.2)

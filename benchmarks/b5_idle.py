@@ -34,7 +34,7 @@ def _idle(report: Report, scale: Scale) -> None:
     """CPU, wake-ups and memory of 1 and of 100 clients that are connected to a server."""
     for number in (1, _MANY):
         turns: dict[str, Callable[[], Sample]] = {
-            f"{kind}, {number}": partial(_crowd, kind, number, scale.pick(4, 20)) for kind in KINDS
+            f"{kind}, {number}": partial(_crowd, kind, number, scale.pick(3, 20)) for kind in KINDS
         }
         samples = alternate(scale.pick(2, 5), turns, f"5, {number} idle")
         for name in turns:
@@ -72,7 +72,7 @@ def _crowd(kind: str, number: int, seconds: float) -> Sample:
         if number > 1:
             crowd.do("open", number=number - 1)
         memory = (process.resident(crowd.pid) - first) / max(1, number - 1) / _MB
-        time.sleep(3.0)  # discovery goes on for a while
+        time.sleep(2.0)  # discovery goes on for a while
         cpu, before = process.thread_cpu(crowd.pid), process.threads(crowd.pid)
         began = time.monotonic()
         time.sleep(seconds)

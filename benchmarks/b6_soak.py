@@ -19,7 +19,7 @@ _MB = 1e6
 def run_all(scale: Scale) -> Report:
     """Call a hundred thousand times, and look at what has grown since the first thousand."""
     report = Report(6, "A hundred thousand calls", axes=("thousand calls", "x the first"))
-    rounds = scale.pick(12, 100)
+    rounds = scale.pick(10, 100)
     report.title = f"{rounds},000 calls in a row"
     states: list[dict[str, Any]] = []
     latency: list[float] = []

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_services_default
 from test_msgs.action import Fibonacci
 
+from actionkit._ros.discovery import stop_listening
 from benchmarks import child
 from benchmarks.server import NAME
 
@@ -52,14 +53,14 @@ class OfRclpy:
         self._kept: list[Any] = []
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
+        self._spinner = threading.Thread(target=self._executor.spin, daemon=True)
 
     def open(self, number: int) -> None:
         """Make so many more."""
         for _ in range(number):
             self._kept.append(self.make(self._node))
-        if self.spun:
-            threading.Thread(target=self._executor.spin, daemon=True).start()
-            self.spun = False
+        if self.spun and not self._spinner.is_alive():
+            self._spinner.start()
 
     def make(self, node: Node) -> Any:
         """Make one."""
@@ -68,6 +69,11 @@ class OfRclpy:
     def close(self) -> None:
         """Leave the graph."""
         self._executor.shutdown()
+        if self._spinner.is_alive():
+            self._spinner.join()
+        stop_listening(self._node)
+        self._node.destroy_node()
+        self._context.shutdown()
 
 
 class OfEntities(OfRclpy):

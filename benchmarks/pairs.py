@@ -80,8 +80,10 @@ class Pair:
         self.client.do("in_a_row", calls=_WARM, order=order)  # what slept is awake again
         before = process.cpu(self.server.pid)
         sample = self.client.do("in_a_row", calls=calls, order=order, **how)
+        server = (process.cpu(self.server.pid) - before) / calls
         return {
             **sample,
             "latency": statistics.median(sample["took"]),
-            "server": (process.cpu(self.server.pid) - before) / calls,
+            "server": server,
+            "rest": max(0.0, statistics.mean(sample["took"]) - server),
         }

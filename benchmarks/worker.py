@@ -11,8 +11,10 @@ from typing import Any
 
 from benchmarks import child
 from benchmarks.clients import VARIANTS, Variant
-from benchmarks.process import resident
+from benchmarks.process import resident, thread_cpu
 from benchmarks.server import NAME, STREAM
+
+_KINDS = {"actionkit": "communication", "actionkit-callbacks": "callbacks"}
 
 
 class Worker:
@@ -46,6 +48,7 @@ class Worker:
         """Call one after the other; with `pace`, one in so many seconds."""
         seen: list[Any] = []
         callback = seen.append if feedback else None
+        before = thread_cpu(os.getpid())
         cpu, wall = time.process_time(), time.perf_counter()
         if not pace:
             took = self.client.in_a_row(calls, order, callback)
@@ -54,10 +57,12 @@ class Worker:
             for number in range(calls):
                 took += self.client.in_a_row(1, order, callback)
                 time.sleep(max(0.0, wall + (number + 1) * pace - time.perf_counter()))
+        used = time.process_time() - cpu
         return {
             "took": took,
-            "cpu": (time.process_time() - cpu) / calls,
+            "cpu": used / calls,
             "wall": (time.perf_counter() - wall) / calls,
+            **{name: seconds / calls for name, seconds in _by_thread(before).items()},
             "feedback": len(seen) / calls,
         }
 
@@ -120,6 +125,17 @@ class Worker:
             "tables": sum(count for name, count in tables.items() if name != "timers"),
             "timers": tables.get("timers", 0),
         }
+
+
+def _by_thread(before: dict[int, float]) -> dict[str, float]:
+    """Return the CPU that threads have used since, by what they are for."""
+    kinds = {
+        thread.native_id: _KINDS.get(thread.name, "caller") for thread in threading.enumerate()
+    }
+    used = dict.fromkeys([*_KINDS.values(), "caller", "middleware"], 0.0)
+    for number, seconds in thread_cpu(os.getpid()).items():
+        used[kinds.get(number, "middleware")] += seconds - before.get(number, 0.0)
+    return used
 
 
 if __name__ == "__main__":
