@@ -38,6 +38,8 @@ def main(quick: bool, only: tuple[str, ...], out: Path, write_docs: bool) -> Non
     except ImportError as error:
         raise click.ClickException(f"{error}; pip install -e '.[bench]'") from error
     scale = Scale(quick)
+    command = " ".join(["python -m benchmarks", *sys.argv[1:]])
+    out.mkdir(parents=True, exist_ok=True)
     reports = []
     for number in sorted(int(n) for n in only) or _MODULES:
         began = time.monotonic()
@@ -45,13 +47,12 @@ def main(quick: bool, only: tuple[str, ...], out: Path, write_docs: bool) -> Non
         reports.append(module.run_all(scale))
         report.show(reports[-1])
         console.print(f"  {time.monotonic() - began:.0f} s", style="dim")
-    command = " ".join(["python -m benchmarks", *sys.argv[1:]])
-    out.mkdir(parents=True, exist_ok=True)
-    report.write_json(reports, out / "results.json", command)
-    plot.write(reports, out / "results.svg")
-    if write_docs:
-        report.write_docs(reports, _ROOT / "docs" / "cost.md", command)
-        plot.write(reports, _ROOT / "docs" / "cost.svg")
+        # Each time, so that what goes wrong later loses nothing.
+        report.write_json(reports, out / "results.json", command)
+        plot.write(reports, out / "results.svg")
+        if write_docs:
+            report.write_docs(reports, _ROOT / "docs" / "cost.md", command)
+            plot.write(reports, _ROOT / "docs" / "cost.svg")
     missed = [verdict.target for one in reports for verdict in one.verdicts if not verdict.met]
     click.echo(f"{len(missed)} targets missed" + "".join(f"\n- {target}" for target in missed))
 

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import traceback
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import IO, Any
 
 from typing_extensions import Self
 
@@ -97,11 +97,15 @@ def _environment(domain: int) -> dict[str, str]:
     }
 
 
-def serve(commands: Mapping[str, Callable[..., Any]]) -> None:
-    """The child's side: obey until stdin ends."""
-    # Nothing but answers may get into stdout, whatever a library prints.
+def claim_stdout() -> IO[str]:
+    """Keep stdout for answers: whatever a library prints goes to stderr. First thing in a child."""
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)
+    return answers
+
+
+def serve(answers: IO[str], commands: Mapping[str, Callable[..., Any]]) -> None:
+    """The child's side: obey until stdin ends."""
     for line in sys.stdin:
         arguments = json.loads(line)
         try:

@@ -107,6 +107,7 @@ class OfEntities(OfRclpy):
 KINDS = {"ActionKit": OfActionKit, "rclpy": OfRclpy, "entities": OfEntities}
 
 if __name__ == "__main__":
+    answers = child.claim_stdout()
     crowd = KINDS[sys.argv[1]]()
-    child.serve({"open": crowd.open})
+    child.serve(answers, {"open": crowd.open})
     crowd.close()

@@ -166,8 +166,11 @@ def _execute(handle: Any) -> Any:
 
 
 if __name__ == "__main__":
+    answers = child.claim_stdout()
     server = Server()
     try:
-        child.serve({"reset": server.reset, "leave": server.leave, "stream": server.stream})
+        child.serve(
+            answers, {"reset": server.reset, "leave": server.leave, "stream": server.stream}
+        )
     finally:
         server.close()

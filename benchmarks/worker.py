@@ -139,7 +139,8 @@ def _by_thread(before: dict[int, float]) -> dict[str, float]:
 
 
 if __name__ == "__main__":
+    answers = child.claim_stdout()
     worker = Worker(sys.argv[1])
     commands = [name for name in vars(Worker) if not name.startswith("_") and name != "client"]
-    child.serve({name: getattr(worker, name) for name in commands})
+    child.serve(answers, {name: getattr(worker, name) for name in commands})
     worker.close()
