@@ -22,7 +22,12 @@ _MODULES = {
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--quick", is_flag=True, help="Fewer rounds and calls: all six in ten minutes.")
-@click.option("--only", type=click.Choice([str(n) for n in _MODULES]), multiple=True, help="One.")
+@click.option(
+    "--only",
+    type=click.Choice([str(n) for n in _MODULES]),
+    multiple=True,
+    help="One, or some; the others' results stay.",
+)
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
@@ -40,12 +45,14 @@ def main(quick: bool, only: tuple[str, ...], out: Path, write_docs: bool) -> Non
     scale = Scale(quick)
     command = " ".join(["python -m benchmarks", *sys.argv[1:]])
     out.mkdir(parents=True, exist_ok=True)
-    reports = []
+    # What was not measured anew stays as it was.
+    known = report.read_json(out / "results.json") if only else {}
     for number in sorted(int(n) for n in only) or _MODULES:
         began = time.monotonic()
         module = importlib.import_module(f"benchmarks.{_MODULES[number]}")
-        reports.append(module.run_all(scale))
-        report.show(reports[-1])
+        known[number] = module.run_all(scale)
+        report.show(known[number])
+        reports = [known[one] for one in sorted(known)]
         console.print(f"  {time.monotonic() - began:.0f} s", style="dim")
         # Each time, so that what goes wrong later loses nothing.
         report.write_json(reports, out / "results.json", command)
@@ -53,7 +60,9 @@ def main(quick: bool, only: tuple[str, ...], out: Path, write_docs: bool) -> Non
         if write_docs:
             report.write_docs(reports, _ROOT / "docs" / "cost.md", command)
             plot.write(reports, _ROOT / "docs" / "cost.svg")
-    missed = [verdict.target for one in reports for verdict in one.verdicts if not verdict.met]
+    missed = [
+        verdict.target for one in known.values() for verdict in one.verdicts if not verdict.met
+    ]
     click.echo(f"{len(missed)} targets missed" + "".join(f"\n- {target}" for target in missed))
 
 

@@ -83,6 +83,21 @@ def write_json(reports: Sequence[Report], path: Path, command: str) -> None:
     path.write_text(json.dumps(content, indent=1) + "\n")
 
 
+def read_json(path: Path) -> dict[int, Report]:
+    """Return what `write_json` wrote, by number; nothing where there is no such file."""
+    if not path.exists():
+        return {}
+    found = {}
+    for one in json.loads(path.read_text())["benchmarks"]:
+        one["axes"] = tuple(one["axes"])
+        one["figures"] = [Figure(**line) for line in one["figures"]]
+        for verdict in one["verdicts"]:
+            del verdict["met"]
+        one["verdicts"] = [Verdict(**verdict) for verdict in one["verdicts"]]
+        found[one["number"]] = Report(**one)
+    return found
+
+
 def write_docs(reports: Sequence[Report], path: Path, command: str) -> None:
     """Replace the generated part of the page."""
     text = path.read_text("utf-8")

@@ -49,6 +49,18 @@ def test_a_target_is_met_or_missed(measured, met, tmp_path):
     assert f"| 1 | cost | {measured:.3g} x | <= 0.6 x | {'met' if met else 'missed'} |" in text
 
 
+def test_results_are_read_back_as_they_were(tmp_path):
+    written = measure.Report(
+        3,
+        "Many",
+        figures=[measure.Figure("cpu", "ours", 1.0, "ms", "theirs", 0.5, 0.4, 0.6)],
+        verdicts=[measure.Verdict("cost", 0.5, 0.6)],
+    )
+    report.write_json([written], tmp_path / "results.json", "the command")
+    assert report.read_json(tmp_path / "results.json") == {3: written}
+    assert report.read_json(tmp_path / "none.json") == {}
+
+
 def test_what_is_not_measured_is_no_success():
     assert not measure.Verdict("cost", None, 0.6).met
 
