@@ -72,7 +72,7 @@ def _crowd(kind: str, number: int, seconds: float) -> Sample:
         if number > 1:
             crowd.do("open", number=number - 1)
         memory = (process.resident(crowd.pid) - first) / max(1, number - 1) / _MB
-        time.sleep(2.0)  # discovery goes on for a while
+        time.sleep(5.0)  # discovery goes on for a while
         cpu, before = process.thread_cpu(crowd.pid), process.threads(crowd.pid)
         began = time.monotonic()
         time.sleep(seconds)
