@@ -88,7 +88,7 @@ def test_the_commands_are_two_and_ci_runs_the_tests_with_the_second() -> None:
     assert demo.endswith("&& .venv/bin/actionkit demo")
     assert tests.endswith("&& .venv/bin/pytest")
     commands = [line.strip() for line in (ROOT / ".ci" / "run").read_text().splitlines()]
-    assert tests in commands
+    assert f'tests="{tests}"' in commands
 
 
 def test_the_tree_of_errors_is_the_real_one() -> None:

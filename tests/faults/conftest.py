@@ -1,7 +1,7 @@
 """Where the rows of docs/faults.md come together, and are compared with those written there.
 
 To write the page anew, run these tests with `ACTIONKIT_WRITE_FAULTS=1` in the environment, in
-one process. Otherwise each row that a test comes to has to be the one that is written.
+one process (`-n 0`). Otherwise each row that a test comes to has to be the one that is written.
 """
 
 from __future__ import annotations
