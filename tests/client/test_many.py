@@ -89,10 +89,8 @@ def test_2000_calls_in_a_row_leave_nothing_behind(action_server, make_client, ca
 
 
 FRESH = """
-import json, sys
-from actionkit import Client, GoalState, RetryPolicy, Timeouts
-from actionkit._ros.outbox import WINDOW
-from actionkit._ros.presence import State
+import json
+from actionkit import Client
 from test_msgs.action import Fibonacci
 with Client(Fibonacci, "fibonacci") as client:
     future = client.call_async({"order": 7})  # sent the moment the server is ready
