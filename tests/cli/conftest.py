@@ -18,6 +18,7 @@ import pytest
 from actionkit import servers
 from actionkit.servers import Server
 from actionkit.testing import isolated_domain
+from tests.conftest import without_noise
 
 CAPTURES = Path(__file__).parents[2] / "docs" / "captures"
 PATIENCE = 40.0
@@ -53,7 +54,7 @@ class Running:
         """Read lines until one has the words; the test's time limit bounds the wait."""
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            self.text += line
+            self.text += without_noise(line)
             if words in line:
                 return
         raise AssertionError(f"ended without {words!r}:\n{self.text}")
@@ -65,7 +66,7 @@ class Running:
     def finish(self) -> int:
         """Read the rest; return the exit code."""
         assert self.process.stdout is not None
-        self.text += self.process.stdout.read()
+        self.text += without_noise(self.process.stdout.read())
         return self.process.wait(PATIENCE)
 
 
@@ -147,7 +148,7 @@ class World:
             check=False,
         )
         assert "Traceback" not in done.stderr, done.stderr
-        return Done(done.returncode, done.stdout, done.stderr)
+        return Done(done.returncode, without_noise(done.stdout), without_noise(done.stderr))
 
 
 def _end(process: subprocess.Popen[str]) -> None:
@@ -161,21 +162,11 @@ def _end(process: subprocess.Popen[str]) -> None:
 def world() -> Iterator[World]:
     """Return a domain, its servers, and the command line in it."""
     with isolated_domain() as domain, ExitStack() as stack:
-        stack.enter_context(_without_shared_memory())
         yield World(domain, stack)
-
-
-@contextlib.contextmanager
-def _without_shared_memory() -> Iterator[None]:
-    """Keep processes in other domains away: Fast DDS shares its shared memory ports with them."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-        yield
 
 
 @pytest.fixture
 def empty_world() -> Iterator[World]:
     """Return the same with nothing in it, for one test."""
     with isolated_domain() as domain, ExitStack() as stack:
-        stack.enter_context(_without_shared_memory())
         yield World(domain, stack)
