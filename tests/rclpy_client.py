@@ -26,7 +26,7 @@ ABORTED = GoalStatus.STATUS_ABORTED
 UNKNOWN = GoalStatus.STATUS_UNKNOWN
 OK, UNKNOWN_GOAL = 0, 2  # answers to a cancel request
 
-PATIENCE = 30.0  # seconds; long, for loaded machines: nothing here waits for it to run out
+PATIENCE = 90.0  # seconds; long, for loaded machines: nothing here waits for it to run out
 
 RAN = ["goal_received", "accepted", "executing"]
 
