@@ -201,7 +201,11 @@ def test_a_late_success_is_not_thrown_away(action_server, make_client):
 def test_an_absent_server_is_explained(action_server, make_client):
     action_server("fibonacci", action_name="/arm/fibonacci")
     action_server("wrong_type", action_name="fibonaci")
-    client = make_client(name="fibonacci", timeouts=Timeouts(server=1.5), retry=RetryPolicy.none())
+    # Discovery may take some seconds, and what is not seen cannot be named.
+    assert make_client(name="/arm/fibonacci").wait_for_server(30)
+    with pytest.raises(ak.ActionTypeMismatchError):
+        make_client(name="fibonaci", timeouts=Timeouts(server=30)).call({"order": 1})
+    client = make_client(name="fibonacci", timeouts=Timeouts(server=0.5), retry=RetryPolicy.none())
     with pytest.raises(ak.ServerUnavailableError) as caught:
         client.call({"order": 1})
     text = str(caught.value)
