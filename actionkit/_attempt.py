@@ -121,6 +121,10 @@ class Attempt:
         self._apply(self.goal.supersede())
         self._on_out_of_sight(self)
 
+    def drop(self) -> None:
+        """Watch the goal no more: what it was watched over is destroyed."""
+        self._apply([fx.Disarm(timer) for timer in fx.Timer])
+
     def withdraw(self) -> None:
         """End an attempt that has sent nothing, and tell nobody."""
         self._apply([*self.goal.supersede(), fx.Withdraw()])

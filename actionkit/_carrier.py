@@ -131,6 +131,9 @@ class PortCarrier:
     def free(self) -> None:
         """Free the port, whatever is in flight."""
         if not self.port.freed.is_set():
+            # The thread may live on, with other clients: nothing of ours may fire there.
+            for attempt in list(self._attempts):
+                attempt.drop()
             self.port.free()
             self._on_freed()
 

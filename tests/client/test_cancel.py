@@ -7,7 +7,7 @@ import concurrent.futures
 import pytest
 
 import actionkit as ak
-from actionkit import CancelReport, GoalState, Timeouts
+from actionkit import CancelReport, GoalState, Timeouts, _carrier
 from tests.conftest import cancels, runs_nothing
 
 
@@ -162,6 +162,24 @@ def test_closing_settles_what_is_in_flight(policy, action_server, make_client, o
     client.close()
     with pytest.raises(ak.ClientClosedError, match="closed"):
         client.call({"order": 1})
+
+
+def test_a_goal_that_is_watched_no_more_leaves_nothing_on_a_shared_thread(
+    action_server, make_client, monkeypatch
+):
+    monkeypatch.setattr(_carrier, "LINGER", 0.1)
+    server = action_server("silent")
+    make_client(name="other")  # it keeps the thread
+    client = make_client(timeouts=Timeouts(cancel=0.2))
+    future = client.call_async({"order": 1})
+    server.wait_for("goal_received")
+    (carrier,) = client._session._carriers
+    (attempt,) = carrier._attempts
+    client.close()
+    assert future.outcome(0).cancel is CancelReport.UNKNOWN
+    assert carrier.port.freed.wait(10)
+    # One that is left asks over destroyed entities, and subscribes to the status anew.
+    assert attempt._timers == {}
 
 
 def test_a_silent_server_does_not_hold_up_closing(action_server, make_client):
