@@ -142,8 +142,7 @@ def test_cancelling_one_leaves_the_others_alone(action_server, make_client):
 @pytest.mark.parametrize("policy", ["cancel", "abandon"])
 def test_closing_settles_what_is_in_flight(policy, action_server, make_client, own_threads):
     server = action_server("never_finishes")
-    # Longer than it takes on a loaded machine: what is tested is that it comes.
-    client = make_client(on_close=policy, timeouts=Timeouts(cancel=20))
+    client = make_client(on_close=policy)
     futures = [client.call_async({"order": 1}) for _ in range(3)]
     server.wait_for("executing", count=3)
     client.close()

@@ -24,7 +24,7 @@ futures = [client.call_async({'order': 90}) for _ in range(20)]
 client = Client(Fibonacci, 'fibonacci')
 running = threading.Event()
 future = client.call_async({'order': 90}, on_feedback=lambda fb: running.set())
-assert running.wait(40)
+assert running.wait(10)
 """,
     "inside a callback that blocks": """
 client = Client(Fibonacci, 'fibonacci')
@@ -32,14 +32,14 @@ running = threading.Event()
 future = client.call_async(
     {'order': 90}, on_feedback=lambda fb: (running.set(), threading.Event().wait())
 )
-assert running.wait(40)
+assert running.wait(10)
 """,
     "with a thread in result()": """
 client = Client(Fibonacci, 'fibonacci')
 running = threading.Event()
 future = client.call_async({'order': 90}, on_feedback=lambda fb: running.set())
 threading.Thread(target=future.exception, daemon=True).start()
-assert running.wait(40)
+assert running.wait(10)
 """,
     "the client is dropped": """
 future = Client(Fibonacci, 'fibonacci').call_async({'order': 2})
@@ -82,14 +82,14 @@ assert client.call({'order': 2}, 10)
 def test_exit(moment, code, action_server, run_script):
     server = action_server("fibonacci", period=0.05)
     exits = run_script(HEAD + MOMENTS[moment] + f"\nsys.exit({code})")
-    assert exits.finish(timeout=28) == (code, "", "")
+    assert exits.finish(timeout=15) == (code, "", "")
     assert runs_nothing(server)
 
 
 def test_exit_by_an_exception_prints_just_that(action_server, run_script):
     server = action_server("fibonacci", period=0.05)
     source = HEAD + MOMENTS["while it runs"] + "\nraise ValueError('mine')"
-    code, out, err = run_script(source).finish(timeout=28)
+    code, out, err = run_script(source).finish(timeout=15)
     assert (code, out) == (1, "")
     assert err.count("Traceback") == 1
     assert err.endswith("ValueError: mine\n")
