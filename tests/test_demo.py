@@ -71,7 +71,8 @@ def test_every_step_comes_out_as_it_should() -> None:
         assert wanted in told
     assert done.stdout.splitlines()[-1].startswith("All 6 steps came out as they should, in")
     assert "FAILED" not in done.stdout
-    assert took < 40  # about ten seconds, where the machine has nothing else to do
+    # About ten seconds; twice that on a machine with much else to do
+    assert took < 20
     assert_gone(server_pid(done.stdout))
 
 
