@@ -197,8 +197,7 @@ class Session:
         for carrier in self._carriers:
             carrier.port.freed.wait(max(0.0, until - time.monotonic()))
             carrier.call_soon(carrier.free)
-            if carrier.port.freed.wait(_FREEING):
-                carrier.port.join(_FREEING)
+            carrier.port.freed.wait(_FREEING)
 
     def _on_freed(self) -> None:
         if self._closed and all(carrier.port.freed.is_set() for carrier in self._carriers):
@@ -221,8 +220,9 @@ def close_all() -> None:
             session.await_calls(until)
             session.retire()
         for session in sessions:
-            # The middleware's own exit handlers crash under a thread that still uses it.
             session.stop_watching(until)
+        # The middleware's own exit handlers crash under a thread that still uses it.
+        runtimes.join_ending(_FREEING)
         channels.flush_all(time.monotonic() + _TELLING)
     except KeyboardInterrupt:
         return  # a human who does not want to wait for it

@@ -84,8 +84,16 @@ def make_client(ros_domain: int) -> Iterator[Callable[..., Client[Any, Any, Any]
 
 @pytest.fixture
 def own_threads() -> Callable[[], list[str]]:
-    """Return the names of ActionKit's threads that are alive."""
-    return lambda: [t.name for t in threading.enumerate() if t.name.startswith("actionkit")]
+    """Return the names of ActionKit's threads that are alive, less those of earlier tests.
+
+    One of an earlier test may be watching for a goal that was given up on, or clearing away.
+    """
+    earlier = set(threading.enumerate())
+    return lambda: [
+        thread.name
+        for thread in set(threading.enumerate()) - earlier
+        if thread.name.startswith("actionkit")
+    ]
 
 
 def without_noise(text: str) -> str:

@@ -48,19 +48,19 @@ def node_of(client: Client) -> Any:
     return client._session.port.runtime.node
 
 
-def wakeups() -> int:
+def wakeups(client: Client) -> int:
     """Return how often the communication thread has been woken so far."""
-    (thread,) = (thread for thread in threading.enumerate() if thread.name == "actionkit")
+    thread = client._session.port.runtime._thread
     text = Path(f"/proc/self/task/{thread.native_id}/status").read_text()
     found = re.search(r"^voluntary_ctxt_switches:\t(\d+)$", text, re.MULTILINE)
     assert found
     return int(found[1])
 
 
-def wakeups_in(seconds: float) -> int:
-    before = wakeups()
+def wakeups_in(seconds: float, client: Client) -> int:
+    before = wakeups(client)
     NEVER.wait(seconds)
-    return wakeups() - before
+    return wakeups(client) - before
 
 
 # --- growth ------------------------------------------------------------------------------------
@@ -125,7 +125,7 @@ def test_nothing_is_left_of_calls_that_failed(action_server, make_client, monkey
 # --- what is not made --------------------------------------------------------------------------
 
 
-def test_a_client_has_four_entities_and_shares_the_rest(action_server, make_client):
+def test_a_client_has_four_entities_and_shares_the_rest(action_server, make_client, own_threads):
     action_server("fibonacci")
     clients = [make_client() for _ in range(5)]
     node = node_of(clients[0])
@@ -135,7 +135,7 @@ def test_a_client_has_four_entities_and_shares_the_rest(action_server, make_clie
     assert len(list(node.clients)) == 3 * len(clients)
     assert len(list(node.subscriptions)) == len(clients)
     assert len(list(node.services)) == len(list(node.timers)) == 0
-    assert sum(thread.name == "actionkit" for thread in threading.enumerate()) == 1
+    assert own_threads().count("actionkit") == 1
     clients[0].close()
     assert len(list(node.clients)) == 3 * (len(clients) - 1)
 
@@ -150,6 +150,7 @@ def test_status_is_subscribed_to_only_while_a_goal_lasts(action_server, make_cli
         client.call({"order": 3}, 20)
     assert sum(made.values()) == 0  # none of the 20 goals that the server remembers was looked at
     server.command("hold")
+    server.wait_for("held")
     future = client.call_async({"order": 3}, timeout=30)
     until = time.monotonic() + 20
     while not made:
@@ -221,14 +222,14 @@ def test_an_idle_client_is_not_woken(action_server, make_client):
     for client in clients:
         client.call({"order": 3}, 20)
     NEVER.wait(2.5)  # what discovery has to say, and the others' feedback
-    assert wakeups_in(1.5) <= 2
+    assert wakeups_in(1.5, clients[0]) <= 2
 
 
 def test_who_waits_for_a_server_is_woken_once_a_second(make_client):
     client = make_client(timeouts=Timeouts(server=30.0))
     future = client.call_async({"order": 3})
     NEVER.wait(0.2)
-    assert wakeups_in(2.5) <= 6
+    assert wakeups_in(2.5, client) <= 6
     future.cancel()
 
 
@@ -239,7 +240,7 @@ def test_who_waits_for_a_result_is_woken_now_and_then(action_server, make_client
     server.wait_for("executing", count=20)
     NEVER.wait(2.5)  # status has been subscribed to, and its first message read
     # Each goal asks anew from time to time whether its result is there (R1).
-    assert wakeups_in(2.0) <= 2 * len(futures)
+    assert wakeups_in(2.0, client) <= 2 * len(futures)
     server.release()
     for future in futures:
         future.result(20)

@@ -19,6 +19,12 @@ from actionkit._ros.requests import Requests
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.status import StatusWatch
 
+_ANSWERED_WITHIN = 0.1
+"""Seconds; a server that does not answer for so long may have been stopped or killed."""
+_CLEARED_WITHIN = 4.0
+"""Seconds until Fast DDS has cleared away after a process that stopped: it looks once a second,
+at whoever has not moved for a second, and waits for a lock for a second."""
+
 
 class Link:
     """The goals of one client that wait to be sent or may be on a server."""
@@ -199,6 +205,9 @@ class Link:
         self._outbox.close()
         self.lookout.close()
         self._requests.close()
+        since = self._requests.unheard_since
+        if since is not None and self.runtime.now() - since > _ANSWERED_WITHIN:
+            self.runtime.keep_until(since + _CLEARED_WITHIN)
         self._status.stop()
         self._feedback.close()
         for source in self._entities.sources:
@@ -214,6 +223,8 @@ class Link:
             answers.take()
         self._feedback.take_all()
         self._status.take_now()
+        if count == 0:
+            self._requests.heard()  # nobody is left to be heard
         self.lookout.matched(count)
 
     def _take_goal(self, seq: int, response: Any) -> None:
@@ -245,6 +256,7 @@ class Link:
 
     def _take_cancel(self, seq: int, response: Any) -> None:
         self.liveness.heard()
+        self._requests.heard()
         self.lookout.count_answer(seq)
         if self._requests.is_question(seq):
             if not self.lookout.counting:

@@ -46,6 +46,8 @@ class Requests:
         self._asking = False
         self._questions: deque[int] = deque(maxlen=_QUESTIONS)
         self._ended: OrderedDict[int, bytes] = OrderedDict()
+        self.unheard_since: float | None = None
+        """When the first question or cancel request was sent after the last answer to one."""
 
     # --- sending ---------------------------------------------------------------------------
 
@@ -90,7 +92,7 @@ class Requests:
     def ask_cancel(self, key: bytes) -> None:
         """Ask for a sent goal's cancellation."""
         if key in self._made:
-            self._register("cancel", key, self._entities.cancel.send(_cancel_request(key)))
+            self._register("cancel", key, self._send_cancel(key))
 
     def question(self) -> int:
         """Ask what every live server answers, and what changes nothing (R2).
@@ -98,7 +100,7 @@ class Requests:
         Returns:
             The sequence number that each answer will carry.
         """
-        seq = self._entities.cancel.send(_cancel_request(uuid.uuid4().bytes))
+        seq = self._send_cancel(uuid.uuid4().bytes)
         self._questions.append(seq)
         self.sync()
         return seq
@@ -120,7 +122,7 @@ class Requests:
             self._ended.update((seq, key) for what, seq in made if what == "goal")
             while len(self._ended) > _REMEMBERED:
                 self._ended.popitem(last=False)
-            self._entities.cancel.send(_cancel_request(key))
+            self._send_cancel(key)
         self.sync()
 
     def close(self) -> None:
@@ -146,6 +148,13 @@ class Requests:
         request = self._impl.GetResultService.Request()
         request.goal_id = _to_uuid(key)
         self._register("result", key, self._entities.result.send(request))
+
+    def _send_cancel(self, key: bytes) -> int:
+        if self.unheard_since is None:
+            self.unheard_since = self._runtime.now()
+        request = CancelGoal.Request()
+        request.goal_info.goal_id = _to_uuid(key)
+        return self._entities.cancel.send(request)
 
     def _register(self, what: str, key: bytes, seq: int) -> None:
         self._unanswered[what][seq] = key
@@ -176,7 +185,11 @@ class Requests:
         """A second server has answered: cancel there what ended on the first (R14)."""
         ended = self._ended.pop(seq, None)
         if ended is not None and accepted:
-            self._entities.cancel.send(_cancel_request(ended))
+            self._send_cancel(ended)
+
+    def heard(self) -> None:
+        """Somebody has answered a question or a cancel request, or nobody is left to do so."""
+        self.unheard_since = None
 
     def is_question(self, seq: int) -> bool:
         """Whether it is the sequence number of a question, of which answers count."""
@@ -209,9 +222,3 @@ class Requests:
 
 def _to_uuid(key: bytes) -> UUID:
     return UUID(uuid=list(key))
-
-
-def _cancel_request(key: bytes) -> CancelGoal.Request:
-    request = CancelGoal.Request()
-    request.goal_info.goal_id = _to_uuid(key)
-    return request

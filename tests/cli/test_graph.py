@@ -78,8 +78,9 @@ def test_watch_sees_the_goals_of_others_and_their_end(world: World) -> None:
     server.release()
     assert call.finish() == Exit.OK
     watching.until('"state": "SUCCEEDED"')
-    left = world.start("call", "fibonacci", FIBONACCI, "{order: 3}", "--timeout", "30")
     server.command("hold")
+    server.wait_for("held")
+    left = world.start("call", "fibonacci", FIBONACCI, "{order: 3}", "--timeout", "30")
     left.until("Goal accepted")
     watching.until('"state": "EXECUTING"')
     server.interrupt()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from actionkit import RetryPolicy, ServerLostError, Timeouts
 from tests.conftest import runs_nothing
 
 HEAD = """
@@ -108,3 +109,44 @@ def test_a_silent_server_does_not_hold_up_the_exit(action_server, run_script):
     script.process.stdin.close()
     script.process.stdin = None
     assert script.finish(timeout=10) == (0, "", "")
+
+
+STOPPED = """
+client = Client(
+    Fibonacci, 'fibonacci', timeouts=Timeouts(cancel=0.5, liveness=0.5), retry=RetryPolicy.none()
+)
+started = threading.Event()
+future = client.call_async({'order': 10_000_000}, on_feedback=lambda fb: started.set())
+assert started.wait(10)
+print('started', flush=True)
+assert isinstance(future.exception(10), ServerLostError)
+client.close()
+"""
+
+
+def test_closing_after_a_server_that_was_stopped_does_not_crash(action_server, run_script):
+    # In memory that it shares with us, this one has most often just locked something.
+    server = action_server("floods")
+    head = HEAD + "from actionkit import RetryPolicy, ServerLostError\n"
+    script = run_script(head + STOPPED)
+    assert script.line() == "started"
+    server.pause()
+    assert script.finish() == (0, "", "")
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_the_node_is_kept_while_the_middleware_clears_away(stopped, action_server, make_client):
+    server = action_server("never_finishes")
+    timeouts = Timeouts(cancel=0.5, liveness=0.5 if stopped else None)
+    client = make_client(timeouts=timeouts, retry=RetryPolicy.none())
+    future = client.call_async({"order": 1})
+    server.wait_for("executing")
+    thread = client._session.port.runtime._thread
+    if stopped:
+        server.pause()
+        with pytest.raises(ServerLostError):
+            future.result(10)
+    client.close()
+    assert thread.is_alive() is stopped
+    thread.join(10)
+    assert not thread.is_alive()

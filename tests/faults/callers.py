@@ -19,11 +19,6 @@ from tests.faults.lab import POLICIES, TIMEOUTS, Seen, budget
 _ROOT = Path(__file__).parents[2]
 
 
-def own_threads() -> list[str]:
-    """The names of ActionKit's threads that are alive."""
-    return [t.name for t in threading.enumerate() if t.name.startswith("actionkit")]
-
-
 class LocalCaller:
     """A client in this process."""
 
@@ -69,9 +64,9 @@ class LocalCaller:
     def seen(self, key: str, timeout: float) -> Seen:
         return Seen.of(self._futures[key].outcome(timeout))
 
-    def close(self) -> list[str]:
+    def close(self) -> bool:
         self.client.close()
-        return own_threads()
+        return any(not carrier.port.freed.is_set() for carrier in self.client._session._carriers)
 
 
 class RemoteCaller:
@@ -112,11 +107,11 @@ class RemoteCaller:
     def seen(self, key: str, timeout: float) -> Seen:
         return Seen(**self._entry(key, "end", timeout)["details"])
 
-    def close(self) -> list[str]:
+    def close(self) -> bool:
         self._tell(do="close")
-        threads: list[str] = self._entry("client", "closed", 10)["details"]
+        watches: bool = self._entry("client", "closed", 10)["details"]
         assert self._process.wait(10) == 0
-        return threads
+        return watches
 
     def kill(self) -> None:
         """End the process, whatever it does."""

@@ -119,7 +119,7 @@ def test_goals_are_given_up_on_during_an_outage(field, record):
     caller = field.caller()
     cable = field.cable
     record(give_up(page.GIVEN_UP_OUTAGE, server, caller, cable.cut, cable.mend))
-    assert "actionkit" not in caller.close()
+    assert not caller.close()
 
 
 @pytest.mark.timeout(170)
@@ -153,4 +153,4 @@ def test_a_third_of_all_packets_is_lost(field, record, monkeypatch):
             )
         ]
     )
-    assert "actionkit" not in caller.close()
+    assert not caller.close()

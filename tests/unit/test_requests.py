@@ -86,6 +86,21 @@ def test_a_forgotten_goal_leaves_nothing_behind(requests: Requests, thread: Thre
     assert not any(requests.table_sizes().values())
 
 
+def test_unheard_is_since_the_first_that_was_not_answered(
+    requests: Requests, thread: Thread
+) -> None:
+    assert requests.unheard_since is None
+    thread.advance(1.0)
+    requests.question()
+    thread.advance(1.0)
+    requests.ask_cancel(KEY)
+    assert requests.unheard_since == 1.0
+    requests.heard()
+    assert requests.unheard_since is None
+    requests.forget(KEY, elsewhere=True)  # a cancel request more
+    assert requests.unheard_since == 2.0
+
+
 @pytest.mark.parametrize("lost", [False, True])
 def test_a_late_answer_to_an_early_question_ends_nothing(lost: bool) -> None:
     """A server that did not know the goal yet, and whose word was held up on the way."""
