@@ -97,19 +97,27 @@ class Blocking(Variant):
 
 
 class Awaiting(Blocking):
-    """`await client.call_async`; many at once in one event loop."""
+    """`await client.call_async`; many at once. One event loop for all, as applications have."""
+
+    def open(self, name: str) -> None:
+        self._loop = asyncio.new_event_loop()
+        super().open(name)
+
+    def close(self) -> None:
+        super().close()
+        self._loop.close()
 
     def in_a_row(self, calls: int, order: int, on_feedback: OnFeedback | None) -> list[float]:
         async def main() -> list[float]:
             return [await self._timed(order, on_feedback) for _ in range(calls)]
 
-        return asyncio.run(main())
+        return self._loop.run_until_complete(main())
 
     def at_once(self, goals: int, order: int) -> list[float]:
         async def main() -> list[float]:
             return await asyncio.gather(*(self._timed(order, None) for _ in range(goals)))
 
-        return asyncio.run(main())
+        return self._loop.run_until_complete(main())
 
     async def _timed(self, order: int, on_feedback: OnFeedback | None) -> float:
         began = time.perf_counter()
