@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from action_msgs.srv import CancelGoal
+
 from actionkit._ros.entities import Entities
 from actionkit._ros.feedback import FeedbackWatch
 from actionkit._ros.listener import GoalListener, SentGoal
@@ -19,6 +21,7 @@ from actionkit._ros.requests import Requests
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.status import StatusWatch
 
+_UNKNOWN = CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
 _ANSWERED_WITHIN = 0.1
 """Seconds; a server that does not answer for so long may have been stopped or killed."""
 _CLEARED_WITHIN = 4.0
@@ -262,11 +265,19 @@ class Link:
             if not self.lookout.counting:
                 self._requests.forget_questions()
             self.presence.answered()
+        if response.return_code == _UNKNOWN and self._may_be_elsewhere(seq):
+            self.lookout.suspect()
+            return
         key = self._requests.answered("cancel", seq)
         if key is not None:
             canceling = any(bytes(info.goal_id.uuid) == key for info in response.goals_canceling)
             self._sent[key].listener.on_cancel_answer(response.return_code, canceling)
         self._requests.sync()
+
+    def _may_be_elsewhere(self, seq: int) -> bool:
+        """Whether not the server that was asked, but another, may have said what it knows."""
+        goal = self._sent.get(self._requests.goal_of("cancel", seq))
+        return goal is not None and bool(goal.servers) and self.presence.count > 1
 
     def _look_at_feedback(self) -> None:
         self._feedback.look()

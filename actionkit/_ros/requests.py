@@ -167,6 +167,10 @@ class Requests:
         """Whether a request (`"goal"`, `"result"`, `"cancel"`) is unanswered."""
         return seq in self._unanswered[what]
 
+    def goal_of(self, what: str, seq: int) -> bytes:
+        """Return the id of the goal that an unanswered request is about, or nothing."""
+        return self._unanswered[what].get(seq, b"")
+
     def answered(self, what: str, seq: int) -> bytes | None:
         """Count a request as answered; return its goal's id, or `None` if nobody waits for it."""
         if what == "result":

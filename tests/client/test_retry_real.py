@@ -5,6 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import time
 from collections import Counter
+from types import SimpleNamespace
 
 import pytest
 import tenacity
@@ -19,6 +20,7 @@ from actionkit import (
     Verdict,
     classify_by_field,
 )
+from actionkit.testing import EventLog
 from tests.conftest import FORMS, ask
 
 QUICK = RetryPolicy(initial=0.05, jitter=0.0)
@@ -272,3 +274,27 @@ def test_a_lost_goal_is_told_of_when_no_server_comes_back(resend, action_server,
         future.result(20)
     assert str(caught.value.goal_id) == lost
     assert caught.value.attempts == 3
+
+
+def test_a_stopped_server_is_not_confirmed_stopped_by_another(action_server, make_client):
+    # It is silent, so its goal is lost; but it may go on at any time.
+    stopped = action_server("never_finishes")
+    policy = RetryPolicy(initial=0.05, jitter=0.0)
+    states: EventLog[GoalState] = EventLog()
+    client = make_client(
+        timeouts=Timeouts(liveness=0.5, cancel=0.5),
+        retry=policy,
+        observers=[SimpleNamespace(on_event=lambda event, call: states(event.state))],
+    )
+    future = client.call_async({"order": 1}, timeout=60)
+    lost = stopped.wait_for("executing")[0].goal_id
+    stopped.pause()
+    states.wait_for(lambda state: state is GoalState.LOST)
+    other = action_server("never_finishes")
+    other.wait_for("cancel_requested", goal_id=lost, count=3)
+    assert other.count("goal_received") == 0
+    stopped.resume()
+    stopped.wait_for("canceled", goal_id=lost)
+    other.wait_for("executing")
+    assert str(future.goal_id) != lost
+    future.cancel()
