@@ -1,4 +1,4 @@
-"""The clients that are compared: ActionKit's two forms, and three written by hand on rclpy.
+"""The clients that are compared: ActionKit's two forms, three written by hand, and the floor.
 
 The hand-written ones are as good as careful users make them: each checks acceptance and status,
 bounds every wait, and, with many goals at a time, leaves no more than eight requests unanswered
@@ -29,52 +29,11 @@ from unique_identifier_msgs.msg import UUID
 
 from actionkit import Client
 from actionkit._ros.discovery import stop_listening
+from benchmarks.floor import AwaitedFloor, Floor
+from benchmarks.variant import PATIENCE, OnFeedback, Variant
 
-PATIENCE = 60.0
 _DEEP = QoSProfile(depth=2000)
 _WINDOW = 8
-
-OnFeedback = Callable[[Any], None]
-
-
-class Variant:
-    """One way to call an action."""
-
-    client: Any
-
-    def open(self, name: str) -> None:
-        """Make a client and connect it to the server."""
-        raise NotImplementedError
-
-    def close(self) -> None:
-        """Free everything."""
-        raise NotImplementedError
-
-    def call(self, order: int, on_feedback: OnFeedback | None) -> Any:
-        """Call, wait, and return the result's sequence."""
-        raise NotImplementedError
-
-    def in_a_row(self, calls: int, order: int, on_feedback: OnFeedback | None) -> list[float]:
-        """Call so often, one after the other; return the seconds that each took."""
-        took = []
-        for _ in range(calls):
-            began = time.perf_counter()
-            sequence = self.call(order, on_feedback)
-            took.append(time.perf_counter() - began)
-            assert len(sequence) == order + 1
-        return took
-
-    def at_once(self, goals: int, order: int) -> list[float]:
-        """Have so many goals in flight at a time; return the seconds that each took."""
-        raise NotImplementedError
-
-    def is_connected(self) -> bool:
-        """Whether a server is there."""
-        return bool(self.client.server_is_ready())
-
-    def await_server(self) -> bool:
-        """Wait for one."""
-        return bool(self.client.wait_for_server(PATIENCE))
 
 
 class Blocking(Variant):
@@ -251,6 +210,8 @@ VARIANTS: dict[str, type[Variant]] = {
     "rclpy tutorial": Tutorial,
     "rclpy one thread": OneThread,
     "rclpy multi-threaded": MultiThreaded,
+    "floor blocking": Floor,
+    "floor await": AwaitedFloor,
 }
 OURS = ("ActionKit blocking", "ActionKit await")
 RAW = ("rclpy tutorial", "rclpy one thread", "rclpy multi-threaded")
