@@ -18,6 +18,7 @@ from typing_extensions import Self
 
 from ._events import EventNotSeenError, Journal, ServerEvent
 from ._life import with_goals
+from ._quiet import await_quiet
 from ._registry import INSTANCE_VARIABLE, Option, behaviour_named, format_option
 
 _instances = itertools.count(1)
@@ -157,7 +158,11 @@ class Server:
         return self._process.poll()
 
     def kill(self) -> int:
-        """SIGKILL: it vanishes without a word to anybody. Returns the exit code."""
+        """SIGKILL: it vanishes without a word to anybody. Returns the exit code.
+
+        In a moment in which it does nothing, where there is one within half a second.
+        """
+        await_quiet(self.pid)
         return self._end(signal.SIGKILL)
 
     def terminate(self) -> int:
@@ -169,7 +174,11 @@ class Server:
         return self._end(signal.SIGINT)
 
     def pause(self) -> None:
-        """SIGSTOP: it stays in the ROS graph and answers nothing. Returns once it has stopped."""
+        """SIGSTOP: it stays in the ROS graph and answers nothing. Returns once it has stopped.
+
+        In a moment in which it does nothing, where there is one within half a second.
+        """
+        await_quiet(self.pid)
         self._process.send_signal(signal.SIGSTOP)
         os.waitid(os.P_PID, self.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
 

@@ -339,7 +339,7 @@ def test_now_is_the_present_time(world: World) -> None:
 def test_progress_is_told_in_lines_where_there_is_no_terminal(world: World) -> None:
     world.server("navigate")
     done = world.run(
-        "call", "navigate", NESTED, "{nested_field: {float64_value: 0.5}}",
+        "call", "navigate", NESTED, "{nested_field: {float64_value: 2.0}}",
         "--progress", "nested_field.float64_value:remaining",
     )  # fmt: skip
     assert done.code == Exit.OK, done.err

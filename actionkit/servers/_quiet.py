@@ -1,0 +1,42 @@
+"""Waiting for a moment in which a process does nothing, before it is stopped for good.
+
+Fast DDS shares memory, and locks in it, with every process on the machine. One that is killed
+while it holds such a lock makes whoever talks to it stand still for seconds, and may crash it: what
+is known of that, and done about it, is in `docs/losing-the-server.md`. A test that means another
+moment of a goal's life should not meet that one now and then.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+_MOMENT = 0.005
+_PATIENCE = 0.5
+
+
+def await_quiet(pid: int) -> None:
+    """Return when no thread of the process has run for 5 ms, but after half a second in any case.
+
+    At once where there is no `/proc`, or no such process.
+    """
+    until = time.monotonic() + _PATIENCE
+    before = _threads(pid)
+    while before and time.monotonic() < until:
+        time.sleep(_MOMENT)
+        now = _threads(pid)
+        if now == before and not any(state == "R" for state, _ in now):
+            return
+        before = now
+
+
+def _threads(pid: int) -> list[tuple[str, str]]:
+    """The state of each thread, and how often it has gone to sleep so far."""
+    found = []
+    for path in sorted(Path(f"/proc/{pid}/task").glob("*/status")):
+        try:
+            status = dict(line.split(":\t", 1) for line in path.read_text().splitlines())
+        except (OSError, ValueError):
+            continue  # it has just ended
+        found.append((status["State"][:1], status["voluntary_ctxt_switches"]))
+    return found
