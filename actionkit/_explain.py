@@ -128,7 +128,7 @@ def _became(ending: Ending, story: Story) -> str:
 
 def _no_server(ending: Ending, story: Story) -> str:
     return (
-        f"No server for action {story.action_name!r} ({story.type_name}) was seen within"
+        f"No server for action {story.action_name!r} ({story.type_name}) was ready within"
         f" {story.timeouts.server:g} s, so nothing was sent. {_seen_instead(story)}"
     )
 
@@ -138,6 +138,11 @@ def _seen_instead(story: Story) -> str:
     around = story.surroundings()
     parts = []
     actions = around.actions or {}
+    if story.type_name in actions.get(story.action_name, ()):
+        return (
+            "A server of this name and type is visible, but has not answered this client yet: it"
+            " is just starting, or this machine or the server is too busy. Allow it more time."
+        )
     close = difflib.get_close_matches(story.action_name, actions, n=3, cutoff=0.6)
     tail = story.action_name.rsplit("/", 1)[-1]
     close += [n for n in sorted(actions) if n.rsplit("/", 1)[-1] == tail and n not in close]

@@ -141,12 +141,13 @@ class Presence:
     def _compare(self) -> None:
         """Compare the servers there are with those there were."""
         before, self.servers = self.servers, self._present()
-        if self.state is State.READY and self.servers - before - _UNNAMED:
+        new = self.servers - before - _UNNAMED
+        # A server that got its name only now is the one that had none.
+        named = _UNNAMED & before - self.servers if new else frozenset()
+        if self.state is State.READY and len(new) > len(named):
             self._begin_settling()  # a new one does not know us yet (R4)
         if self.servers >= before:
             return
-        # A server that got its name only now is the one that had none.
-        named = _UNNAMED & before if self.servers - before else frozenset()
         gone = before - self.servers - named
         if gone:
             self._on_lost(gone)

@@ -274,6 +274,14 @@ def test_where_no_server_is_seen_the_text_lists_those_that_are() -> None:
     assert "and more" in many
 
 
+def test_where_the_server_is_seen_the_text_does_not_call_it_similar() -> None:
+    text = no_server({"/fibonacci": ("test_msgs/action/Fibonacci",)})
+    assert "is visible, but has not answered this client yet" in text
+    assert "similar" not in text
+    served = no_server({"/fibonacci": ("a/action/B",)})
+    assert "similar name: '/fibonacci' (a/action/B)" in served
+
+
 def test_where_nothing_is_seen_the_text_says_so() -> None:
     assert "No action server at all is visible." in no_server({})
     text = no_server(None)

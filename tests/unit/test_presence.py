@@ -223,6 +223,14 @@ def test_a_server_that_had_no_name_so_far_is_not_lost(world: World) -> None:
     assert ("lost", {b"unnamed"}) not in world.news()
 
 
+def test_a_server_that_had_no_name_so_far_is_not_new(world: World) -> None:
+    world.presence.matched(1)  # the graph does not show it yet
+    world.presence.answered()
+    world.match(A)
+    assert (world.presence.servers, world.presence.state) == ({A}, State.READY)
+    assert world.news() == ["ready"]
+
+
 def test_a_graph_that_is_behind_when_a_server_goes(ready: World) -> None:
     ready.match(A, B)
     ready.presence.answered()
