@@ -99,7 +99,7 @@ def own_threads() -> Callable[[], list[str]]:
 def without_noise(text: str) -> str:
     """Return what a process wrote but for what Fast DDS wrote.
 
-    Where many processes start at once, whatever their domains, it complains on standard output of
+    Where many processes start at once, whatever their domains, it complains on either stream of
     a port in shared memory that it did not get, and takes the next.
     """
     lines = text.splitlines(keepends=True)

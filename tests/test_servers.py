@@ -19,6 +19,7 @@ from test_msgs.action import NestedMessage
 
 from actionkit import servers
 from actionkit.testing import EventLog, isolated_domain
+from tests.conftest import Script
 from tests.rclpy_client import (
     ABORTED,
     CANCELED,
@@ -536,12 +537,10 @@ def test_a_person_reads_lines_and_ends_it_with_ctrl_c(ros_domain: int) -> None:
         stderr=subprocess.PIPE,
         text=True,
     ) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        assert "ready" in process.stdout.readline()
+        person = Script(process)
+        assert "ready" in person.line()
         process.send_signal(signal.SIGINT)
-        assert process.wait(PATIENCE) == 0
-        assert process.stderr.read() == ""
+        assert person.finish(PATIENCE)[::2] == (0, "")
 
 
 @pytest.mark.parametrize("module", ["actionkit.servers", "actionkit.testing.plugin"])

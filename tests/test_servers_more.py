@@ -13,6 +13,7 @@ import pytest
 from test_msgs.action import NestedMessage
 
 from actionkit import servers
+from tests.conftest import Script
 from tests.rclpy_client import (
     ABORTED,
     CANCELED,
@@ -378,20 +379,18 @@ def test_a_person_sees_the_restart(ros_domain: int, driver: Driver, how: str) ->
         stderr=subprocess.PIPE,
         text=True,
     ) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        assert "ready" in process.stdout.readline()
+        person = Script(process)
+        assert "ready" in person.line()
         driver.connect()
         _, handle = driver.accepted()
         result = handle.get_result_async()
-        seen = [process.stdout.readline().split()[1]]
+        seen = [person.line().split()[1]]
         while seen[-1] != "ready":
-            seen.append(process.stdout.readline().split()[1])
+            seen.append(person.line().split()[1])
         assert seen[-3:] == ["leaving", "restarting", "ready"]
         assert not result.done()
         process.send_signal(signal.SIGINT)
-        assert process.wait(PATIENCE) == 0
-        assert process.stderr.read() == ""
+        assert person.finish(PATIENCE)[::2] == (0, "")
 
 
 # -- scripts -----------------------------------------------------------------------------------
@@ -582,8 +581,7 @@ def test_scripts_in_the_shell(ros_domain: int) -> None:
         stdout=subprocess.PIPE,
         text=True,
     ) as process:
-        assert process.stdout is not None
-        assert "ready" in process.stdout.readline()
+        assert "ready" in Script(process).line()
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE) == 0
 

@@ -211,9 +211,12 @@ class Run:
         return not self.passed
 
     def wait_result_request(self) -> bool:
-        """Wait until a client has asked for the result; True when it is cancelled first."""
+        """Wait until a client has asked for the result; True where it is being cancelled.
+
+        A client may do one right after the other, and both before this thread wakes.
+        """
         self._wait(lambda: self.result_requested or self.cancelled, None)
-        return not self.result_requested
+        return self.cancelled
 
     def wait_forever(self) -> None:
         """Wait until the process ends."""

@@ -16,6 +16,7 @@ from test_msgs.action import Fibonacci
 from actionkit import Client, GoalState, RetryPolicy, Timeouts
 from actionkit._ros.outbox import WINDOW
 from actionkit._ros.presence import State
+from tests.conftest import without_noise
 
 
 def executed(server) -> Counter[str]:
@@ -63,7 +64,7 @@ def test_500_goals_at_once_from_8_threads(action_server, make_client, own_thread
     assert client.pending == 0
     assert leftovers(client._session.port.table_sizes()) == {}
     assert own_threads().count("actionkit") == 1
-    assert capfd.readouterr().err == ""
+    assert without_noise(capfd.readouterr().err) == ""
 
 
 @pytest.mark.heavy
@@ -85,7 +86,7 @@ def test_2000_calls_in_a_row_leave_nothing_behind(action_server, make_client, ca
     assert len(runs) == 2000
     assert set(runs.values()) == {1}
     assert threading.active_count() < 12
-    assert capfd.readouterr().err == ""
+    assert without_noise(capfd.readouterr().err) == ""
 
 
 FRESH = """
