@@ -22,6 +22,7 @@ from actionkit._ros import runtime as runtimes
 from actionkit._ros.link import Link
 from actionkit._ros.names import Identity, resolve, type_name_of
 from actionkit._ros.native import RCLError
+from actionkit._ros.wire import feedback_alone
 
 _log = logging.getLogger("actionkit")
 
@@ -61,7 +62,7 @@ class Port:
         except BaseException:
             runtimes.release(self.runtime)
             raise
-        self._feedback_type: Any = action_type.Impl.FeedbackMessage
+        self._feedback_type: Any = action_type.Feedback
 
     # --- from any thread -------------------------------------------------------------------
 
@@ -81,7 +82,7 @@ class Port:
 
     def decode_feedback(self, message: bytes) -> Any:
         """Return the feedback in a serialised feedback message."""
-        return deserialize_message(message, self._feedback_type).feedback
+        return deserialize_message(feedback_alone(message), self._feedback_type)
 
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now."""

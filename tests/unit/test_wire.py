@@ -10,11 +10,12 @@ from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
 from builtin_interfaces.msg import Time
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from test_msgs.action import Fibonacci, NestedMessage
+from test_msgs.msg import BasicTypes
 from unique_identifier_msgs.msg import UUID
 
-from actionkit._ros.wire import feedback_goal_id, goal_states
+from actionkit._ros.wire import feedback_alone, feedback_goal_id, goal_states
 
 FEW = 64  # up to so many ids each is searched for; more are looked up entry by entry
 
@@ -100,3 +101,25 @@ def test_the_goal_of_a_feedback_message_of_another_type() -> None:
     goal_id = uuid.uuid4().bytes
     feedback = NestedMessage.Impl.FeedbackMessage(goal_id=UUID(uuid=list(goal_id)))
     assert feedback_goal_id(serialize_message(feedback)) == goal_id
+
+
+@given(ids, st.lists(st.integers(-(2**31), 2**31 - 1), max_size=50))
+def test_feedback_without_its_goal_id(goal_id: bytes, sequence: list[int]) -> None:
+    feedback = Fibonacci.Feedback(sequence=sequence)
+    message = Fibonacci.Impl.FeedbackMessage(goal_id=UUID(uuid=list(goal_id)), feedback=feedback)
+    alone = feedback_alone(serialize_message(message))
+    assert deserialize_message(alone, Fibonacci.Feedback) == feedback
+
+
+@given(ids, st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False), st.booleans())
+def test_feedback_without_its_goal_id_keeps_its_alignment(
+    goal_id: bytes, number: int, fraction: float, flag: bool
+) -> None:
+    feedback = NestedMessage.Feedback(
+        nested_field=BasicTypes(bool_value=flag, int64_value=number, float64_value=fraction)
+    )
+    message = NestedMessage.Impl.FeedbackMessage(
+        goal_id=UUID(uuid=list(goal_id)), feedback=feedback
+    )
+    alone = feedback_alone(serialize_message(message))
+    assert deserialize_message(alone, NestedMessage.Feedback) == feedback
