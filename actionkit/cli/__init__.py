@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import signal
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import NoReturn
 
@@ -23,6 +24,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except KeyboardInterrupt:
         # What was in use has been cleaned up on the way here; nothing may interrupt the rest.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+        # An event loop that was being made, for one, complains when it is freed half-made.
+        sys.unraisablehook = lambda _: None
+        warnings.simplefilter("ignore")
         code = 130  # Exit.INTERRUPTED, whose import may be what was interrupted
         with contextlib.suppress(OSError):  # its reader was interrupted as well
             print("\nInterrupted.", file=sys.stderr)

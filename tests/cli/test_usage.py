@@ -195,3 +195,23 @@ def test_every_option_is_documented() -> None:
             for word in parameter.opts:
                 if word.startswith("--") and word != "--help":
                     assert f"`{word}" in text, f"{name} {word}"
+
+
+def test_what_an_interrupt_leaves_half_made_is_no_traceback() -> None:
+    # As asyncio's event loop, where Ctrl-C comes while it is being made.
+    program = """
+import actionkit.cli._app as app
+from actionkit.cli import main
+class Half:
+    def __init__(self, coroutine):
+        raise KeyboardInterrupt
+    def __del__(self):
+        self.what_init_would_have_made
+async def never_awaited(): ...
+app.run = lambda arguments: Half(never_awaited())
+main([])
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "\nInterrupted.\n")
