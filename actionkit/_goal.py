@@ -73,6 +73,7 @@ class Goal:
         self._forgiven: GaveUp | None = None  # a giving up that the server refused to follow
         self._was_sent = resent
         self.abandoned = False
+        self._closing = False
         self._broke = False
         self._nudge_after = FIRST_NUDGE
         self._told: GoalState | None = None  # a terminal state that came without the result
@@ -318,8 +319,13 @@ class Goal:
 
     def _refused(self, now: float) -> list[Effect]:
         self._report = CancelReport.REFUSED
-        past_deadline = self._deadline is not None and now >= self._deadline
-        if self.gave_up in (GaveUp.CANCELLED, GaveUp.UNANSWERED) and not past_deadline:
+        may_run_on = self.gave_up in (GaveUp.CANCELLED, GaveUp.UNANSWERED)
+        if self._deadline is not None and now >= self._deadline:
+            self.gave_up = GaveUp.DEADLINE
+            self._phase = self._phase or "execute"
+        elif may_run_on and self._closing:
+            self.gave_up = GaveUp.CLOSED  # nobody is left to wait for it
+        elif may_run_on:
             # The goal runs on whatever the caller wants, so it stays his to wait for.
             self._forgiven, self.gave_up = self.gave_up, None
             return [
@@ -327,9 +333,6 @@ class Goal:
                 Record(self.state, "the server refused to cancel; the goal runs on"),
                 *self._arm_stall(now),
             ]
-        if past_deadline:
-            self.gave_up = GaveUp.DEADLINE
-            self._phase = self._phase or "execute"
         return self._settle_given_up()
 
     # --- what the server does not say ------------------------------------------------------
@@ -416,6 +419,7 @@ class Goal:
 
     def close(self, now: float, *, abandon: bool) -> list[Effect]:
         """The client is closing. With `abandon` the goal is left to run, as the user said."""
+        self._closing = True
         if self.settled or self.gave_up is not None:
             return []
         if abandon and self.in_flight:

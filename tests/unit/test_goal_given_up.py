@@ -300,6 +300,16 @@ def test_closing_is_refused() -> None:
     assert (life.end, life.report) == (End.CLOSED, CancelReport.REFUSED)
 
 
+@pytest.mark.parametrize("abandon", [False, True])
+def test_closing_while_the_callers_own_cancel_is_refused(abandon: bool) -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("cancel")
+    life.tell("close", abandon=abandon)
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    assert (life.end, life.report) == (End.CLOSED, CancelReport.REFUSED)
+
+
 @pytest.mark.parametrize("events", [UNTIL_SENT, UNTIL_ACCEPTED])
 def test_closing_abandons(events: tuple[str, ...]) -> None:
     life = Life()
