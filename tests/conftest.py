@@ -12,6 +12,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
+import hunting  # noqa: F401 - loads its settings for every test
 import pytest
 
 from actionkit import Client, Outcome

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 from call_life import CallLife
-from hypothesis import given, settings
+from hunting import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import GoalState, RetryBudget, RetryPolicy, Verdict
@@ -62,7 +63,7 @@ lives = st.builds(
 )
 
 
-@settings(max_examples=1500, deadline=None)
+@examples(1500)
 @given(lives, st.lists(everything, max_size=40))
 def test_every_order(life: CallLife, events: list[Event]) -> None:
     life.happens("ready")
@@ -75,7 +76,7 @@ def test_every_order(life: CallLife, events: list[Event]) -> None:
         assert life.done
 
 
-@settings(max_examples=1000, deadline=None)
+@examples(1000)
 @given(lives, st.lists(peaceful, max_size=30))
 def test_whatever_happened_a_server_that_answers_brings_it_to_an_end(
     life: CallLife, events: list[Event]
@@ -88,7 +89,7 @@ def test_whatever_happened_a_server_that_answers_brings_it_to_an_end(
     life.require(life.done, "it does not hang")
 
 
-@settings(max_examples=500, deadline=None)
+@examples(500)
 @given(lives, st.lists(everything, max_size=30))
 def test_no_goal_is_ever_lost_track_of(life: CallLife, events: list[Event]) -> None:
     """Whatever its caller made of it, a goal that may run is asked about, for ever."""

@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
-from hypothesis import given, settings
+from hunting import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit._effects import AskCancel, CancelAnswer, End, Release, SendGoal, Timer
@@ -162,7 +163,7 @@ def lead(life: Life, beginning: tuple[str, ...], events: list[Event]) -> None:
         happens(life, event)
 
 
-@settings(max_examples=500, deadline=None)
+@examples(500)
 @given(limits, limits, limits, limits, seconds, begun, orders)
 def test_long_lives(
     deadline: float | None,
@@ -183,7 +184,7 @@ def test_long_lives(
     assert sum(event == ("timer", Timer.SERVER) for event in life.told) <= 1
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(begun, orders)
 def test_silence_ends_every_goal_with_limits(
     beginning: tuple[str, ...], events: list[Event]
@@ -197,7 +198,7 @@ def test_silence_ends_every_goal_with_limits(
     assert life.ending is not None
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(orders, st.sampled_from([GoalState.SUCCEEDED, GoalState.CANCELED, GoalState.ABORTED]))
 def test_whatever_happened_the_result_of_a_goal_in_flight_ends_it(
     events: list[Event], status: GoalState
@@ -211,7 +212,7 @@ def test_whatever_happened_the_result_of_a_goal_in_flight_ends_it(
         assert life.timers == {}
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(begun, orders)
 def test_a_goal_given_up_in_flight_is_watched_until_it_is_known_to_run_no_more(
     beginning: tuple[str, ...], events: list[Event]
