@@ -390,7 +390,9 @@ def test_a_person_sees_the_restart(ros_domain: int, driver: Driver, how: str) ->
         assert seen[-3:] == ["leaving", "restarting", "ready"]
         assert not result.done()
         process.send_signal(signal.SIGINT)
-        assert person.finish(PATIENCE)[::2] == (0, "")
+        code, _, errors = person.finish(PATIENCE)
+        # rclpy may warn there that it could not answer who asked the server before for a result.
+        assert (code, "Traceback" in errors) == (0, False)
 
 
 # -- scripts -----------------------------------------------------------------------------------
