@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import without_noise
+
 ROOT = Path(__file__).resolve().parent.parent
 SUPPORTED = ("3.10", "3.11", "3.12", "3.13")
 RUNNING = f"{sys.version_info.major}.{sys.version_info.minor}"
@@ -108,6 +110,6 @@ def test_smoke(version: str, environments: dict[str, Future[Path]], tmp_path: Pa
     python = environments[version].result()
     # A copy elsewhere, so that ActionKit can only come from the environment
     script = shutil.copy(ROOT / "tests" / "smoke.py", tmp_path)
-    said = checked(python, script, timeout=120)
+    said = without_noise(checked(python, script, timeout=120))
     assert re.search(rf"^smoke passed: actionkit \S+, Python {re.escape(version)}\.", said, re.M)
     assert said.count("\n") == 1, f"it should print nothing else:\n{said}"

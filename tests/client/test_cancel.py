@@ -136,7 +136,8 @@ def test_cancelling_one_leaves_the_others_alone(action_server, make_client):
         assert [len(s) for s in seen[order]] == list(range(3, order + 2))
     assert futures[5].cancelled()
     server.wait_for("succeeded", count=3)
-    assert len(cancels(server)) == 1
+    # More than once where the server is slow to answer.
+    assert {event.goal_id for event in cancels(server)} == {str(futures[5].goal_id)}
 
 
 @pytest.mark.parametrize("policy", ["cancel", "abandon"])
