@@ -88,8 +88,7 @@ class Attempt:
         self._effects: deque[fx.Effect] = deque()
         self._applying = False
         self._in_outbox = False
-        self.cancel_asked = False
-        """Whether the server was asked to cancel the goal: then a cancellation is ours."""
+        self._cancels = 0  # requests, less those of which the server said not to know the goal
         if resent:
             link.adopt(self)  # answers to the first request are this attempt's from now on
 
@@ -97,6 +96,11 @@ class Attempt:
     def unwanted(self) -> bool:
         """Whether the caller has cancelled: then the goal must not be sent any more."""
         return self._owner.unwanted
+
+    @property
+    def cancel_is_ours(self) -> bool:
+        """Whether a cancel of ours may be why the goal was cancelled (C4.4)."""
+        return self._cancels > 0
 
     # --- the caller's wishes ---------------------------------------------------------------
 
@@ -171,13 +175,15 @@ class Attempt:
             return  # that the goal was not known then says nothing of now; it was asked again
         if state is not None and not state.is_terminal:
             return  # no server should answer with one; the nudge asks again
-        self._apply(self.goal.result(state, result, self._now()))
+        ours = self.cancel_is_ours
+        self._apply(self.goal.result(state, result, self._now(), ours=ours))
 
     def on_cancel_answer(self, code: int, ours_is_canceling: bool) -> None:
         if ours_is_canceling:
             answer = fx.CancelAnswer.ACCEPTED
         elif code == _UNKNOWN_GOAL_ID:
             answer = fx.CancelAnswer.UNKNOWN_GOAL
+            self._cancels = max(0, self._cancels - 1)  # some answer an earlier attempt's
         elif code == _GOAL_TERMINATED:
             answer = fx.CancelAnswer.TERMINATED
         else:
@@ -231,7 +237,7 @@ class Attempt:
         elif isinstance(effect, fx.AskResult):
             self._link.ask_result(self, anew=effect.anew)
         elif isinstance(effect, fx.AskCancel):
-            self.cancel_asked = True
+            self._cancels += 1
             self._link.ask_cancel(self)
         elif isinstance(effect, fx.WatchStatus):
             self._link.watch_status()

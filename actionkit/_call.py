@@ -206,7 +206,7 @@ class Call:
     def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None:
         """An earlier goal has proved to have finished: that is the call's end (C4.3, C4.4)."""
         end = _LATE.get(state)
-        if state is GoalState.CANCELED and not attempt.cancel_asked:
+        if state is GoalState.CANCELED and not attempt.cancel_is_ours:
             end = fx.End.CANCELED_BY_OTHER
         current = self._attempt
         if end is None or attempt is not self._previous or self._ending is not None:

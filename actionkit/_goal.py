@@ -240,13 +240,16 @@ class Goal:
             effects.append(self._enter(state))
         return effects
 
-    def result(self, status: GoalState | None, result: Any, now: float) -> list[Effect]:
+    def result(
+        self, status: GoalState | None, result: Any, now: float, *, ours: bool = True
+    ) -> list[Effect]:
         """The server answered the request for the result.
 
         Args:
             status: A terminal state, or `None` where the server does not know the goal.
             result: The result message; empty where there is no status.
             now: Monotonic seconds.
+            ours: Whether a cancel of ours may be why it was cancelled (C4.4).
         """
         if not self.in_flight:
             return []
@@ -269,7 +272,7 @@ class Goal:
         if self.gave_up is GaveUp.CANCELLED and status is GoalState.CANCELED:
             end = End.CANCELLED_BY_CALLER
         elif self.gave_up is GaveUp.DEADLINE or (
-            self.gave_up is not None and status is GoalState.CANCELED
+            self.gave_up is not None and status is GoalState.CANCELED and ours
         ):
             end = GAVE_UP_END[self.gave_up]
             late = result if status is GoalState.SUCCEEDED else None

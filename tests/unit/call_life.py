@@ -384,9 +384,7 @@ class CallLife:
         goal.cancels_answered += 1
         if answer is CancelAnswer.UNKNOWN_GOAL:
             goal.unknown = True
-            # Of a goal that was accepted another server on the name says so (R14): the one
-            # that has the goal may have heeded the same request.
-            goal.cancels_in_vain += not goal.accepted
+            goal.cancels_in_vain += 1
             goal.may_run = goal.may_run and not goal.lost
         else:
             self._lives(goal)

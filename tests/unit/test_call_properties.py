@@ -119,6 +119,7 @@ UNANSWERED: list[Event] = [*SENT, ("wait", 5.0), ("cancel_answer", 0, UNKNOWN)]
 AGAIN: list[Event] = [*UNANSWERED, ("busy", True), *PAUSE]
 """The same goal waits for its turn to be sent again."""
 LOST: list[Event] = [*RUNNING, ("gone",)]
+STALLED: list[Event] = [*RUNNING, ("wait", 1.0)]
 NO_LIMITS = {"server": None, "accept": None}
 
 SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
@@ -156,6 +157,16 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
     "nor is what was sent again, where no cancel of ours can have done it": (
         {},
         [*UNANSWERED, *PAUSE, ("accepted", 0), ("result", 0, GoalState.CANCELED), ("wait", 1.0)],
+        2,
+    ),
+    "nor where the server answered that it knew nothing of what we wanted cancelled": (
+        NO_LIMITS | {"feedback": 1.0},
+        [*STALLED, ("cancel_answer", 0, UNKNOWN), ("result", 0, GoalState.CANCELED), *PAUSE],
+        1,
+    ),
+    "what our cancel stopped is tried again": (
+        NO_LIMITS | {"feedback": 1.0},
+        [*STALLED, ("result", 0, GoalState.CANCELED), *PAUSE],
         2,
     ),
     "what waits in vain to be sent again to a server that is there is watched on": (
