@@ -12,10 +12,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
-import hunting  # noqa: F401 - loads its settings for every test
 import pytest
 
 from actionkit import Client, Outcome
+from actionkit._goal import FIRST_NUDGE
 from actionkit.servers import Server, ServerEvent
 
 FORMS = ("blocking", "future", "await")
@@ -61,6 +61,17 @@ def cancels(server: Server) -> list[ServerEvent]:
     Those for unknown goals are the client's harmless question whether anybody is there (R2).
     """
     return [e for e in server.events if e.event == "cancel_requested" and e.details["running"]]
+
+
+def asked_to_cancel(server: Server, *goal_ids: object, waited: float) -> bool:
+    """Whether just these were, once each.
+
+    More than once only where the client waited for an answer until it asked again: the machine may
+    stand still for so long.
+    """
+    asked = [event.goal_id for event in cancels(server)]
+    expected = sorted(str(goal_id) for goal_id in goal_ids)
+    return sorted(asked if waited < FIRST_NUDGE / 2 else set(asked)) == expected
 
 
 def runs_nothing(server: Server) -> bool:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import signal
+import time
 
 import pytest
+
+from tests.conftest import asked_to_cancel
 
 HEAD = """
 import sys, threading, time
@@ -45,10 +48,13 @@ def test_ctrl_c_in_a_blocking_call(source, action_server, run_script):
     server = action_server("never_finishes")
     script = run_script(source)
     assert script.line() == "running"
+    began = time.monotonic()
     script.process.send_signal(signal.SIGINT)
     assert script.line() == "interrupted 0"
+    waited = time.monotonic() - began
     # Seen by the server before the process has ended.
-    server.wait_for("cancel_accepted")
+    (accepted,) = server.wait_for("cancel_accepted")
+    assert asked_to_cancel(server, accepted.goal_id, waited=waited)
     assert len(server.wait_for("canceled")) == 1
     code, _, err = script.finish()
     assert code == -signal.SIGINT
