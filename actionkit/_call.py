@@ -231,17 +231,20 @@ class Call:
         if not self._settled and attempt is self._attempt:
             self.state = state
 
-    def on_feedback(self, attempt: Attempt, message: bytes) -> None:
+    def on_feedback(self, attempt: Attempt, messages: list[bytes]) -> None:
         """Pass feedback on, undecoded."""
         if self._settled or attempt is not self._attempt:
             return
-        decode = DecodeOnce(lambda: self._carrier.decode_feedback(message))
+        handful = [DecodeOnce(self._carrier.decode_feedback, message) for message in messages]
         goal_id = attempt.goal_id
-        detail = f"no. {self.timeline.count_feedback(goal_id)}"
-        self._note(goal_id, attempt.number, GoalState.FEEDBACK, detail, decode)
-        self._tape.put(decode)
+        numbers = self.timeline.count_feedback(goal_id, len(handful))
+        each = self._audience.hears_feedback
+        for number, one in zip(numbers, handful, strict=True):
+            if each or number in (1, numbers[-1]):  # the timeline keeps no others
+                self._note(goal_id, attempt.number, GoalState.FEEDBACK, f"no. {number}", one)
+        self._tape.put(*handful)
         if self._request.callbacks is not None:
-            self._request.callbacks.put(decode)
+            self._request.callbacks.put(*handful)
 
     def on_end(self, attempt: Attempt, ending: fx.Ending) -> None:
         """Judge how the attempt ended, and end the call or try again."""

@@ -83,15 +83,15 @@ class Strand:
         self._closed = False
         self.dropped = 0
 
-    def put(self, job: Job) -> None:
-        """Queue a job. Where the queue is full the oldest gives way: the newest wins."""
+    def put(self, *jobs: Job) -> None:
+        """Queue jobs. Where the queue is full the oldest give way: the newest win."""
         with self._lock:
             if self._closed:
                 return
-            if len(self._jobs) >= self._most:
+            self._jobs.extend(jobs)
+            while len(self._jobs) > self._most:
                 self._jobs.popleft()
                 self.dropped += 1
-            self._jobs.append(job)
             if self._running:
                 return
             self._running = True

@@ -28,8 +28,8 @@ class Callbacks(Protocol):
 
     errors: int
 
-    def put(self, decode: Callable[[], Any]) -> None:
-        """Queue one message."""
+    def put(self, *decodes: Callable[[], Any]) -> None:
+        """Queue messages."""
 
     def finish(self, then: Callable[[], None]) -> None:
         """Call `then` once, when what is queued was handed over."""
@@ -49,9 +49,9 @@ class ThreadCallbacks:
         self.finish = self._strand.finish
         self.close = self._strand.close
 
-    def put(self, decode: Callable[[], Any]) -> None:
-        """Queue one message."""
-        self._strand.put(lambda: self._call(decode))
+    def put(self, *decodes: Callable[[], Any]) -> None:
+        """Queue messages."""
+        self._strand.put(*(partial(self._call, decode) for decode in decodes))
 
     def _call(self, decode: Callable[[], Any]) -> None:
         try:
@@ -75,20 +75,18 @@ class LoopCallbacks:
         self._action_name = action_name
         self._loop = loop
         self._lock = threading.Lock()
-        self._jobs: deque[Callable[[], Any]] = deque()
+        self._jobs: deque[Callable[[], Any]] = deque(maxlen=KEPT)
         self._then: Callable[[], None] | None = None
         self._task: asyncio.Task[None] | None = None
         self._running = False
         self._closed = False
 
-    def put(self, decode: Callable[[], Any]) -> None:
-        """Queue one message."""
+    def put(self, *decodes: Callable[[], Any]) -> None:
+        """Queue messages."""
         with self._lock:
             if self._closed:
                 return
-            if len(self._jobs) >= KEPT:
-                self._jobs.popleft()
-            self._jobs.append(decode)
+            self._jobs.extend(decodes)  # the oldest give way
             if self._running:
                 return
             self._running = True
@@ -196,17 +194,20 @@ def callbacks_for(function: Callable[[Any], object] | None, action_name: str) ->
 class DecodeOnce:
     """Decodes a message at most once, for all who look at it."""
 
-    def __init__(self, decode: Callable[[], Any]) -> None:
-        self._decode: Callable[[], Any] | None = decode
+    __slots__ = ("_pending", "_value")
+
+    def __init__(self, decode: Callable[[bytes], Any], message: bytes) -> None:
+        self._pending: tuple[Callable[[bytes], Any], bytes] | None = (decode, message)
         self._value: Any = None
 
     def __call__(self) -> Any:
         """Return the message."""
-        decode = self._decode
-        if decode is not None:
+        pending = self._pending
+        if pending is not None:
             # Two threads may both decode: the second value is as good as the first.
-            self._value = decode()
-            self._decode = None
+            decode, message = pending
+            self._value = decode(message)
+            self._pending = None
         return self._value
 
 
@@ -220,13 +221,13 @@ class FeedbackTape(Generic[FeedbackT]):
         self._streams: list[_Stream[FeedbackT]] = []
         self._ended = False
 
-    def put(self, decode: Callable[[], FeedbackT]) -> None:
-        """Add one message."""
-        with self._lock:  # or a stream that is made just now gets this one twice
-            self.count += 1
-            self._latest = decode
+    def put(self, *decodes: Callable[[], FeedbackT]) -> None:
+        """Add messages."""
+        with self._lock:  # or a stream that is made just now gets the last of them twice
+            self.count += len(decodes)
+            self._latest = decodes[-1]
             for stream in self._streams:
-                stream.put(decode)
+                stream.put(*decodes)
 
     def end(self) -> None:
         """No more will come."""
@@ -264,9 +265,9 @@ class _Stream(Generic[FeedbackT]):
         self._ended = False
         self._wakes: list[Callable[[], None]] = []
 
-    def put(self, decode: Callable[[], FeedbackT]) -> None:
+    def put(self, *decodes: Callable[[], FeedbackT]) -> None:
         with self._condition:
-            self._buffer.append(decode)
+            self._buffer.extend(decodes)
             self._notify()
 
     def end(self) -> None:

@@ -18,12 +18,12 @@ class Recorder:
         self._counted: uuid.UUID | None = None
         self._count = 0
 
-    def count_feedback(self, goal_id: uuid.UUID) -> int:
-        """Return the number of a feedback message of this goal, from 1."""
+    def count_feedback(self, goal_id: uuid.UUID, messages: int) -> range:
+        """Count feedback messages of this goal; return their numbers, from 1."""
         if goal_id != self._counted:
             self._counted, self._count = goal_id, 0
-        self._count += 1
-        return self._count
+        self._count += messages
+        return range(self._count - messages + 1, self._count + 1)
 
     def add(self, event: GoalEvent) -> None:
         """Append an event. Of a goal's feedback only the first and the last are kept."""

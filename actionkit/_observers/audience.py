@@ -67,6 +67,11 @@ class Audience:
         context = contextvars.copy_context() if self._seats else None
         return CallInfo(call_id, *self._names, monotonic, wall, goal, context)
 
+    @property
+    def hears_feedback(self) -> bool:
+        """Whether anybody wants to be told of each feedback message."""
+        return bool(self._seats) or self._log.wants_feedback()
+
     def event(
         self, event: GoalEvent, call: CallInfo, decode: Callable[[], Any] | None = None
     ) -> None:

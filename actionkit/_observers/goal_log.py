@@ -7,13 +7,14 @@ from typing import Any
 
 from actionkit._observers.protocol import CallInfo
 from actionkit._observers.words import (
+    LEVELS,
     level_of,
     level_of_outcome,
     outcome_sentence,
     outcome_word,
     sentence,
 )
-from actionkit._values import GoalEvent, Outcome
+from actionkit._values import GoalEvent, GoalState, Outcome
 
 logger = logging.getLogger("actionkit.goal")
 logger.addHandler(logging.NullHandler())  # silent where the user has set up no logging
@@ -28,6 +29,10 @@ class GoalLog:
     def wants(self, event: GoalEvent) -> bool:
         """Whether a record would be looked at."""
         return logger.isEnabledFor(level_of(event))
+
+    def wants_feedback(self) -> bool:
+        """Whether records of feedback messages would be looked at."""
+        return logger.isEnabledFor(LEVELS[GoalState.FEEDBACK])
 
     def wants_outcome(self, outcome: Outcome[Any]) -> bool:
         """Whether a record would be looked at."""

@@ -38,7 +38,7 @@ class FeedbackWatch:
         matched: EventSource | None,
         *,
         goals: Container[bytes],
-        on_feedback: Callable[[bytes, bytes], None],
+        on_feedback: Callable[[bytes, list[bytes]], None],
         attentive: Callable[[], bool],
     ) -> None:
         """Wait for the event, where there is one.
@@ -48,7 +48,7 @@ class FeedbackWatch:
             messages: The subscription; `look` is to be called when it is ready.
             matched: Its event that tells of servers, or `None`.
             goals: The ids of the goals wanted; read at each message.
-            on_feedback: Called with a goal's id and a serialised feedback message of it.
+            on_feedback: Called with a goal's id and serialised feedback messages of it, in order.
             attentive: Whether anybody waits for servers coming and going.
         """
         self._runtime = runtime
@@ -130,9 +130,12 @@ class FeedbackWatch:
 
     def _take(self) -> bool:
         messages = self._messages.take()
+        ours: dict[bytes, list[bytes]] = {}
         for message in messages:
             goal_id = feedback_goal_id(message)
             if goal_id in self._goals:
-                self._ours += 1
-                self._on_feedback(goal_id, message)
+                ours.setdefault(goal_id, []).append(message)
+        for goal_id, handful in ours.items():
+            self._ours += len(handful)
+            self._on_feedback(goal_id, handful)
         return bool(messages)

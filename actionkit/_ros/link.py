@@ -282,9 +282,11 @@ class Link:
     def _look_at_feedback(self) -> None:
         self._feedback.look()
 
-    def _take_feedback(self, key: bytes, message: bytes) -> None:
+    def _take_feedback(self, key: bytes, messages: list[bytes]) -> None:
         self.liveness.heard()
-        self._sent[key].listener.on_feedback(message)
+        goal = self._sent.get(key)
+        if goal is not None:
+            goal.listener.on_feedback(messages)
 
     def _take_status(self, key: bytes, code: int) -> None:
         goal = self._sent.get(key)

@@ -19,7 +19,7 @@ _FEW = 64
 
 def feedback_goal_id(message: bytes) -> bytes:
     """Return the goal id of a serialised feedback message."""
-    return bytes(message[_HEADER : _HEADER + ID_SIZE])
+    return message[_HEADER : _HEADER + ID_SIZE]
 
 
 def feedback_alone(message: bytes) -> bytes:
@@ -28,7 +28,7 @@ def feedback_alone(message: bytes) -> bytes:
     To decode the id, and throw it away, costs more than a short feedback does. What follows it
     stays where it was: CDR aligns to 8 bytes at most.
     """
-    return bytes(message[:_HEADER]) + bytes(message[_HEADER + ID_SIZE :])
+    return message[:_HEADER] + message[_HEADER + ID_SIZE :]
 
 
 def goal_states(message: bytes, wanted: Collection[bytes]) -> Iterator[tuple[bytes, int]]:

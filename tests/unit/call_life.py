@@ -349,7 +349,7 @@ class CallLife:
     def feedback(self, number: int) -> None:
         if (found := self._goal(number)) and found[0].may_run:
             self._lives(found[0])
-            self.does(found[1].on_feedback, b"")
+            self.does(found[1].on_feedback, [b"", b"", b""])
 
     def status(self, number: int, state: GoalState) -> None:
         if (found := self._goal(number)) and found[0].may_run:

@@ -102,8 +102,9 @@ def test_a_call_with_very_many_goals_that_all_send_feedback_is_bounded() -> None
 
 def test_each_goal_counts_its_feedback_from_one() -> None:
     recorder = Recorder()
-    counted = [recorder.count_feedback(goal) for goal in (GOALS[0], GOALS[0], GOALS[1])]
-    assert counted == [1, 2, 1]
+    told = ((GOALS[0], 1), (GOALS[0], 2), (GOALS[1], 1))
+    counted = [list(recorder.count_feedback(*each)) for each in told]
+    assert counted == [[1], [2, 3], [1]]
 
 
 # --- as text -----------------------------------------------------------------------------------
