@@ -85,7 +85,7 @@ class Call:
         )
         self._deadline = None if request.timeout is None else self._began + request.timeout
         self._retries = Retries(request.retry, request.budget, self._began)
-        self._judging = Judging(carrier, request.classify, self._judged)
+        self._judging = Judging(carrier, request.classify)
         self._tape: FeedbackTape[Any] = FeedbackTape()
         self.future: GoalFuture[Any, Any] = GoalFuture(self, self._tape)
         self._attempt: Attempt | None = None
@@ -262,7 +262,7 @@ class Call:
         self._judge(ending)
 
     def _judge(self, ending: fx.Ending) -> None:
-        self._judging.begin(ending, self._outcome(ending), self._deadline)
+        self._judging.begin(ending, self._outcome(ending), self._deadline, self._judged)
 
     def _judged(self, ending: fx.Ending, outcome: Outcome[Any], verdict: Verdict) -> None:
         if self._ending is not None:
@@ -333,6 +333,7 @@ class Call:
         if self._settled:
             return
         self._settled = True
+        self._previous = None  # it holds this call for as long as it is watched
         if self._grace is not None:
             self._carrier.cancel_timer(self._grace)
         if self._request.callbacks is not None:

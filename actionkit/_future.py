@@ -11,6 +11,7 @@ import sys
 import threading
 import uuid
 from collections.abc import Callable, Generator
+from dataclasses import dataclass
 from typing import Any, Generic, Protocol, cast
 
 from actionkit._action_type import FeedbackT, ResultT
@@ -42,6 +43,22 @@ class CallView(Protocol):
 
     def request_cancel(self) -> None:
         """Cancel soon. From any thread; never blocks."""
+
+
+@dataclass
+class _Over:
+    """What is left of a call that is over, which the future would else keep alive, and it this.
+
+    Without the circle a result is freed when its user lets go of it, not at some later collection.
+    """
+
+    goal_id: uuid.UUID
+    state: GoalState
+    timeline: Recorder
+    cancel_grace: float
+
+    def request_cancel(self) -> None:
+        """Do nothing: it is too late."""
 
 
 class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]):
@@ -238,6 +255,8 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
     def settle(self, outcome: Outcome[ResultT], end: End) -> None:
         """End the call. On the communication thread, once."""
         self._outcome = outcome
+        call = self._call
+        self._call = _Over(call.goal_id, call.state, call.timeline, call.cancel_grace)
         if end is End.CANCELLED_BY_CALLER:
             super().cancel()
             self.set_running_or_notify_cancel()

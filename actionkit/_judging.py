@@ -15,6 +15,9 @@ _JUDGED = {End.SUCCEEDED, End.ABORTED, End.REJECTED}
 """What a user may judge: what a server has said of a goal (C3.3)."""
 
 
+OnVerdict = Callable[[Ending, Outcome[Any], Verdict], None]
+
+
 class Clock(Protocol):
     """The communication thread, as far as it is needed here."""
 
@@ -26,23 +29,16 @@ class Clock(Protocol):
 class Judging:
     """Judges the endings of one call, one at a time. All of it on the communication thread."""
 
-    def __init__(
-        self,
-        clock: Clock,
-        classify: Classify | None,
-        on_verdict: Callable[[Ending, Outcome[Any], Verdict], None],
-    ) -> None:
+    def __init__(self, clock: Clock, classify: Classify | None) -> None:
         """Make it.
 
         Args:
             clock: The communication thread.
             classify: The user's function, which runs on the pool (R8); `None` for the default.
-            on_verdict: Is told each verdict, at once or later.
         """
         self._clock = clock
         self._classify = classify
-        self._on_verdict = on_verdict
-        self._asked: tuple[Ending, Outcome[Any]] | None = None
+        self._asked: tuple[Ending, Outcome[Any], OnVerdict] | None = None
         self._limit: TimerHandle | None = None
 
     @property
@@ -50,19 +46,26 @@ class Judging:
         """Whether the user's function is being asked."""
         return self._asked is not None
 
-    def begin(self, ending: Ending, outcome: Outcome[Any], deadline: float | None) -> None:
+    def begin(
+        self,
+        ending: Ending,
+        outcome: Outcome[Any],
+        deadline: float | None,
+        on_verdict: OnVerdict,
+    ) -> None:
         """Judge an ending.
 
         Args:
             ending: How the attempt ended.
             outcome: The same, as the user sees it.
             deadline: Monotonic time when the default counts if there is no answer, or `None`.
+            on_verdict: Is told, at once or later.
         """
         classify = self._classify
         if classify is None or ending.end not in _JUDGED:
-            self._on_verdict(ending, outcome, default_verdict(outcome))
+            on_verdict(ending, outcome, default_verdict(outcome))
             return
-        self._asked = (ending, outcome)
+        self._asked = (ending, outcome, on_verdict)
         if deadline is not None:
             self.end_by(deadline)
 
@@ -85,9 +88,9 @@ class Judging:
     def _answer(self, ending: Ending, verdict: Verdict | None) -> None:
         if self._asked is None or self._asked[0] is not ending:
             return  # it comes too late
-        outcome, self._asked = self._asked[1], None
+        (_, outcome, on_verdict), self._asked = self._asked, None
         self._disarm()
-        self._on_verdict(ending, outcome, verdict or default_verdict(outcome))
+        on_verdict(ending, outcome, verdict or default_verdict(outcome))
 
     def _disarm(self) -> None:
         if self._limit is not None:

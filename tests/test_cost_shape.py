@@ -122,6 +122,35 @@ def test_nothing_is_left_of_calls_that_failed(action_server, make_client, monkey
         NEVER.wait(0.05)
 
 
+def test_what_a_call_held_is_freed_when_its_user_lets_go(action_server, make_client):
+    """And not by the next collection, which costs time, and is late for a large result."""
+    action_server("fibonacci", max_order=5, journal="none")
+    client = make_client()
+
+    def call() -> None:
+        for order in (3, 6):
+            future = client.call_async({"order": order}, lambda _: None, 20)
+            future.outcome(20)
+            assert future.done()
+
+    def ours() -> list[type]:
+        settled()
+        found = [type(each) for each in gc.garbage]
+        return [each for each in found if each.__module__.startswith(("actionkit", "test_msgs"))]
+
+    call()
+    settled()
+    gc.disable()
+    gc.set_debug(gc.DEBUG_SAVEALL)
+    try:
+        call()
+        assert ours() == []
+    finally:
+        gc.set_debug(0)
+        gc.garbage.clear()
+        gc.enable()
+
+
 # --- what is not made --------------------------------------------------------------------------
 
 
