@@ -95,6 +95,24 @@ def test_the_log_and_observers_are_told_what_the_timeline_tells(
     assert observer.calls.items[0].goal.order == 2
 
 
+@pytest.mark.parametrize("listener", ["observer", "log", "nobody"])
+def test_each_message_of_a_quick_goal_is_told(listener, action_server, make_client, request):
+    """They come by the handful, of which the timeline keeps the first and the last."""
+    action_server("fibonacci")
+    records = request.getfixturevalue("records") if listener == "log" else []
+    observer = Observer()
+    client = make_client(observers=[observer] if listener == "observer" else [])
+    outcome = client.call_async({"order": 60}, timeout=20).outcome()
+    client.close()
+    told = [e.detail for e in observer.events if e.state is GoalState.FEEDBACK]
+    told += [r.detail for r in records if r.kind == "event" and r.state == "FEEDBACK"]
+    assert outcome.feedback_count > 20
+    sent = [f"no. {n}" for n in range(1, outcome.feedback_count + 1)]
+    assert told == ([] if listener == "nobody" else sent)
+    kept = [e.detail for e in outcome.timeline if e.state is GoalState.FEEDBACK]
+    assert kept == [sent[0], sent[-1]]
+
+
 def test_retries_and_their_failure(action_server, make_client, records):
     action_server("aborts")
     observer = Observer()

@@ -15,6 +15,7 @@ from actionkit._delivery import in_callback
 from actionkit._feedback import (
     KEPT,
     Callbacks,
+    DecodeOnce,
     LoopCallbacks,
     ThreadCallbacks,
     callbacks_for,
@@ -25,6 +26,19 @@ LONG = 10.0
 
 def message(number: int) -> Callable[[], int]:
     return lambda: number
+
+
+def test_a_message_is_decoded_once_and_only_when_looked_at() -> None:
+    decoded = list[bytes]()
+
+    def decode(message: bytes) -> str:
+        decoded.append(message)
+        return message.decode()
+
+    look = DecodeOnce(decode, b"far")
+    assert decoded == []
+    assert [look(), look()] == ["far", "far"]
+    assert decoded == [b"far"]
 
 
 def handed_over(callbacks: Callbacks) -> bool:
