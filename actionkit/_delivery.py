@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextvars
 import logging
+import queue
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -29,46 +30,50 @@ class Pool:
     def __init__(self, most: int = _MOST_THREADS, idle: float = _IDLE_SECONDS) -> None:
         self._most = most
         self._idle_seconds = idle
-        self._condition = threading.Condition()
-        self._jobs: deque[Job] = deque()
+        self._jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
+        self._lock = threading.Lock()
         self._threads = 0
-        self._idle = 0
+        self._free = 0  # threads that wait for a job, less jobs that wait for a thread
 
     def submit(self, job: Job) -> None:
         """Run `job` soon. Never blocks."""
-        with self._condition:
-            self._jobs.append(job)
-            if self._idle >= len(self._jobs):
-                self._condition.notify()
-                return
-            if self._threads >= self._most:
-                return
-            self._threads += 1
+        with self._lock:
+            self._free -= 1
+            start = self._free < 0 and self._threads < self._most
+            if start:
+                self._threads += 1
+                self._free += 1
+        self._jobs.put(job)
+        if not start:
+            return
         try:
             threading.Thread(target=self._work, name="actionkit-callbacks", daemon=True).start()
         except RuntimeError:
             # No more threads; from Python 3.12 on there are none at the interpreter's exit. The
             # job waits for one that is there. What rests on it must not break on it.
-            with self._condition:
+            with self._lock:
                 self._threads -= 1
+                self._free -= 1
 
     def _work(self) -> None:
         in_callback.set(True)
         while True:
-            with self._condition:
-                if not self._jobs:
-                    self._idle += 1
-                    self._condition.wait_for(lambda: self._jobs, self._idle_seconds)
-                    self._idle -= 1
-                if not self._jobs:
+            try:
+                job = self._jobs.get(timeout=self._idle_seconds)
+            except queue.Empty:
+                with self._lock:
+                    if self._free <= 0:
+                        continue  # one is on its way
                     self._threads -= 1
+                    self._free -= 1
                     return
-                job = self._jobs.popleft()
             try:
                 job()
             except BaseException:  # noqa: BLE001  a thread of the pool is not to be lost
                 _log.exception("an error in ActionKit itself; please report it")
             del job  # or an idle thread would keep the last goal alive
+            with self._lock:
+                self._free += 1
 
 
 class Strand:

@@ -187,13 +187,12 @@ def test_an_idle_thread_is_used_again() -> None:
 def test_jobs_that_come_together_do_not_wait_for_the_same_idle_thread() -> None:
     pool, first, second = Pool(most=8, idle=LONG), Gate(), Gate()
     pool.submit(lambda: None)
-    with pool._condition:
-        for _ in range(10_000):  # nothing tells that a thread is idle, so look inside
-            if not pool._idle:
-                pool._condition.wait(0.001)
-        assert pool._idle == 1
-        pool.submit(first)  # both before the idle thread can wake up
-        pool.submit(second)
+    for _ in range(10_000):  # nothing tells that a thread is idle, so look inside
+        if not pool._free:
+            threading.Event().wait(0.001)
+    assert pool._free == 1
+    pool.submit(first)
+    pool.submit(second)
     assert first.entered.wait(LONG)
     assert second.entered.wait(LONG)
     first.leave.set()
