@@ -262,9 +262,12 @@ class Call:
         self._judge(ending)
 
     def _judge(self, ending: fx.Ending) -> None:
-        self._judging.begin(ending, self._outcome(ending), self._deadline, self._judged)
+        if ending.end is fx.End.SUCCEEDED and self._request.classify is None:
+            self._judged(ending, None, Verdict.SUCCESS)  # most are: no outcome is made for it
+        else:
+            self._judging.begin(ending, self._outcome(ending), self._deadline, self._judged)
 
-    def _judged(self, ending: fx.Ending, outcome: Outcome[Any], verdict: Verdict) -> None:
+    def _judged(self, ending: fx.Ending, error: BaseException | None, verdict: Verdict) -> None:
         if self._ending is not None:
             return  # cancelled or closed meanwhile
         if verdict is Verdict.SUCCESS:
@@ -277,9 +280,9 @@ class Call:
         if self.unwanted or self._closing:
             why_not = "its caller no longer wants it"
         else:
-            error = outcome.error or JudgedFailure()
+            cause = error or JudgedFailure()
             plan = self._retries.next(
-                ending, error, self._attempts, time.monotonic(), self._deadline
+                ending, cause, self._attempts, time.monotonic(), self._deadline
             )
             if not isinstance(plan, GiveUp):
                 self._pause_for(plan)

@@ -42,6 +42,7 @@ PATIENCE = 4.0
 """Pause, the fourth, after which a result is not waited for any more though the goal ended: a
 server that ends hundreds of goals together takes seconds to send their results."""
 MAX_NUDGE = 30.0
+_QUIET = tuple(Disarm(timer) for timer in Timer if timer is not Timer.NUDGE)
 
 
 class Goal:
@@ -499,7 +500,7 @@ class Goal:
         timed_out = end in (End.DEADLINE, End.NO_ACCEPTANCE, End.STALLED)
         unended = timed_out and not self.state.is_terminal
         return [
-            *(Disarm(timer) for timer in Timer if timer is not Timer.NUDGE),
+            *_QUIET,
             Settle(
                 Ending(
                     end=end,

@@ -15,7 +15,7 @@ _JUDGED = {End.SUCCEEDED, End.ABORTED, End.REJECTED}
 """What a user may judge: what a server has said of a goal (C3.3)."""
 
 
-OnVerdict = Callable[[Ending, Outcome[Any], Verdict], None]
+OnVerdict = Callable[[Ending, BaseException | None, Verdict], None]
 
 
 class Clock(Protocol):
@@ -59,11 +59,11 @@ class Judging:
             ending: How the attempt ended.
             outcome: The same, as the user sees it.
             deadline: Monotonic time when the default counts if there is no answer, or `None`.
-            on_verdict: Is told, at once or later.
+            on_verdict: Is told the ending, its error and the verdict, at once or later.
         """
         classify = self._classify
         if classify is None or ending.end not in _JUDGED:
-            on_verdict(ending, outcome, default_verdict(outcome))
+            on_verdict(ending, outcome.error, default_verdict(outcome))
             return
         self._asked = (ending, outcome, on_verdict)
         if deadline is not None:
@@ -90,7 +90,7 @@ class Judging:
             return  # it comes too late
         (_, outcome, on_verdict), self._asked = self._asked, None
         self._disarm()
-        on_verdict(ending, outcome, verdict or default_verdict(outcome))
+        on_verdict(ending, outcome.error, verdict or default_verdict(outcome))
 
     def _disarm(self) -> None:
         if self._limit is not None:

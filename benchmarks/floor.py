@@ -27,7 +27,7 @@ from unique_identifier_msgs.msg import UUID
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.entities import Entities
 from actionkit._ros.native import Waiter
-from actionkit._ros.wire import feedback_goal_id
+from actionkit._ros.wire import feedback_alone, feedback_goal_id
 from benchmarks.variant import PATIENCE, OnFeedback, Variant
 
 _IMPL = Fibonacci.Impl
@@ -113,13 +113,15 @@ class Floor(Variant):
         self._ask_result(self._key)
 
     def _look_at_feedback(self) -> None:
-        for message in self._entities.feedback.take():
-            if self._callback is not None and feedback_goal_id(message) == self._key:
-                self._jobs.put(lambda message=message: self._decode(message))  # type: ignore[misc]
+        messages = self._entities.feedback.take()
+        if self._callback is not None and messages:
+            self._jobs.put(lambda: self._deliver(messages))
 
-    def _decode(self, message: bytes) -> None:
+    def _deliver(self, messages: list[bytes]) -> None:
         assert self._callback is not None
-        self._callback(deserialize_message(message, _IMPL.FeedbackMessage).feedback)
+        for message in messages:
+            if feedback_goal_id(message) == self._key:
+                self._callback(deserialize_message(feedback_alone(message), Fibonacci.Feedback))
 
     def _on_result(self, _: int, response: Any) -> None:
         if response.status == 0:  # the answer about a goal that there never was

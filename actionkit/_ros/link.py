@@ -239,7 +239,6 @@ class Link:
             self._sent[key].listener.on_accepted()
         else:
             self._sent[key].listener.on_rejected()
-        self._requests.sync()
 
     def _take_result(self, seq: int, response: Any) -> None:
         self.liveness.heard()
@@ -255,7 +254,6 @@ class Link:
             self._feedback.take_all()  # the result may have overtaken some (R15)
             listener = self._sent[key].listener
             listener.on_result(response.status, response.result, outdated=outdated)
-            self._requests.sync()
 
     def _take_cancel(self, seq: int, response: Any) -> None:
         self.liveness.heard()
@@ -272,7 +270,6 @@ class Link:
         if key is not None:
             canceling = any(bytes(info.goal_id.uuid) == key for info in response.goals_canceling)
             self._sent[key].listener.on_cancel_answer(response.return_code, canceling)
-        self._requests.sync()
 
     def _may_be_elsewhere(self, seq: int) -> bool:
         """Whether not the server that was asked, but another, may have said what it knows."""

@@ -25,6 +25,8 @@ from rclpy.subscription import Subscription
 _FOREVER = -1
 _MOST_AT_ONCE = 64
 """Messages taken of one entity before the others get their turn."""
+_SPARE = 4
+"""Places in a wait set beyond those needed, for each kind."""
 
 
 RCLError = rclpy_implementation.RCLError
@@ -130,8 +132,8 @@ class Waiter:
         self._context = context
         self._guard = GuardCondition(None, None, context=context)
         self._capacity = (0, 0, 0)
+        self._room = -1  # for so many sources, whatever their kinds
         self._wait_set: Any = None
-        self._reserved_for: Sequence[Source] | None = None
 
     def wake(self) -> None:
         """Make the current wait, or the next, return at once. Callable from any thread."""
@@ -142,15 +144,14 @@ class Waiter:
         """Wait until a source is ready, `wake` is called, or the time is up.
 
         Args:
-            sources: What to wait for; not to be changed afterwards.
+            sources: What to wait for.
             timeout: Seconds; `None` waits for ever.
 
         Returns:
             The sources that are ready.
         """
-        if sources is not self._reserved_for:
+        if len(sources) > self._room:
             self._reserve(sources)
-            self._reserved_for = sources
         wait_set = self._wait_set
         wait_set.clear_entities()
         wait_set.add_guard_condition(self._guard.handle)
@@ -175,7 +176,8 @@ class Waiter:
             return
         self._release_wait_set()
         # Room to grow: making a wait set costs more than waiting on a sparse one.
-        self._capacity = tuple(2 * want + 2 for want in needed)  # type: ignore[assignment]
+        self._capacity = tuple(2 * want + _SPARE for want in needed)  # type: ignore[assignment]
+        self._room = min(self._capacity)
         subscriptions, clients, events = self._capacity
         # Subscriptions, guard conditions, timers, clients, services, events.
         self._wait_set = rclpy_implementation.WaitSet(

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import uuid
 from collections import OrderedDict, deque
+from collections.abc import Sized
+from functools import lru_cache
 from typing import Any
 
 from action_msgs.srv import CancelGoal
@@ -46,6 +48,11 @@ class Requests:
         self._asking = False
         self._questions: deque[int] = deque(maxlen=_QUESTIONS)
         self._ended: OrderedDict[int, bytes] = OrderedDict()
+        self._answers: dict[str, tuple[Source, tuple[Sized, ...]]] = {
+            "goal": (entities.goal, (self._unanswered["goal"], self._ended)),
+            "result": (entities.result, (self._unanswered["result"],)),
+            "cancel": (entities.cancel, (self._unanswered["cancel"], self._questions)),
+        }  # and what makes them wanted
         self.unheard_since: float | None = None
         """When the first question or cancel request was sent after the last answer to one."""
 
@@ -102,7 +109,7 @@ class Requests:
         """
         seq = self._send_cancel(uuid.uuid4().bytes)
         self._questions.append(seq)
-        self.sync()
+        self._sync("cancel")
         return seq
 
     def forget(self, key: bytes, *, elsewhere: bool) -> None:
@@ -123,7 +130,8 @@ class Requests:
             while len(self._ended) > _REMEMBERED:
                 self._ended.popitem(last=False)
             self._send_cancel(key)
-        self.sync()
+        for what in self._unanswered:
+            self._sync(what)
 
     def close(self) -> None:
         """Send nothing any more."""
@@ -159,7 +167,7 @@ class Requests:
     def _register(self, what: str, key: bytes, seq: int) -> None:
         self._unanswered[what][seq] = key
         self._made[key].append((what, seq))
-        self.sync()
+        self._sync(what)
 
     # --- answers ---------------------------------------------------------------------------
 
@@ -175,7 +183,9 @@ class Requests:
         """Count a request as answered; return its goal's id, or `None` if nobody waits for it."""
         if what == "result":
             self._outdated.discard(seq)
-        return self._unanswered[what].pop(seq, None)
+        key = self._unanswered[what].pop(seq, None)
+        self._sync(what)
+        return key
 
     def is_outdated(self, seq: int) -> bool:
         """Whether more has become known of a goal since its result was asked for.
@@ -188,6 +198,7 @@ class Requests:
     def answered_late(self, seq: int, *, accepted: bool) -> None:
         """A second server has answered: cancel there what ended on the first (R14)."""
         ended = self._ended.pop(seq, None)
+        self._sync("goal")
         if ended is not None and accepted:
             self._send_cancel(ended)
 
@@ -202,18 +213,14 @@ class Requests:
     def forget_questions(self) -> None:
         """Wait for no more answers to them."""
         self._questions.clear()
+        self._sync("cancel")
 
     # --- waiting ---------------------------------------------------------------------------
 
-    def sync(self) -> None:
-        """Wait for what is wanted, and for nothing else: an idle client costs no turn."""
-        entities, unanswered = self._entities, self._unanswered
-        self._want(entities.goal, bool(unanswered["goal"] or self._ended))
-        self._want(entities.result, bool(unanswered["result"]))
-        self._want(entities.cancel, bool(unanswered["cancel"] or self._questions))
-
-    def _want(self, source: Source, wanted: bool) -> None:
-        if wanted:
+    def _sync(self, what: str) -> None:
+        """Wait for answers that are wanted, and for no others: an idle client costs no turn."""
+        source, wanted = self._answers[what]
+        if any(wanted):
             self._runtime.enable(source)
         else:
             self._runtime.disable(source)
@@ -224,5 +231,6 @@ class Requests:
         return {**sizes, "sent": len(self._made), "asks": len(self._asks) + len(self._outdated)}
 
 
+@lru_cache(_REMEMBERED)  # each goal has two requests at least; nobody changes their ids
 def _to_uuid(key: bytes) -> UUID:
     return UUID(uuid=list(key))
