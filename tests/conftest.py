@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -14,11 +15,12 @@ from typing import Any
 
 import pytest
 
-from actionkit import Client, Outcome
+from actionkit import Client, GoalFuture, GoalState, Outcome
 from actionkit._goal import FIRST_NUDGE
 from actionkit.servers import Server, ServerEvent
 
 FORMS = ("blocking", "future", "await")
+NEVER = threading.Event()  # nobody sets it: waiting for it is how a test lets time pass
 
 
 @dataclass
@@ -72,6 +74,20 @@ def asked_to_cancel(server: Server, *goal_ids: object, waited: float) -> bool:
     asked = [event.goal_id for event in cancels(server)]
     expected = sorted(str(goal_id) for goal_id in goal_ids)
     return sorted(asked if waited < FIRST_NUDGE / 2 else set(asked)) == expected
+
+
+def is_accepted(future: GoalFuture[Any, Any]) -> bool:
+    """Wait until the client knows that the goal was accepted, which the server knows before.
+
+    A cancel that comes before the client knows is asked for again when it does: the server may
+    have had the first request before the goal.
+    """
+    until = time.monotonic() + 20
+    while not any(event.state is GoalState.ACCEPTED for event in future.timeline):
+        if time.monotonic() > until:
+            return False
+        NEVER.wait(0.002)
+    return True
 
 
 def runs_nothing(server: Server) -> bool:

@@ -9,7 +9,7 @@ import pytest
 
 import actionkit as ak
 from actionkit import CancelReport, GoalState, Timeouts, _carrier
-from tests.conftest import asked_to_cancel, cancels, runs_nothing
+from tests.conftest import asked_to_cancel, cancels, is_accepted, runs_nothing
 
 
 def test_cancel_before_the_send_sends_nothing(action_server, make_client):
@@ -129,6 +129,7 @@ def test_cancelling_one_leaves_the_others_alone(action_server, make_client):
             on_feedback=lambda fb, order=order: seen[order].append(list(fb.sequence)),
         )
     server.wait_for("executing", count=4)
+    assert is_accepted(futures[5])
     began = time.monotonic()
     futures[5].cancel()
     server.wait_for("canceled")
