@@ -33,7 +33,7 @@ def run_all(scale: Scale) -> Report:
                 turns[_name(client, level)] = (
                     lambda pair=pair, level=level: _turn(pair, level)  # type: ignore[misc]
                 )
-        samples = alternate(scale.pick(6, 20), turns, "2")
+        samples = alternate(scale.pick(9, 20), turns, "2")
     for client in clients:
         for level in _LEVELS:
             name, zero = _name(client, level), _name(client, 0)
