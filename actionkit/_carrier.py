@@ -40,6 +40,7 @@ class PortCarrier:
         self.call_at = port.call_at
         self.cancel_timer = port.cancel_timer
         port.on_failure(self._broken)
+        port.link.on_strays_gone(self._free_if_done)
 
     def add(self, call: Call) -> None:
         """Count a call among those in flight."""
@@ -122,7 +123,7 @@ class PortCarrier:
     def _done(self) -> bool:
         # A goal whose server is gone is watched only for as long as the client lives (C2.4).
         watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)
-        return not self.calls and not watched
+        return not self.calls and not watched and not self.port.link.cancels_strays
 
     def _free_if_done(self) -> None:
         if self._retiring and self._done:

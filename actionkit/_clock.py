@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections.abc import Callable
+from typing import Protocol
 
 _SLACK = 64
 
@@ -17,6 +18,13 @@ class TimerHandle:
     def __init__(self, at: float, callback: Callable[[], None]) -> None:
         self.at = at
         self.callback: Callable[[], None] | None = callback
+
+
+class Timers(Protocol):
+    """A thread's clock and timers, for those who do not need to know which thread it is."""
+
+    def now(self) -> float: ...
+    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle: ...
 
 
 class TimerQueue:

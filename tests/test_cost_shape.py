@@ -18,8 +18,7 @@ from actionkit import Client, Timeouts
 from actionkit._ros.entities import Entities
 from actionkit._ros.native import MessageSource, Waiter
 from actionkit._ros.port import Port
-
-NEVER = threading.Event()  # nobody sets it: waiting for it is how a test lets time pass
+from tests.conftest import NEVER
 
 
 @pytest.fixture

@@ -22,6 +22,7 @@ from actionkit._ros.runtime import Runtime
 from actionkit._ros.status import StatusWatch
 
 _UNKNOWN = CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
+_TERMINATED = CancelGoal.Response.ERROR_GOAL_TERMINATED
 _ANSWERED_WITHIN = 0.1
 """Seconds; a server that does not answer for so long may have been stopped or killed."""
 _CLEARED_WITHIN = 4.0
@@ -59,7 +60,13 @@ class Link:
             on_feedback=self._look_at_feedback,
             on_matched=self._on_matched,
         )
-        self._requests = Requests(runtime, self._entities, action_type.Impl)
+        self._requests = Requests(
+            runtime,
+            self._entities,
+            action_type.Impl,
+            action_name=name,
+            count_servers=lambda: self.presence.count,
+        )
         self._status = StatusWatch(runtime, self._entities, self._sent, self._take_status)
         self.lookout = Lookout(
             runtime,
@@ -69,7 +76,7 @@ class Link:
             ask=self._requests.question,
             sent=self._sent,
             queued=lambda: [listener for listener, _ in self._outbox.waiting()],
-            flush=self._flush,
+            on_ready=self._on_ready,
         )
         self._feedback = FeedbackWatch(
             runtime,
@@ -152,8 +159,7 @@ class Link:
         self.withdraw(listener)
         if self._sent.pop(key, None) is None:
             return
-        # With several servers the other may still be running it (R14).
-        self._requests.forget(key, elsewhere=self.presence.count > 1 and not abandoned)
+        self._requests.forget(key, abandoned=abandoned)
         if not self._sent:
             self._status.stop()
             self._feedback.stop()
@@ -177,7 +183,20 @@ class Link:
             self._sent[key] = SentGoal(listener, servers, servers)
             listener.on_sent()
 
+    def _on_ready(self) -> None:
+        self._requests.server_came()
+        self._flush()  # what got its turn while none was ready
+
     # --- what its owner asks for -----------------------------------------------------------
+
+    @property
+    def cancels_strays(self) -> bool:
+        """Whether goals that ended here are being cancelled elsewhere (R14)."""
+        return self._requests.cancels_strays
+
+    def on_strays_gone(self, callback: Callable[[], None]) -> None:
+        """Call `callback` whenever no such goal is left."""
+        self._requests.on_strays_gone = callback
 
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now."""
@@ -232,10 +251,10 @@ class Link:
 
     def _take_goal(self, seq: int, response: Any) -> None:
         self.liveness.heard()
-        key = self._requests.answered("goal", seq)
+        key = self._requests.goal_answered(seq, accepted=response.accepted)
         if key is None:
-            self._requests.answered_late(seq, accepted=response.accepted)
-        elif response.accepted:
+            return
+        if response.accepted:
             self._sent[key].listener.on_accepted()
         else:
             self._sent[key].listener.on_rejected()
@@ -266,10 +285,11 @@ class Link:
         if response.return_code == _UNKNOWN and self._may_be_elsewhere(seq):
             self.lookout.suspect()
             return
+        canceling = {bytes(info.goal_id.uuid) for info in response.goals_canceling}
+        self._requests.stray_answered(seq, canceling, over=response.return_code == _TERMINATED)
         key = self._requests.answered("cancel", seq)
         if key is not None:
-            canceling = any(bytes(info.goal_id.uuid) == key for info in response.goals_canceling)
-            self._sent[key].listener.on_cancel_answer(response.return_code, canceling)
+            self._sent[key].listener.on_cancel_answer(response.return_code, key in canceling)
 
     def _may_be_elsewhere(self, seq: int) -> bool:
         """Whether not the server that was asked, but another, may have said what it knows."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from actionkit._ros.presence import Timers
+from actionkit._clock import Timers
 
 _SLOWEST = 5.0
 

@@ -39,7 +39,7 @@ class Lookout:
         ask: Callable[[], int],
         sent: Mapping[bytes, SentGoal],
         queued: Callable[[], list[GoalListener]],
-        flush: Callable[[], None],
+        on_ready: Callable[[], None],
     ) -> None:
         """Begin to look.
 
@@ -51,14 +51,14 @@ class Lookout:
             ask: Asks what every live server answers; returns the sequence number.
             sent: The goals that may be on a server, by id; read at each event.
             queued: Returns whose goals wait for their turn to be sent.
-            flush: Sends those of them that may be sent.
+            on_ready: Called when goals can be sent to a server that has come.
         """
         self._runtime = runtime
         self._entities = entities
         self._name = name
         self._sent = sent
         self._queued = queued
-        self._flush = flush
+        self._tell_ready = on_ready
         self._closed = False
         self._warned = False
         self._awaiting: dict[GoalListener, None] = {}
@@ -185,7 +185,7 @@ class Lookout:
         for callback in list(self._ready_waiters):
             callback()
         self._on_return()
-        self._flush()  # what got its turn while none was ready
+        self._tell_ready()
 
     def _on_return(self) -> None:
         for goal in list(self._sent.values()):

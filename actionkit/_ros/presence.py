@@ -12,9 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import Enum, auto
-from typing import Protocol
 
-from actionkit._clock import TimerHandle
+from actionkit._clock import Timers
 from actionkit._ros.graph import ServerInfo
 
 _FIRST_STEP = 0.001
@@ -28,13 +27,6 @@ _GRAPH_PERIOD = 1.0
 
 
 _UNNAMED = frozenset({b"unnamed"})
-
-
-class Timers(Protocol):
-    """The part of a runtime that presence needs."""
-
-    def now(self) -> float: ...
-    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle: ...
 
 
 class State(Enum):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import uuid
 from collections import OrderedDict, deque
-from collections.abc import Sized
+from collections.abc import Callable, Collection, Sized
 from functools import lru_cache
 from typing import Any
 
@@ -18,8 +18,9 @@ from unique_identifier_msgs.msg import UUID
 from actionkit._ros.entities import Entities
 from actionkit._ros.native import Source
 from actionkit._ros.runtime import Runtime
+from actionkit._ros.strays import Strays
 
-_REMEMBERED = 256
+_UUIDS = 256
 _QUESTIONS = 64
 _ASKS_AT_ONCE = 4
 _ASK_PAUSE = 0.01
@@ -29,13 +30,23 @@ _ASK_PAUSE = 0.01
 class Requests:
     """Sends requests, and knows the goal of each that is unanswered."""
 
-    def __init__(self, runtime: Runtime, entities: Entities, impl: Any) -> None:
+    def __init__(
+        self,
+        runtime: Runtime,
+        entities: Entities,
+        impl: Any,
+        *,
+        action_name: str,
+        count_servers: Callable[[], int],
+    ) -> None:
         """Send nothing so far.
 
         Args:
             runtime: Whose thread this is.
             entities: What sends.
             impl: The action type's `Impl`.
+            action_name: For the log.
+            count_servers: Returns how many servers are in sight.
         """
         self._runtime = runtime
         self._entities = entities
@@ -43,15 +54,25 @@ class Requests:
         self._closed = False
         self._unanswered: dict[str, dict[int, bytes]] = {"goal": {}, "result": {}, "cancel": {}}
         self._made: dict[bytes, list[tuple[str, int]]] = {}
+        self._accepted: dict[int, int] = {}  # by how many servers, of goals not yet forgotten
         self._asks: OrderedDict[bytes, None] = OrderedDict()
         self._outdated: set[int] = set()
         self._asking = False
         self._questions: deque[int] = deque(maxlen=_QUESTIONS)
-        self._ended: OrderedDict[int, bytes] = OrderedDict()
+        self._strays = Strays(
+            runtime,
+            action_name,
+            count_servers=count_servers,
+            cancel=self._send_cancel,
+            on_change=self._on_strays_changed,
+        )
+        self.on_strays_gone: Callable[[], None] = lambda: None
+        """Called when `cancels_strays` may have become false."""
+        unanswered, strays = self._unanswered, self._strays
         self._answers: dict[str, tuple[Source, tuple[Sized, ...]]] = {
-            "goal": (entities.goal, (self._unanswered["goal"], self._ended)),
-            "result": (entities.result, (self._unanswered["result"],)),
-            "cancel": (entities.cancel, (self._unanswered["cancel"], self._questions)),
+            "goal": (entities.goal, (unanswered["goal"],)),
+            "result": (entities.result, (unanswered["result"],)),
+            "cancel": (entities.cancel, (unanswered["cancel"], self._questions, strays.asked)),
         }  # and what makes them wanted
         self.unheard_since: float | None = None
         """When the first question or cancel request was sent after the last answer to one."""
@@ -112,30 +133,40 @@ class Requests:
         self._sync("cancel")
         return seq
 
-    def forget(self, key: bytes, *, elsewhere: bool) -> None:
+    def forget(self, key: bytes, *, abandoned: bool) -> None:
         """Free what a sent goal's requests hold (R16).
 
         Args:
             key: The goal's id.
-            elsewhere: Whether another server may be running it, and is to be told not to (R14).
+            abandoned: Whether it is to be left running on purpose. Else it is cancelled where
+                another server runs it (R14).
         """
         self._asks.pop(key, None)
-        made = self._made.pop(key, ())
-        for what, seq in made:
+        for what, seq in self._made.pop(key, ()):
             self._unanswered[what].pop(seq, None)
             if what == "result":
                 self._outdated.discard(seq)
-        if elsewhere:
-            self._ended.update((seq, key) for what, seq in made if what == "goal")
-            while len(self._ended) > _REMEMBERED:
-                self._ended.popitem(last=False)
-            self._send_cancel(key)
+            elif what == "goal":
+                accepted = self._accepted.pop(seq, 0)
+                if not abandoned:
+                    self._strays.ended(seq, key, accepted=accepted)
         for what in self._unanswered:
             self._sync(what)
+
+    def server_came(self) -> None:
+        """A server is ready that was not: it may run goals that have ended here (R14)."""
+        self._strays.server_came()
+        self._sync("goal")
+
+    @property
+    def cancels_strays(self) -> bool:
+        """Whether goals that ended here are being cancelled elsewhere, where they surely are."""
+        return self._strays.proven
 
     def close(self) -> None:
         """Send nothing any more."""
         self._closed = True
+        self._strays.close()
 
     def _ask_soon(self) -> None:
         if self._asks and not self._asking:
@@ -195,12 +226,26 @@ class Requests:
         """
         return seq in self._outdated
 
-    def answered_late(self, seq: int, *, accepted: bool) -> None:
-        """A second server has answered: cancel there what ended on the first (R14)."""
-        ended = self._ended.pop(seq, None)
-        self._sync("goal")
-        if ended is not None and accepted:
-            self._send_cancel(ended)
+    def goal_answered(self, seq: int, *, accepted: bool) -> bytes | None:
+        """Count a goal request as answered; return its goal's id where nobody had done so."""
+        key = self.answered("goal", seq)
+        if not accepted:
+            return key
+        if key is None and seq not in self._accepted:
+            self._strays.accepted_late(seq)
+        else:
+            self._accepted[seq] = self._accepted.get(seq, 0) + 1
+        return key
+
+    def stray_answered(self, seq: int, canceling: Collection[bytes], *, over: bool) -> None:
+        """A server has answered a cancel request that may be about a goal that ended here.
+
+        Args:
+            seq: The request's number.
+            canceling: The ids of the goals that it cancels now.
+            over: Whether it says that the goal ends or has ended already.
+        """
+        self._strays.answered(seq, canceling, over=over)
 
     def heard(self) -> None:
         """Somebody has answered a question or a cancel request, or nobody is left to do so."""
@@ -220,17 +265,28 @@ class Requests:
     def _sync(self, what: str) -> None:
         """Wait for answers that are wanted, and for no others: an idle client costs no turn."""
         source, wanted = self._answers[what]
-        if any(wanted):
+        if any(wanted) or (what == "goal" and self._strays.awaited):
             self._runtime.enable(source)
         else:
             self._runtime.disable(source)
 
+    def _on_strays_changed(self) -> None:
+        self._sync("cancel")
+        if not self._strays.proven:
+            self.on_strays_gone()
+
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table holds."""
         sizes = {what: len(table) for what, table in self._unanswered.items()}
-        return {**sizes, "sent": len(self._made), "asks": len(self._asks) + len(self._outdated)}
+        return {
+            **sizes,
+            "sent": len(self._made),
+            "accepted": len(self._accepted),
+            "asks": len(self._asks) + len(self._outdated),
+            "strays": len(self._strays) + len(self._strays.asked),
+        }
 
 
-@lru_cache(_REMEMBERED)  # each goal has two requests at least; nobody changes their ids
+@lru_cache(_UUIDS)  # each goal has two requests at least; nobody changes their ids
 def _to_uuid(key: bytes) -> UUID:
     return UUID(uuid=list(key))

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
-from actionkit._ros.presence import Timers
+from actionkit._clock import Timers
 
 _QUESTIONS = 3
 _PERIOD = 0.2

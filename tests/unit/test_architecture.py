@@ -57,7 +57,7 @@ LAYERS: list[set[str]] = [
 ROS_LAYERS: list[set[str]] = [
     {"_clock", "_errors"},
     {"_ros.discovery", "_ros.graph", "_ros.listener", "_ros.native", "_ros.outbox", "_ros.wire"},
-    {"_ros.entities", "_ros.names", "_ros.presence", "_ros.runtime"},
+    {"_ros.entities", "_ros.names", "_ros.presence", "_ros.runtime", "_ros.strays"},
     {
         "_ros.feedback",
         "_ros.liveness",

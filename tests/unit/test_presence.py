@@ -2,40 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
 
-from actionkit._clock import TimerHandle, TimerQueue
 from actionkit._ros.graph import ServerInfo
 from actionkit._ros.presence import Presence, State
+from tests.unit.clock import Clock
 
 OURS = "test_msgs/action/Fibonacci"
 PATIENCE = 0.5
 A, B, C = b"a", b"b", b"c"
-
-
-class Clock:
-    """Timers on a clock that only `advance` moves."""
-
-    def __init__(self) -> None:
-        self.time = 100.0
-        self.queue = TimerQueue()
-
-    def now(self) -> float:
-        return self.time
-
-    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
-        return self.queue.arm(at, callback)
-
-    def advance(self, seconds: float) -> None:
-        end = self.time + seconds
-        while (due := self.queue.next_due()) is not None and due <= end:
-            self.time = max(self.time, due)
-            callback = self.queue.pop_due(self.time)
-            assert callback is not None
-            callback()
-        self.time = end
 
 
 class World:

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from actionkit._clock import TimerQueue
 from actionkit._ros.requests import Requests
 from tests.unit.call_life import CallLife
+from tests.unit.clock import Clock
 
 KEY = bytes(range(16))
 
@@ -25,26 +25,15 @@ class Client:
         return len(self.requests)
 
 
-class Thread:
+class Thread(Clock):
     """The clock and the sources of a communication thread."""
 
     def __init__(self) -> None:
-        self.clock = 0.0
-        self.timers = TimerQueue()
+        super().__init__()
+        self.servers = 1
         self.sources: set[object] = set()
         self.enable = self.sources.add
         self.disable = self.sources.discard
-
-    def now(self) -> float:
-        return self.clock
-
-    def call_at(self, at: float, callback: Any) -> Any:
-        return self.timers.arm(at, callback)
-
-    def advance(self, seconds: float) -> None:
-        self.clock += seconds
-        while (due := self.timers.pop_due(self.clock)) is not None:
-            due()
 
 
 @pytest.fixture
@@ -57,7 +46,13 @@ def requests(thread: Thread) -> Requests:
     entities = SimpleNamespace(goal=Client(), result=Client(), cancel=Client(), feedback=object())
     request = SimpleNamespace(Request=SimpleNamespace)
     impl = SimpleNamespace(SendGoalService=request, GetResultService=request)
-    made = Requests(thread, entities, impl)  # type: ignore[arg-type]
+    made = Requests(
+        thread,  # type: ignore[arg-type]
+        entities,  # type: ignore[arg-type]
+        impl,
+        action_name="/arm",
+        count_servers=lambda: thread.servers,
+    )
     made.send_goal(KEY, object())
     return made
 
@@ -79,7 +74,7 @@ def test_a_forgotten_goal_leaves_nothing_behind(requests: Requests, thread: Thre
     requests.ask_result(KEY)
     requests.ask_result(KEY, anew=True)
     requests.ask_cancel(KEY)
-    requests.forget(KEY, elsewhere=False)
+    requests.forget(KEY, abandoned=False)
     requests.ask_result(KEY)
     requests.ask_cancel(KEY)
     thread.advance(1.0)
@@ -94,11 +89,34 @@ def test_unheard_is_since_the_first_that_was_not_answered(
     requests.question()
     thread.advance(1.0)
     requests.ask_cancel(KEY)
-    assert requests.unheard_since == 1.0
+    assert requests.unheard_since == thread.now() - 1.0
     requests.heard()
     assert requests.unheard_since is None
-    requests.forget(KEY, elsewhere=True)  # a cancel request more
-    assert requests.unheard_since == 2.0
+    thread.servers = 2
+    requests.forget(KEY, abandoned=False)  # a cancel request more
+    assert requests.unheard_since == thread.now()
+
+
+def test_a_goal_that_two_servers_accepted_is_cancelled_when_it_has_ended_on_one(
+    requests: Requests, thread: Thread
+) -> None:
+    assert requests.goal_answered(1, accepted=True) == KEY
+    assert requests.goal_answered(1, accepted=True) is None
+    assert not requests.cancels_strays
+    requests.forget(KEY, abandoned=False)
+    assert requests.cancels_strays
+    requests.stray_answered(1, [KEY], over=False)
+    assert not requests.cancels_strays
+    assert not any(requests.table_sizes().values())
+
+
+def test_a_goal_that_was_abandoned_is_never_cancelled(requests: Requests, thread: Thread) -> None:
+    thread.servers = 2
+    requests.forget(KEY, abandoned=True)
+    requests.goal_answered(1, accepted=True)
+    requests.server_came()
+    thread.advance(1.0)
+    assert requests.unheard_since is None  # nothing was asked of anybody
 
 
 @pytest.mark.parametrize("lost", [False, True])

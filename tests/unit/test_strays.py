@@ -1,0 +1,263 @@
+"""Goals that ended here and may be running on another server (R14)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import count, pairwise
+
+import pytest
+
+from actionkit._ros.strays import Strays
+from tests.unit.clock import Clock
+
+KEY = bytes(range(16))
+STILL_RUNNING = "MAY STILL BE RUNNING"
+
+
+class World:
+    """A clock, and the cancel requests that are sent by it."""
+
+    def __init__(self) -> None:
+        self.clock = Clock()
+        self.servers = 1
+        self.numbers = count(1)
+        self.sent: list[tuple[float, bytes, int]] = []
+        self.strays = Strays(
+            self.clock,
+            "/arm",
+            count_servers=lambda: self.servers,
+            cancel=self.cancel,
+            on_change=lambda: None,
+        )
+
+    def cancel(self, key: bytes) -> int:
+        seq = next(self.numbers)
+        self.sent.append((self.clock.now(), key, seq))
+        return seq
+
+    def ended(self, seq: int = 1, key: bytes = KEY, *, accepted: int = 1) -> None:
+        self.strays.ended(seq, key, accepted=accepted)
+
+    def canceling(self) -> None:
+        self.strays.answered(self.sent[-1][2], {KEY}, over=False)
+
+    def over(self) -> None:
+        self.strays.answered(self.sent[-1][2], set(), over=True)
+
+    def unknown(self) -> None:
+        self.strays.answered(self.sent[-1][2], set(), over=False)
+
+    def refused(self) -> None:
+        self.strays.answered(self.sent[-1][2], set(), over=False)
+
+    @property
+    def keys(self) -> list[bytes]:
+        """The goals that were to be cancelled, in order."""
+        return [key for _, key, _ in self.sent]
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing is done, awaited or kept for any of them any more."""
+        before = len(self.sent)
+        self.clock.advance(100)
+        left = len(self.strays) + len(self.strays.asked) + len(self.clock.queue)
+        return len(self.sent) == before and left == 0
+
+
+@pytest.fixture
+def world() -> World:
+    return World()
+
+
+def test_what_ended_on_one_server_is_cancelled_where_it_is_accepted_late(world: World) -> None:
+    world.ended()
+    world.clock.advance(5)
+    assert not world.sent  # one server, one acceptance: the usual case costs nothing
+    world.strays.accepted_late(1)
+    assert world.strays.proven
+    world.clock.advance(0.1)
+    assert world.keys == [KEY]
+    world.over()  # says the one on which it has ended
+    assert world.strays.proven
+    world.canceling()
+    assert not world.strays.proven
+    assert world.at_rest
+
+
+def test_what_a_second_server_accepted_before_the_end_is_cancelled_at_the_end(
+    world: World,
+) -> None:
+    world.ended(accepted=2)
+    world.clock.advance(0.1)
+    assert world.keys == [KEY]
+    world.canceling()
+    assert world.at_rest
+
+
+def test_a_lost_cancel_is_sent_again_and_what_comes_of_it_is_told(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    world.ended()
+    world.strays.accepted_late(1)
+    world.clock.advance(3)
+    assert len(world.sent) == 3
+    world.over()
+    world.refused()
+    world.clock.advance(100)
+    times = [at for at, _, _ in world.sent]
+    pauses = [b - a for a, b in pairwise(times)]
+    assert pauses == sorted(pauses)
+    assert len(pauses) == 4
+    assert [STILL_RUNNING in record.getMessage() for record in caplog.records] == [True]
+    assert "00010203-0405-0607-0809-0a0b0c0d0e0f" in caplog.text
+    assert world.at_rest
+
+
+def test_where_it_has_ended_everywhere_nothing_is_sent_again(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    world.ended()
+    world.strays.accepted_late(1)
+    world.clock.advance(0.1)
+    world.over()
+    world.over()
+    assert world.at_rest
+    assert len(world.sent) == 1
+    assert not caplog.records
+
+
+def test_the_same_answer_to_two_requests_is_not_taken_for_two_servers(world: World) -> None:
+    world.ended()
+    world.strays.accepted_late(1)
+    world.clock.advance(0.1)
+    world.over()
+    world.clock.advance(0.6)
+    world.over()
+    assert world.strays.proven
+
+
+def test_with_two_servers_both_are_asked_until_both_have_answered(world: World) -> None:
+    world.servers = 2
+    world.ended()
+    assert len(world.sent) == 1
+    world.over()
+    world.clock.advance(1)
+    assert len(world.sent) == 2  # one answer was lost, or the request
+    world.over()
+    world.unknown()
+    assert world.at_rest
+    assert len(world.sent) == 2
+
+
+def test_each_of_two_late_servers_must_stop_it(world: World) -> None:
+    world.ended()
+    for _ in range(2):
+        world.strays.accepted_late(1)
+    world.clock.advance(0.1)
+    world.canceling()
+    assert world.strays.proven
+    world.canceling()
+    assert world.at_rest
+
+
+def test_the_late_acceptance_of_the_only_server(world: World) -> None:
+    world.ended(accepted=0)
+    world.strays.accepted_late(1)
+    world.clock.advance(0.1)
+    world.over()
+    assert world.at_rest
+
+
+def test_a_server_that_comes_is_asked_to_cancel_what_ended_lately(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    old = bytes(16)
+    world.ended(1, old)
+    world.clock.advance(60)
+    world.ended(2)
+    world.strays.server_came()
+    assert not world.strays.proven
+    world.clock.advance(100)
+    assert Counter(world.keys) == {KEY: 2}
+    assert not caplog.records  # nothing shows that it ever had the goal
+    assert world.at_rest
+
+
+def test_what_it_says_it_cancels_is_not_asked_for_again(world: World) -> None:
+    world.ended()
+    world.strays.server_came()
+    world.clock.advance(0.1)
+    world.canceling()
+    assert world.at_rest
+    assert len(world.sent) == 1
+
+
+def test_what_was_guessed_and_is_then_proven_is_asked_for_in_earnest(world: World) -> None:
+    world.ended()
+    world.strays.server_came()
+    world.clock.advance(0.6)
+    assert len(world.sent) == 2
+    world.strays.accepted_late(1)
+    world.clock.advance(100)
+    assert len(world.sent) == 7
+    assert world.at_rest
+
+
+def keys(numbers: range) -> list[bytes]:
+    return [number.to_bytes(16, "big") for number in numbers]
+
+
+def test_no_more_is_asked_for_than_fits_into_a_servers_queue(world: World) -> None:
+    for number, key in enumerate(keys(range(256))):
+        world.ended(number, key)
+    for number in range(256):
+        world.strays.accepted_late(number)
+    # As many are on the way as are unanswered, and one that is not answered is lost some day.
+    assert world.keys == keys(range(4))
+    world.strays.answered(world.sent[0][2], {world.sent[0][1]}, over=False)
+    assert world.keys == keys(range(5))
+    world.clock.advance(0.3)
+    assert world.keys == keys(range(9))
+    world.clock.advance(100)
+    assert set(world.keys) == set(keys(range(256)))
+    later = [at for at, _, _ in world.sent[5:]]
+    assert max(Counter(later).values()) == 4
+    assert world.at_rest
+
+
+def test_the_newest_are_remembered(world: World) -> None:
+    for number, key in enumerate(keys(range(1000))):
+        world.ended(number, key)
+    for number in range(1000):
+        world.strays.accepted_late(number)
+    world.clock.advance(100)
+    assert set(world.keys) == set(keys(range(1000 - 256, 1000)))
+
+
+def test_what_is_proven_goes_before_what_is_guessed(world: World) -> None:
+    for number, key in enumerate(keys(range(100))):
+        world.ended(number, key)
+    world.strays.server_came()
+    world.strays.accepted_late(99)
+    world.clock.advance(0.3)
+    assert world.keys[4:6] == keys(range(99, 100)) + keys(range(4, 5))
+
+
+def test_what_is_guessed_does_not_pile_up(world: World) -> None:
+    world.servers = 2  # one of which is dead, and answers nothing
+    for number, key in enumerate(keys(range(1000))):
+        world.ended(number, key)
+    assert len(world.strays) <= 256 + 4
+    world.clock.advance(100)
+    assert world.at_rest
+
+
+def test_closing_tells_of_what_may_be_running(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    world.ended()
+    world.strays.accepted_late(1)
+    world.strays.close()
+    assert STILL_RUNNING in caplog.text
+    assert world.at_rest
+    assert len(world.sent) == 1
