@@ -51,17 +51,19 @@ def test_a_server_that_works_is_measured_by_phase_and_not_touched(world: World) 
     assert "/fibonacci" in plain.out
 
 
-def test_a_server_that_does_not_answer_is_told_from_one_that_is_not_there(world: World) -> None:
-    server = world.server("fibonacci")
-    typo = world.run("doctor", "/fibonaci", "--json", "--wait", "1")
+def test_a_server_that_does_not_answer_is_told_from_one_that_is_not_there(
+    empty_world: World,
+) -> None:
+    server = empty_world.server("fibonacci")
+    typo = empty_world.run("doctor", "/fibonaci", "--json", "--wait", "1")
     assert typo.code == Exit.FAILED
     (missing,) = of("servers", findings(typo))
     assert "Did you mean /fibonacci?" in missing.text
-    assert str(world.domain) in missing.remedy
+    assert str(empty_world.domain) in missing.remedy
 
     server.pause()
     try:
-        silent = world.run("doctor", "/fibonacci", "--json", "--wait", "1")
+        silent = empty_world.run("doctor", "/fibonacci", "--json", "--wait", "1")
     finally:
         server.resume()
     assert silent.code == Exit.FAILED

@@ -9,7 +9,7 @@ import pytest
 
 import actionkit as ak
 from actionkit import GoalState, RetryPolicy, Timeouts
-from tests.conftest import runs_nothing
+from tests.conftest import NEVER, runs_nothing
 
 ONCE = RetryPolicy.none()
 
@@ -164,6 +164,35 @@ def test_a_goal_that_one_server_finished_is_cancelled_on_the_other(action_server
     assert last.result(10)
     endless.wait_for("canceled", goal_id=str(last.goal_id))
     assert runs_nothing(endless)
+
+
+def test_a_server_that_comes_is_asked_to_cancel_what_has_just_ended(action_server, make_client):
+    """It may have taken the goal before anybody could see it here (R4, R14)."""
+    action_server("fibonacci")
+    client = make_client(retry=ONCE)
+    ended = client.call_async({"order": 1})
+    assert ended.result(10)
+    late = action_server("never_finishes")
+    late.wait_for("cancel_requested", goal_id=str(ended.goal_id))
+    assert runs_nothing(late)
+
+
+def test_nobody_is_asked_again_when_both_servers_have_ended_a_goal(
+    action_server, make_client, caplog
+):
+    server = action_server("twins", gate=1)
+    client = make_client(retry=ONCE)
+    assert client.wait_for_server(10)
+    future = client.call_async({"order": 3})
+    server.wait_for("executing", count=2)
+    server.release()
+    assert future.result(10)
+    give_up = time.monotonic() + 10  # for less time than it would be asked for in vain
+    while client._session.port.table_sizes()["strays"]:
+        assert time.monotonic() < give_up
+        NEVER.wait(0.01)
+    assert "MAY STILL BE RUNNING" not in caplog.text
+    assert runs_nothing(server)
 
 
 def test_the_death_of_our_thread_fails_every_call_loudly(action_server, make_client, caplog):

@@ -42,8 +42,15 @@ def thread() -> Thread:
 
 
 @pytest.fixture
-def requests(thread: Thread) -> Requests:
-    entities = SimpleNamespace(goal=Client(), result=Client(), cancel=Client(), feedback=object())
+def goal_source() -> Client:
+    return Client()
+
+
+@pytest.fixture
+def requests(thread: Thread, goal_source: Client) -> Requests:
+    entities = SimpleNamespace(
+        goal=goal_source, result=Client(), cancel=Client(), feedback=object()
+    )
     request = SimpleNamespace(Request=SimpleNamespace)
     impl = SimpleNamespace(SendGoalService=request, GetResultService=request)
     made = Requests(
@@ -108,6 +115,23 @@ def test_a_goal_that_two_servers_accepted_is_cancelled_when_it_has_ended_on_one(
     requests.stray_answered(1, [KEY], over=False)
     assert not requests.cancels_strays
     assert not any(requests.table_sizes().values())
+
+
+def test_late_acceptances_are_waited_for_where_there_are_several_servers(
+    requests: Requests, thread: Thread, goal_source: object
+) -> None:
+    requests.goal_answered(1, accepted=True)
+    requests.forget(KEY, abandoned=False)
+    assert goal_source not in thread.sources  # an idle client costs no turn
+    thread.servers = 2
+    requests.server_came()
+    assert goal_source in thread.sources
+    requests.send_goal(bytes(16), object())
+    requests.goal_answered(2, accepted=False)
+    assert goal_source in thread.sources
+    thread.servers = 1
+    requests.forget(bytes(16), abandoned=False)
+    assert goal_source not in thread.sources
 
 
 def test_a_goal_that_was_abandoned_is_never_cancelled(requests: Requests, thread: Thread) -> None:

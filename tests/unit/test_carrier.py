@@ -1,0 +1,71 @@
+"""When a closed client lets go of its place on the communication thread."""
+
+from __future__ import annotations
+
+import threading
+import time
+from types import SimpleNamespace
+from typing import Any
+
+from actionkit._carrier import LINGER, PortCarrier
+from tests.unit.clock import Clock
+
+
+class Link:
+    """Goals that are being cancelled on a second server, or not."""
+
+    def __init__(self) -> None:
+        self.cancels_strays = True
+
+    def on_strays_gone(self, callback: Any) -> None:
+        self.tell = callback
+
+
+class World(Clock):
+    """A carrier over a port on which nothing is in flight."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.time = time.monotonic()
+        self.link = Link()
+        self.freed = threading.Event()
+        self.port = SimpleNamespace(
+            identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm"),
+            link=self.link,
+            freed=self.freed,
+            free=self.freed.set,
+            decode_feedback=None,
+            call_soon=lambda callback: callback(),
+            call_at=self.call_at,
+            cancel_timer=None,
+            on_failure=lambda callback: None,
+        )
+        self.carrier = PortCarrier(self.port, on_freed=lambda: None)  # type: ignore[arg-type]
+
+
+def test_it_stays_while_goals_are_cancelled_on_a_second_server() -> None:
+    world = World()
+    world.carrier.retire()
+    assert world.carrier.retired.is_set()  # whoever closes does not wait for it
+    assert not world.freed.is_set()
+    world.link.cancels_strays = False
+    world.link.tell()
+    assert world.freed.is_set()
+
+
+def test_but_not_for_ever() -> None:
+    world = World()
+    world.carrier.retire()
+    world.link.tell()
+    assert not world.freed.is_set()
+    world.advance(LINGER + 1)
+    assert world.freed.is_set()
+
+
+def test_nothing_keeps_it_otherwise() -> None:
+    world = World()
+    world.link.cancels_strays = False
+    world.link.tell()  # while it is in use
+    assert not world.freed.is_set()
+    world.carrier.retire()
+    assert world.freed.is_set()
