@@ -88,6 +88,7 @@ class Attempt:
         self._effects: deque[fx.Effect] = deque()
         self._applying = False
         self._in_outbox = False
+        self._has_result = False
         self._cancels = 0  # requests, less those of which the server said not to know the goal
         if resent:
             link.adopt(self)  # answers to the first request are this attempt's from now on
@@ -175,6 +176,7 @@ class Attempt:
             return  # that the goal was not known then says nothing of now; it was asked again
         if state is not None and not state.is_terminal:
             return  # no server should answer with one; the nudge asks again
+        self._has_result = state is not None
         ours = self.cancel_is_ours
         self._apply(self.goal.result(state, result, self._now(), ours=ours))
 
@@ -248,7 +250,7 @@ class Attempt:
         elif isinstance(effect, fx.Withdraw):
             self._link.withdraw(self)
         else:
-            self._link.forget(self, abandoned=self.goal.abandoned)
+            self._link.forget(self, abandoned=self.goal.abandoned, finished=self._has_result)
             self._on_out_of_sight(self)
             self._owner.on_over(self)
 

@@ -148,18 +148,19 @@ class Link:
         """Tell all goals what the status topic says of them, while there are any."""
         self._status.start()
 
-    def forget(self, listener: GoalListener, *, abandoned: bool) -> None:
+    def forget(self, listener: GoalListener, *, abandoned: bool, finished: bool) -> None:
         """Tell the listener nothing any more, and free what its goal held (R16).
 
         Args:
             listener: Whose goal it is.
             abandoned: Whether the goal is to be left running on purpose.
+            finished: Whether a server has told its result.
         """
         key = listener.goal_id.bytes
         self.withdraw(listener)
         if self._sent.pop(key, None) is None:
             return
-        self._requests.forget(key, abandoned=abandoned)
+        self._requests.forget(key, abandoned=abandoned, finished=finished)
         if not self._sent:
             self._status.stop()
             self._feedback.stop()

@@ -133,23 +133,28 @@ class Requests:
         self._sync("cancel")
         return seq
 
-    def forget(self, key: bytes, *, abandoned: bool) -> None:
+    def forget(self, key: bytes, *, abandoned: bool, finished: bool) -> None:
         """Free what a sent goal's requests hold (R16).
 
         Args:
             key: The goal's id.
             abandoned: Whether it is to be left running on purpose. Else it is cancelled where
                 another server runs it (R14).
+            finished: Whether a server has told its result.
         """
         self._asks.pop(key, None)
+        accepted: dict[int, int] = {}
         for what, seq in self._made.pop(key, ()):
             self._unanswered[what].pop(seq, None)
             if what == "result":
                 self._outdated.discard(seq)
             elif what == "goal":
-                accepted = self._accepted.pop(seq, 0)
-                if not abandoned:
-                    self._strays.ended(seq, key, accepted=accepted)
+                accepted[seq] = self._accepted.pop(seq, 0)
+        if not abandoned:
+            # Where packets are lost, an acceptance may come after the result.
+            owed = finished and not any(accepted.values())
+            for seq, servers in accepted.items():
+                self._strays.ended(seq, key, accepted=servers, owed=owed)
         for what in self._unanswered:
             self._sync(what)
 

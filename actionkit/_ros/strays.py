@@ -39,11 +39,12 @@ _FIRST_PAUSE = 0.5
 
 @dataclass(slots=True)
 class _Ended:
-    """A goal request, and how many servers have accepted it."""
+    """A goal request, how many servers have accepted it, and whether one is still to say so."""
 
     key: bytes
     at: float
     accepted: int
+    owed: bool
 
 
 @dataclass(slots=True)
@@ -125,15 +126,16 @@ class Strays:
         """The requests of which late acceptances are worth waking up for."""
         return self._ended if self._count_servers() > 1 else ()
 
-    def ended(self, seq: int, key: bytes, *, accepted: int) -> None:
+    def ended(self, seq: int, key: bytes, *, accepted: int, owed: bool = False) -> None:
         """Remember a goal that has ended here.
 
         Args:
             seq: The number of its request.
             key: Its id.
             accepted: How many servers have accepted it so far.
+            owed: Whether the server that ended it has not said yet that it had accepted it.
         """
-        self._ended[seq] = ended = _Ended(key, self._timers.now(), accepted)
+        self._ended[seq] = ended = _Ended(key, self._timers.now(), accepted, owed)
         if len(self._ended) > _REMEMBERED:
             self._ended.popitem(last=False)
         if accepted > 1:
@@ -144,8 +146,12 @@ class Strays:
     def accepted_late(self, seq: int) -> None:
         """A server has accepted a goal that had ended here."""
         ended = self._ended.get(seq)
-        if ended is not None:
-            ended.accepted += 1
+        if ended is None:
+            return
+        ended.accepted += 1
+        if ended.owed:
+            ended.owed = False
+        else:
             self._found(ended, 1)
 
     def server_came(self) -> None:

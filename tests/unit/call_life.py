@@ -56,6 +56,7 @@ class OnServers:
     lost: bool = False
     unknown: bool = False
     may_run: bool = False
+    finished: bool = False
 
     @property
     def asked(self) -> int:
@@ -124,10 +125,11 @@ class Link:
     def watch_status(self) -> None:
         pass
 
-    def forget(self, listener: Attempt, *, abandoned: bool) -> None:
+    def forget(self, listener: Attempt, *, abandoned: bool, finished: bool) -> None:
         self.withdraw(listener)
-        if self.listeners.pop(listener.goal_id.bytes, None) is not None:
-            self.life.note_forgotten(listener.goal_id.bytes, abandoned=abandoned)
+        key = listener.goal_id.bytes
+        if self.listeners.pop(key, None) is not None:
+            self.life.note_forgotten(key, abandoned=abandoned, finished=finished)
 
 
 class CallLife:
@@ -371,6 +373,7 @@ class CallLife:
             return
         self._lives(goal)
         goal.may_run = False
+        goal.finished = True
         self.cancelled_by_others |= (
             state is GoalState.CANCELED and goal.cancels_in_vain == goal.cancels_asked
         )
@@ -475,8 +478,11 @@ class CallLife:
         goal.lost = False
         self.require(self.sends <= self.retry.attempts, "no more goals than attempts (C4.1)")
 
-    def note_forgotten(self, key: bytes, *, abandoned: bool) -> None:
+    def note_forgotten(self, key: bytes, *, abandoned: bool, finished: bool) -> None:
         left = abandoned or self.broke
+        self.require(
+            finished == self.goals[key].finished, "a late acceptance is known for what it is (R14)"
+        )
         self.require(
             left or not self.goals[key].may_run, "a goal that may run is watched on (C2.4)"
         )

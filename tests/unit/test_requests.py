@@ -81,7 +81,7 @@ def test_a_forgotten_goal_leaves_nothing_behind(requests: Requests, thread: Thre
     requests.ask_result(KEY)
     requests.ask_result(KEY, anew=True)
     requests.ask_cancel(KEY)
-    requests.forget(KEY, abandoned=False)
+    requests.forget(KEY, abandoned=False, finished=False)
     requests.ask_result(KEY)
     requests.ask_cancel(KEY)
     thread.advance(1.0)
@@ -100,7 +100,7 @@ def test_unheard_is_since_the_first_that_was_not_answered(
     requests.heard()
     assert requests.unheard_since is None
     thread.servers = 2
-    requests.forget(KEY, abandoned=False)  # a cancel request more
+    requests.forget(KEY, abandoned=False, finished=False)  # a cancel request more
     assert requests.unheard_since == thread.now()
 
 
@@ -110,7 +110,7 @@ def test_a_goal_that_two_servers_accepted_is_cancelled_when_it_has_ended_on_one(
     assert requests.goal_answered(1, accepted=True) == KEY
     assert requests.goal_answered(1, accepted=True) is None
     assert not requests.cancels_strays
-    requests.forget(KEY, abandoned=False)
+    requests.forget(KEY, abandoned=False, finished=False)
     assert requests.cancels_strays
     requests.stray_answered(1, [KEY], over=False)
     assert not requests.cancels_strays
@@ -121,7 +121,7 @@ def test_late_acceptances_are_waited_for_where_there_are_several_servers(
     requests: Requests, thread: Thread, goal_source: object
 ) -> None:
     requests.goal_answered(1, accepted=True)
-    requests.forget(KEY, abandoned=False)
+    requests.forget(KEY, abandoned=False, finished=False)
     assert goal_source not in thread.sources  # an idle client costs no turn
     thread.servers = 2
     requests.server_came()
@@ -130,13 +130,24 @@ def test_late_acceptances_are_waited_for_where_there_are_several_servers(
     requests.goal_answered(2, accepted=False)
     assert goal_source in thread.sources
     thread.servers = 1
-    requests.forget(bytes(16), abandoned=False)
+    requests.forget(bytes(16), abandoned=False, finished=False)
     assert goal_source not in thread.sources
+
+
+@pytest.mark.parametrize("finished", [True, False])
+def test_an_acceptance_that_comes_after_the_result_is_that_servers(
+    requests: Requests, finished: bool
+) -> None:
+    requests.forget(KEY, abandoned=False, finished=finished)
+    requests.goal_answered(1, accepted=True)
+    assert requests.cancels_strays == (not finished)
+    requests.goal_answered(1, accepted=True)
+    assert requests.cancels_strays
 
 
 def test_a_goal_that_was_abandoned_is_never_cancelled(requests: Requests, thread: Thread) -> None:
     thread.servers = 2
-    requests.forget(KEY, abandoned=True)
+    requests.forget(KEY, abandoned=True, finished=False)
     requests.goal_answered(1, accepted=True)
     requests.server_came()
     thread.advance(1.0)
