@@ -17,6 +17,7 @@ from typing import Any, Generic, Protocol
 
 from actionkit._action_type import FeedbackT
 from actionkit._delivery import Strand, in_callback, pool
+from actionkit._waiting import slices
 
 _log = logging.getLogger("actionkit")
 KEPT = 100
@@ -284,7 +285,9 @@ class _Stream(Generic[FeedbackT]):
     def take(self) -> Callable[[], FeedbackT] | None:
         """Wait for a message; `None` when no more will come."""
         with self._condition:
-            self._condition.wait_for(lambda: self._buffer or self._ended)
+            for seconds in slices(None):
+                if self._condition.wait_for(lambda: self._buffer or self._ended, seconds):
+                    break
             return self._buffer.popleft() if self._buffer else None
 
     async def take_async(self) -> Callable[[], FeedbackT] | None:

@@ -12,7 +12,7 @@ import threading
 import uuid
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, cast
+from typing import Any, Generic, Protocol, TypeVar, cast
 
 from actionkit._action_type import FeedbackT, ResultT
 from actionkit._delivery import pool
@@ -21,8 +21,10 @@ from actionkit._errors import ActionKitError
 from actionkit._feedback import FeedbackStream, FeedbackTape, wake_future
 from actionkit._timeline import Recorder
 from actionkit._values import GoalState, Outcome, Timeline
+from actionkit._waiting import slices
 
 _log = logging.getLogger("actionkit")
+_T = TypeVar("_T")
 
 
 if sys.version_info >= (3, 11):
@@ -125,15 +127,7 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
             concurrent.futures.CancelledError: The goal was cancelled through this future.
             ActionKitError: The call failed; see the classes of contract C3.
         """
-        self._check_process()
-        try:
-            return super().result(timeout)
-        except ActionKitError:
-            raise  # a DeadlineExceededError is a TimeoutError too, and speaks for itself
-        except concurrent.futures.TimeoutError:
-            raise self._local_timeout() from None
-        except concurrent.futures.CancelledError:
-            raise self._outcome_error() from None  # the same with a text
+        return self._await_done(super().result, timeout)
 
     def exception(self, timeout: float | None = None) -> BaseException | None:
         """Wait for the goal and return what `result` would raise, or `None`.
@@ -145,15 +139,7 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
             TimeoutError: The local wait ran out.
             concurrent.futures.CancelledError: The goal was cancelled through this future.
         """
-        self._check_process()
-        try:
-            return super().exception(timeout)
-        except ActionKitError:
-            raise  # a DeadlineExceededError is a TimeoutError too, and speaks for itself
-        except concurrent.futures.TimeoutError:
-            raise self._local_timeout() from None
-        except concurrent.futures.CancelledError:
-            raise self._outcome_error() from None
+        return self._await_done(super().exception, timeout)
 
     def outcome(self, timeout: float | None = None) -> Outcome[ResultT]:
         """Wait for the goal and return the whole story; a failure is told, not raised.
@@ -168,6 +154,21 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
             self.exception(timeout)
         assert self._outcome is not None
         return self._outcome
+
+    def _await_done(self, wait: Callable[[float | None], _T], timeout: float | None) -> _T:
+        self._check_process()
+        for seconds in slices(timeout):
+            over = self.done()
+            try:
+                return wait(seconds)
+            except ActionKitError:
+                raise  # a DeadlineExceededError is a TimeoutError too, and speaks for itself
+            except concurrent.futures.CancelledError:
+                raise self._outcome_error() from None  # the same with a text
+            except concurrent.futures.TimeoutError:
+                if over:
+                    raise
+        raise self._local_timeout()
 
     def __await__(self) -> Generator[Any, None, ResultT]:
         """Wait on the running event loop, without polling.

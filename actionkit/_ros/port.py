@@ -23,6 +23,7 @@ from actionkit._ros.link import Link
 from actionkit._ros.names import Identity, resolve, type_name_of
 from actionkit._ros.native import RCLError
 from actionkit._ros.wire import feedback_alone
+from actionkit._waiting import slices
 
 _log = logging.getLogger("actionkit")
 
@@ -98,7 +99,8 @@ class Port:
 
         self.call_soon(lambda: self.link.add_ready_waiter(ready.set))
         try:
-            return ready.wait(timeout) or (timeout == 0 and self.server_is_ready())
+            heard = any(ready.wait(seconds) for seconds in slices(timeout))
+            return heard or (timeout == 0 and self.server_is_ready())
         finally:
             self.call_soon(lambda: self.link.remove_ready_waiter(ready.set))
 

@@ -7,11 +7,15 @@ bytes (see wire), a few times a second at most, whatever the traffic of others.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from rclpy.exceptions import InvalidHandle
+
 from actionkit._clock import TimerHandle
 from actionkit._ros.entities import Entities, StatusSubscription
+from actionkit._ros.native import RCLError
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.wire import goal_states
 
@@ -45,10 +49,11 @@ class StatusWatch:
         self._timer: TimerHandle | None = None
 
     def start(self) -> None:
-        """Be on."""
+        """Be on. Where the context was shut down nothing new can be made, so it stays off (R10)."""
         if self._subscription is None:
-            self._subscription = self._entities.subscribe_status(self._take)
-            self._runtime.enable(self._subscription.source)
+            with contextlib.suppress(RCLError, InvalidHandle):
+                self._subscription = self._entities.subscribe_status(self._take)
+                self._runtime.enable(self._subscription.source)
 
     def stop(self) -> None:
         """Be off."""

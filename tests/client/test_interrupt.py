@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from tests.conftest import asked_to_cancel
+from tests.conftest import asked_to_cancel, without_noise
 
 HEAD = """
 import sys, threading, time
@@ -60,6 +60,71 @@ def test_ctrl_c_in_a_blocking_call(source, action_server, run_script):
     assert code == -signal.SIGINT
     assert err.rstrip().endswith("KeyboardInterrupt")
     assert "Exception ignored" not in err
+
+
+NOT_WOKEN = (
+    HEAD
+    + """
+import signal
+with Client(Fibonacci, "fibonacci") as client, Client(Fibonacci, "nobody") as lonely:
+    goal, tell = {"order": 1}, lambda feedback: print("running")
+    future = None if CALLS else client.call_async(goal, tell)
+    # Like a signal that comes just before a wait begins, it does not wake the main thread.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        WAIT
+    except KeyboardInterrupt:
+        print("heard")
+"""
+)
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize(
+    "wait",
+    [
+        "client.call(goal, on_feedback=tell)",
+        "future.result()",
+        "future.exception(100)",
+        "future.outcome()",
+        "list(future.feedback())",
+        "lonely.wait_for_server()",
+    ],
+)
+def test_a_ctrl_c_that_does_not_wake_the_main_thread_is_heard(wait, action_server, run_script):
+    server = action_server("never_finishes")
+    source = NOT_WOKEN.replace("CALLS", str("client.call" in wait)).replace("WAIT", wait)
+    script = run_script(source)
+    assert script.line() == "running"
+    script.process.send_signal(signal.SIGINT)
+    assert script.line() == "heard"
+    server.wait_for("canceled")
+    code, _, err = script.finish()
+    assert (code, err) == (0, "")
+
+
+def test_a_goal_goes_on_where_a_handler_of_the_users_only_takes_note(action_server, run_script):
+    """rclpy has shut down every context by then (R10), and nothing new can be made on ours."""
+    # Longer than a second, after which the status topic would be subscribed to.
+    action_server("fibonacci", period=0.3)
+    script = run_script(
+        HEAD
+        + """
+import rclpy, signal
+signal.signal(signal.SIGINT, lambda *_: print("noted"))
+rclpy.init()
+with Client(Fibonacci, "fibonacci") as client:
+    result = client.call({"order": 8}, on_feedback=lambda feedback: print("running"))
+    print(list(result.sequence))
+"""
+    )
+    assert script.line() == "running"
+    script.process.send_signal(signal.SIGINT)
+    code, out, err = script.finish()
+    assert (code, err) == (0, "")
+    lines = without_noise(out).splitlines()
+    assert "noted" in lines
+    assert lines[-1] == "[0, 1, 1, 2, 3, 5, 8, 13, 21]"
 
 
 def test_ctrl_c_while_waiting_for_a_server(action_server, run_script):

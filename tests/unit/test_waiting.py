@@ -1,0 +1,42 @@
+"""Blocking waits hear a signal whenever it comes (C2.5)."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from actionkit._waiting import slices
+from tests.conftest import NEVER
+
+
+def on_another_thread(function: Callable[[], Any]) -> Any:
+    found: list[Any] = []
+    thread = threading.Thread(target=lambda: found.append(function()))
+    thread.start()
+    thread.join()
+    return found[0]
+
+
+def test_the_main_thread_never_waits_for_ever_at_once() -> None:
+    assert max(itertools.islice(slices(None), 100)) <= 1.0  # type: ignore[type-var]
+    assert list(slices(0)) == [0]
+    assert list(slices(-1.0)) == [-1.0]
+
+
+@pytest.mark.parametrize("timeout", [None, 0, 3.0])
+def test_other_threads_wait_once(timeout: float | None) -> None:
+    # Signals are not handled there; and a thousand that wait must cost nothing.
+    assert on_another_thread(lambda: list(slices(timeout))) == [timeout]
+
+
+def test_slices_make_up_the_whole() -> None:
+    began = time.monotonic()
+    for seconds in slices(1.2):
+        assert seconds is not None
+        NEVER.wait(seconds)
+    assert 1.2 <= time.monotonic() - began < 5
