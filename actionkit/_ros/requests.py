@@ -20,7 +20,7 @@ from actionkit._ros.native import Source
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.strays import Strays
 
-_UUIDS = 256
+_UUIDS = 64
 _QUESTIONS = 64
 _ASKS_AT_ONCE = 4
 _ASK_PAUSE = 0.01

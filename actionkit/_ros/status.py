@@ -7,7 +7,6 @@ bytes (see wire), a few times a second at most, whatever the traffic of others.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -50,10 +49,15 @@ class StatusWatch:
 
     def start(self) -> None:
         """Be on. Where the context was shut down nothing new can be made, so it stays off (R10)."""
-        if self._subscription is None:
-            with contextlib.suppress(RCLError, InvalidHandle):
-                self._subscription = self._entities.subscribe_status(self._take)
-                self._runtime.enable(self._subscription.source)
+        if self._subscription is not None:
+            return
+        try:
+            self._subscription = self._entities.subscribe_status(self._take)
+        except (RCLError, InvalidHandle):
+            if self._runtime.context.ok():
+                raise
+        else:
+            self._runtime.enable(self._subscription.source)
 
     def stop(self) -> None:
         """Be off."""

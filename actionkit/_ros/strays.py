@@ -37,14 +37,11 @@ _FIRST_PAUSE = 0.5
 """Seconds until a cancellation is asked for again; twice as long each time."""
 
 
-@dataclass(slots=True)
-class _Ended:
-    """A goal request, how many servers have accepted it, and whether one is still to say so."""
+_Ended = tuple[bytes, float, int, bool]
+"""A goal's id, when it ended, how many servers have accepted it, whether one is yet to say so.
 
-    key: bytes
-    at: float
-    accepted: int
-    owed: bool
+A plain tuple, which Python's collector need not look at again: every call leaves one.
+"""
 
 
 @dataclass(slots=True)
@@ -135,31 +132,30 @@ class Strays:
             accepted: How many servers have accepted it so far.
             owed: Whether the server that ended it has not said yet that it had accepted it.
         """
-        self._ended[seq] = ended = _Ended(key, self._timers.now(), accepted, owed)
+        self._ended[seq] = (key, self._timers.now(), accepted, owed)
         if len(self._ended) > _REMEMBERED:
             self._ended.popitem(last=False)
         if accepted > 1:
-            self._found(ended, accepted - 1)
+            self._found(key, accepted, accepted - 1)
         elif self._count_servers() > 1:
-            self._guess(ended)
+            self._guess(key, accepted)
 
     def accepted_late(self, seq: int) -> None:
         """A server has accepted a goal that had ended here."""
         ended = self._ended.get(seq)
         if ended is None:
             return
-        ended.accepted += 1
-        if ended.owed:
-            ended.owed = False
-        else:
-            self._found(ended, 1)
+        key, at, accepted, owed = ended
+        self._ended[seq] = (key, at, accepted + 1, False)
+        if not owed:
+            self._found(key, accepted + 1, 1)
 
     def server_came(self) -> None:
         """A server can be asked that could not be asked before."""
         since = self._timers.now() - _RECENT
-        for ended in list(self._ended.values()):
-            if ended.at >= since:
-                self._guess(ended)
+        for key, at, accepted, _ in list(self._ended.values()):
+            if at >= since:
+                self._guess(key, accepted)
 
     def answered(self, seq: int, canceling: Collection[bytes], *, over: bool) -> None:
         """A server has answered a cancel request.
@@ -189,22 +185,22 @@ class Strays:
         for key in list(self._strays):
             self._give_up(key)
 
-    def _guess(self, ended: _Ended) -> None:
-        if ended.key in self._strays:
+    def _guess(self, key: bytes, accepted: int) -> None:
+        if key in self._strays:
             return
-        self._strays[ended.key] = _Stray(ended.accepted)
-        self._guessed[ended.key] = None
+        self._strays[key] = _Stray(accepted)
+        self._guessed[key] = None
         if len(self._guessed) > _REMEMBERED:
             self._drop(next(iter(self._guessed)))
         self._fill()
 
-    def _found(self, ended: _Ended, late: int) -> None:
-        stray = self._strays.setdefault(ended.key, _Stray(ended.accepted))
-        stray.accepted = ended.accepted
+    def _found(self, key: bytes, accepted: int, late: int) -> None:
+        stray = self._strays.setdefault(key, _Stray(accepted))
+        stray.accepted = accepted
         stray.late += late
         stray.left, stray.pause = _TRIES, _FIRST_PAUSE
-        self._guessed.pop(ended.key, None)
-        self._proven[ended.key] = None
+        self._guessed.pop(key, None)
+        self._proven[key] = None
         self._fill()
 
     def _fill(self) -> None:
