@@ -2,7 +2,13 @@ from enum import IntEnum
 
 from rclpy.duration import Duration
 
-class QoSPolicyEnum(IntEnum): ...
+class QoSPolicyEnum(IntEnum):  # type: ignore[misc]  # a base, and has no members
+    @classmethod
+    def short_keys(cls) -> list[str]: ...
+    @classmethod
+    def get_from_short_key(cls, name: str) -> int: ...
+    @property
+    def short_key(self) -> str: ...
 
 class HistoryPolicy(QoSPolicyEnum):
     SYSTEM_DEFAULT = 0
