@@ -57,16 +57,19 @@ class Pair:
         self.server.do("reset", **{**self._options, **options})
         self.client.do("open")
 
-    def fill(self, goals: int) -> None:
-        """Let the server remember so many goals more, whoever sends them."""
-        if not goals:
-            return
-        with self.another(OURS[0]) as other:
-            other.do("open")
-            other.do("fill", goals=goals)
-            other.do("close")
+    def renew_one(self, name: str, **options: float) -> None:
+        """Have a new server of one action, beside those of others, and a client of it."""
+        self.client.do("close", name=name)
+        self.server.do("renew", name=name, **options)
+        self.client.do("open", name=name)
 
-    def turn(self, calls: int, order: int, **how: float) -> Sample:
+    def fill(self, goals: int, name: str) -> None:
+        """Let the action's server remember so many goals more, of another client."""
+        with self.another(OURS[0]) as other:
+            other.do("open", name=name)
+            other.do("fill", goals=goals, name=name)
+
+    def turn(self, calls: int, order: int, **how: str | float) -> Sample:
         """Make some calls; `how` is what `Worker.in_a_row` may be told besides."""
         for _ in range(_TURNS - 1):
             try:
@@ -76,8 +79,8 @@ class Pair:
                 console.print(str(error).splitlines()[-1], style="dim")
         return self._turn(calls, order, how)
 
-    def _turn(self, calls: int, order: int, how: dict[str, float]) -> Sample:
-        self.client.do("in_a_row", calls=_WARM, order=order)  # what slept is awake again
+    def _turn(self, calls: int, order: int, how: dict[str, str | float]) -> Sample:
+        self.client.do("in_a_row", calls=_WARM, order=order, **how)  # what slept is awake again
         before = process.cpu(self.server.pid)
         sample = self.client.do("in_a_row", calls=calls, order=order, **how)
         server = (process.cpu(self.server.pid) - before) / calls

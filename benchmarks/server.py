@@ -3,7 +3,7 @@
 The reference servers of `actionkit.servers` keep journals and gates, which cost time. This one
 runs a goal at once in its only thread, and can be told to
 
-- forget all goals, by a new action server (`reset`);
+- forget all goals, by a new action server (`reset`; `renew` for one action of many);
 - hold accepted goals until so many are there, and then run them all (`hold=`);
 - go on publishing feedback of long goals a hundred times a second (`STREAM`, `stream`).
 """
@@ -50,7 +50,7 @@ class Server:
         )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._servers: list[ActionServer] = []
+        self._servers: dict[str, ActionServer] = {}
         self._hold = 0
         self._held: list[Any] = []
         self._streams: dict[str, list[Any]] = {NAME: [], ELSEWHERE: []}
@@ -66,6 +66,10 @@ class Server:
     def reset(self, result_timeout: float = 900.0, hold: int = 0) -> float:
         """Replace the action servers; return the monotonic time at which the new were there."""
         return self._on_spinner(lambda: self._make(result_timeout, hold))
+
+    def renew(self, name: str, result_timeout: float = 900.0) -> None:
+        """Replace the server of one action, or make it."""
+        self._on_spinner(lambda: self._make_one(name, result_timeout))
 
     def leave(self) -> None:
         """Have no action server any more."""
@@ -108,26 +112,30 @@ class Server:
         return done.result(30)
 
     def _destroy(self) -> None:
-        for server in self._servers:
+        for server in self._servers.values():
             server.destroy()
-        self._servers, self._held, self._flowing = [], [], []
+        self._servers.clear()
+        self._held, self._flowing = [], []
         self._streams = {NAME: [], ELSEWHERE: []}
 
     def _make(self, result_timeout: float, hold: int) -> float:
         self._destroy()
         self._hold = hold
-        self._servers = [
-            ActionServer(
-                self._node,
-                Fibonacci,
-                name,
-                execute_callback=_execute,
-                handle_accepted_callback=partial(self._on_accepted, name),
-                result_timeout=result_timeout,
-            )
-            for name in (NAME, ELSEWHERE)
-        ]
+        for name in (NAME, ELSEWHERE):
+            self._make_one(name, result_timeout)
         return time.monotonic()
+
+    def _make_one(self, name: str, result_timeout: float) -> None:
+        if name in self._servers:
+            self._servers.pop(name).destroy()
+        self._servers[name] = ActionServer(
+            self._node,
+            Fibonacci,
+            name,
+            execute_callback=_execute,
+            handle_accepted_callback=partial(self._on_accepted, name),
+            result_timeout=result_timeout,
+        )
 
     def _on_accepted(self, name: str, handle: Any) -> None:
         if handle.request.order >= STREAM:
@@ -169,8 +177,7 @@ if __name__ == "__main__":
     answers = child.claim_stdout()
     server = Server()
     try:
-        child.serve(
-            answers, {"reset": server.reset, "leave": server.leave, "stream": server.stream}
-        )
+        commands = (server.reset, server.renew, server.leave, server.stream)
+        child.serve(answers, {command.__name__: command for command in commands})
     finally:
         server.close()

@@ -1,4 +1,4 @@
-"""A process with one client in it, so that what it uses is the client's."""
+"""A process with one client at work in it, so that what it uses is the client's."""
 
 from __future__ import annotations
 
@@ -23,63 +23,69 @@ class Worker:
 
     def __init__(self, variant: str) -> None:
         self._make = VARIANTS[variant]
-        self._client: Variant | None = None
+        self._clients: dict[str, Variant] = {}
         self._endless: list[Any] = []
 
-    def open(self) -> None:
-        """Make a client, connect it, and call a few times."""
-        self._client = self._make()
-        self._client.open(NAME)
+    def open(self, name: str = NAME) -> None:
+        """Make a client of an action and connect it."""
+        client = self._clients[name] = self._make()
+        client.open(name)
 
-    def close(self) -> None:
-        """Close it, where there is one."""
-        if self._client is not None:
-            self._client.close()
-            self._client = None
+    def close(self, name: str | None = None) -> None:
+        """Close the action's client, or all of them, where there is one."""
+        for one in [name] if name else list(self._clients):
+            client = self._clients.pop(one, None)
+            if client is not None:
+                client.close()
 
     @property
     def client(self) -> Variant:
-        """The client that is open."""
-        assert self._client is not None
-        return self._client
+        """The client that is open, where there is only one."""
+        return self._clients[NAME]
 
     def in_a_row(
-        self, calls: int, order: int, feedback: bool = False, pace: float = 0.0
+        self,
+        calls: int,
+        order: int,
+        feedback: bool = False,
+        pace: float = 0.0,
+        name: str = NAME,
     ) -> dict[str, Any]:
         """Call one after the other; with `pace`, one in so many seconds."""
+        client = self._clients[name]
         seen: list[Any] = []
         callback = seen.append if feedback else None
         before = thread_cpu(os.getpid())
         cpu, wall = time.process_time(), time.perf_counter()
         if not pace:
-            took = self.client.in_a_row(calls, order, callback)
+            took = client.in_a_row(calls, order, callback)
         else:
             took = []
             for number in range(calls):
-                took += self.client.in_a_row(1, order, callback)
+                took += client.in_a_row(1, order, callback)
                 time.sleep(max(0.0, wall + (number + 1) * pace - time.perf_counter()))
         used = time.process_time() - cpu
         return {
             "took": took,
             "cpu": used / calls,
             "wall": (time.perf_counter() - wall) / calls,
-            **{name: seconds / calls for name, seconds in _by_thread(before).items()},
+            **{kind: seconds / calls for kind, seconds in _by_thread(before).items()},
             "feedback": len(seen) / calls,
         }
 
-    def at_once(self, goals: int, order: int) -> dict[str, Any]:
+    def at_once(self, goals: int, order: int, name: str = NAME) -> dict[str, Any]:
         """Have so many goals in flight at a time."""
         cpu, wall = time.process_time(), time.perf_counter()
-        took = self.client.at_once(goals, order)
+        took = self._clients[name].at_once(goals, order)
         return {
             "took": took,
             "cpu": (time.process_time() - cpu) / goals,
             "wall": (time.perf_counter() - wall) / goals,
         }
 
-    def fill(self, goals: int) -> None:
-        """Let the server remember so many goals more."""
-        client = self.client.client  # type: ignore[attr-defined]  of ActionKit
+    def fill(self, goals: int, name: str) -> None:
+        """Let the action's server remember so many goals more."""
+        client = self._clients[name].client  # type: ignore[attr-defined]  of ActionKit
         for future in [client.call_async({"order": 0}, timeout=300) for _ in range(goals)]:
             future.result()
 
