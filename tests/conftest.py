@@ -97,6 +97,14 @@ def runs_nothing(server: Server) -> bool:
     return server.running() == set()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _ros_logs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep the log files of rclpy, of which each process makes one, out of the user's home."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_logs")))
+        yield
+
+
 @pytest.fixture
 def make_client(ros_domain: int) -> Iterator[Callable[..., Client[Any, Any, Any]]]:
     """Make clients in the test's domain; all are closed at its end."""
