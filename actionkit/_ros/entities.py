@@ -70,7 +70,7 @@ class Entities:
             self.goal = self._client(impl.SendGoalService, "send_goal", on_goal)
             self.result = self._client(impl.GetResultService, "get_result", on_result)
             self.cancel = self._client(CancelGoal, "cancel_goal", on_cancel)
-        except BaseException:
+        except BaseException:  # whatever it was goes on, but no entity is left behind
             self.destroy()
             raise
 

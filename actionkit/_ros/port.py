@@ -60,7 +60,7 @@ class Port:
                 label="" if node is None else node.get_fully_qualified_name(),
             )
             self.link = self.runtime.run(lambda: self._link(action_type))
-        except BaseException:
+        except BaseException:  # whatever it was goes on, a Ctrl-C too, but no thread is held
             runtimes.release(self.runtime)
             raise
         self._feedback_type: Any = action_type.Feedback

@@ -215,7 +215,7 @@ class Runtime:
                     Parameter("start_type_description_service", value=False),
                 ],
             )
-        except BaseException:
+        except BaseException:  # whatever it was goes on, but no context is left behind
             self.context.try_shutdown()
             raise
 

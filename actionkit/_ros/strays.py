@@ -58,16 +58,16 @@ class _Stray:
     """A goal that is to be cancelled wherever it runs.
 
     Attributes:
-        accepted: How many servers have accepted it.
-        late: How many of them when it had ended here, or was another's.
+        late: How many servers have accepted it when it had ended here, or was another's.
+        accepted: How many have accepted it in all, where any did so late.
         left: How often its cancellation is still to be asked for.
         pause: Seconds until then.
         canceling: How many servers said that they are cancelling it.
         requests: The numbers of the requests to cancel it.
     """
 
-    accepted: int
     late: int = 0
+    accepted: int = 0
     left: int = _GUESSES
     pause: float = _FIRST_PAUSE
     canceling: int = 0
@@ -138,7 +138,7 @@ class Strays:
         if accepted > 1:
             self._found(key, accepted, accepted - 1)
         elif self._count_servers() > 1:
-            self._guess(key, accepted)
+            self._guess(key)
 
     def accepted_late(self, seq: int) -> None:
         """A server has accepted a goal that had ended here."""
@@ -153,9 +153,9 @@ class Strays:
     def server_came(self) -> None:
         """A server can be asked that could not be asked before."""
         since = self._timers.now() - _RECENT
-        for key, at, accepted, _ in list(self._ended.values()):
+        for key, at, _, _ in list(self._ended.values()):
             if at >= since:
-                self._guess(key, accepted)
+                self._guess(key)
 
     def answered(self, seq: int, canceling: Collection[bytes], *, over: bool) -> None:
         """A server has answered a cancel request.
@@ -185,17 +185,17 @@ class Strays:
         for key in list(self._strays):
             self._give_up(key)
 
-    def _guess(self, key: bytes, accepted: int) -> None:
+    def _guess(self, key: bytes) -> None:
         if key in self._strays:
             return
-        self._strays[key] = _Stray(accepted)
+        self._strays[key] = _Stray()
         self._guessed[key] = None
         if len(self._guessed) > _REMEMBERED:
             self._drop(next(iter(self._guessed)))
         self._fill()
 
     def _found(self, key: bytes, accepted: int, late: int) -> None:
-        stray = self._strays.setdefault(key, _Stray(accepted))
+        stray = self._strays.setdefault(key, _Stray())
         stray.accepted = accepted
         stray.late += late
         stray.left, stray.pause = _TRIES, _FIRST_PAUSE

@@ -57,7 +57,7 @@ class Server:
         self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed by stop()
         try:
             self._launch()
-        except BaseException:
+        except BaseException:  # whatever it was goes on, but no file is left open
             self._stderr.close()
             raise
 

@@ -160,6 +160,18 @@ def test_each_of_two_late_servers_must_stop_it(world: World) -> None:
     assert world.at_rest
 
 
+def test_it_has_ended_everywhere_only_where_all_that_accepted_it_say_so(world: World) -> None:
+    world.ended()
+    for _ in range(2):
+        world.strays.accepted_late(1)
+    world.clock.advance(0.1)
+    world.over()
+    world.canceling()
+    assert world.strays.proven  # the third has not answered
+    world.over()
+    assert world.at_rest
+
+
 def test_the_late_acceptance_of_the_only_server(world: World) -> None:
     world.ended(accepted=0)
     world.strays.accepted_late(1)
