@@ -14,7 +14,7 @@ from actionkit import _effects as fx
 from actionkit._clock import TimerHandle
 from actionkit._goal import Goal
 from actionkit._settings import Timeouts
-from actionkit._stages import Stage
+from actionkit._stages import GaveUp, Stage
 from actionkit._values import GoalState
 
 STATES = {
@@ -37,6 +37,8 @@ class AttemptOwner(Protocol):
 
     @property
     def unwanted(self) -> bool: ...
+    @property
+    def urgent(self) -> bool: ...
     def on_record(self, attempt: Attempt, state: GoalState, detail: str) -> None: ...
     def on_feedback(self, attempt: Attempt, messages: list[bytes]) -> None: ...
     def on_end(self, attempt: Attempt, ending: fx.Ending) -> None: ...
@@ -195,6 +197,8 @@ class Attempt:
 
     def on_server_lost(self, reason: str) -> None:
         self._apply(self.goal.server_lost(reason, self._now()))
+        if self.goal.stage is Stage.LOST:
+            self._link.stop_cancel(self)
         self._on_out_of_sight(self)
 
     # --- carrying out ----------------------------------------------------------------------
@@ -240,7 +244,8 @@ class Attempt:
             self._link.ask_result(self, anew=effect.anew)
         elif isinstance(effect, fx.AskCancel):
             self._cancels += 1
-            self._link.ask_cancel(self)
+            urgent = self._owner.urgent or self.goal.gave_up is GaveUp.DEADLINE
+            self._link.ask_cancel(self, urgent=urgent)
         elif isinstance(effect, fx.WatchStatus):
             self._link.watch_status()
         elif isinstance(effect, fx.Settle):
@@ -256,7 +261,8 @@ class Attempt:
 
     def _fire(self, timer: fx.Timer) -> None:
         self._timers.pop(timer, None)
-        self._apply(self.goal.timer(timer, self._now()))
+        confirmed_at = self._link.others_confirmed_at
+        self._apply(self.goal.timer(timer, self._now(), others_confirmed_at=confirmed_at))
 
     def _disarm(self, timer: fx.Timer) -> None:
         handle = self._timers.pop(timer, None)

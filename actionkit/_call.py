@@ -99,6 +99,8 @@ class Call:
         self._grace: TimerHandle | None = None
         self.unwanted = False
         """Whether the caller cancelled, even if this thread has not come to it yet (C1.5)."""
+        self.urgent = False
+        """Whether a human waits for the cancellation (C2.5)."""
 
     # --- the caller's wishes ---------------------------------------------------------------
 
@@ -107,9 +109,14 @@ class Call:
         self._carrier.add(self)
         self._carrier.call_soon(self.start)
 
-    def request_cancel(self) -> None:
-        """Cancel soon. From any thread."""
+    def request_cancel(self, *, urgent: bool = False) -> None:
+        """Cancel soon. From any thread.
+
+        Args:
+            urgent: Whether a human waits for it: such goals are cancelled first.
+        """
         self.unwanted = True
+        self.urgent |= urgent
         self._carrier.call_soon(self.cancel)
 
     def start(self) -> None:

@@ -89,6 +89,17 @@ class PortCarrier:
         self.calls.discard(call)
         self._free_if_done()
 
+    def running(self) -> list[uuid.UUID]:
+        """Return the ids of the goals that may be running. From any thread.
+
+        Those are left out whose server is gone: their calls have said so.
+        """
+        return [
+            attempt.goal_id
+            for attempt in list(self._attempts)
+            if attempt.goal.in_flight and attempt.goal.stage is not Stage.LOST
+        ]
+
     # --- the end ---------------------------------------------------------------------------
 
     def close_calls(self, *, abandon: bool) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import concurrent.futures
 import weakref
 from collections.abc import Callable, Iterable, Mapping
 from types import TracebackType
@@ -167,8 +166,8 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         finally:
             if not future.done():
                 # Ctrl-C, or whatever else a signal handler of the user's raised here.
-                future.cancel()
-                concurrent.futures.wait([future], self._timeouts.cancel)
+                call.request_cancel(urgent=True)
+                self._session.await_cancel(future)
 
     def call_async(
         self,

@@ -24,6 +24,8 @@ class Timer(IntEnum):
     """The end of the wait for a cancellation to be confirmed."""
     NUDGE = auto()
     """Time to ask again what may have been lost on the way."""
+    RESULT = auto()
+    """The end of the wait for the result of a goal that has ended, in a call without deadline."""
 
 
 class CancelAnswer(Enum):
@@ -95,6 +97,7 @@ class Ending:
         known: What is known of its present.
         info: Facts for the error's text: exceptions, type names, reasons.
         note: Why it was not tried again, where it might have been.
+        why: Why the result cannot be had any more, where it was lost.
     """
 
     end: End
@@ -106,6 +109,7 @@ class Ending:
     known: Known = Known.STOPPED
     info: Any = None
     note: str = ""
+    why: str = ""
 
 
 @dataclass(slots=True)
@@ -137,7 +141,7 @@ class AskResult:
 
 @dataclass(slots=True)
 class AskCancel:
-    """Ask the server to cancel the goal; harmless to repeat."""
+    """Ask the server to cancel the goal, and again until it has answered that it knows it."""
 
 
 @dataclass(slots=True)

@@ -251,13 +251,18 @@ def _canceled(ending: Ending, story: Story) -> str:
 def _result_lost(ending: Ending, story: Story) -> str:
     ended = f"ended as {ending.info}" if isinstance(ending.info, GoalState) else "ended"
     return (
-        f"{_what(story)} {ended}, but its result cannot be had after {story.elapsed:.1f} s: the"
-        " server no longer knows it, or never sent it. Raise the server's result_timeout, or"
-        " look in its log for an error after the goal's end."
+        f"{_what(story)} {ended}, but its result cannot be had after {story.elapsed:.1f} s:"
+        f" {ending.why}. Raise the server's result_timeout, look in its log for an error after the"
+        " goal's end, or allow the result more time with timeout= or Timeouts(result=...)."
     )
 
 
 def _deadline(ending: Ending, story: Story) -> str:
+    if ending.phase == "cancel" and ending.cancel is CancelReport.CONFIRMED:
+        return (
+            f"{_what(story)} was cancelled by its caller and has ended on the server, but its"
+            f" result did not come within {story.timeouts.cancel:g} s. It runs no more."
+        )
     if ending.phase == "cancel":
         return (
             f"{_what(story)} was cancelled by its caller, but the server did not confirm that"

@@ -8,6 +8,7 @@ as that is possible, until it is known to run no more (contract C2.4).
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from actionkit._effects import (
@@ -31,17 +32,24 @@ from actionkit._effects import (
     WatchStatus,
     Withdraw,
 )
-from actionkit._settings import Timeouts
-from actionkit._stages import GAVE_UP_END, PHASE, RANK, WAITED_FOR, GaveUp, Stage
+from actionkit._settings import LONGEST_GRACE, Timeouts
+from actionkit._stages import (
+    DOUBT,
+    FIRST_NUDGE,
+    GAVE_UP_END,
+    MAX_NUDGE,
+    MAX_RESULT_NUDGE,
+    NOBODY_WAITS,
+    PHASE,
+    RANK,
+    RARELY,
+    WAITED_FOR,
+    WITH_END,
+    GaveUp,
+    Stage,
+)
 from actionkit._values import CancelReport, GoalState
 
-FIRST_NUDGE = 1.0
-"""Seconds until something that may have been lost on the way is asked for again."""
-RARELY = 8.0
-PATIENCE = 4.0
-"""Pause, the fourth, after which a result is not waited for any more though the goal ended: a
-server that ends hundreds of goals together takes seconds to send their results."""
-MAX_NUDGE = 30.0
 _QUIET = tuple(Disarm(timer) for timer in Timer if timer is not Timer.NUDGE)
 
 
@@ -69,8 +77,9 @@ class Goal:
         self._deadline = deadline
         self._phase = ""
         self._report = CancelReport.UNKNOWN
-        self._cancel_answered = False
+        self._gave_up_at = 0.0
         self._cancel_accepted = False
+        self._refusals = 0  # since we gave it up last, or since the server last cancelled it
         self._forgiven: GaveUp | None = None  # a giving up that the server refused to follow
         self._was_sent = resent
         self.abandoned = False
@@ -137,7 +146,6 @@ class Goal:
 
     def _ask_about_lost(self, now: float) -> list[Effect]:
         self._nudge_after = FIRST_NUDGE
-        self._cancel_answered = False
         return [AskCancel(), AskResult(), self._arm_nudge(now)]
 
     def type_mismatch(self, served: tuple[str, ...], now: float) -> list[Effect]:
@@ -188,7 +196,6 @@ class Goal:
         self._nudge_after = FIRST_NUDGE
         effects.append(self._arm_nudge(now))
         if self._unwanted:
-            self._cancel_answered = False
             effects.append(AskCancel())
         return effects + self._arm_stall(now)
 
@@ -235,8 +242,12 @@ class Goal:
             if self._told is None:
                 # The result usually follows at once; where it does not, it is asked for.
                 self._told = state
+                self._refusals = 0
                 self._nudge_after = FIRST_NUDGE / 2
                 effects.append(self._arm_nudge(now))
+                limit = self._timeouts.result
+                if self._deadline is None and limit is not None and not self.settled:
+                    effects.append(Arm(Timer.RESULT, now + limit))
         elif RANK[state] > RANK.get(self.state, 0):
             effects.append(self._enter(state))
         return effects
@@ -256,7 +267,7 @@ class Goal:
             return []
         if status is None:
             if self.stage in (Stage.ACCEPTED, Stage.LOST):
-                return self._result_lost(now)
+                return self._result_lost(now, "its server no longer knows the goal")
             # It may be taken yet (R6); but a server that has denied it has no more to say.
             return self.rejected(now) if self._denied else self._unknown_so_far()
         new = self._unproven and self.stage is not Stage.LOST
@@ -293,17 +304,18 @@ class Goal:
                 return self._over()
             return [AskResult()]
         effects = self.accepted(now) if self._unproven else []
-        self._cancel_answered = True
         if answer is CancelAnswer.ACCEPTED:
             self._cancel_accepted = True
+            self._refusals = 0
             if self.state is not GoalState.CANCELING:
                 effects.append(self._enter(GoalState.CANCELING))
             effects += self._refusal_overtaken(now)
         elif answer is CancelAnswer.TERMINATED:
             # Also the answer for a goal that is being cancelled already: it confirms nothing.
+            self._refusals = 0
             effects.append(AskResult())
-        elif self.gave_up is not None and not self.settled and not self._cancel_accepted:
-            effects += self._refused(now)
+        elif self._may_be_refused:
+            effects += self._was_refused(now)
         return effects
 
     def _unknown_so_far(self) -> list[Effect]:
@@ -318,26 +330,41 @@ class Goal:
         if self._forgiven is None or self.settled or self.gave_up is not None:
             return []
         self.gave_up, self._forgiven = self._forgiven, None
-        self._report = CancelReport.UNKNOWN
+        self._gave_up_at = now
         return [Disarm(Timer.STALL), Arm(Timer.CANCEL, now + self._timeouts.cancel)]
 
-    def _refused(self, now: float) -> list[Effect]:
-        self._report = CancelReport.REFUSED
-        may_run_on = self.gave_up in (GaveUp.CANCELLED, GaveUp.UNANSWERED)
+    @property
+    def _may_be_refused(self) -> bool:
+        """Whether a refusal matters: a goal that is given up on, and neither ends nor has ended."""
+        waits = self.gave_up is not None and not self.settled
+        return waits and not self._cancel_accepted and self._told is None
+
+    def _was_refused(self, now: float) -> list[Effect]:
+        """The server will not cancel the goal, or the goal has just ended (R12)."""
+        self._refusals += 1
+        if self._refusals > 1:
+            return self._runs_on(now)  # it had not ended when it refused the first time
+        self._nudge_after = DOUBT
+        return [self._arm_nudge(now)]
+
+    def _runs_on(self, now: float) -> list[Effect]:
+        """A refusal is believed. What it means depends on who is left to wait for the goal."""
+        if self.gave_up not in (GaveUp.CANCELLED, GaveUp.UNANSWERED):
+            return []  # a success in the time that is left is not thrown away (C2.3)
         if self._deadline is not None and now >= self._deadline:
             self.gave_up = GaveUp.DEADLINE
             self._phase = self._phase or "execute"
-        elif may_run_on and self._closing:
+            return []
+        if self._closing:
             self.gave_up = GaveUp.CLOSED  # nobody is left to wait for it
-        elif may_run_on:
-            # The goal runs on whatever the caller wants, so it stays his to wait for.
-            self._forgiven, self.gave_up = self.gave_up, None
-            return [
-                Disarm(Timer.CANCEL),
-                Record(self.state, "the server refused to cancel; the goal runs on"),
-                *self._arm_stall(now),
-            ]
-        return self._settle_given_up()
+            return []
+        # The goal runs on whatever the caller wants, so it stays his to wait for.
+        self._forgiven, self.gave_up = self.gave_up, None
+        return [
+            Disarm(Timer.CANCEL),
+            Record(self.state, "the server refused to cancel; the goal runs on"),
+            *self._arm_stall(now),
+        ]
 
     # --- what the server does not say ------------------------------------------------------
 
@@ -354,8 +381,9 @@ class Goal:
         if self.stage not in (Stage.SENT, Stage.ACCEPTED):
             return []
         if self._told is not None:
-            return self._result_lost(now)  # it had ended, and only its result went with it
+            return self._result_lost(now, "its server went away before it had sent it")
         self.stage = Stage.LOST
+        self._refusals = 0  # it may have ended with its server
         effects: list[Effect] = [*withdrawn, Disarm(Timer.NUDGE)]
         if self.settled:
             return effects
@@ -364,7 +392,7 @@ class Goal:
             return effects + self._settle(End.LOST, info=reason)
         return effects + self._settle_given_up()
 
-    def _result_lost(self, now: float) -> list[Effect]:
+    def _result_lost(self, now: float, why: str) -> list[Effect]:
         """A goal that was accepted is unknown to the server, or ended without a result."""
         if self.stage is Stage.LOST:
             return self._over()
@@ -373,10 +401,18 @@ class Goal:
         effects: list[Effect] = [self._enter(GoalState.LOST, "the result cannot be had")]
         if self.gave_up in (GaveUp.DEADLINE, GaveUp.CLOSED):
             return effects + self._settle_given_up() + self._release()
-        return effects + self._settle(End.RESULT_LOST, info=self._told) + self._release()
+        return effects + self._settle(End.RESULT_LOST, info=self._told, why=why) + self._release()
 
-    def timer(self, timer: Timer, now: float) -> list[Effect]:
-        """A timer fired."""
+    def timer(
+        self, timer: Timer, now: float, *, others_confirmed_at: float = -math.inf
+    ) -> list[Effect]:
+        """A timer fired.
+
+        Args:
+            timer: Which.
+            now: Monotonic seconds.
+            others_confirmed_at: When a server last answered to the cancellation of any goal.
+        """
         if timer is Timer.NUDGE:
             return self._nudge(now)
         if self.settled:
@@ -389,25 +425,44 @@ class Goal:
             return self._give_up(GaveUp.UNANSWERED, now)
         if timer is Timer.STALL and self.stage is Stage.ACCEPTED and self.gave_up is None:
             return self._give_up(GaveUp.STALLED, now)
+        if timer is Timer.RESULT and self._told is not None:
+            return self._result_lost(now, f"it did not come within {self._timeouts.result:g} s")
         if timer is Timer.CANCEL and self.gave_up is not None:
-            if self.gave_up is GaveUp.CANCELLED:
-                self._phase = "cancel"
-            return self._settle_given_up()
+            return self._end_grace(now, others_confirmed_at)
         return []
+
+    def _end_grace(self, now: float, others_confirmed_at: float) -> list[Effect]:
+        """The time to confirm a cancellation is up, unless the server is still at others."""
+        later = min(
+            others_confirmed_at + self._timeouts.cancel,
+            self._gave_up_at + self._timeouts.cancel + LONGEST_GRACE,
+            math.inf if self._deadline is None else self._deadline + self._timeouts.cancel,
+        )
+        if later > now and self.gave_up is not GaveUp.DEADLINE:
+            return [Arm(Timer.CANCEL, later)]
+        effects = self._runs_on(now) if self._refusals else []
+        if self.gave_up is None:
+            return effects
+        if self.gave_up is GaveUp.CANCELLED:
+            if self._told is GoalState.CANCELED:
+                return effects + self._settle(End.CANCELLED_BY_CALLER)
+            self._phase = "cancel"
+        return effects + self._settle_given_up()
 
     def _nudge(self, now: float) -> list[Effect]:
         """Ask again for what may have been lost in a queue on the way (R3, R4)."""
         if not self.in_flight:
             return []
-        if self._told is not None and self._nudge_after >= PATIENCE:
-            return self._over() if self.settled else self._result_lost(now)
+        if self._told is not None and self.settled and self._nudge_after >= NOBODY_WAITS:
+            return self._over()
         effects: list[Effect] = [WatchStatus()]
-        if self._unwanted and not self._cancel_answered:
+        if self._refusals == 1 and self._unwanted:
             effects.append(AskCancel())
         if self._told or self.stage is not Stage.ACCEPTED or self._nudge_after >= RARELY:
             # A goal that merely takes long is seen in the status topic, and not asked about.
             effects.append(AskResult())
-        self._nudge_after = min(self._nudge_after * 2, MAX_NUDGE)
+        longest = MAX_NUDGE if self._told is None else MAX_RESULT_NUDGE
+        self._nudge_after = min(self._nudge_after * 2, longest)
         return [*effects, self._arm_nudge(now)]
 
     def _arm_nudge(self, now: float) -> Effect:
@@ -443,7 +498,7 @@ class Goal:
 
     def _give_up(self, why: GaveUp, now: float) -> list[Effect]:
         self._phase = PHASE[self.stage]
-        self.gave_up = why
+        self.gave_up, self._gave_up_at = why, now
         effects: list[Effect] = []
         if self._resent and self.stage in (Stage.AWAITING_SERVER, Stage.QUEUED):
             self.stage = Stage.SENT  # once is enough: from here on it is to be stopped
@@ -456,7 +511,7 @@ class Goal:
             return effects
         if why not in (GaveUp.CANCELLED, GaveUp.CLOSED):
             effects.append(Record(GoalState.TIMED_OUT, f"waiting for {WAITED_FOR[why]}"))
-        self._cancel_answered = False
+        self._refusals = 0
         self._unknown_to_server = False  # what counts is what the server says from now on
         self._nudge_after = FIRST_NUDGE / 2
         return [
@@ -488,15 +543,23 @@ class Goal:
         return self._settle(GAVE_UP_END[self.gave_up])
 
     def _settle(
-        self, end: End, *, result: Any = None, cancel: CancelReport | None = None, info: Any = None
+        self,
+        end: End,
+        *,
+        result: Any = None,
+        cancel: CancelReport | None = None,
+        info: Any = None,
+        why: str = "",
     ) -> list[Effect]:
         if self.settled:
             return []
         self.settled = True
         if self.gave_up is not None:
             cancel = CancelReport.CONFIRMED if self._told is not None else self._report
-        elif self._report is CancelReport.REFUSED:
-            cancel = self._report
+            if self._refusals and cancel is CancelReport.UNKNOWN and end is not End.LOST:
+                cancel = CancelReport.REFUSED
+        elif self._forgiven is not None and end in WITH_END:
+            cancel = CancelReport.REFUSED  # which is why it came to this end
         timed_out = end in (End.DEADLINE, End.NO_ACCEPTANCE, End.STALLED)
         unended = timed_out and not self.state.is_terminal
         return [
@@ -511,6 +574,7 @@ class Goal:
                     reached=self._reached,
                     known=self._known,
                     info=info,
+                    why=why,
                 )
             ),
         ]

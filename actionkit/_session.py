@@ -8,26 +8,33 @@ from __future__ import annotations
 
 import atexit
 import concurrent.futures
+import math
 import os
 import threading
 import time
+import uuid
 from collections.abc import Callable
-from typing import Literal
+from typing import Any, Literal
 
 from actionkit import _delivery
 from actionkit._call import Call
-from actionkit._carrier import PortCarrier
+from actionkit._carrier import LINGER, PortCarrier
 from actionkit._errors import ClientClosedError
+from actionkit._left_running import tell_of_goals_left
 from actionkit._observers import channel as channels
 from actionkit._observers.audience import Audience
 from actionkit._observers.protocol import Observer
 from actionkit._request import Request
 from actionkit._ros import runtime as runtimes
 from actionkit._ros.port import Port
+from actionkit._settings import LONGEST_GRACE
+from actionkit._waiting import await_ends
 
 OnClose = Literal["cancel", "abandon"]
 _MARGIN = 0.5
 """Seconds that closing may take beyond the wait for cancellations."""
+_HURRY = 2.0
+"""Seconds; who interrupts a wait for cancellations does not want another one after it."""
 _TELLING = 1.0
 """Seconds that closing, and the interpreter's exit, wait for slow observers."""
 _FREEING = 5.0
@@ -55,6 +62,8 @@ class Session:
         self.cancel_grace = cancel_grace
         self._open_port = open_port
         self._on_close = on_close
+        self.interrupted_at = -math.inf
+        """Monotonic time at which a human did not want to wait any longer."""
         self._pid = os.getpid()
         self._lock = threading.Lock()
         self._closed = False
@@ -151,15 +160,22 @@ class Session:
 
     # --- the end ---------------------------------------------------------------------------
 
+    @property
+    def in_a_hurry(self) -> bool:
+        """Whether a human has just interrupted the wait for cancellations."""
+        return time.monotonic() - self.interrupted_at < _HURRY
+
     def close(self) -> None:
         """End every call by policy, within a bound, and free what is held."""
         if os.getpid() != self._pid:
             return  # the parent's: nothing here is ours to free
         self.begin_close()
         try:
-            self.await_calls(time.monotonic() + self.cancel_grace + _MARGIN)
+            if not self.in_a_hurry:
+                self._await_ends(self.futures(), self.cancel_grace + _MARGIN)
         finally:
             self.retire()
+        tell_of_goals_left([(self.action_name, goal_id) for goal_id in self.running()], LINGER)
         self._audience.flush(time.monotonic() + _TELLING)
 
     def begin_close(self) -> None:
@@ -170,10 +186,24 @@ class Session:
         for carrier in self._carriers:
             carrier.call_soon(lambda c=carrier: c.close_calls(abandon=abandon))  # type: ignore[misc]
 
-    def await_calls(self, until: float) -> None:
-        """Wait for the calls in flight to end."""
-        futures = [call.future for carrier in self._carriers for call in list(carrier.calls)]
-        concurrent.futures.wait(futures, max(0.0, until - time.monotonic()))
+    def await_cancel(self, future: concurrent.futures.Future[Any]) -> None:
+        """Wait for a call that was just cancelled, within `Timeouts.cancel`."""
+        self._await_ends([future], self.cancel_grace)
+
+    def _await_ends(self, futures: list[concurrent.futures.Future[Any]], grace: float) -> None:
+        try:
+            await_ends(futures, grace, LONGEST_GRACE)
+        except KeyboardInterrupt:
+            self.interrupted_at = time.monotonic()
+            raise
+
+    def futures(self) -> list[concurrent.futures.Future[Any]]:
+        """Return the futures of the calls in flight."""
+        return [call.future for carrier in self._carriers for call in list(carrier.calls)]
+
+    def running(self) -> list[uuid.UUID]:
+        """Return the ids of the goals that may be running, and that somebody gave up on."""
+        return [goal_id for carrier in self._carriers for goal_id in carrier.running()]
 
     def retire(self) -> None:
         """Free what is held: now, or as soon as no goal needs it."""
@@ -192,10 +222,21 @@ class Session:
         for carrier in self._carriers:
             carrier.call_soon(carrier.retire)
 
-    def stop_watching(self, until: float) -> None:
-        """Wait until no goal is watched any more, then free what is held in any case."""
-        for carrier in self._carriers:
+    @property
+    def confirmed_at(self) -> float:
+        """Monotonic time at which a server last answered to a cancellation."""
+        return max(carrier.port.link.others_confirmed_at for carrier in self._carriers)
+
+    def await_freed(self, until: float) -> bool:
+        """Wait until no goal is watched any more; return whether it is so."""
+        return all(
             carrier.port.freed.wait(max(0.0, until - time.monotonic()))
+            for carrier in self._carriers
+        )
+
+    def stop_watching(self) -> None:
+        """Free what is held, whatever is watched."""
+        for carrier in self._carriers:
             carrier.call_soon(carrier.free)
             carrier.port.freed.wait(_FREEING)
 
@@ -210,22 +251,44 @@ _inherited: list[Session] = []
 
 
 def close_all() -> None:
-    """End everything at the interpreter's exit, within a bound and in silence (C1.10)."""
+    """End everything at the interpreter's exit, within a bound and in silence (C1.10).
+
+    Not in silence where goals may still be running: that is what a human has to know.
+    """
     sessions = list(_live)
-    until = time.monotonic() + max((s.cancel_grace for s in sessions), default=0.0) + _MARGIN
+    grace = max((s.cancel_grace for s in sessions), default=0.0) + _MARGIN
+    if any(session.in_a_hurry for session in sessions):
+        grace = 0.0
+    began = time.monotonic()
     try:
         for session in sessions:
             session.begin_close()
+        futures = [future for session in sessions for future in session.futures()]
+        await_ends(futures, grace, LONGEST_GRACE)
         for session in sessions:
-            session.await_calls(until)
             session.retire()
+        _await_freed(sessions, began, grace)
+        tell_of_goals_left(_left_running(sessions))
         for session in sessions:
-            session.stop_watching(until)
+            session.stop_watching()
         # The middleware's own exit handlers crash under a thread that still uses it.
         runtimes.join_ending(_FREEING)
         channels.flush_all(time.monotonic() + _TELLING)
-    except KeyboardInterrupt:
-        return  # a human who does not want to wait for it
+    except KeyboardInterrupt:  # a human who does not want to wait for it
+        tell_of_goals_left(_left_running(sessions))
+
+
+def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
+    """Wait until no goal is watched any more, as long as servers go on confirming cancellations."""
+    while True:
+        confirmed_at = max((session.confirmed_at for session in sessions), default=began)
+        until = min(max(began, confirmed_at), began + LONGEST_GRACE) + grace
+        if time.monotonic() >= until or all(s.await_freed(until) for s in sessions):
+            return
+
+
+def _left_running(sessions: list[Session]) -> list[tuple[str, uuid.UUID]]:
+    return [(session.action_name, goal) for session in sessions for goal in session.running()]
 
 
 def forget_inherited() -> None:

@@ -7,6 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
+LONGEST_GRACE = 60.0
+"""Seconds by which the wait for cancellations is extended at most, while a server confirms them.
+
+The requests are sent a few at a time, so hundreds of goals may take more than `Timeouts.cancel`."""
 _RESEND = ("never_accepted", "confirmed_stopped", "always")
 
 
@@ -54,6 +58,9 @@ class Timeouts:
             that answer while they execute: one that is busy in its only thread is as silent as a
             dead one, and the two cannot be told apart from outside. Without it, a killed server
             is noticed when the middleware drops it, with Fast DDS after about 20 s.
+        result: Until the result of a goal that is known to have ended, in a call without a
+            deadline: a network that loses packets may take half a minute. A call with a deadline
+            asks until then. A server that is gone, or no longer knows the goal, ends the wait.
 
     Raises:
         TypeError: A value is no number.
@@ -66,6 +73,7 @@ class Timeouts:
     feedback: float | None = None
     cancel: float = 2.0
     liveness: float | None = None
+    result: float | None = 60.0
 
     def __post_init__(self) -> None:
         for field in fields(self):

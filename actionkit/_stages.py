@@ -1,4 +1,4 @@
-"""Where a goal is, why it is given up on, and the words for both."""
+"""Where a goal is, why it is given up on, the words for both, and how long is waited for what."""
 
 from __future__ import annotations
 
@@ -6,6 +6,20 @@ from enum import Enum, auto
 
 from actionkit._effects import End
 from actionkit._values import GoalState
+
+FIRST_NUDGE = 1.0
+"""Seconds until something that may have been lost on the way is asked for again."""
+RARELY = 8.0
+"""Pause from which on a goal that merely takes long is asked about, too."""
+MAX_NUDGE = 30.0
+MAX_RESULT_NUDGE = 4.0
+"""The longest pause, in seconds, between two requests for the result of a goal that has ended."""
+NOBODY_WAITS = 4.0
+"""Pause, the fourth, after which nobody asks any more for the result of a goal that has ended and
+whose caller is gone."""
+DOUBT = 0.05
+"""Seconds until a server that refused to cancel is asked once more. It refuses in the same words
+where the goal has just ended (R12); then the second answer, or the result, says so."""
 
 
 class Stage(Enum):
@@ -49,6 +63,8 @@ GAVE_UP_END = {
     GaveUp.STALLED: End.STALLED,
     GaveUp.CLOSED: End.CLOSED,
 }
+WITH_END = {End.SUCCEEDED, End.ABORTED, End.CANCELED_BY_OTHER, End.RESULT_LOST}
+"""The ends of calls whose goal came to an end of its own."""
 RANK = {GoalState.ACCEPTED: 1, GoalState.EXECUTING: 2, GoalState.CANCELING: 3}
 WAITED_FOR = {
     GaveUp.DEADLINE: "the result",

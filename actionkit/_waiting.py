@@ -10,9 +10,11 @@ cores.) So the main thread waits in slices.
 
 from __future__ import annotations
 
+import concurrent.futures
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from typing import Any
 
 _SLICE = 0.5
 """Seconds; as late as a signal may be heard."""
@@ -34,3 +36,28 @@ def slices(timeout: float | None) -> Iterator[float | None]:
     yield min(_SLICE, timeout)
     while (left := until - time.monotonic()) > 0:
         yield min(_SLICE, left)
+
+
+def await_ends(
+    futures: Collection[concurrent.futures.Future[Any]], grace: float, longest: float
+) -> bool:
+    """Wait for futures to be done, for as long as some of them end within each `grace` seconds.
+
+    Args:
+        futures: What to wait for.
+        grace: Seconds.
+        longest: Seconds by which the wait is extended at most.
+
+    Returns:
+        Whether all are done.
+    """
+    latest = time.monotonic() + grace + longest
+    before = len(futures) + 1
+    waiting = list(futures)
+    while waiting and len(waiting) < before and time.monotonic() < latest:
+        before = len(waiting)
+        for seconds in slices(grace):
+            if not concurrent.futures.wait(waiting, seconds)[1]:
+                return True
+        waiting = [future for future in waiting if not future.done()]
+    return not waiting

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from actionkit import Client, GoalFuture, GoalState, Outcome
-from actionkit._goal import FIRST_NUDGE
+from actionkit._stages import FIRST_NUDGE
 from actionkit.servers import Server, ServerEvent
 
 FORMS = ("blocking", "future", "await")

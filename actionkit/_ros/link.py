@@ -140,9 +140,18 @@ class Link:
         """Ask for the goal's result; again only at a measured pace, unless it is `anew`."""
         self._requests.ask_result(listener.goal_id.bytes, anew=anew)
 
-    def ask_cancel(self, listener: GoalListener) -> None:
-        """Ask for the goal's cancellation."""
-        self._requests.ask_cancel(listener.goal_id.bytes)
+    def ask_cancel(self, listener: GoalListener, *, urgent: bool) -> None:
+        """Ask for the goal's cancellation until it is answered; those that are urgent first."""
+        self._requests.ask_cancel(listener.goal_id.bytes, urgent=urgent)
+
+    def stop_cancel(self, listener: GoalListener) -> None:
+        """Ask for it no more, for now: the goal's server is gone."""
+        self._requests.stop_cancel(listener.goal_id.bytes)
+
+    @property
+    def others_confirmed_at(self) -> float:
+        """Monotonic time of the last answer to the cancellation of any goal of the action."""
+        return self._requests.cancel_window.progressed_at
 
     def watch_status(self) -> None:
         """Tell all goals what the status topic says of them, while there are any."""
@@ -273,6 +282,8 @@ class Link:
         if key is not None:
             self._feedback.take_all()  # the result may have overtaken some (R15)
             listener = self._sent[key].listener
+            if listener.unwanted:
+                self._requests.cancel_window.progressed(self.runtime.now())
             listener.on_result(response.status, response.result, outdated=outdated)
 
     def _take_cancel(self, seq: int, response: Any) -> None:
@@ -288,7 +299,8 @@ class Link:
             return
         canceling = {bytes(info.goal_id.uuid) for info in response.goals_canceling}
         self._requests.stray_answered(seq, canceling, over=response.return_code == _TERMINATED)
-        key = self._requests.answered("cancel", seq)
+        known = response.return_code != _UNKNOWN
+        key = self._requests.cancel_answered(seq, known=known)
         if key is not None:
             self._sent[key].listener.on_cancel_answer(response.return_code, key in canceling)
 

@@ -3,11 +3,12 @@
 A server's request queue is 10 deep and drops what does not fit (R3), so no more than a window
 of requests is on its way unanswered; the rest wait here (contract C1.12). All clients of a
 process for one action share the window, since they share the server's queue; of clients in other
-processes nothing can be known.
+processes nothing can be known. Cancel requests have a queue, and so a window, of their own.
 """
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -18,18 +19,26 @@ WINDOW = 8
 
 
 class Window:
-    """How many requests may be on their way, for any number of outboxes."""
+    """How many requests may be on their way, for any number of senders."""
 
     def __init__(self, size: int = WINDOW) -> None:
         self._size = size
         self._taken = 0
-        self._waiting: OrderedDict[Callable[[], None], None] = OrderedDict()
+        self._waiting: tuple[OrderedDict[Callable[[], None], None], ...] = (
+            OrderedDict(),  # urgent
+            OrderedDict(),
+        )
         self._telling = False
 
-    def enter(self, on_free: Callable[[], None]) -> bool:
-        """Take a place; where there is none, return `False` and tell `on_free` later, once."""
+    def enter(self, on_free: Callable[[], None], *, urgent: bool = False) -> bool:
+        """Take a place; where there is none, return `False` and tell `on_free` later, once.
+
+        Args:
+            on_free: Called when there is a place.
+            urgent: Whether to be told before all who are not urgent.
+        """
         if self._taken >= self._size:
-            self._waiting[on_free] = None
+            self._waiting[0 if urgent else 1][on_free] = None
             return False
         self._taken += 1
         return True
@@ -41,14 +50,34 @@ class Window:
             return  # whoever is told may give back places himself
         self._telling = True
         try:
-            while self._waiting and self._taken < self._size:
-                self._waiting.popitem(last=False)[0]()
+            while self._taken < self._size:
+                queue = self._waiting[0] or self._waiting[1]
+                if not queue:
+                    break
+                queue.popitem(last=False)[0]()
         finally:
             self._telling = False
 
     def forget(self, on_free: Callable[[], None]) -> None:
         """Tell `on_free` nothing any more."""
-        self._waiting.pop(on_free, None)
+        for queue in self._waiting:
+            queue.pop(on_free, None)
+
+
+class CancelWindow(Window):
+    """The window for cancel requests, and when the last of them was answered.
+
+    For as long as a server goes on answering, it is worth waiting for (contract C2.5).
+    """
+
+    def __init__(self, size: int = WINDOW) -> None:
+        super().__init__(size)
+        self.progressed_at = -math.inf
+        """Monotonic time at which a server last answered to the cancellation of any goal."""
+
+    def progressed(self, now: float) -> None:
+        """Note that a server has answered."""
+        self.progressed_at = now
 
 
 class Outbox(Generic[T]):

@@ -15,6 +15,7 @@ from typing import Any
 from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
 
+from actionkit._ros.cancels import CancelQueue
 from actionkit._ros.entities import Entities
 from actionkit._ros.native import Source
 from actionkit._ros.runtime import Runtime
@@ -59,9 +60,17 @@ class Requests:
         self._outdated: set[int] = set()
         self._asking = False
         self._questions: deque[int] = deque(maxlen=_QUESTIONS)
+        self.cancel_window = runtime.cancel_window(action_name)
+        self._cancels = CancelQueue(
+            runtime,
+            self.cancel_window,
+            send=self._ask_cancel_now,
+            cancel_timer=runtime.cancel_timer,
+        )
         self._strays = Strays(
             runtime,
             action_name,
+            window=self.cancel_window,
             count_servers=count_servers,
             cancel=self._send_cancel,
             on_change=self._on_strays_changed,
@@ -117,10 +126,31 @@ class Requests:
         self._asks[key] = None
         self._ask_soon()
 
-    def ask_cancel(self, key: bytes) -> None:
-        """Ask for a sent goal's cancellation."""
+    def ask_cancel(self, key: bytes, *, urgent: bool = False) -> None:
+        """Ask for a sent goal's cancellation, when it is its turn, until that is answered.
+
+        Args:
+            key: The goal's id.
+            urgent: Whether its caller has little time left.
+        """
         if key in self._made:
-            self._register("cancel", key, self._send_cancel(key))
+            self._cancels.ask(key, urgent=urgent)
+
+    def stop_cancel(self, key: bytes) -> None:
+        """Ask for its cancellation no more, for now: its server is gone."""
+        self._cancels.forget(key)
+
+    def cancel_answered(self, seq: int, *, known: bool) -> bytes | None:
+        """Count a cancel request as answered; return its goal's id if anybody waits for it.
+
+        Args:
+            seq: The request's number.
+            known: Whether the server knows the goal.
+        """
+        key = self.answered("cancel", seq)
+        if key is not None:
+            self._cancels.answered(key, known=known)
+        return key
 
     def question(self) -> int:
         """Ask what every live server answers, and what changes nothing (R2).
@@ -143,6 +173,7 @@ class Requests:
             finished: Whether a server has told its result.
         """
         self._asks.pop(key, None)
+        self._cancels.forget(key)
         accepted: dict[int, int] = {}
         for what, seq in self._made.pop(key, ()):
             self._unanswered[what].pop(seq, None)
@@ -171,6 +202,7 @@ class Requests:
     def close(self) -> None:
         """Send nothing any more."""
         self._closed = True
+        self._cancels.close()
         self._strays.close()
 
     def _ask_soon(self) -> None:
@@ -192,6 +224,9 @@ class Requests:
         request = self._impl.GetResultService.Request()
         request.goal_id = _to_uuid(key)
         self._register("result", key, self._entities.result.send(request))
+
+    def _ask_cancel_now(self, key: bytes) -> None:
+        self._register("cancel", key, self._send_cancel(key))
 
     def _send_cancel(self, key: bytes) -> int:
         if self.unheard_since is None:
@@ -288,6 +323,7 @@ class Requests:
             "sent": len(self._made),
             "accepted": len(self._accepted),
             "asks": len(self._asks) + len(self._outdated),
+            "cancels": len(self._cancels),
             "strays": len(self._strays) + len(self._strays.asked),
         }
 

@@ -30,7 +30,7 @@ from rclpy.parameter import Parameter
 from actionkit._clock import TimerHandle, TimerQueue
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.native import Source, Waiter
-from actionkit._ros.outbox import Window
+from actionkit._ros.outbox import CancelWindow, Window
 
 _log = logging.getLogger("actionkit")
 _T = TypeVar("_T")
@@ -56,6 +56,7 @@ class Runtime:
         self.names_in_use: list[tuple[str, str]] = []
         """The action name and type of each client here, once for each."""
         self._windows: WeakValueDictionary[str, Window] = WeakValueDictionary()
+        self._cancel_windows: WeakValueDictionary[str, CancelWindow] = WeakValueDictionary()
         self.on_failure: list[Callable[[BaseException], None]] = []
         self._pid = os.getpid()
         self._domain_id = domain_id
@@ -148,6 +149,13 @@ class Runtime:
             window = self._windows[action_name] = Window()
         return window
 
+    def cancel_window(self, action_name: str) -> CancelWindow:
+        """Return what all who cancel goals of one action here share."""
+        window = self._cancel_windows.get(action_name)
+        if window is None:
+            window = self._cancel_windows[action_name] = CancelWindow()
+        return window
+
     def now(self) -> float:
         """Monotonic seconds, whatever simulated time does (R23)."""
         return time.monotonic()
@@ -155,6 +163,10 @@ class Runtime:
     def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
         """Call `callback` at the monotonic time `at`."""
         return self.timers.arm(at, callback)
+
+    def cancel_timer(self, handle: TimerHandle) -> None:
+        """Do not call the callback of `call_at`."""
+        self.timers.cancel(handle)
 
     def enable(self, source: Source) -> None:
         """Wait for `source` from now on."""

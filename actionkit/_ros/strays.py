@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from actionkit._clock import Timers
+from actionkit._ros.outbox import Window
 
 _log = logging.getLogger("actionkit")
 _REMEMBERED = 256
@@ -83,6 +84,7 @@ class Strays:
         action_name: str,
         *,
         count_servers: Callable[[], int],
+        window: Window,
         cancel: Callable[[bytes], int],
         on_change: Callable[[], None],
     ) -> None:
@@ -92,6 +94,7 @@ class Strays:
             timers: The clock and timers of the thread.
             action_name: For the log.
             count_servers: Returns how many servers are in sight.
+            window: Shared by all in this process who cancel goals of the same servers.
             cancel: Asks every server to cancel a goal; returns the request's number.
             on_change: Called when there is more or less to wait for.
         """
@@ -100,6 +103,7 @@ class Strays:
         self._timers = timers
         self._action_name = action_name
         self._count_servers = count_servers
+        self._window = window
         self._cancel = cancel
         self._on_change = on_change
         self._closed = False
@@ -184,6 +188,7 @@ class Strays:
         self._closed = True
         for key in list(self._strays):
             self._give_up(key)
+        self._window.forget(self._fill)
 
     def _guess(self, key: bytes) -> None:
         if key in self._strays:
@@ -205,12 +210,10 @@ class Strays:
 
     def _fill(self) -> None:
         while len(self._on_the_way) < _AT_ONCE and not self._closed:
-            if self._proven:
-                self._ask(self._proven.popitem(last=False)[0])
-            elif self._guessed:
-                self._ask(self._guessed.popitem(last=False)[0])
-            else:
+            queue = self._proven or self._guessed
+            if not queue or not self._window.enter(self._fill):
                 break
+            self._ask(queue.popitem(last=False)[0])
 
     def _ask(self, key: bytes) -> None:
         stray = self._strays[key]
@@ -227,7 +230,9 @@ class Strays:
 
     def _arrived(self, seq: int) -> None:
         """Whatever a request has come to: the next may be sent."""
-        self._on_the_way.discard(seq)
+        if seq in self._on_the_way:
+            self._on_the_way.discard(seq)
+            self._window.leave()
         self._fill()
 
     def _again(self, seq: int) -> None:
@@ -257,7 +262,7 @@ class Strays:
     def _drop(self, key: bytes) -> None:
         for seq in self._strays.pop(key).requests:
             del self.asked[seq]
-            self._on_the_way.discard(seq)
+            self._arrived(seq)
         self._proven.pop(key, None)
         self._guessed.pop(key, None)
         self._on_change()

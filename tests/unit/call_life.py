@@ -7,6 +7,7 @@ side: a goal that was sent may be running until somebody said that it does not.
 
 from __future__ import annotations
 
+import math
 import uuid
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator
@@ -118,9 +119,14 @@ class Link:
                 asked.results_answered = asked.results_asked
             asked.results_asked += 1
 
-    def ask_cancel(self, listener: Attempt) -> None:
+    others_confirmed_at = -math.inf
+
+    def ask_cancel(self, listener: Attempt, *, urgent: bool) -> None:
         if listener.goal_id.bytes in self.listeners:
             self.life.goals[listener.goal_id.bytes].cancels_asked += 1
+
+    def stop_cancel(self, listener: Attempt) -> None:
+        pass
 
     def watch_status(self) -> None:
         pass
@@ -389,6 +395,8 @@ class CallLife:
             goal.unknown = True
             goal.cancels_in_vain += 1
             goal.may_run = goal.may_run and not goal.lost
+            # It is asked again: it may know the goal by then.
+            self.timers.arm(self.clock + 1.0, lambda: self.link.ask_cancel(listener, urgent=False))
         else:
             self._lives(goal)
         self.does(listener.on_cancel_answer, *ANSWERS[answer])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from typing import Any
 
 from actionkit._effects import (
@@ -42,6 +43,7 @@ class Life:
         self, deadline: float | None = None, *, resent: bool = False, **timeouts: float | None
     ) -> None:
         self.now = 0.0
+        self.others_confirmed_at = -math.inf
         self.deadline = deadline
         self.timeouts = Timeouts(**timeouts)  # type: ignore[arg-type]
         self.goal = Goal(self.timeouts, deadline, resent=resent)
@@ -52,6 +54,7 @@ class Life:
         self.queued = self.released = self.abandoned = self.broke = self.superseded = False
         self.cancel_asked = self.cancel_accepted = False
         self.denied = self.rejected = self.unknown = self.stopped = False
+        self.refused = self.refused_lately = False
         self.resent = resent
         self.sent = False
         # What the caller may be told of the goal, from what was told so far alone.
@@ -86,7 +89,9 @@ class Life:
     def fire(self, timer: Timer) -> list[Effect]:
         """Let an armed timer fire, at its time."""
         self.now = max(self.now, self.timers.pop(timer))
-        return self.tell("timer", timer)
+        # What was confirmed is known up to now, and not from the future.
+        confirmed_at = min(self.others_confirmed_at, self.now)
+        return self.tell("timer", timer, others_confirmed_at=confirmed_at)
 
     def wait_until(self, moment: float) -> None:
         """Move the clock, firing the timers due on the way."""
@@ -115,7 +120,8 @@ class Life:
     # --- what must hold --------------------------------------------------------------------
 
     def _note(self, event: str, args: Any, options: Any, before: Stage) -> None:
-        self.told.append((event, *args, *options.values()))
+        given = () if event == "timer" else options.values()
+        self.told.append((event, *args, *given))
         in_flight = self._on_server(before)
         if event == "sent" and before is Stage.QUEUED:
             self.sent = True
@@ -131,8 +137,13 @@ class Life:
             self.stopped |= args[0].is_terminal
         if event == "cancel_answered" and in_flight:
             self.cancel_accepted |= args[0] is CancelAnswer.ACCEPTED
+            if args[0] is not CancelAnswer.UNKNOWN_GOAL:
+                self.refused_lately = args[0] is CancelAnswer.REFUSED
+                self.refused |= self.refused_lately
         if event == "close" and options["abandon"] and in_flight and self.goal.gave_up is None:
             self.abandoned = True
+        if event == "server_lost" and before in (Stage.SENT, Stage.ACCEPTED):
+            self.refused_lately = False
         self.broke |= event == "fail"
         self.superseded |= event == "supersede"
         self._learn(event, args, before)
@@ -222,6 +233,12 @@ class Life:
             self._require(self.stopped, "CONFIRMED means that a terminal state was seen")
         if report is CancelReport.UNKNOWN and not self.abandoned and not self.broke:
             self._require(not self.stopped, "UNKNOWN means that no terminal state was seen")
+        if report is CancelReport.REFUSED:
+            self._require(self.refused, "REFUSED is what the server said")
+            self._require(ending.end is not End.LOST, "who is gone refuses nothing")
+            if ending.end in (End.DEADLINE, End.CLOSED, End.STALLED, End.NO_ACCEPTANCE):
+                runs = self.refused_lately and not self.stopped
+                self._require(runs, "REFUSED means that it runs on")
         if report is CancelReport.NOT_NEEDED:
             idle = not self.sent or self.rejected or self.unknown
             self._require(idle, "NOT_NEEDED means that nothing was running")

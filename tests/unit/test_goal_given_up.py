@@ -21,6 +21,7 @@ from actionkit._effects import (
     Withdraw,
 )
 from actionkit._goal import Stage
+from actionkit._settings import LONGEST_GRACE
 from actionkit._values import CancelReport, GoalState
 
 # --- the deadline ------------------------------------------------------------------------------
@@ -78,9 +79,49 @@ def test_the_server_refuses_to_cancel_after_the_deadline() -> None:
     life.see(*UNTIL_ACCEPTED)
     life.wait_until(3.0)
     life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.wait_until(4.9)
+    assert life.end is None  # its success may come yet
+    life.wait_until(5.0)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.REFUSED)
     life.tell("result", GoalState.SUCCEEDED, 1)
     assert life.count(Release) == 1
+
+
+@pytest.mark.parametrize("refusals", [1, 2])
+def test_a_success_that_was_refused_a_cancel_is_not_thrown_away(refusals: int) -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(3.0)
+    for _ in range(refusals):
+        life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.wait_until(4.9)
+    life.tell("result", GoalState.SUCCEEDED, 1)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.CONFIRMED)
+    assert life.ending is not None
+    assert life.ending.result == 1
+
+
+def test_a_refusal_is_asked_about_once_more() -> None:
+    """rclpy refuses in the same words where the goal has just ended (R12)."""
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(3.0)
+    assert life.all.count(AskCancel()) == 1
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.wait_until(3.1)
+    assert life.all.count(AskCancel()) == 2
+    life.tell("cancel_answered", CancelAnswer.TERMINATED)
+    life.wait_until(5.0)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
+
+
+def test_a_refusal_of_a_server_that_is_gone_says_nothing_of_now() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(3.0)
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.tell("server_lost", "gone")
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
 
 
 def test_the_goal_is_rejected_after_the_deadline() -> None:
@@ -234,20 +275,63 @@ def test_a_cancelled_goal_ends_in_another_way(status: str, end: End) -> None:
     assert (life.end, life.report) == (end, CancelReport.CONFIRMED)
 
 
-def test_an_unanswered_cancel_is_repeated_and_ends_in_time() -> None:
+def test_an_unanswered_cancel_ends_in_time() -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED, "cancel")
+    assert life.all.count(AskCancel()) == 1  # who carries it out repeats it
     life.wait_until(1.9)
-    assert life.all.count(AskCancel()) == 3
+    assert life.end is None
     life.wait_until(2.0)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
     assert life.ending is not None
     assert life.ending.phase == "cancel"
 
 
+@pytest.mark.parametrize(("deadline", "end"), [(None, 6.0), (3.0, 5.0)])
+def test_the_grace_goes_on_while_other_cancellations_are_confirmed(
+    deadline: float | None, end: float
+) -> None:
+    life = Life(deadline)
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.others_confirmed_at = 1.0
+    life.wait_until(2.9)
+    life.others_confirmed_at = 2.9
+    life.wait_until(4.0)
+    life.others_confirmed_at = 4.0
+    life.wait_until(end - 0.1)
+    assert life.end is None
+    life.wait_until(end)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
+
+
+def test_the_grace_has_an_end_though_others_are_confirmed_for_ever() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.others_confirmed_at = 1e6
+    life.wait_until(2.0 + LONGEST_GRACE)
+    assert life.end is End.DEADLINE
+
+
+def test_the_grace_after_a_deadline_is_never_longer() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.others_confirmed_at = 4.9
+    life.wait_until(5.0)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
+
+
+def test_a_cancelled_goal_whose_end_is_known_without_its_result() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.tell("status", GoalState.CANCELED)
+    life.wait_until(2.0)
+    assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.CONFIRMED)
+
+
 def test_a_refused_cancel_leaves_the_goal_to_its_caller() -> None:
     life = Life(60.0)
     life.see(*UNTIL_ACCEPTED, "cancel")
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
     effects = life.tell("cancel_answered", CancelAnswer.REFUSED)
     assert effects[0] == Disarm(Timer.CANCEL)
     assert isinstance(effects[1], Record)
@@ -256,6 +340,15 @@ def test_a_refused_cancel_leaves_the_goal_to_its_caller() -> None:
     assert life.end is None
     life.tell("result", GoalState.SUCCEEDED, 1)
     assert life.end is End.SUCCEEDED
+
+
+def test_a_refusal_that_nothing_contradicts_counts_when_the_grace_ends() -> None:
+    life = Life(60.0)
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.wait_until(50.0)
+    assert life.end is None
+    assert any(isinstance(each, Record) and "refused" in each.detail for each in life.all)
 
 
 def test_terminated_confirms_nothing_and_the_result_is_asked_for() -> None:
@@ -297,6 +390,7 @@ def test_closing_is_refused() -> None:
     life.see(*UNTIL_ACCEPTED)
     life.tell("close", abandon=False)
     life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.wait_until(2.0)
     assert (life.end, life.report) == (End.CLOSED, CancelReport.REFUSED)
 
 
@@ -307,6 +401,7 @@ def test_closing_while_the_callers_own_cancel_is_refused(abandon: bool) -> None:
     life.tell("cancel")
     life.tell("close", abandon=abandon)
     life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.wait_until(2.0)
     assert (life.end, life.report) == (End.CLOSED, CancelReport.REFUSED)
 
 

@@ -25,7 +25,7 @@ from actionkit._effects import (
     WatchStatus,
     Withdraw,
 )
-from actionkit._goal import Stage
+from actionkit._goal import MAX_RESULT_NUDGE, Stage
 from actionkit._values import CancelReport, GoalState
 
 # --- what a server does of its own -------------------------------------------------------------
@@ -231,7 +231,7 @@ def test_a_lost_goal_may_be_taken_yet_by_its_own_server(answer: str) -> None:
     else:
         life.tell("result", None, None)
     assert life.goal.in_flight
-    assert AskCancel() in life.fire(Timer.NUDGE)
+    assert AskResult() in life.fire(Timer.NUDGE)
     assert AskCancel() in life.see("accepted")
     life.tell("result", GoalState.CANCELED, None)
     assert life.goal.stage is Stage.OVER
@@ -279,19 +279,43 @@ def test_a_goal_that_merely_takes_long_is_hardly_asked_about() -> None:
     assert life.count(AskCancel) == 0
 
 
-def test_a_result_that_does_not_follow_its_status_is_lost() -> None:
-    life = Life()
+def test_a_result_that_does_not_follow_its_status_is_asked_for_and_lost_in_the_end() -> None:
+    life = Life(result=60.0)
     life.see(*UNTIL_ACCEPTED)
     life.tell("status", GoalState.SUCCEEDED)
     life.wait_until(0.5)
     assert life.all[-2:] == [AskResult(), Arm(Timer.NUDGE, 1.5)]
-    life.wait_until(7.4)
+    life.wait_until(59.9)
     assert life.ending is None
-    life.wait_until(7.5)
-    assert (life.end, life.ending.info) == (  # type: ignore[union-attr]
-        End.RESULT_LOST,
-        GoalState.SUCCEEDED,
-    )
+    assert life.all.count(AskResult()) > 59.9 / MAX_RESULT_NUDGE
+    life.wait_until(60.0)
+    assert life.ending is not None
+    assert (life.end, life.ending.info) == (End.RESULT_LOST, GoalState.SUCCEEDED)
+    assert "within 60 s" in life.ending.why
+
+
+def test_a_result_is_asked_for_until_the_deadline() -> None:
+    life = Life(200.0, result=1.0)  # the limit is for calls that have no deadline
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("status", GoalState.SUCCEEDED)
+    life.wait_until(199.9)
+    assert life.ending is None
+    life.wait_until(201.0)
+    life.tell("result", GoalState.SUCCEEDED, 1)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.CONFIRMED)
+    assert life.ending is not None
+    assert life.ending.result == 1
+
+
+def test_nobody_asks_for_ever_for_the_result_of_a_goal_whose_caller_is_gone() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(3.0)
+    life.tell("status", GoalState.SUCCEEDED)
+    life.wait_until(5.0)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.CONFIRMED)
+    life.wait_until(20.0)
+    assert life.count(Release) == 1
 
 
 def test_a_result_that_follows_its_status_late_is_taken() -> None:

@@ -93,6 +93,8 @@ def happens(life: Life, event: Event) -> None:
         life.fire(args[0])
     elif name == "wait":
         life.wait_until(life.now + args[0])
+    elif name == "others":
+        life.others_confirmed_at = life.now
     elif name != "cancel_answered" or life.cancel_asked:  # nobody answers what was not asked
         life.tell(name, *args)
 
@@ -152,7 +154,8 @@ def test_every_order_of_the_first_events(limits: dict[str, float | None]) -> Non
 seconds = st.sampled_from([0.0, 0.125, 0.5, 1.0, 3.0, 10.0])
 limits = st.one_of(st.none(), seconds)
 orders = st.lists(
-    st.one_of(st.sampled_from(EVENTS), st.tuples(st.just("wait"), seconds)), max_size=60
+    st.one_of(st.sampled_from([*EVENTS, ("others",)]), st.tuples(st.just("wait"), seconds)),
+    max_size=60,
 )
 begun = st.sampled_from([("start",), UNTIL_SENT, UNTIL_ACCEPTED])
 

@@ -56,7 +56,7 @@ NAMES = [
 SIGNATURES = {
     Client.__init__: "(self, action_type, action_name, *, node=None,"
     " timeouts=Timeouts(server=5.0, accept=5.0, total=None, feedback=None, cancel=2.0,"
-    " liveness=None),"
+    " liveness=None, result=60.0),"
     " retry=RetryPolicy(attempts=3, initial=0.2, factor=2.0, max_pause=5.0, jitter=0.2,"
     " resend='confirmed_stopped', stop=None, wait=None), classify=None, observers=(),"
     " on_close='cancel', retry_budget=None)",
@@ -97,7 +97,7 @@ FIELDS = {
     "LogFile": "lines problems",
     "LoggedLine": "kind call_id action_name action_type node_name pid event data",
     "RetryPolicy": "attempts initial factor max_pause jitter resend stop wait",
-    "Timeouts": "server accept total feedback cancel liveness",
+    "Timeouts": "server accept total feedback cancel liveness result",
 }
 RAISES = {
     Client.__init__: "TypeError ValueError ImportError ActionTypeMismatchError",

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from actionkit._ros.outbox import CancelWindow
 from actionkit._ros.requests import Requests
 from tests.unit.call_life import CallLife
 from tests.unit.clock import Clock
@@ -34,6 +35,11 @@ class Thread(Clock):
         self.sources: set[object] = set()
         self.enable = self.sources.add
         self.disable = self.sources.discard
+        self.cancel_timer = self.queue.cancel
+        self.window = CancelWindow()
+
+    def cancel_window(self, action_name: str) -> CancelWindow:
+        return self.window
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ from itertools import count, pairwise
 
 import pytest
 
+from actionkit._ros.outbox import Window
 from actionkit._ros.strays import Strays
 from tests.unit.clock import Clock
 
@@ -26,6 +27,7 @@ class World:
             self.clock,
             "/arm",
             count_servers=lambda: self.servers,
+            window=Window(),
             cancel=self.cancel,
             on_change=lambda: None,
         )

@@ -1,0 +1,51 @@
+"""Says which goals may still be running, where the time to make sure of it is over."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import uuid
+
+_log = logging.getLogger("actionkit")
+_NAMED = 10
+"""How many goals are named; the log of the goals, and their errors, name all."""
+
+
+def tell_of_goals_left(goals: list[tuple[str, uuid.UUID]], seconds: float | None = None) -> None:
+    """Warn of goals that were given up on and are not known to have stopped.
+
+    In the log and on standard error: a robot may be moving that nobody watches any more.
+
+    Args:
+        goals: The action and the id of each.
+        seconds: For how long their cancellation is still asked for, where it is.
+    """
+    if not goals:
+        return
+    named = ", ".join(f"{action} {goal_id}" for action, goal_id in goals[:_NAMED])
+    more = f" and {len(goals) - _NAMED} more" if len(goals) > _NAMED else ""
+    after = "" if seconds is None else f" It goes on asking for {seconds:g} s."
+    text = (
+        f"{len(goals)} goal{'s' if len(goals) > 1 else ''} MAY STILL BE RUNNING: ActionKit asked"
+        f" to cancel {named}{more}, and the server has not confirmed it.{after}"
+        " Stop the robot by other means if it must not move."
+    )
+    _log.warning(text)
+    if not _reaches_standard_error():
+        print(f"actionkit: {text}", file=sys.stderr)
+
+
+def _reaches_standard_error() -> bool:
+    """Whether warnings of the logger are written there."""
+    if not _log.isEnabledFor(logging.WARNING):
+        return False
+    logger: logging.Logger | None = _log
+    found = False
+    while logger is not None:
+        for handler in logger.handlers:
+            found = True
+            stream = getattr(handler, "stream", None)
+            if stream in (sys.stderr, sys.__stderr__) and handler.level <= logging.WARNING:
+                return True
+        logger = logger.parent if logger.propagate else None
+    return not found  # then logging itself writes it there

@@ -1,0 +1,196 @@
+"""Cancel requests go out a few at a time, and again until they are answered (C1.12, C2.4)."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from actionkit._ros.cancels import ANSWERED_WITHIN, CancelQueue
+from actionkit._ros.outbox import WINDOW, CancelWindow
+from tests.unit.clock import Clock
+
+
+def key(number: int) -> bytes:
+    return number.to_bytes(16, "big")
+
+
+class World:
+    """Queues that share a window, and what they have sent."""
+
+    def __init__(self) -> None:
+        self.clock = Clock()
+        self.window = CancelWindow()
+        self.sent: list[tuple[float, bytes]] = []
+
+    def queue(self) -> CancelQueue:
+        return CancelQueue(
+            self.clock,
+            self.window,
+            send=lambda key: self.sent.append((self.clock.now(), key)),
+            cancel_timer=self.clock.queue.cancel,
+        )
+
+    @property
+    def keys(self) -> list[bytes]:
+        return [key for _, key in self.sent]
+
+    def times(self, key: bytes) -> list[float]:
+        return [at - 100.0 for at, each in self.sent if each == key]
+
+
+@pytest.fixture
+def world() -> World:
+    return World()
+
+
+def test_no_more_than_a_window_is_unanswered(world: World) -> None:
+    queue = world.queue()
+    for number in range(100):
+        queue.ask(key(number))
+    assert world.keys == [key(number) for number in range(WINDOW)]
+    for number in range(100):
+        queue.answered(key(number), known=True)
+    assert world.keys == [key(number) for number in range(100)]
+    assert len(queue) == 0
+    assert len(world.clock.queue) == 0
+
+
+def test_those_in_a_hurry_go_first(world: World) -> None:
+    queue, other = world.queue(), world.queue()
+    for number in range(20):
+        queue.ask(key(number))
+    other.ask(key(100), urgent=True)
+    queue.ask(key(101), urgent=True)
+    queue.ask(key(15), urgent=True)  # its deadline has passed meanwhile
+    for number in range(3):
+        queue.answered(key(number), known=True)
+    assert world.keys[WINDOW:] == [key(100), key(101), key(15)]
+
+
+def test_what_is_not_answered_is_asked_again_less_and_less_often(world: World) -> None:
+    queue = world.queue()
+    queue.ask(key(1))
+    world.clock.advance(100.0)
+    assert world.times(key(1)) == [0.0, 0.5, 1.5, 3.5, 7.5, 15.5, 31.5, 61.5, 91.5]
+
+
+def test_a_server_that_does_not_know_the_goal_is_asked_again(world: World) -> None:
+    queue = world.queue()
+    queue.ask(key(1))
+    queue.answered(key(1), known=False)
+    world.clock.advance(0.5)
+    assert world.times(key(1)) == [0.0, 0.5]
+    world.clock.advance(0.1)
+    queue.ask(key(1))  # accepted just now: but one is on the way
+    world.clock.advance(0.1)
+    queue.answered(key(1), known=False)
+    queue.ask(key(1))
+    assert world.times(key(1)) == pytest.approx([0.0, 0.5, 0.7])
+    queue.answered(key(1), known=True)
+    world.clock.advance(100.0)
+    assert len(world.sent) == 3
+
+
+def test_answers_that_do_not_come_hold_nobody_up_for_long(world: World) -> None:
+    queue = world.queue()
+    for number in range(WINDOW + 1):
+        queue.ask(key(number))
+    world.clock.advance(ANSWERED_WITHIN - 0.01)
+    assert key(WINDOW) not in world.keys
+    world.clock.advance(0.02)
+    assert key(WINDOW) in world.keys
+
+
+def test_what_was_spread_stays_spread(world: World) -> None:
+    """A deaf server is never sent more than a window at a time."""
+    queue = world.queue()
+    for number in range(1000):
+        queue.ask(key(number))
+    world.clock.advance(200.0)
+    for _, group in itertools.groupby(world.sent, key=lambda each: each[0]):
+        assert len(list(group)) <= WINDOW
+    rate = len(world.sent) / 200.0
+    assert rate <= WINDOW / ANSWERED_WITHIN + 1
+    assert set(world.keys) == {key(number) for number in range(1000)}
+
+
+def test_who_ended_is_asked_about_no_more_and_leaves_nothing(world: World) -> None:
+    queue = world.queue()
+    for number in range(20):
+        queue.ask(key(number))
+    queue.answered(key(0), known=False)
+    for number in range(20):
+        queue.forget(key(number))
+    sent = len(world.sent)
+    world.clock.advance(100.0)
+    assert len(world.sent) == sent
+    assert len(queue) == 0
+    assert len(world.clock.queue) == 0
+
+
+def test_one_that_closes_gives_its_places_back(world: World) -> None:
+    closing, other = world.queue(), world.queue()
+    for number in range(20):
+        closing.ask(key(number))
+    other.ask(key(100))
+    closing.close()
+    assert world.keys[WINDOW:] == [key(100)]
+    other.answered(key(100), known=True)
+    assert len(world.clock.queue) == 0
+
+
+def test_progress_is_the_last_answer_of_anybody(world: World) -> None:
+    queue, other = world.queue(), world.queue()
+    assert world.window.progressed_at == -math.inf
+    queue.ask(key(1))
+    other.ask(key(2))
+    world.clock.advance(0.25)
+    other.answered(key(2), known=True)
+    assert world.window.progressed_at == 100.25
+    queue.answered(key(3), known=True)  # nobody asked
+    assert world.window.progressed_at == 100.25
+
+
+steps = st.lists(
+    st.one_of(
+        st.tuples(
+            st.sampled_from(["ask", "urgent", "known", "unknown", "forget"]), st.integers(0, 30)
+        ),
+        st.tuples(st.just("wait"), st.integers(0, 40)),
+    ),
+    max_size=150,
+)
+
+
+@given(steps)
+def test_any_order_of_events(steps: list[tuple[str, int]]) -> None:
+    world = World()
+    queues = [world.queue(), world.queue()]
+    wanted: set[int] = set()
+    for what, number in steps:
+        queue = queues[number % 2]
+        if what == "wait":
+            world.clock.advance(number / 4)
+        elif what in ("ask", "urgent"):
+            queue.ask(key(number), urgent=what == "urgent")
+            wanted.add(number)
+        elif what == "forget":
+            queue.forget(key(number))
+            wanted.discard(number)
+        else:
+            queue.answered(key(number), known=what == "known")
+            if what == "known":
+                wanted.discard(number)
+        assert world.window._taken == sum(len(each._unanswered) for each in queues) <= WINDOW
+        assert sum(map(len, queues)) == len(wanted)
+    before = len(world.sent)
+    world.clock.advance(120.0)
+    assert {key(number) for number in wanted} == set(world.keys[before:])
+    for queue in queues:
+        queue.close()
+    assert world.window._taken == 0
+    assert len(world.clock.queue) == 0
