@@ -94,11 +94,7 @@ class PortCarrier:
 
         Those are left out whose server is gone: their calls have said so.
         """
-        return [
-            attempt.goal_id
-            for attempt in list(self._attempts)
-            if attempt.goal.in_flight and attempt.goal.stage is not Stage.LOST
-        ]
+        return [each.goal_id for each in list(self._attempts) if each.goal.may_run]
 
     # --- the end ---------------------------------------------------------------------------
 

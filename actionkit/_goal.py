@@ -94,6 +94,12 @@ class Goal:
         return self.stage in (Stage.SENT, Stage.ACCEPTED, Stage.LOST) or self._unproven
 
     @property
+    def may_run(self) -> bool:
+        """Whether a server in sight may be running it, as far as that has not denied it."""
+        denied = self.stage is Stage.SENT and self._unknown_to_server
+        return self.in_flight and self.stage is not Stage.LOST and not denied
+
+    @property
     def _unproven(self) -> bool:
         """Whether the goal may be on a server that has not shown that it took it."""
         if self.stage in (Stage.SENT, Stage.LOST):
@@ -231,7 +237,7 @@ class Goal:
             return effects
         if self.state is GoalState.ACCEPTED:
             effects.append(self._enter(GoalState.EXECUTING))
-        return effects + self._arm_stall(now)
+        return effects + self._seen_running(now) + self._arm_stall(now)
 
     def status(self, state: GoalState, now: float) -> list[Effect]:
         """The server's status topic shows the goal in `state`."""
@@ -248,9 +254,10 @@ class Goal:
                 limit = self._timeouts.result
                 if self._deadline is None and limit is not None and not self.settled:
                     effects.append(Arm(Timer.RESULT, now + limit))
-        elif RANK[state] > RANK.get(self.state, 0):
+            return effects
+        if RANK[state] > RANK.get(self.state, 0):
             effects.append(self._enter(state))
-        return effects
+        return effects + self._seen_running(now)
 
     def result(
         self, status: GoalState | None, result: Any, now: float, *, ours: bool = True
@@ -345,7 +352,14 @@ class Goal:
         if self._refusals > 1:
             return self._runs_on(now)  # it had not ended when it refused the first time
         self._nudge_after = DOUBT
-        return [self._arm_nudge(now)]
+        return [WatchStatus(), self._arm_nudge(now)]
+
+    def _seen_running(self, now: float) -> list[Effect]:
+        """After a refusal: then it was meant, and did not just come too late."""
+        if self._refusals != 1 or not self._may_be_refused:
+            return []
+        self._refusals += 1
+        return self._runs_on(now)
 
     def _runs_on(self, now: float) -> list[Effect]:
         """A refusal is believed. What it means depends on who is left to wait for the goal."""

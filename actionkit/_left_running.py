@@ -11,6 +11,15 @@ _NAMED = 10
 """How many goals are named; the log of the goals, and their errors, name all."""
 
 
+_muted = False
+
+
+def mute() -> None:
+    """Say nothing from now on: the command line tells itself what became of its goal."""
+    global _muted  # noqa: PLW0603  one process, one command
+    _muted = True
+
+
 def tell_of_goals_left(goals: list[tuple[str, uuid.UUID]], seconds: float | None = None) -> None:
     """Warn of goals that were given up on and are not known to have stopped.
 
@@ -20,7 +29,7 @@ def tell_of_goals_left(goals: list[tuple[str, uuid.UUID]], seconds: float | None
         goals: The action and the id of each.
         seconds: For how long their cancellation is still asked for, where it is.
     """
-    if not goals:
+    if not goals or _muted:
         return
     named = ", ".join(f"{action} {goal_id}" for action, goal_id in goals[:_NAMED])
     more = f" and {len(goals) - _NAMED} more" if len(goals) > _NAMED else ""

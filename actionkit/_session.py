@@ -64,6 +64,7 @@ class Session:
         self._on_close = on_close
         self.interrupted_at = -math.inf
         """Monotonic time at which a human did not want to wait any longer."""
+        self._told_left: list[uuid.UUID] = []
         self._pid = os.getpid()
         self._lock = threading.Lock()
         self._closed = False
@@ -175,7 +176,8 @@ class Session:
                 self._await_ends(self.futures(), self.cancel_grace + _MARGIN)
         finally:
             self.retire()
-        tell_of_goals_left([(self.action_name, goal_id) for goal_id in self.running()], LINGER)
+        self._told_left = self.running()
+        tell_of_goals_left([(self.action_name, goal_id) for goal_id in self._told_left], LINGER)
         self._audience.flush(time.monotonic() + _TELLING)
 
     def begin_close(self) -> None:
@@ -202,8 +204,9 @@ class Session:
         return [call.future for carrier in self._carriers for call in list(carrier.calls)]
 
     def running(self) -> list[uuid.UUID]:
-        """Return the ids of the goals that may be running, and that somebody gave up on."""
-        return [goal_id for carrier in self._carriers for goal_id in carrier.running()]
+        """Return the ids of the goals that may be running, less those that were told of."""
+        goals = [goal_id for carrier in self._carriers for goal_id in carrier.running()]
+        return [goal_id for goal_id in goals if goal_id not in self._told_left]
 
     def retire(self) -> None:
         """Free what is held: now, or as soon as no goal needs it."""

@@ -59,7 +59,7 @@ class Timeouts:
             dead one, and the two cannot be told apart from outside. Without it, a killed server
             is noticed when the middleware drops it, with Fast DDS after about 20 s.
         result: Until the result of a goal that is known to have ended, in a call without a
-            deadline: a network that loses packets may take half a minute. A call with a deadline
+            deadline: a network that loses packets may take many seconds. A call with a deadline
             asks until then. A server that is gone, or no longer knows the goal, ends the wait.
 
     Raises:
@@ -73,7 +73,7 @@ class Timeouts:
     feedback: float | None = None
     cancel: float = 2.0
     liveness: float | None = None
-    result: float | None = 60.0
+    result: float | None = 30.0
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -17,9 +17,10 @@ MAX_RESULT_NUDGE = 4.0
 NOBODY_WAITS = 4.0
 """Pause, the fourth, after which nobody asks any more for the result of a goal that has ended and
 whose caller is gone."""
-DOUBT = 0.05
-"""Seconds until a server that refused to cancel is asked once more. It refuses in the same words
-where the goal has just ended (R12); then the second answer, or the result, says so."""
+DOUBT = 0.3
+"""Seconds until a server that refused to cancel is asked once more, unless the goal is seen running
+before. It refuses in the same words where the goal has just ended (R12); then the second answer, or
+the result, says so."""
 
 
 class Stage(Enum):

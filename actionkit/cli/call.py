@@ -66,6 +66,13 @@ Exit codes:
     help="Until the server accepts or rejects the goal.",
 )
 @click.option(
+    "--result-timeout",
+    type=SECONDS,
+    default=30.0,
+    show_default=True,
+    help="Until the result of a goal that has ended comes, without --timeout.",
+)
+@click.option(
     "--feedback-timeout", type=SECONDS, help="The longest silence between two feedback messages."
 )
 @click.option(
@@ -112,6 +119,7 @@ def command(
     timeout: float | None,
     server_timeout: float,
     accept_timeout: float,
+    result_timeout: float,
     feedback_timeout: float | None,
     cancel_timeout: float,
     retries: int,
@@ -146,6 +154,7 @@ def command(
         accept=accept_timeout,
         feedback=feedback_timeout,
         cancel=cancel_timeout,
+        result=result_timeout,
     )
     try:
         client: Any = Client(
@@ -160,8 +169,11 @@ def command(
     except ValueError as error:
         raise click.UsageError(str(error)) from error
 
+    from actionkit._left_running import mute
     from actionkit.cli._calling import Calling
     from actionkit.cli._progress import Progress
+
+    mute()  # what became of the goal is told by the report
 
     calling = Calling(
         client,

@@ -77,7 +77,13 @@ SCENES = {
     ),
     "server-lost": Scene(Exit.SERVER_LOST, "vanishes", says="was lost"),
     "type-mismatch": Scene(Exit.TYPE_MISMATCH, "wrong_type", says=NESTED),
-    "result-lost": Scene(Exit.RESULT_LOST, "no_result", "{order: 3}", says="result cannot be had"),
+    "result-lost": Scene(
+        Exit.RESULT_LOST,
+        "no_result",
+        "{order: 3}",
+        words=("--result-timeout", "1"),
+        says="result cannot be had",
+    ),
     "no-answer": Scene(
         Exit.NO_ANSWER, "silent", words=("--accept-timeout", "0.5"), says="neither accepted nor"
     ),

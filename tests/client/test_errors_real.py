@@ -73,7 +73,21 @@ SCENARIOS = {
         status=GoalState.CANCELED,
     ),
     "no result": Scenario(
-        "no_result", ak.ResultLostError, "ended as SUCCEEDED", status=GoalState.LOST
+        "no_result",
+        ak.ResultLostError,
+        "ended as SUCCEEDED, but its result cannot be had",
+        timeouts=Timeouts(result=1.0),
+        timeout=None,
+        status=GoalState.LOST,
+    ),
+    "no result until the deadline": Scenario(
+        "no_result",
+        ak.DeadlineExceededError,
+        "runs no more",
+        timeouts=Timeouts(cancel=0.5),
+        timeout=3.0,
+        status=GoalState.TIMED_OUT,
+        cancel=CancelReport.CONFIRMED,
     ),
     "deadline while executing": Scenario(
         "never_finishes",

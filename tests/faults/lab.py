@@ -26,7 +26,7 @@ POLICIES = {
 
 #: Long enough for a loaded machine to get all goals going, and short enough for three attempts
 #: to come to an end before the lease of about 20 s does.
-TIMEOUTS = Timeouts(server=3.0, accept=4.0, cancel=1.0)
+TIMEOUTS = Timeouts(server=3.0, accept=4.0, cancel=1.0, result=7.0)
 
 BEFORE_ACCEPT = "before accept"
 ACCEPTED = "executing, no feedback"

@@ -86,8 +86,8 @@ processes, real signals and real networks, and fail where it is no longer so
 (`ACTIONKIT_WRITE_FAULTS=1 pytest -n 0 tests/faults` writes it anew). What the words mean, and
 which setting changes what, is told in [Losing the server](losing-the-server.md).
 
-The client's timeouts are `server={TIMEOUTS.server:g}`, `accept={TIMEOUTS.accept:g}` and
-`cancel={TIMEOUTS.cancel:g}` seconds; the calls have no deadline of their own. The policy is "no
+The client's timeouts are `server={TIMEOUTS.server:g}`, `accept={TIMEOUTS.accept:g}`,
+`cancel={TIMEOUTS.cancel:g}` and `result={TIMEOUTS.result:g}` seconds; the calls have no deadline of their own. The policy is "no
 retries" (`RetryPolicy.none()`) or the `resend=` of a `RetryPolicy` with three attempts; the default
 is `confirmed_stopped`.
 

@@ -101,7 +101,7 @@ ROS = ("rclpy", "action_msgs", "unique_identifier_msgs")
 LONGEST = 350
 LONGER = {
     "_call.py": 400,  # the turns of a call; what decides them is elsewhere
-    "_goal.py": 620,  # one table of situations and events; half of it would tell half the story
+    "_goal.py": 625,  # one table of situations and events; half of it would tell half the story
 }
 
 

@@ -20,7 +20,7 @@ from actionkit._effects import (
     Timer,
     Withdraw,
 )
-from actionkit._goal import Stage
+from actionkit._goal import DOUBT, Stage
 from actionkit._settings import LONGEST_GRACE
 from actionkit._values import CancelReport, GoalState
 
@@ -108,7 +108,7 @@ def test_a_refusal_is_asked_about_once_more() -> None:
     life.wait_until(3.0)
     assert life.all.count(AskCancel()) == 1
     life.tell("cancel_answered", CancelAnswer.REFUSED)
-    life.wait_until(3.1)
+    life.wait_until(3.0 + DOUBT)
     assert life.all.count(AskCancel()) == 2
     life.tell("cancel_answered", CancelAnswer.TERMINATED)
     life.wait_until(5.0)
@@ -340,6 +340,17 @@ def test_a_refused_cancel_leaves_the_goal_to_its_caller() -> None:
     assert life.end is None
     life.tell("result", GoalState.SUCCEEDED, 1)
     assert life.end is End.SUCCEEDED
+
+
+@pytest.mark.parametrize("seen", [("feedback",), ("status", GoalState.EXECUTING)])
+def test_a_goal_that_is_seen_running_was_refused_its_cancel(seen: tuple[str, ...]) -> None:
+    life = Life(60.0)
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    effects = life.tell(*seen)
+    assert any(isinstance(each, Record) and "refused" in each.detail for each in effects)
+    life.wait_until(50.0)
+    assert life.all.count(AskCancel()) == 1
 
 
 def test_a_refusal_that_nothing_contradicts_counts_when_the_grace_ends() -> None:

@@ -56,7 +56,7 @@ NAMES = [
 SIGNATURES = {
     Client.__init__: "(self, action_type, action_name, *, node=None,"
     " timeouts=Timeouts(server=5.0, accept=5.0, total=None, feedback=None, cancel=2.0,"
-    " liveness=None, result=60.0),"
+    " liveness=None, result=30.0),"
     " retry=RetryPolicy(attempts=3, initial=0.2, factor=2.0, max_pause=5.0, jitter=0.2,"
     " resend='confirmed_stopped', stop=None, wait=None), classify=None, observers=(),"
     " on_close='cancel', retry_budget=None)",
