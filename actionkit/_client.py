@@ -274,6 +274,9 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
     def cancel_all(self) -> int:
         """Cancel all calls of this client in flight; never blocks.
 
+        The requests are sent a few at a time. Each call ends when its goal has, or when no
+        confirmation of any goal has come for `timeouts.cancel` seconds.
+
         Returns:
             How many there were.
 
@@ -285,9 +288,11 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
     def close(self) -> None:
         """End every goal in flight as `on_close` says, and free all that is held (C1.10).
 
-        Returns within `timeouts.cancel` and about a second; where an observer is slow, one more.
-        Closing twice is fine. A goal
-        whose acceptance is still out is watched a little longer, and cancelled if it comes.
+        Returns within `timeouts.cancel` seconds of the server's latest confirmation and about a
+        second (many goals are cancelled a few at a time), and 60 s later at the most; where an
+        observer is slow, one more. Goals that may still be running then are named in a warning.
+        Closing twice is fine. A goal whose acceptance is still out is watched a little longer, and
+        cancelled if it comes.
         """
         self._finalizer.detach()
         self._session.close()
