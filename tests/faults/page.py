@@ -88,8 +88,8 @@ which setting changes what, is told in [Losing the server](losing-the-server.md)
 
 The client's timeouts are `server={TIMEOUTS.server:g}`, `accept={TIMEOUTS.accept:g}`,
 `cancel={TIMEOUTS.cancel:g}` and `result={TIMEOUTS.result:g}` seconds; the calls have no deadline of
-their own. The policy is "no retries" (`RetryPolicy.none()`) or the `resend=` of a `RetryPolicy` with
-three attempts; the default is `confirmed_stopped`.
+their own. The policy is "no retries" (`RetryPolicy.none()`) or the `resend=` of a `RetryPolicy`
+with three attempts; the default is `confirmed_stopped`.
 
 - **phase**: how far the goal was when the fault struck. "Ended, no result yet": the goal has
   ended, the client knows so, and the server has not sent the result.
