@@ -17,6 +17,7 @@ ROOT = Path(actionkit.__file__).parent
 
 # From the bottom up: a module imports only from layers below its own.
 LAYERS: list[set[str]] = [
+    {"_printable"},
     {
         "_action_type",
         "_arguments",
@@ -81,6 +82,7 @@ PURE = (
     "_timeline",
     "_timeline_text",
     "_observers.json_schema",
+    "_printable",
     "_clock",
     "_explain",
     "_retry",
