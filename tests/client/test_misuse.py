@@ -54,6 +54,17 @@ def test_the_longest_timeouts_work(action_server, make_client):
         assert future.exception(wait) is None
 
 
+@pytest.mark.parametrize("at", [1e300, math.inf])
+def test_a_timer_beyond_all_clocks_does_not_end_the_thread(at, make_client):
+    """A `wait=` strategy of the user's may ask for any pause."""
+    client = make_client()
+    runtime = client._session.port.runtime
+    handle = runtime.run(lambda: runtime.call_at(at, lambda: None))
+    assert not client.server_is_ready()
+    assert runtime.failure is None
+    runtime.run(lambda: runtime.timers.cancel(handle))
+
+
 def test_a_timeout_of_the_wrong_type(make_client):
     with pytest.raises(TypeError, match="timeout='1'"):
         make_client().call({"order": 1}, timeout="1")
