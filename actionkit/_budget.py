@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import threading
+
+from actionkit._field_errors import shown
+from actionkit._settings import MOST, MOST_TEXT
 
 
 class RetryBudget:
@@ -24,13 +28,15 @@ class RetryBudget:
 
         Raises:
             TypeError: A value is no number.
-            ValueError: A value is not above 0, or not finite.
+            ValueError: A value is not above 0, not finite, or above 1e9.
         """
         for name, value in (("capacity", capacity), ("ratio", ratio)):
             if isinstance(value, bool) or not isinstance(value, (int, float)):
-                raise TypeError(f"RetryBudget.{name}={value!r} must be a number")
-            if not 0 < value < float("inf"):
-                raise ValueError(f"RetryBudget.{name}={value!r} must be above 0 and finite")
+                raise TypeError(f"RetryBudget.{name}={shown(value)} must be a number")
+            if not 0 < value < math.inf:
+                raise ValueError(f"RetryBudget.{name}={shown(value)} must be above 0 and finite")
+            if value > MOST:
+                raise ValueError(f"RetryBudget.{name}={shown(value)} must be {MOST_TEXT} or less")
         self._capacity = float(capacity)
         self._ratio = float(ratio)
         self._tokens = self._capacity

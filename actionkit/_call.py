@@ -15,8 +15,9 @@ from actionkit import _effects as fx
 from actionkit._attempt import Attempt
 from actionkit._classify import overruled
 from actionkit._clock import TimerHandle
+from actionkit._decode import DecodeOnce
 from actionkit._explain import Story, Surroundings, explain
-from actionkit._feedback import DecodeOnce, FeedbackTape
+from actionkit._feedback import FeedbackTape
 from actionkit._future import GoalFuture
 from actionkit._judging import Judging
 from actionkit._observers.audience import NOBODY, Audience

@@ -13,6 +13,7 @@ from typing import Any
 
 from actionkit._attempt import Attempt
 from actionkit._call import Call
+from actionkit._clock import TimerHandle
 from actionkit._explain import Surroundings
 from actionkit._ros.port import Port
 from actionkit._settings import Timeouts
@@ -35,6 +36,7 @@ class PortCarrier:
         self._on_freed = on_freed
         self._attempts: set[Attempt] = set()
         self._retiring = False
+        self._linger: TimerHandle | None = None
         self.decode_feedback = port.decode_feedback
         self.call_soon = port.call_soon
         self.call_at = port.call_at
@@ -105,17 +107,18 @@ class PortCarrier:
 
     def retire(self) -> None:
         """Free the port as soon as nothing is left to watch for."""
-        if not self._retiring:
-            self._retiring = True
-            self._arm_linger()
+        first, self._retiring = not self._retiring, True
         if self._done:
             self.free()
+        elif first:
+            self._arm_linger()
         self.retired.set()
 
     def _arm_linger(self) -> None:
-        self.call_at(time.monotonic() + LINGER, self._stop_lingering)
+        self._linger = self.call_at(time.monotonic() + LINGER, self._stop_lingering)
 
     def _stop_lingering(self) -> None:
+        self._linger = None
         if self.calls:
             self._arm_linger()  # somebody holds their futures
         else:
@@ -139,7 +142,11 @@ class PortCarrier:
     def free(self) -> None:
         """Free the port, whatever is in flight."""
         if not self.port.freed.is_set():
-            # The thread may live on, with other clients: nothing of ours may fire there.
+            # The thread may live on, with other clients: nothing of ours may fire there, and no
+            # timer may keep us, with the whole client, in memory until it is due.
+            if self._linger is not None:
+                self.cancel_timer(self._linger)
+                self._linger = None
             for attempt in list(self._attempts):
                 attempt.drop()
             self.port.free()

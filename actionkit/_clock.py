@@ -81,3 +81,46 @@ class TimerQueue:
         callback, handle.callback = handle.callback, None
         self._live -= 1
         return callback
+
+
+class TimerGroup:
+    """The timers of one owner on a thread's clock, which end with it. Used by that thread.
+
+    A timer holds its callback, and with that its owner, until it is due or cancelled.
+    """
+
+    def __init__(self, timers: Timers, cancel: Callable[[TimerHandle], None]) -> None:
+        """Have no timer so far.
+
+        Args:
+            timers: Whose clock to use.
+            cancel: Cancels a timer of theirs.
+        """
+        self._timers = timers
+        self._cancel = cancel
+        self._armed: set[TimerHandle] = set()
+        self._closed = False
+
+    def now(self) -> float:
+        """Monotonic seconds."""
+        return self._timers.now()
+
+    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
+        """Call `callback` at the monotonic time `at`, unless the group is closed by then."""
+
+        def fire() -> None:
+            self._armed.discard(handle)
+            callback()
+
+        if self._closed:
+            return TimerHandle(at, callback)  # never armed
+        handle = self._timers.call_at(at, fire)
+        self._armed.add(handle)
+        return handle
+
+    def close(self) -> None:
+        """Cancel all timers, and arm none any more."""
+        self._closed = True
+        for handle in self._armed:
+            self._cancel(handle)
+        self._armed.clear()

@@ -16,6 +16,7 @@ from functools import partial
 from typing import Any, Generic, Protocol
 
 from actionkit._action_type import FeedbackT
+from actionkit._decode import UndecodableError
 from actionkit._delivery import Strand, in_callback, pool
 from actionkit._waiting import slices
 
@@ -57,6 +58,8 @@ class ThreadCallbacks:
     def _call(self, decode: Callable[[], Any]) -> None:
         try:
             self._function(decode())
+        except UndecodableError:
+            return
         except BaseException:  # noqa: BLE001  a user's error must not end the delivery (C1.8)
             self.errors += 1
             _log.exception("on_feedback of action %s raised", self._action_name)
@@ -128,6 +131,8 @@ class LoopCallbacks:
         while (decode := self._next()) is not None:
             try:
                 await self._function(decode())
+            except UndecodableError:
+                continue
             except asyncio.CancelledError:
                 if _is_being_cancelled():
                     self._end()  # the loop is shutting down
@@ -192,26 +197,6 @@ def callbacks_for(function: Callable[[Any], object] | None, action_name: str) ->
     return LoopCallbacks(function, action_name, loop)
 
 
-class DecodeOnce:
-    """Decodes a message at most once, for all who look at it."""
-
-    __slots__ = ("_pending", "_value")
-
-    def __init__(self, decode: Callable[[bytes], Any], message: bytes) -> None:
-        self._pending: tuple[Callable[[bytes], Any], bytes] | None = (decode, message)
-        self._value: Any = None
-
-    def __call__(self) -> Any:
-        """Return the message."""
-        pending = self._pending
-        if pending is not None:
-            # Two threads may both decode: the second value is as good as the first.
-            decode, message = pending
-            self._value = decode(message)
-            self._pending = None
-        return self._value
-
-
 class FeedbackTape(Generic[FeedbackT]):
     """The feedback of one call as it comes, for any number of readers."""
 
@@ -242,7 +227,10 @@ class FeedbackTape(Generic[FeedbackT]):
     def latest(self) -> FeedbackT | None:
         """The newest message, or `None`."""
         decode = self._latest
-        return None if decode is None else decode()
+        try:
+            return None if decode is None else decode()
+        except UndecodableError:
+            return None
 
     def stream(self) -> FeedbackStream[FeedbackT]:
         """Return a reader of what comes from now on, beginning with the newest so far."""
@@ -313,12 +301,20 @@ class FeedbackStream(Generic[FeedbackT]):
     def __iter__(self) -> Iterator[FeedbackT]:
         """Yield messages, waiting for each."""
         while (decode := self._stream.take()) is not None:
-            yield decode()
+            try:
+                message = decode()
+            except UndecodableError:
+                continue
+            yield message
 
     async def __aiter__(self) -> AsyncIterator[FeedbackT]:
         """Yield messages, awaiting each."""
         while (decode := await self._stream.take_async()) is not None:
-            yield decode()
+            try:
+                message = decode()
+            except UndecodableError:
+                continue
+            yield message
 
 
 def wake_future(loop: asyncio.AbstractEventLoop, future: asyncio.Future[None]) -> None:

@@ -7,10 +7,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
+from actionkit._field_errors import shown
+
 LONGEST_GRACE = 60.0
 """Seconds by which the wait for cancellations is extended at most, while a server confirms them.
 
 The requests are sent a few at a time, so hundreds of goals may take more than `Timeouts.cancel`."""
+MOST = 1e9
+"""The largest number that can be set: 31 years, where it is seconds. A clock in nanoseconds, as
+the middleware's is, ends after 292 years, and several times may be added up on the way to it."""
+MOST_TEXT = "1e9"
 _RESEND = ("never_accepted", "confirmed_stopped", "always")
 
 
@@ -24,23 +30,23 @@ def check_seconds(name: str, value: object, *, optional: bool = True) -> float |
 
     Raises:
         TypeError: `value` is no number.
-        ValueError: `value` is negative, NaN or infinite.
+        ValueError: `value` is negative, NaN, infinite or above `MOST`.
     """
     if value is None and optional:
         return None
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise TypeError(
-            f"{name}={value!r} must be a number of seconds"
+            f"{name}={shown(value)} must be a number of seconds"
             + (" or None for no limit" if optional else "")
         )
-    seconds = float(value)
-    if math.isnan(seconds) or seconds < 0:
-        raise ValueError(f"{name}={value!r} must be zero or more seconds")
-    if math.isinf(seconds):
+    if not value >= 0:  # NaN is not, either
+        raise ValueError(f"{name}={shown(value)} must be zero or more seconds")
+    if value > MOST:
+        most = "finite" if value == math.inf else f"{MOST_TEXT} or less"
         raise ValueError(
-            f"{name}={value!r} must be finite" + ("; None means no limit" if optional else "")
+            f"{name}={shown(value)} must be {most}" + ("; None means no limit" if optional else "")
         )
-    return seconds
+    return float(value)
 
 
 @dataclass(frozen=True)
@@ -64,7 +70,7 @@ class Timeouts:
 
     Raises:
         TypeError: A value is no number.
-        ValueError: A value is negative, NaN or infinite.
+        ValueError: A value is negative, NaN, infinite, or above 1e9.
     """
 
     server: float | None = 5.0
@@ -116,10 +122,11 @@ class RetryPolicy:
 
     def __post_init__(self) -> None:
         if isinstance(self.attempts, bool) or not isinstance(self.attempts, int):
-            raise TypeError(f"RetryPolicy.attempts={self.attempts!r} must be a whole number")
+            raise TypeError(f"RetryPolicy.attempts={shown(self.attempts)} must be a whole number")
         if self.attempts < 1:
             raise ValueError(
-                f"RetryPolicy.attempts={self.attempts} must be 1 or more: it includes the first"
+                f"RetryPolicy.attempts={shown(self.attempts)} must be 1 or more:"
+                " it includes the first"
             )
         for name in ("initial", "factor", "max_pause", "jitter"):
             seconds = check_seconds(f"RetryPolicy.{name}", getattr(self, name), optional=False)

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from datetime import datetime, timezone
 from typing import TYPE_CHECKING
 
+from actionkit._printable import on_one_line
+
 if TYPE_CHECKING:
     import uuid
 
@@ -36,7 +38,7 @@ def timeline_text(events: Sequence[GoalEvent]) -> str:
 
 
 def _said(event: GoalEvent, goal_before: uuid.UUID | None, *, first: bool) -> str:
-    parts = [event.detail] if event.detail else []
+    parts = [on_one_line(event.detail)] if event.detail else []
     if event.goal_id != goal_before:
         parts.append(f"goal {event.goal_id}")
     if first:

@@ -25,7 +25,10 @@ def slices(timeout: float | None) -> Iterator[float | None]:
 
     Args:
         timeout: Seconds, or `None` for no limit. With 0 or less there is one slice, of that.
+            More than the operating system can wait, 292 years, is no limit either.
     """
+    if timeout is not None and timeout > threading.TIMEOUT_MAX:
+        timeout = None
     if threading.current_thread() is not threading.main_thread():
         yield timeout  # signal handlers do not run here
         return

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from actionkit._decode import UndecodableError
 from actionkit._observers.channel import Channel, Job
 from actionkit._observers.goal_log import GoalLog
 from actionkit._observers.protocol import CallInfo, Observer
@@ -26,21 +27,29 @@ class Seat:
     def event(self, event: GoalEvent, call: CallInfo, decode: Callable[[], Any] | None) -> None:
         """Tell of a transition, soon."""
         if decode is not None and self._on_feedback is not None:
-            job: Job = partial(_decoded, self._on_feedback, event, decode, call)
+            job: Job = partial(self._feedback, self._on_feedback, event, decode, call)
         else:
             job = partial(self._on_event, event, call)
         self.channel.put(job, feedback=event.state is GoalState.FEEDBACK)
+
+    def _feedback(
+        self,
+        hook: Callable[..., object],
+        event: GoalEvent,
+        decode: Callable[[], Any],
+        call: CallInfo,
+    ) -> None:
+        try:
+            message = decode()
+        except UndecodableError:  # not the observer's fault: it is told of the event alone
+            self._on_event(event, call)
+            return
+        hook(event, message, call)
 
     def outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
         """Tell of the end of a call, soon."""
         if self._on_outcome is not None:
             self.channel.put(partial(self._on_outcome, outcome, call))
-
-
-def _decoded(
-    hook: Callable[..., object], event: GoalEvent, decode: Callable[[], Any], call: CallInfo
-) -> None:
-    hook(event, decode(), call)
 
 
 class Audience:

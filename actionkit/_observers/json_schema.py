@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from actionkit._field_errors import shown
 from actionkit._observers.protocol import CallInfo
 from actionkit._observers.words import outcome_word
 from actionkit._values import GoalEvent, GoalState, Outcome
@@ -128,36 +129,57 @@ def parse_line(text: str | bytes) -> LoggedLine:
         data = json.loads(text)
     except ValueError:
         raise ValueError("cut off, or no JSON") from None
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
     if not isinstance(data, dict) or "v" not in data:
         raise ValueError("no line of ActionKit's")
     if data["v"] != VERSION:
-        raise ValueError(f"of version {data['v']!r}; this ActionKit reads {VERSION}")
+        raise ValueError(f"of version {shown(data['v'])}; this ActionKit reads {VERSION}")
     try:
         _check(data)
         return LoggedLine(
-            kind=str(data["kind"]),
+            kind=data["kind"],
             call_id=uuid.UUID(data["call_id"]),
-            action_name=str(data["action_name"]),
-            action_type=str(data["action_type"]),
-            node_name=str(data["node_name"]),
+            action_name=data["action_name"],
+            action_type=data["action_type"],
+            node_name=data["node_name"],
             pid=int(data["pid"]),
             event=_event(data) if data["kind"] == "event" else None,
             data=data,
         )
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise ValueError(f"of a strange form ({type(error).__name__}: {error})") from None
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
+        why = f"{type(error).__name__}: {error}"
+        raise ValueError(f"of a strange form ({why[:_MOST_WHY]})") from None
 
 
 _NUMBERS = ("monotonic", "wall", "elapsed_ms")
+_TEXTS = ("kind", "action_name", "action_type", "node_name")
+_MOST = 1e15
+"""The largest time, in whatever unit: 30 million years. Sums of larger ones have no sense."""
+_MOST_WHY = 200
+"""Characters of a reason, which may have a value of any length in it."""
 
 
 def _check(data: Mapping[str, Any]) -> None:
-    """Raise where a field that others read is missing."""
+    """Raise where a field that others read is missing, or is not what they take it for."""
     for name in _NUMBERS:
-        float(data[name])
+        number = data[name]
+        if isinstance(number, bool) or not isinstance(number, (int, float)):
+            raise TypeError(f"{name} is no number")
+        if not abs(number) <= _MOST:  # NaN is not, either
+            raise ValueError(f"{name}={shown(number)} is no time")
+    for name in _TEXTS:
+        _check_text(name, data[name])
     if data["kind"] == "outcome":
-        for name in ("goal_id", "outcome", "error"):
-            data[name]
+        uuid.UUID(data["goal_id"])
+        _check_text("outcome", data["outcome"])
+        if data["error"] is not None:
+            _check_text("error", data["error"])
+
+
+def _check_text(name: str, value: object) -> None:
+    if not isinstance(value, str):
+        raise TypeError(f"{name} is no text")
 
 
 def _event(data: Mapping[str, Any]) -> GoalEvent:

@@ -48,7 +48,7 @@ class Observer(Protocol):
     Two more methods are called where an observer has them:
 
     - `on_feedback(event, feedback, call)` gets each `FEEDBACK` event, in place of `on_event`,
-      with the action's feedback message.
+      with the action's feedback message. Where that cannot be decoded, `on_event` is called.
     - `on_outcome(outcome, call)` gets the `Outcome` of each call, once, when it ended. Of a goal
       that its caller gave up on there may be events afterwards.
 

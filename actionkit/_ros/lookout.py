@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 
 from rclpy.exceptions import InvalidHandle
 
+from actionkit._clock import TimerGroup
 from actionkit._ros import graph
 from actionkit._ros.entities import Entities
 from actionkit._ros.listener import GoalListener, SentGoal
@@ -54,6 +55,7 @@ class Lookout:
             on_ready: Called when goals can be sent to a server that has come.
         """
         self._runtime = runtime
+        self._timers = TimerGroup(runtime, runtime.timers.cancel)
         self._entities = entities
         self._name = name
         self._sent = sent
@@ -63,16 +65,16 @@ class Lookout:
         self._warned = False
         self._awaiting: dict[GoalListener, None] = {}
         self._ready_waiters: dict[Callable[[], None], None] = {}
-        self._rollcall = RollCall(runtime, ask, self._on_one)
+        self._rollcall = RollCall(self._timers, ask, self._on_one)
         self.liveness = Liveness(
-            runtime,
+            self._timers,
             probe=ask,
             wanted=lambda: not self._closed and bool(self._sent or self._queued()),
             on_silence=self._on_silence,
             on_return=self._on_return,
         )
         self.presence = Presence(
-            runtime,
+            self._timers,
             list_servers=self._list_servers,
             services_ready=self._services_ready,
             probe=ask,
@@ -87,6 +89,7 @@ class Lookout:
     def close(self) -> None:
         """Tell nobody anything any more."""
         self._closed = True
+        self._timers.close()
         self._rollcall.close()
         self.presence.close()
 
@@ -129,7 +132,7 @@ class Lookout:
         if count > 1 and not self._warned:
             self._warned = True
             # Their names are known a moment later.
-            self._runtime.call_at(self._runtime.now() + _NAMING, self._warn_of_several)
+            self._timers.call_at(self._timers.now() + _NAMING, self._warn_of_several)
 
     def suspect(self) -> None:
         """One of several servers does not know a goal: find out whether another is left (R1)."""
@@ -151,7 +154,7 @@ class Lookout:
         listed = self._list_servers()
         if listed is not None and len(listed) != self.presence.count:
             self.matched(len(listed))
-        self._runtime.call_at(self._runtime.now() + _MATCHED_PERIOD, self._poll_matched)
+        self._timers.call_at(self._timers.now() + _MATCHED_PERIOD, self._poll_matched)
 
     def _warn_of_several(self) -> None:
         servers = [] if self._closed else self._list_servers() or []
@@ -220,7 +223,7 @@ class Lookout:
                     goal.listener.on_server_ready()  # the other may say that it has no such goal
         if "" in nodes.values() and self._sent and not self._closed:
             # Nodes get their names some time after their endpoints.
-            self._runtime.call_at(self._runtime.now() + _NAMING, self._rollcall.begin)
+            self._timers.call_at(self._timers.now() + _NAMING, self._rollcall.begin)
 
     def _lose(self, goal: SentGoal, gone: frozenset[bytes], reason: str) -> None:
         goal.servers -= gone

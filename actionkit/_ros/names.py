@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +10,9 @@ from rclpy.exceptions import InvalidServiceNameException, InvalidTopicNameExcept
 from rclpy.node import Node
 
 from actionkit._ros.native import RCLError
+
+_NOT_TEXT = ("Cc", "Cs")
+"""Control characters, NUL among them, and halves of a character (surrogates)."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,12 @@ def resolve(node: Node, action_name: object) -> str:
     """
     if not isinstance(action_name, str):
         raise TypeError(f"action_name={action_name!r} must be a string, such as 'fibonacci'")
+    if any(unicodedata.category(character) in _NOT_TEXT for character in action_name):
+        # The middleware reads a name up to its first NUL only, and would call another action.
+        raise ValueError(
+            f"action_name={action_name!r} has control characters or others that are no text."
+            " Remove them: a ROS name has letters, digits, underscores and slashes only"
+        )
     try:
         # Also checks the characters, which a name alone would pass unnoticed.
         node.resolve_service_name(f"{action_name}/_action/send_goal")

@@ -23,6 +23,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.subscription import Subscription
 
 _FOREVER = -1
+_LONGEST = 1e9
+"""Seconds; the middleware's nanoseconds end after nine times as many."""
 _MOST_AT_ONCE = 64
 """Messages taken of one entity before the others get their turn."""
 _SPARE = 4
@@ -145,7 +147,7 @@ class Waiter:
 
         Args:
             sources: What to wait for.
-            timeout: Seconds; `None` waits for ever.
+            timeout: Seconds; `None` waits for ever, and 31 years is the longest else.
 
         Returns:
             The sources that are ready.
@@ -156,7 +158,7 @@ class Waiter:
         wait_set.clear_entities()
         wait_set.add_guard_condition(self._guard.handle)
         indices = [source.add_to(wait_set) for source in sources]
-        wait_set.wait(_FOREVER if timeout is None else max(0, int(timeout * 1e9)))
+        wait_set.wait(_FOREVER if timeout is None else max(0, int(min(timeout, _LONGEST) * 1e9)))
         return [
             source
             for source, index in zip(sources, indices, strict=True)

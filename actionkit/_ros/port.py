@@ -82,8 +82,19 @@ class Port:
         self.runtime.on_failure.append(callback)
 
     def decode_feedback(self, message: bytes) -> Any:
-        """Return the feedback in a serialised feedback message."""
-        return deserialize_message(feedback_alone(message), self._feedback_type)
+        """Return the feedback in a serialised feedback message.
+
+        Raises:
+            ValueError: The bytes are none of the action's type.
+        """
+        try:
+            return deserialize_message(feedback_alone(message), self._feedback_type)
+        except RuntimeError as error:  # what rclpy makes of the middleware's errors
+            raise ValueError(
+                f"a feedback message of action {self.identity.action_name!r}, {len(message)} bytes,"
+                f" is no {self.identity.type_name} feedback ({error}): does its server use another"
+                " version of that type?"
+            ) from error
 
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +18,7 @@ from actionkit._ros import graph
 from actionkit._ros import runtime as runtimes
 from actionkit._ros.native import MessageSource, RCLError
 
+_log = logging.getLogger("actionkit")
 _DEPTH = 100
 """More than the topic's usual 1: each state is wanted, not just the last."""
 _PERIOD = 0.25
@@ -103,7 +105,11 @@ class StatusReader:
 
     def _take(self) -> None:
         for message in self._source.take():
-            array = deserialize_message(message, GoalStatusArray)
+            try:
+                array = deserialize_message(message, GoalStatusArray)
+            except RuntimeError as error:  # what rclpy makes of bytes that are no such message
+                _log.debug("a status message of %s is left out: %s", self._name, error)
+                continue
             self._on_goals([_seen(entry) for entry in array.status_list])
 
     def _look(self) -> None:

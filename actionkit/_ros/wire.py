@@ -18,7 +18,7 @@ _FEW = 64
 
 
 def feedback_goal_id(message: bytes) -> bytes:
-    """Return the goal id of a serialised feedback message."""
+    """Return the goal id of a serialised feedback message; fewer bytes where it is cut off."""
     return message[_HEADER : _HEADER + ID_SIZE]
 
 
@@ -37,17 +37,19 @@ def goal_states(message: bytes, wanted: Collection[bytes]) -> Iterator[tuple[byt
     Args:
         message: A serialised `action_msgs/msg/GoalStatusArray`.
         wanted: Goal ids, 16 bytes each.
+
+    Nothing is raised, whatever the bytes are: an entry that is cut off is left out.
     """
     message = bytes(message)
     if len(wanted) <= _FEW:
         for goal_id in wanted:
             at = message.find(goal_id, _HEADER + _LENGTH)
-            if at >= 0:
-                yield goal_id, message[_status_at(at)]
+            if at >= 0 and (status := _status_at(at)) < len(message):
+                yield goal_id, message[status]
         return
     at = _HEADER + _LENGTH
-    while at + ID_SIZE <= len(message):
-        goal_id, status = message[at : at + ID_SIZE], _status_at(at)
+    while (status := _status_at(at)) < len(message):
+        goal_id = message[at : at + ID_SIZE]
         if goal_id in wanted:
             yield goal_id, message[status]
         at = status + 1

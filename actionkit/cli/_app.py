@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import io
 import logging
-import sys
 import traceback
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -15,6 +15,7 @@ import click
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option, debugging
 from actionkit.cli._problems import Problem
+from actionkit.cli._say import say
 
 _COMMANDS = {
     "call": "actionkit.cli.call",
@@ -107,15 +108,17 @@ def run(arguments: Sequence[str] | None) -> int:
         raise BrokenPipeError from None
     except click.ClickException as error:
         _trace()
-        error.show()
+        text = io.StringIO()
+        error.show(text)
+        say(text.getvalue().rstrip("\n"), err=True)
         if isinstance(error, Problem):
             return error.code
         return Exit.USAGE if isinstance(error, click.UsageError) else Exit.FAILED
     except Exception as error:  # noqa: BLE001  a person reads this, not Python
         _trace()
-        click.echo(f"Error: {type(error).__name__}: {error}", err=True)
+        say(f"Error: {type(error).__name__}: {error}", err=True)
         if not debugging():
-            click.echo("The same command with --debug shows where it comes from.", err=True)
+            say("The same command with --debug shows where it comes from.", err=True)
         return Exit.FAILED
     return int(code or Exit.OK)
 
@@ -123,4 +126,4 @@ def run(arguments: Sequence[str] | None) -> int:
 def _trace() -> None:
     if debugging():
         logging.getLogger("actionkit").debug("the error is:")
-        traceback.print_exc(file=sys.stderr)
+        say(traceback.format_exc().rstrip(), err=True)

@@ -13,6 +13,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.syntax import Syntax
 from rich.text import Text
 
+from actionkit._printable import printable
+
 _WIDTH = 92
 """Wider text is hard to read."""
 
@@ -33,7 +35,7 @@ class Screen:
     def text(self, text: str, style: str = "", indent: str = "") -> None:
         """Say something, wrapped."""
         lines = textwrap.fill(
-            text,
+            printable(text),
             self._width,
             initial_indent=indent,
             subsequent_indent=" " * len(indent),

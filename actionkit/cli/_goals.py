@@ -10,11 +10,18 @@ from typing import Any
 import click
 import yaml
 
+from actionkit._field_errors import shown
 from actionkit._field_paths import message_class, slots_of, type_name
 from actionkit._fields import FieldProblem, to_message
 
 _NOW = ("now", "auto")
 """The words for the present time, as `ros2` has them: one for stamps, one for headers."""
+MOST_TEXT = 2**24
+"""Characters of a goal; an array of a million numbers has fewer."""
+MOST_YAML = 2**20
+"""Fewer, because to read YAML takes a thousand times as long as to read JSON."""
+_MOST_WORDS = 2000
+"""Characters of an error, which may have what was given in it."""
 _TIME = "builtin_interfaces/msg/Time"
 _HEADER = "std_msgs/msg/Header"
 
@@ -30,12 +37,23 @@ def parse(text: str, goal_class: type) -> Any:
     Raises:
         click.BadParameter: It does not fit; the text names the field.
     """
-    value = _read(text)
+    if len(text) > MOST_TEXT:
+        raise _bad(f"it is longer than {MOST_TEXT} characters.")
+    try:
+        return _message(_read(text), goal_class)
+    except RecursionError:
+        raise _bad("it is nested too deeply.") from None
+
+
+def _message(value: Any, goal_class: type) -> Any:
+    if value is None:
+        # A program that failed writes nothing into a pipe, and must not start a robot by that.
+        raise _bad("it is empty. Give {} for a goal with all defaults.")
     if not isinstance(value, Mapping):
         fields = ", ".join(slots_of(goal_class)) or "none"
         raise _bad(
-            f"{value!r} is not a mapping of fields to values, as '{{order: 5}}' is. The fields of"
-            f" {type_name(goal_class)} are: {fields}."
+            f"{shown(value)} is not a mapping of fields to values, as '{{order: 5}}' is. The"
+            f" fields of {type_name(goal_class)} are: {fields}."
         )
     try:
         return to_message(goal_class, fill_now(goal_class, value, time.time_ns()))
@@ -77,13 +95,18 @@ def _read(text: str) -> Any:
         return json.loads(text)  # first: YAML takes the number 1e3 for a string
     except ValueError:
         pass
+    if len(text) > MOST_YAML:
+        raise _bad(f"it is no JSON, and longer than {MOST_YAML} characters, the most for YAML.")
     try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+        return yaml.safe_load(text)
+    except RecursionError:
+        raise
+    except Exception as error:  # an IndexError of `!!int ''`, a ValueError of the 99th of May
         problem = " ".join(str(error).split())
-        raise _bad(f"it is neither YAML nor JSON: {problem}") from error
-    return {} if value is None else value
+        raise _bad(f"it is neither YAML nor JSON: {problem}.") from error
 
 
 def _bad(problem: str) -> click.BadParameter:
+    if len(problem) > _MOST_WORDS:
+        problem = f"{problem[:_MOST_WORDS]}..."
     return click.BadParameter(f"{problem} Nothing was sent.", param_hint="GOAL")

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from rich.text import Text
 
+from actionkit._printable import printable
 from actionkit._values import Outcome
 from actionkit.cli._exits import Exit
 from actionkit.cli._reports import Now, TextReport, described, not_shown
@@ -39,7 +40,7 @@ class LiveReport(TextReport):
         self._task = self._progress.add_task("", total=1.0)
 
     def out(self, text: str) -> None:
-        self._console.print(Text(text), soft_wrap=True)
+        self._console.print(Text(printable(text)), soft_wrap=True)
 
     def not_shown(self, count: int) -> None:
         self.out(not_shown(count))

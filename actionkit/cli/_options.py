@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
+
+from actionkit._printable import printable
+from actionkit._settings import MOST, MOST_TEXT
 
 HELP = {"help_option_names": ["-h", "--help"], "max_content_width": 92}
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -20,10 +22,22 @@ def debugging() -> bool:
     return bool(_debug)
 
 
+class _Printable(logging.Formatter):
+    """For the log, which has names and texts of servers in it."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the record's text."""
+        return printable(super().format(record))
+
+
 def _begin_debugging(ctx: click.Context, param: click.Parameter, value: bool) -> None:
     if value and not ctx.resilient_parsing and not _debug:
         _debug.append(True)
-        logging.basicConfig(format="%(relativeCreated)8d ms %(name)s %(levelname)s: %(message)s")
+        handler = logging.StreamHandler()
+        handler.setFormatter(
+            _Printable("%(relativeCreated)8d ms %(name)s %(levelname)s: %(message)s")
+        )
+        logging.basicConfig(handlers=[handler])
         logging.getLogger("actionkit").setLevel(logging.DEBUG)
 
 
@@ -45,13 +59,13 @@ def json_option(what: str) -> Callable[[_F], _F]:
 
 
 def SECONDS(value: str) -> float:
-    """Return a time in seconds: finite, not negative. Its name is what help texts show."""
+    """Return a time in seconds, such as `Timeouts` takes. Its name is what help texts show."""
     try:
         seconds = float(value)
     except ValueError:
         raise click.BadParameter(f"{value!r} is not a number of seconds") from None
-    if not 0 <= seconds < math.inf:
-        raise click.BadParameter(f"{value!r} must be zero or more seconds, and finite")
+    if not 0 <= seconds <= MOST:
+        raise click.BadParameter(f"{value!r} must be zero or more seconds, and {MOST_TEXT} or less")
     return seconds
 
 
@@ -80,7 +94,7 @@ def complete_names(
     except Exception:  # noqa: BLE001
         return []
     return [
-        CompletionItem(action.name, help=", ".join(action.types))
+        CompletionItem(printable(action.name), help=printable(", ".join(action.types)))
         for action in actions
         if action.name.startswith(incomplete) or action.name[1:].startswith(incomplete)
     ]

@@ -134,14 +134,12 @@ def lay_out(calls: Sequence[Sequence[LoggedLine]]) -> Picture:
     began = [_beginning(lines) for lines in calls]
     base = min((wall for wall, _ in began), default=0.0)
     shifts = [wall - base - monotonic for wall, monotonic in began]
-    end = max(
-        (
-            line.data["monotonic"] + shift
-            for lines, shift in zip(calls, shifts, strict=True)
-            for line in lines
-        ),
-        default=0.0,
+    moments = (
+        line.data["monotonic"] + shift
+        for lines, shift in zip(calls, shifts, strict=True)
+        for line in lines
     )
+    end = max(0.0, max(moments, default=0.0))  # a clock that was set back may end before it began
     rows = [_row(lines, shift, end) for lines, shift in zip(calls, shifts, strict=True)]
     return Picture(base, end, sorted(rows, key=lambda row: row.start))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import uuid
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -10,6 +9,7 @@ from typing import Any, Protocol
 from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit.cli._exits import Exit
 from actionkit.cli._plain import as_json, as_yaml
+from actionkit.cli._say import say
 
 _CAUSES = {
     Exit.INTERRUPTED: "Ctrl-C",
@@ -87,11 +87,11 @@ class TextReport:
 
     def out(self, text: str) -> None:
         """Write a line to standard output, at once."""
-        print(text, flush=True)
+        say(text)
 
     def err(self, text: str) -> None:
         """Write a line to standard error."""
-        print(text, file=sys.stderr, flush=True)
+        say(text, err=True)
 
     def begin(self) -> None:
         self.out("Waiting for an action server to become available...")
@@ -156,7 +156,7 @@ class JsonReport:
         self._began: float | None = None
 
     def _write(self, kind: str, **details: Any) -> None:
-        print(as_json({"event": kind, **details}), flush=True)
+        say(as_json({"event": kind, **details}))
 
     def begin(self) -> None:
         """Nothing is known so far."""

@@ -11,8 +11,10 @@ from rich.table import Table as RichTable
 from rich.text import Text
 from typing_extensions import Self
 
+from actionkit._printable import printable
 from actionkit.cli._goal_board import Board, Row
 from actionkit.cli._plain import as_json
+from actionkit.cli._say import say
 
 _STYLES = {
     "ACCEPTED": "cyan",
@@ -42,7 +44,7 @@ class Lines:
 
     def servers(self, board: Board) -> None:
         names = ", ".join(board.servers) or "none"
-        print(f"{_clock(time.time())}  servers: {names}", flush=True)
+        say(f"{_clock(time.time())}  servers: {names}")
 
     def goal(self, row: Row, board: Board) -> None:
         after = f"{row.since - row.accepted:.1f} s"
@@ -51,7 +53,7 @@ class Lines:
             if row.before
             else f"accepted {after} ago"
         )
-        print(f"{_clock(row.since)}  {row.goal_id}  {row.state:<9}  {words}", flush=True)
+        say(f"{_clock(row.since)}  {row.goal_id}  {row.state:<9}  {words}")
 
     def tick(self, board: Board) -> None:
         """Only changes are lines."""
@@ -69,7 +71,7 @@ class JsonLines(Lines):
 
     def servers(self, board: Board) -> None:
         record = {"event": "servers", "time": time.time(), "servers": board.servers}
-        print(as_json(record), flush=True)
+        say(as_json(record))
 
     def goal(self, row: Row, board: Board) -> None:
         record = {
@@ -80,7 +82,7 @@ class JsonLines(Lines):
             "before": row.before or None,
             "accepted": row.accepted,
         }
-        print(as_json(record), flush=True)
+        say(as_json(record))
 
 
 class Table:
@@ -124,7 +126,7 @@ class Table:
             )
         hidden = len(rows) - room
         return Group(
-            Text(f"{self._name}  servers: {servers}", style="bold"),
+            Text(printable(f"{self._name}  servers: {servers}"), style="bold"),
             Text(counts or "no goals", style="dim"),
             table,
             Text(f"and {hidden} more" if hidden > 0 else "", style="dim"),

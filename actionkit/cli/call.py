@@ -140,7 +140,8 @@ def command(
     from actionkit.cli import _goals, _types
 
     action = _types.load(type_name)
-    message = _goals.parse(sys.stdin.read() if stdin else goal or "{}", action.Goal)
+    text = _read_goal() if stdin else "{}" if goal is None else goal
+    message = _goals.parse(text, action.Goal)
     classify = _classifier(ok, transient, action.Result)
     field = _progress_field(progress, action.Feedback)
 
@@ -182,6 +183,17 @@ def command(
         progress=None if field is None else Progress(field),
     )
     return calling.run(message, timeout)
+
+
+def _read_goal() -> str:
+    from actionkit.cli._goals import MOST_TEXT
+
+    try:
+        return sys.stdin.read(MOST_TEXT + 1)  # whoever writes may never end
+    except UnicodeDecodeError as error:
+        raise click.BadParameter(
+            f"standard input is no text ({error}). Nothing was sent.", param_hint="GOAL"
+        ) from error
 
 
 def _report(goal: Any, as_json: bool, *, bar: bool) -> Report:

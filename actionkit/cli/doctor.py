@@ -16,6 +16,7 @@ from actionkit.cli._exits import Exit
 from actionkit.cli._findings import Finding, problem
 from actionkit.cli._options import HELP, complete_names, debug_option, json_option, wait_option
 from actionkit.cli._problems import Problem, full_name, open_survey
+from actionkit.cli._say import say
 
 _STYLES = {"ok": "green", "note": "yellow", "problem": "red"}
 _WIDTH = 96
@@ -46,7 +47,7 @@ def command(name: str | None, wait: float, as_json: bool) -> int:
             worst = Exit.NO_ROS if finding.topic == "rclpy" else worst or Exit.FAILED
     if not as_json:
         words = "No problem was found." if count == 0 else f"Problems found: {count}."
-        click.echo(f"\n{words}")
+        say(f"\n{words}")
     return worst
 
 
@@ -76,13 +77,13 @@ def _findings(name: str | None, wait: float) -> Iterator[Finding]:
 def _show(finding: Finding, as_json: bool) -> None:
     if as_json:
         record = {"level": finding.level, "topic": finding.topic, "text": finding.text}
-        click.echo(_plain.as_json({**record, "remedy": finding.remedy or None}))
+        say(_plain.as_json({**record, "remedy": finding.remedy or None}))
         sys.stdout.flush()
         return
     label = click.style(f"{finding.level:<7}", fg=_STYLES[finding.level])
-    click.echo(f"{label} {_wrapped(f'{finding.topic}: {finding.text}')}")
+    say(_wrapped(f"{finding.topic}: {finding.text}"), label=f"{label} ")
     if finding.remedy:
-        click.echo(f"          -> {_wrapped(finding.remedy, 13)}")
+        say(f"          -> {_wrapped(finding.remedy, 13)}")
     sys.stdout.flush()
 
 

@@ -11,6 +11,7 @@ from actionkit.cli import _plain
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option, json_option, name_argument, wait_option
 from actionkit.cli._problems import full_name, open_survey
+from actionkit.cli._say import say
 
 if TYPE_CHECKING:
     from actionkit._ros.survey import ActionSeen, Endpoint
@@ -42,7 +43,7 @@ def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool
     servers = action.servers if action else ()
     clients = action.clients if action else ()
     if as_json:
-        click.echo(
+        say(
             _plain.as_json(
                 {
                     "name": full,
@@ -52,11 +53,11 @@ def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool
             )
         )
     else:
-        click.echo(f"Action: {full}")
+        say(f"Action: {full}")
         _show("clients", clients, count, show_types)
         _show("servers", servers, count, show_types)
     if not servers:
-        click.echo(f"Error: {nothing_there(full, actions)}", err=True)
+        say(f"Error: {nothing_there(full, actions)}", err=True)
         return Exit.NO_SERVER
     return Exit.OK
 
@@ -73,8 +74,8 @@ def nothing_there(name: str, actions: dict[str, ActionSeen]) -> str:
 
 
 def _show(what: str, ends: tuple[Endpoint, ...], count: bool, show_types: bool) -> None:
-    click.echo(f"Action {what}: {len(ends)}")
+    say(f"Action {what}: {len(ends)}")
     if not count:
         for end in ends:
             kind = f" [{end.action_type}]" if show_types else ""
-            click.echo(f"    {end.node or '(a node not known yet)'}{kind}")
+            say(f"    {end.node or '(a node not known yet)'}{kind}")

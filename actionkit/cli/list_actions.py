@@ -8,6 +8,7 @@ from actionkit.cli import _plain
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option, json_option, wait_option
 from actionkit.cli._problems import open_survey
+from actionkit.cli._say import say
 
 _MOST = 4.0
 """Seconds to look for anything at all, where nothing is seen."""
@@ -30,7 +31,7 @@ def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -
         actions = survey.settled(least=wait, most=_MOST)
     if as_json:
         for action in actions.values():
-            click.echo(
+            say(
                 _plain.as_json(
                     {
                         "name": action.name,
@@ -41,9 +42,9 @@ def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -
                 )
             )
     elif count_actions:
-        click.echo(len(actions))
+        say(str(len(actions)))
     else:
         for action in actions.values():
             types = f" [{', '.join(action.types)}]" if show_types else ""
-            click.echo(f"{action.name}{types}")
+            say(f"{action.name}{types}")
     return Exit.OK

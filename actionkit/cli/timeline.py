@@ -11,6 +11,7 @@ from actionkit._observers.json_reader import read_json_lines
 from actionkit._observers.json_schema import LoggedLine
 from actionkit._timeline import Recorder
 from actionkit.cli._exits import Exit
+from actionkit.cli._say import say
 
 
 @click.command()
@@ -37,14 +38,14 @@ def command(file: Path, svg: Path | None, last: int | None) -> int:
     except OSError as error:
         raise click.BadParameter(f"{file}: {error.strerror or error}", param_hint="FILE") from error
     for problem in log.problems:
-        click.echo(f"not read: {problem}", err=True)
+        say(f"not read: {problem}", err=True)
     calls = list(log.calls().values())[-(last or 0) :]
     if not calls:
-        click.echo(f"{file}: there are no goals in it", err=True)
+        say(f"{file}: there are no goals in it", err=True)
         return Exit.FAILED
     to_stdout = svg is not None and str(svg) == "-"
     if not to_stdout:
-        click.echo(report(calls))
+        say(report(calls))
     if svg is not None:
         _draw(calls, file, None if to_stdout else svg)
     return Exit.OK

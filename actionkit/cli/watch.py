@@ -12,6 +12,7 @@ import click
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, SECONDS, debug_option, json_option, name_argument
 from actionkit.cli._problems import full_name, open_survey
+from actionkit.cli._say import say
 from actionkit.cli._signals import watch_output
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def command(
         try:
             if once:
                 return _once(full, board, inbox, server_timeout, as_json)
-            click.echo(f"Watching the goals of {full}; Ctrl-C ends it.", err=True)
+            say(f"Watching the goals of {full}; Ctrl-C ends it.", err=True)
             watch_output(lambda: inbox.put(_CLOSED))
             return _follow(_screen(full, as_json), board, inbox, seconds)
         finally:
@@ -111,13 +112,13 @@ def _once(
             break
         _take(board, inbox, _TICK, None)
     if not board.servers:
-        click.echo(f"Error: Action {name!r} has no server in sight.", err=True)
+        say(f"Error: Action {name!r} has no server in sight.", err=True)
         return Exit.NO_SERVER
     with screen:
         for goal in board.sorted():
             screen.goal(goal, board)
     if not board.goals and not as_json:
-        click.echo("No goals: the server remembers none.")
+        say("No goals: the server remembers none.")
     return Exit.OK
 
 

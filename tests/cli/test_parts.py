@@ -24,7 +24,7 @@ from actionkit.cli._doctor_graph import judged
 from actionkit.cli._exits import Exit
 from actionkit.cli._findings import Finding
 from actionkit.cli._goal_board import Board
-from actionkit.cli._goals import fill_now, parse
+from actionkit.cli._goals import MOST_TEXT, MOST_YAML, fill_now, parse
 from actionkit.cli._plain import as_json, as_yaml
 from actionkit.cli._progress import Field, Progress, chosen, found
 
@@ -173,8 +173,62 @@ def test_a_goal_is_yaml_or_json(text: str) -> None:
 
 
 def test_missing_fields_keep_their_defaults() -> None:
-    for nothing in ("", "{}", "\n"):
+    for nothing in ("{}", " {}\n", "# all defaults\n{}"):
         assert parse(nothing, NestedMessage.Goal) == NestedMessage.Goal()
+
+
+@pytest.mark.parametrize("text", ["", " \n", "~", "null", "Null", "---", "# a comment", "!!null x"])
+def test_nothing_is_no_goal(text: str) -> None:
+    """What a program that failed writes into a pipe must not start a robot."""
+    with pytest.raises(
+        click.BadParameter, match=r"Give \{\} for a goal with all defaults\..*sent\."
+    ):
+        parse(text, NestedMessage.Goal)
+
+
+def bomb(inside: str) -> str:
+    """Return YAML whose value is 10 to the power of 12 times as long as its text."""
+    lines = [f"a0: &a0 [{inside}]"]
+    lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 13)]
+    return "\n".join([*lines, "order: *a12"])
+
+
+HOSTILE = {
+    "deep JSON": "[" * 100_000 + "]" * 100_000,
+    "deep mapping": '{"order":' * 100_000 + "1" + "}" * 100_000,
+    "deep YAML": "- " * 20_000,
+    "deep YAML, flow": "{order: " + "[" * 20_000 + "]" * 20_000 + "}",
+    "just so deep": "[" * 900 + "]" * 900,
+    "a field just so deep": '{"order": ' + "[" * 900 + "]" * 900 + "}",
+    "a bomb": bomb("1"),
+    "a bomb that is no mapping": "["
+    + bomb("1").replace("\n", ", ").replace("a0:", "{a0:", 1)
+    + "}]",
+    "a number without end": f"order: {'9' * 5000}",
+    "a name without end": f"{{{'x' * 100_000}: 1}}",
+    "no date": "order: 2001-99-99",
+    "no number at all": "order: !!int ''",
+    "no time": "order: !!timestamp x",
+    "no truth": "order: !!bool x",
+    "Python": "order: !!python/object/apply:os.system [echo]",
+    "itself": "&a [*a]",
+    "itself, in a field": "order: &a [*a]",
+    "too long": " " * (MOST_TEXT + 1),
+    "too long for YAML": "# " + " " * MOST_YAML + "\norder: 5",
+}
+
+
+@pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)
+def test_a_hostile_goal_is_refused_in_a_few_words(text: str) -> None:
+    with pytest.raises(click.BadParameter) as caught:
+        parse(text, Fibonacci.Goal)
+    assert "Nothing was sent." in caught.value.message
+    assert len(caught.value.message) < 2100
+
+
+def test_a_long_goal_is_no_hostile_one() -> None:
+    order = '{"order": 5' + " " * (MOST_YAML + 1) + "}"
+    assert parse(order, Fibonacci.Goal) == Fibonacci.Goal(order=5)
 
 
 def test_json_numbers_are_numbers() -> None:

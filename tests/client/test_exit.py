@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import re
+import signal
+import textwrap
+from pathlib import Path
+
 import pytest
 
 from actionkit import RetryPolicy, ServerLostError, Timeouts
@@ -150,3 +155,22 @@ def test_the_node_is_kept_while_the_middleware_clears_away(stopped, action_serve
     assert thread.is_alive() is stopped
     thread.join(10)
     assert not thread.is_alive()
+
+
+DOCS = Path(__file__).parents[2] / "docs" / "losing-the-server.md"
+LONG = "client.call({'order': 90}, on_feedback=lambda fb: print('runs', flush=True))"
+
+
+def test_a_handler_of_sigterm_as_documented_leaves_no_goal_running(action_server, run_script):
+    server = action_server("fibonacci", period=0.5)
+    found = re.search(r"```python\n( +import signal\n.*?)```", DOCS.read_text("utf-8"), re.S)
+    assert found is not None
+    handler = textwrap.dedent(found[1])
+    source = f"{HEAD}{handler}\nclient = Client(Fibonacci, 'fibonacci')\n{LONG}\n"
+    script = run_script(source)
+    assert script.line() == "runs"
+    script.process.send_signal(signal.SIGTERM)
+    code, _, err = script.finish(timeout=15)
+    assert (code, err) == (143, "")
+    server.wait_for("canceled")
+    assert runs_nothing(server)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
+import rclpy
 from test_msgs.action import Fibonacci
 from test_msgs.msg import BasicTypes
 
@@ -21,6 +23,46 @@ def test_a_bad_timeout(bad, make_client):
             use({"order": 1}, timeout=bad)
     with pytest.raises(ValueError, match="timeout="):
         client.wait_for_server(bad)
+
+
+@pytest.mark.parametrize("bad", [1e300, 10**400, 10**5000], ids=["1e300", "1e400", "1e5000"])
+def test_a_timeout_longer_than_any_clock_runs(bad, make_client):
+    client = make_client()
+    for use in (
+        lambda: client.call({"order": 1}, timeout=bad),
+        lambda: client.call_async({"order": 1}, timeout=bad),
+        lambda: client.wait_for_server(bad),
+    ):
+        with pytest.raises(ValueError, match=r"^timeout=.* must be 1e9 or less; None means no"):
+            use()
+    assert client.pending == 0
+
+
+def test_the_longest_timeouts_work(action_server, make_client):
+    action_server("fibonacci", period=0.01)
+    most = 1e9
+    timeouts = Timeouts(
+        server=most, accept=most, total=most, feedback=most, cancel=most, liveness=most
+    )
+    client = make_client(timeouts=timeouts)
+    assert client.wait_for_server(most)
+    assert list(client.call({"order": 2}, timeout=most).sequence) == [0, 1, 1]
+    for wait in (1e300, 10**400, math.inf):  # a local wait: as good as one without a limit
+        future = client.call_async({"order": 2})
+        assert future.outcome(wait).ok
+        assert list(future.result(wait).sequence) == [0, 1, 1]
+        assert future.exception(wait) is None
+
+
+@pytest.mark.parametrize("at", [1e300, math.inf])
+def test_a_timer_beyond_all_clocks_does_not_end_the_thread(at, make_client):
+    """A `wait=` strategy of the user's may ask for any pause."""
+    client = make_client()
+    runtime = client._session.port.runtime
+    handle = runtime.run(lambda: runtime.call_at(at, lambda: None))
+    assert not client.server_is_ready()
+    assert runtime.failure is None
+    runtime.run(lambda: runtime.timers.cancel(handle))
 
 
 def test_a_timeout_of_the_wrong_type(make_client):
@@ -86,6 +128,23 @@ def test_a_bad_action_type(bad, ros_domain):
 def test_a_bad_name(bad, ros_domain):
     with pytest.raises(ValueError, match="action_name="):
         Client(Fibonacci, bad)
+
+
+@pytest.mark.parametrize("bad", ["a\0b", "\0", "a\n", "\x1b[31ma", "a\x7f", "a\x9b", "a\ud800"])
+def test_a_name_with_characters_that_cannot_be_seen(bad, ros_domain):
+    """The middleware reads a name up to its first NUL: another action would be called."""
+    told = rf"^action_name={re.escape(repr(bad))} .* Remove "
+    with pytest.raises(ValueError, match=told):
+        Client(Fibonacci, bad)
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("somebody", context=context)
+    try:
+        with pytest.raises(ValueError, match=told):
+            Client(Fibonacci, bad, node=node)
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
 
 
 def test_bad_arguments_of_the_client(ros_domain):

@@ -17,22 +17,23 @@ ROOT = Path(actionkit.__file__).parent
 
 # From the bottom up: a module imports only from layers below its own.
 LAYERS: list[set[str]] = [
+    {"_printable"},
     {
         "_action_type",
         "_arguments",
-        "_budget",
         "_clock",
+        "_decode",
         "_delivery",
         "_errors",
         "_field_errors",
         "_left_running",
         "_observers",
-        "_settings",
         "_timeline_text",
         "_waiting",
     },
-    {"_feedback", "_field_paths", "_field_types", "_values"},
+    {"_feedback", "_field_paths", "_field_types", "_settings", "_values"},
     {
+        "_budget",
         "_effects",
         "_fields",
         "_observers.channel",
@@ -89,6 +90,7 @@ PURE = (
     "_timeline",
     "_timeline_text",
     "_observers.json_schema",
+    "_printable",
     "_clock",
     "_explain",
     "_retry",

@@ -37,7 +37,7 @@ class World(Clock):
             decode_feedback=None,
             call_soon=lambda callback: callback(),
             call_at=self.call_at,
-            cancel_timer=None,
+            cancel_timer=self.queue.cancel,
             on_failure=lambda callback: None,
         )
         self.carrier = PortCarrier(self.port, on_freed=lambda: None)  # type: ignore[arg-type]
@@ -69,3 +69,22 @@ def test_nothing_keeps_it_otherwise() -> None:
     assert not world.freed.is_set()
     world.carrier.retire()
     assert world.freed.is_set()
+
+
+def test_what_was_freed_is_held_by_no_timer() -> None:
+    """Else each closed client stays in memory for as long as its timer runs."""
+    world = World()
+    world.carrier.retire()
+    assert len(world.queue) == 1
+    world.link.cancels_strays = False
+    world.link.tell()
+    assert world.freed.is_set()
+    assert len(world.queue) == 0
+
+
+def test_what_is_freed_at_once_arms_no_timer() -> None:
+    world = World()
+    world.link.cancels_strays = False
+    world.carrier.retire()
+    assert world.freed.is_set()
+    assert len(world.queue) == 0

@@ -5,7 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit._clock import TimerHandle, TimerQueue
+from actionkit._clock import TimerGroup, TimerHandle, TimerQueue
+from tests.unit.clock import Clock
 
 ROOM = 64
 
@@ -133,3 +134,21 @@ def test_any_order_of_operations(steps: list[tuple[str, float]]) -> None:
                 del waiting[number]
         assert len(queue) == len(waiting)
         assert queue.next_due() == min(waiting.values(), default=None)
+
+
+def test_a_group_of_timers_ends_together() -> None:
+    clock = Clock()
+    other = clock.call_at(110.0, lambda: None)
+    group = TimerGroup(clock, clock.queue.cancel)
+    told: list[str] = []
+    group.call_at(101.0, lambda: told.append("first"))
+    group.call_at(102.0, lambda: group.call_at(103.0, lambda: told.append("from within")))
+    group.call_at(104.0, lambda: told.append("too late"))
+    clock.advance(3.5)
+    assert told == ["first", "from within"]
+    group.close()
+    group.call_at(105.0, lambda: told.append("after the end"))
+    assert len(clock.queue) == 1  # but for the other's
+    clock.advance(5.0)
+    assert told == ["first", "from within"]
+    assert other.callback is not None

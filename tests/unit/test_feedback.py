@@ -11,11 +11,12 @@ from typing import Any
 
 import pytest
 
+from actionkit._decode import DecodeOnce
 from actionkit._delivery import in_callback
 from actionkit._feedback import (
     KEPT,
     Callbacks,
-    DecodeOnce,
+    FeedbackTape,
     LoopCallbacks,
     ThreadCallbacks,
     callbacks_for,
@@ -285,3 +286,65 @@ def test_no_callback_and_no_callable() -> None:
     assert callbacks_for(None, "/a") is None
     with pytest.raises(TypeError, match=r"on_feedback=3 must be callable"):
         callbacks_for(3, "/a")  # type: ignore[arg-type]
+
+
+# --- messages that cannot be decoded -----------------------------------------------------------
+
+
+def broken(number: int) -> DecodeOnce:
+    """Return a message that is cut off."""
+
+    def decode(_: bytes) -> Any:
+        raise RuntimeError(f"message {number} is cut off")
+
+    return DecodeOnce(decode, b"")
+
+
+def test_a_message_that_cannot_be_decoded_is_left_out(caplog: pytest.LogCaptureFixture) -> None:
+    seen = list[int]()
+    callbacks = ThreadCallbacks(seen.append, "/fibonacci")
+    tape: FeedbackTape[int] = FeedbackTape()
+    stream = tape.stream()
+    for one in (message(1), broken(2), message(3)):
+        callbacks.put(one)
+        tape.put(one)
+    tape.end()
+    assert handed_over(callbacks)
+    assert (seen, callbacks.errors) == ([1, 3], 0)
+    assert list(stream) == [1, 3]
+    assert tape.latest == 3
+    assert "message 2 is cut off" in caplog.text
+    assert "raised" not in caplog.text  # nothing of the user's did
+
+
+def test_it_is_told_once_however_many_look(caplog: pytest.LogCaptureFixture) -> None:
+    tape: FeedbackTape[int] = FeedbackTape()
+    streams = [tape.stream(), tape.stream()]
+    tape.put(broken(1))
+    assert tape.latest is None
+    tape.end()
+    assert [list(stream) for stream in streams] == [[], []]
+    assert len(caplog.records) == 1
+
+
+def test_on_an_event_loop_it_is_left_out_too(caplog: pytest.LogCaptureFixture) -> None:
+    seen = list[int]()
+
+    async def main() -> int:
+        async def note(number: int) -> None:
+            seen.append(number)
+
+        tape: FeedbackTape[int] = FeedbackTape()
+        stream = tape.stream()
+        callbacks = LoopCallbacks(note, "/fibonacci", asyncio.get_running_loop())
+        for one in (message(1), broken(2), message(3)):
+            callbacks.put(one)
+            tape.put(one)
+        tape.end()
+        await handed_over_async(callbacks)
+        assert [number async for number in stream] == [1, 3]
+        return callbacks.errors
+
+    assert asyncio.run(main()) == 0
+    assert seen == [1, 3]
+    assert "message 2 is cut off" in caplog.text

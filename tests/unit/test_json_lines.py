@@ -37,7 +37,7 @@ def path(tmp_path: Path) -> Path:
 
 # --- the schema --------------------------------------------------------------------------------
 
-TIMES = st.floats(allow_nan=False, allow_infinity=False)
+TIMES = st.floats(-1e11, 1e11)
 EVENTS = st.builds(
     GoalEvent,
     goal_id=st.uuids(),
@@ -154,6 +154,63 @@ GOOD: dict[str, Any] = json.loads(event_line(event(), CALL))
 def test_what_is_no_line_says_why(text: str, said: str) -> None:
     with pytest.raises(ValueError, match=re.escape(said)):
         parse_line(text)
+
+
+def raw(name: str, value: str) -> str:
+    """Return a good line in which a field's value is written so, JSON or not."""
+    return json.dumps({**GOOD, name: "HERE"}).replace('"HERE"', value)
+
+
+HOSTILE = {
+    "deep": "[" * 200_000,
+    "deep and whole": raw("goal", "[" * 200_000 + "]" * 200_000),
+    "a deep kind": raw("kind", "[" * 900 + "]" * 900),
+    "a time too large for a float": raw("monotonic", str(10**400)),
+    "a time that Python does not read": raw("wall", "9" * 5000),
+    "a time that becomes infinite": raw("wall", "1e400"),
+    "no number": raw("monotonic", "NaN"),
+    "infinite": raw("elapsed_ms", "-Infinity"),
+    "the word": raw("monotonic", '"nan"'),
+    "a number in quotes": raw("monotonic", '"5"'),
+    "true": raw("wall", "true"),
+    "after the end of the world": raw("wall", "1e16"),
+    "an infinite attempt": raw("attempt", "Infinity"),
+    "an infinite process": raw("pid", "Infinity"),
+    "a long version": raw("v", json.dumps("x" * 100_000)),
+    "a long state": raw("state", json.dumps("x" * 100_000)),
+    "no UTF-8": '"\udcff"',
+}
+
+
+@pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)
+def test_one_hostile_line_is_a_problem_and_no_more(text: str, path: Path) -> None:
+    good = json.dumps(GOOD)
+    path.write_bytes("\n".join([good, text, good]).encode("utf-8", "surrogateescape"))
+    log = read_json_lines(path)
+    assert [line.event for line in log.lines] == [event(), event()]
+    (problem,) = log.problems
+    assert problem.startswith("goals.jsonl:2: ")
+    assert len(problem) < 400
+
+
+ANYTHING = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=5),
+    st.lists(st.none(), max_size=2),
+    st.sampled_from([10**400, -(10**400), {"a": [1]}, "event", "outcome"]),
+)
+
+
+@given(st.dictionaries(st.sampled_from(sorted(GOOD)), ANYTHING, min_size=1, max_size=4))
+def test_any_values_make_a_line_or_a_problem(values: dict[str, Any]) -> None:
+    try:
+        line = parse_line(json.dumps({**GOOD, **values}))
+    except ValueError:
+        return
+    assert (line.event is None) == (line.kind != "event")
 
 
 def test_fields_may_be_added() -> None:

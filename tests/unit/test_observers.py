@@ -16,6 +16,7 @@ import pytest
 
 import actionkit as ak
 from actionkit import CallInfo, GoalEvent, GoalState, Outcome, Rosout, Timeline
+from actionkit._decode import DecodeOnce
 from actionkit._observers import channel as channel_module
 from actionkit._observers.audience import Audience
 from actionkit._observers.channel import Channel
@@ -261,6 +262,26 @@ def test_all_are_told_all_in_order() -> None:
     assert second.told == events
     assert len(decoded) == 1  # only for who wants it
     assert decoded != [threading.current_thread()]
+
+
+def test_feedback_that_cannot_be_decoded_is_an_event_without_its_message(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """It is no fault of the observer's, who must not be dropped for it."""
+    first, second = Noting(), OnlyEvents()
+    audience = Audience((first, second), action_name="/fibonacci")
+    events = [event(GoalState.FEEDBACK), event(GoalState.SUCCEEDED)]
+
+    def decode(_: bytes) -> Any:
+        raise RuntimeError("cut off")
+
+    audience.event(events[0], CALL, DecodeOnce(decode, b""))
+    audience.event(events[1], CALL)
+    audience.flush(soon())
+    assert first.told == [("event", each, CALL) for each in events]
+    assert second.told == events
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert "cut off" in caplog.text
 
 
 def test_one_that_blocks_or_raises_harms_nobody_else(caplog: pytest.LogCaptureFixture) -> None:

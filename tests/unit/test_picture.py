@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import json
+import math
+import os
 import re
+import subprocess
+import sys
 import uuid
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
@@ -23,6 +28,7 @@ from actionkit.cli._app import app
 from actionkit.cli._picture_layout import Bar, Phase, Sign, lay_out
 from actionkit.cli._picture_scale import axis_for
 from actionkit.cli._picture_svg import draw
+from actionkit.cli.timeline import report
 
 S = GoalState
 SVG = "{http://www.w3.org/2000/svg}"
@@ -280,6 +286,36 @@ def test_any_log_can_be_drawn(stories: list[tuple[Steps, float | None]]) -> None
     )
 
 
+NUMBERS = st.one_of(st.integers(-(10**18), 10**18), st.floats())
+
+
+@settings(deadline=None)
+@given(
+    st.lists(
+        st.dictionaries(st.sampled_from(["monotonic", "wall", "elapsed_ms", "attempt"]), NUMBERS),
+        min_size=len(RETRIED) + 1,
+        max_size=len(RETRIED) + 1,
+    )
+)
+def test_any_times_that_are_read_can_be_drawn(changes: list[dict[str, float]]) -> None:
+    lines = []
+    for line, changed in zip(call(RETRIED, end=9.0), changes, strict=True):
+        with contextlib.suppress(ValueError):
+            lines.append(parse_line(json.dumps({**line.data, **changed})))
+    calls = [lines] if lines else []
+    report(calls)
+    svg = draw(calls)
+    ET.fromstring(svg)
+    assert re.search(r"\b(nan|inf)\b", re.sub(r"<title>.*?</title>", "", svg, flags=re.S)) is None
+
+
+def test_what_is_between_quotes_stays_there() -> None:
+    lines = call(RAN, end=5.0)
+    hostile = {**lines[-1].data, "outcome": 'x" onload="alert(1)'}
+    (group,) = groups(draw([[*lines[:-1], parse_line(json.dumps(hostile))]]), "call ")
+    assert group.get("onload") is None
+
+
 # --- the command -------------------------------------------------------------------------------
 
 
@@ -314,6 +350,55 @@ def test_the_command_draws(tmp_path: Path) -> None:
     code, printed, _ = run(log, "--svg", "-", "--last", 1)
     assert code == 0
     assert len(groups(printed, "call ")) == 1
+
+
+def test_times_that_are_none_are_left_out_and_told(tmp_path: Path) -> None:
+    log = write(tmp_path / "goals.jsonl", call(GOOD, end=5.0))
+    lines = log.read_text().splitlines()
+    strange = [
+        {**json.loads(lines[1]), "wall": wall} for wall in (math.nan, math.inf, "nan", 1e300)
+    ]
+    log.write_text("\n".join([*lines, *map(json.dumps, strange)]))
+    out = tmp_path / "goals.svg"
+    code, printed, err = run(log, "--svg", out)
+    assert code == 0
+    assert len(err.splitlines()) == 4
+    assert all(line.startswith("not read: goals.jsonl:") for line in err.splitlines())
+    assert "=> ok after 5000.0 ms" in printed
+    assert "nan" not in out.read_text()
+
+
+HOSTILE = "\x1b]0;owned\x07\x1b[2J\x9b31m\x7f\r\u202e\ud800"
+"""Sets the title, clears the screen, turns the text round; and half a character."""
+ESCAPED = r"\u001b]0;owned\u0007\u001b[2J\u009b31m\u007f\r\u202e\ud800"
+
+
+def test_nothing_in_a_file_controls_the_terminal(tmp_path: Path) -> None:
+    steps = [(0.0, S.SENDING, 1), (5.0, S.SUCCEEDED, 1)]
+    lines = call(steps, end=5.0, action_name=HOSTILE, action_type=HOSTILE, node_name=HOSTILE)
+    lines = [
+        parse_line(json.dumps({**line.data, "detail": HOSTILE, "error": HOSTILE, "pid": 7}))
+        for line in lines
+    ]
+    log = write(tmp_path / f"{HOSTILE[:-1]}.jsonl".replace("/", ""), lines)
+    with log.open("a") as file:
+        file.write(json.dumps({**lines[0].data, "state": HOSTILE}))
+    done = subprocess.run(
+        [sys.executable, "-m", "actionkit", "timeline", str(log)],
+        capture_output=True,
+        env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"},
+        timeout=60,
+        check=False,
+    )
+    out, err = done.stdout.decode(), done.stderr.decode()
+    assert done.returncode == 0, err
+    for text in (out, err):
+        assert set(text) - {"\n"} <= set(map(chr, range(32, 127))), text
+    assert out.startswith(f"{ESCAPED} ({ESCAPED}, node {ESCAPED}, process 7)\n")
+    assert f"{ESCAPED}, goal" in out
+    assert out.endswith(f": {ESCAPED}\n")
+    assert len(out.splitlines()) == 4
+    ET.fromstring(draw([lines], name=log.name))
 
 
 def test_the_command_tells_what_it_could_not_read(tmp_path: Path) -> None:

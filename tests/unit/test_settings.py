@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 import tenacity
 
-from actionkit import RetryPolicy, Timeouts
-from actionkit._settings import check_seconds
+from actionkit import RetryBudget, RetryPolicy, Timeouts
+from actionkit._settings import MOST, check_seconds
 
 TIMEOUTS = [field.name for field in dataclasses.fields(Timeouts)]
 NO_SECONDS = ["1", True, b"", [1], object(), 1j]
@@ -70,6 +70,36 @@ def test_timeouts_are_float_seconds(field: str) -> None:
 def test_no_limit_is_none_but_for_the_wait_for_a_cancellation() -> None:
     assert Timeouts(server=None, accept=None, total=None, feedback=None).server is None
     assert "None" not in expect(TypeError, Timeouts, "cancel", None).split("must be")[1]
+
+
+HUGE = {"1e300": 1e300, "more than a float holds": 10**400, "too long to print": 10**5000}
+
+
+@pytest.mark.parametrize("value", HUGE.values(), ids=HUGE)
+def test_a_number_too_large_for_any_clock(value: float) -> None:
+    wanted = [(Timeouts, field) for field in TIMEOUTS]
+    wanted += [(RetryPolicy, field) for field in ("initial", "factor", "max_pause", "jitter")]
+    wanted += [(RetryBudget, field) for field in ("capacity", "ratio")]
+    for cls, field in wanted:
+        with pytest.raises(ValueError, match=rf"^{cls.__name__}\.{field}=.* must be 1e9 or less"):
+            cls(**{field: value})
+    with pytest.raises(ValueError, match=r"^timeout=.* must be 1e9 or less; None means no limit$"):
+        check_seconds("timeout", value)
+
+
+def test_the_largest_number_is_allowed() -> None:
+    assert check_seconds("timeout", MOST) == MOST
+    assert RetryBudget(capacity=MOST).capacity == MOST
+
+
+def test_a_long_value_is_shortened_in_the_error() -> None:
+    for value in (10**400, -(10**400), 10**5000, "x" * 10**6, [1.5] * 10**6):
+        with pytest.raises((TypeError, ValueError)) as caught:
+            check_seconds("timeout", value)
+        assert len(str(caught.value)) < 200
+    with pytest.raises(ValueError, match=r"^RetryPolicy\.attempts=") as caught_too:
+        RetryPolicy(attempts=-(10**5000))
+    assert len(str(caught_too.value)) < 200
 
 
 @pytest.mark.parametrize("value", [1.0, "3", None, True])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -26,6 +27,13 @@ def test_the_main_thread_never_waits_for_ever_at_once() -> None:
     assert max(itertools.islice(slices(None), 100)) <= 1.0  # type: ignore[type-var]
     assert list(slices(0)) == [0]
     assert list(slices(-1.0)) == [-1.0]
+
+
+@pytest.mark.parametrize("timeout", [1e300, 10**400, math.inf], ids=["1e300", "1e400", "inf"])
+def test_a_wait_longer_than_any_life_has_no_end(timeout: float) -> None:
+    """The operating system takes 292 years at most, and a float cannot hold each whole number."""
+    assert max(itertools.islice(slices(timeout), 100)) <= 1.0  # type: ignore[type-var]
+    assert on_another_thread(lambda: list(slices(timeout))) == [None]
 
 
 @pytest.mark.parametrize("timeout", [None, 0, 3.0])

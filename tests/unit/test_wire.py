@@ -123,3 +123,35 @@ def test_feedback_without_its_goal_id_keeps_its_alignment(
     )
     alone = feedback_alone(serialize_message(message))
     assert deserialize_message(alone, NestedMessage.Feedback) == feedback
+
+
+# --- messages that are cut off, or no messages at all ------------------------------------------
+
+
+@pytest.mark.parametrize("extra", [0, FEW])
+def test_of_a_message_that_is_cut_off_the_whole_entries_are_read(extra: int) -> None:
+    goals = [(uuid.uuid4().bytes, status) for status in (2, 4, 5)]
+    wanted = {goal_id for goal_id, _ in goals} | {uuid.uuid4().bytes for _ in range(extra)}
+    message = status_array(goals)
+    counts = [len(list(goal_states(message[:length], wanted))) for length in range(len(message))]
+    assert counts == sorted(counts)
+    assert set(counts) == {0, 1, 2}
+    for length in range(len(message)):
+        assert set(goal_states(message[:length], wanted)) <= set(goals)
+
+
+@st.composite
+def torn(draw: st.DrawFn) -> tuple[bytes, set[bytes]]:
+    """Return bytes of any kind, and ids of which some are in them anywhere."""
+    message = draw(st.binary(max_size=200))
+    places = draw(st.lists(st.integers(0, max(0, len(message) - 16)), max_size=FEW + 10))
+    wanted = {message[place : place + 16] for place in places} | draw(st.sets(ids, max_size=FEW))
+    return message, {goal_id for goal_id in wanted if len(goal_id) == 16}
+
+
+@given(torn())
+def test_any_bytes_are_read_without_an_error(given: tuple[bytes, set[bytes]]) -> None:
+    message, wanted = given
+    assert {goal_id for goal_id, _ in goal_states(message, wanted)} <= wanted
+    assert len(feedback_goal_id(message)) <= 16
+    assert len(feedback_alone(message)) <= max(4, len(message))
