@@ -21,6 +21,7 @@ from actionkit import _judging as judging
 from actionkit._attempt import STATES, Attempt
 from actionkit._call import Call
 from actionkit._clock import TimerHandle, TimerQueue
+from actionkit._delivery import Pool
 from actionkit._effects import CancelAnswer
 from actionkit._explain import Surroundings
 from actionkit._request import Request
@@ -172,6 +173,7 @@ class CallLife:
                     budget=budget or RetryBudget(1000.0),
                     classify=(lambda _: self.verdict) if judged else None,
                     callbacks=None,
+                    pool=Pool(),
                 ),
             )
         self.deadline = None if timeout is None else self.clock + timeout
