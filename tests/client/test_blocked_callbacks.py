@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import logging
 import threading
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from actionkit import RetryPolicy
+from actionkit import RetryPolicy, _blocked
 from actionkit.testing import EventLog
 
 LONG = 20.0  # the bound of a wait that is over soon when all is well
@@ -26,6 +26,9 @@ class Stuck:
     def __call__(self, *args):
         self.entered.append(args)
         self.leave.wait(120)
+
+    def __repr__(self):
+        return "<Stuck>"
 
     on_event = on_outcome = __call__
 
@@ -47,7 +50,7 @@ def handled_by(logger, emit, level=logging.INFO):
 
     class Handler(logging.Handler):
         def createLock(self):
-            self.lock = None
+            self.lock = threading.Semaphore(1000)
 
     handler, before = Handler(level), logger.level
     handler.emit = emit
@@ -181,6 +184,89 @@ def test_a_log_handler_that_raises_does_not_silence_the_log(action_server, make_
     (warning,) = [r for r in caplog.records if r.name == "actionkit"]
     assert "the log 'actionkit.goal' of action '/fibonacci' raised" in warning.getMessage()
     assert warning.exc_info[0] is ValueError
+
+
+# --- who blocks is named ------------------------------------------------------------------------
+
+
+def use(how, client, stuck):
+    """Make a call in which something of the user's blocks."""
+    future = client.call_async({"order": 5}, stuck if how == "feedback" else None, timeout=LONG)
+    if how == "done":
+        future.add_done_callback(stuck)
+    assert future.result(LONG)
+
+
+@pytest.mark.parametrize(
+    ("how", "named"),
+    [
+        ("feedback", f"on_feedback {__name__}.Stuck of action '/fibonacci'"),
+        ("done", f"done callback {__name__}.Stuck of action '/fibonacci'"),
+        ("observer", "observer <Stuck> of action '/fibonacci'"),
+        ("log", "a handler of the log 'actionkit.goal' of action '/fibonacci'"),
+    ],
+    ids=["feedback", "done", "observer", "log"],
+)
+def test_the_log_names_what_blocks_and_tells_when_it_returns(
+    how, named, action_server, make_client, stuck, monkeypatch
+):
+    monkeypatch.setattr(_blocked, "TOLD_AFTER", 0.5)
+    action_server("fibonacci", period=0.02)
+    told = EventLog()
+    client = make_client(observers=[stuck] if how == "observer" else [])
+    with ExitStack() as stack:
+        if how == "log":
+            stack.enter_context(handled_by(GOALS, stuck))
+        stack.enter_context(handled_by(OURS, told, logging.WARNING))
+        use(how, client, stuck)
+        warning = told.wait_for(lambda record: "has not returned" in record.getMessage(), LONG)
+        assert warning.getMessage().startswith(named)
+        assert "self.leave.wait(" in warning.stack_info  # where it stands
+        stuck.leave.set()
+        back = told.wait_for(lambda record: "has returned" in record.getMessage(), LONG)
+        assert back.getMessage().startswith(named)
+
+
+STUCK_AT_EXIT = """
+import logging, sys, threading
+from actionkit import Client
+from test_msgs.action import Fibonacci
+
+entered = threading.Event()
+def blocks(record):
+    entered.set()
+    threading.Event().wait()
+logger = logging.getLogger(sys.argv[1])
+logger.setLevel(logging.INFO)
+logger.addFilter(blocks)
+client = Client(Fibonacci, "fibonacci")
+client.call({"order": 2}, 20)
+assert entered.wait(20)
+"""
+
+
+@pytest.mark.parametrize("logger", ["actionkit", "actionkit.goal"])
+def test_a_log_filter_that_never_returns_does_not_hold_up_the_exit(
+    logger, action_server, run_script
+):
+    action_server("twins")
+    code, out, err = run_script(STUCK_AT_EXIT, logger).finish(timeout=30)
+    assert (code, out) == (0, "")
+    told = "at exit, a handler of the log 'actionkit.goal' of action '/fibonacci' had not been"
+    lines = [line for line in err.splitlines() if line.startswith("at exit")]
+    assert [line.startswith(told) for line in lines] == ([True] if "goal" in logger else [])
+
+
+def test_ctrl_c_in_a_done_callback_on_the_main_thread_gets_through(action_server, make_client):
+    action_server("fibonacci")
+    future = make_client().call_async({"order": 1}, timeout=LONG)
+    assert future.result(LONG)
+
+    def interrupted(future):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        future.add_done_callback(interrupted)
 
 
 # --- what the communication thread logs --------------------------------------------------------

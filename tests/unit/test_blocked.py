@@ -17,6 +17,16 @@ from tests.conftest import NEVER, all_is_logged
 LONG = 20.0
 
 
+def comes_true(condition: Callable[[], bool]) -> bool:
+    """Wait for what nothing tells of."""
+    until = time.monotonic() + LONG
+    while not condition():
+        if time.monotonic() > until:
+            return False
+        NEVER.wait(0.005)
+    return True
+
+
 class Once:
     """Work that the tests do by hand."""
 
@@ -168,6 +178,7 @@ def test_blocked_threads_are_replaced_up_to_a_limit(caplog: pytest.LogCaptureFix
         assert gate.entered.wait(LONG)
     strand, notes = Strand(pool, 10, IT), list[int]()
     strand.put(lambda: notes.append(1))
+    assert comes_true(lambda: pool._told_of_limit)  # when all of them have blocked for a second
     assert notes == []
     gates[0].leave.set()
     done = threading.Event()
@@ -179,10 +190,7 @@ def test_blocked_threads_are_replaced_up_to_a_limit(caplog: pytest.LogCaptureFix
     full = [r.getMessage() for r in caplog.records if "no more threads" in r.getMessage()]
     assert len(full) == 1
     assert "callbacks of a client of action '/fibonacci' do not return" in full[0]
-    until = time.monotonic() + LONG
-    while pool._threads:
-        assert time.monotonic() < until
-        NEVER.wait(0.01)
+    assert comes_true(lambda: not pool._threads)
     assert (pool._blocked, pool._free) == (0, 0)
 
 
@@ -204,10 +212,7 @@ def end_of(pool: Pool) -> None:
     """Have an idle thread of a pool end at once, or it would be seen by other tests."""
     pool._idle_seconds = 0.0
     pool.submit(lambda: None, IT)
-    until = time.monotonic() + LONG
-    while pool._threads:
-        assert time.monotonic() < until
-        NEVER.wait(0.005)
+    assert comes_true(lambda: not pool._threads)
 
 
 def test_a_job_is_followed_by_the_next_of_its_strand_however_long_it_took() -> None:
@@ -239,24 +244,18 @@ def test_a_job_that_returns_just_when_it_is_given_up_counts_again() -> None:
     assert (pool._blocked, worker.replaced) == (0, None)
 
 
-def watchers(expected: int) -> bool:
-    """Wait until there are so many of them."""
-    until = time.monotonic() + LONG
-    while [t.name for t in threading.enumerate()].count("actionkit-watcher") != expected:
-        if time.monotonic() > until:
-            return False
-        NEVER.wait(0.005)
-    return True
+def watchers() -> int:
+    return [thread.name for thread in threading.enumerate()].count("actionkit-watcher")
 
 
 def test_the_watcher_is_there_only_while_callback_threads_are() -> None:
-    assert watchers(0)  # when the threads of earlier tests have ended
+    assert comes_true(lambda: watchers() == 0)  # when the threads of earlier tests have ended
     gates = [gate for _ in range(3) for gate in blocked_in(Pool("/fibonacci", idle=0.0), 1)]
     for gate in gates:
         assert gate.entered.wait(LONG)
-    assert watchers(1)
+    assert watchers() == 1
     let_go(gates)
-    assert watchers(0)
+    assert comes_true(lambda: watchers() == 0)
 
 
 def test_the_watcher_survives_an_error_of_its_own(

@@ -204,7 +204,7 @@ from actionkit import _diagnostics as diagnostics
 entered, seen = threading.Event(), []
 class Handler(logging.Handler):
     def createLock(self):
-        self.lock = None
+        self.lock = threading.Semaphore(1000)
     def emit(self, record):
         seen.append(record.getMessage())
         if record.getMessage() == "parent":
