@@ -59,7 +59,8 @@ class Audience:
         """Seat the observers, which were checked. The names are those of `CallInfo`."""
         self._names = (action_name, action_type, node_name)
         # A thread for each, where need be: none of them waits for another.
-        self._pool = Pool(action_name, name="actionkit-observers", most=1 + len(observers))
+        most = 1 + len(observers)
+        self._pool = Pool(action_name, name="actionkit-observers", most=most, limit=most)
         self._log = GoalLog()
         log_label = Label(f"a handler of {self._log!r}", None, "the client's other records")
         log_channel = Channel(log_label, self._pool, action_name, ends_on_error=False)

@@ -253,16 +253,16 @@ FORKED = """
 import os, threading
 from actionkit import _delivery
 
-entered, leave = threading.Event(), threading.Event()
-for _ in range(20):  # more than the pool has threads: the parent's pool is full
-    _delivery.pool.submit(lambda: (entered.set(), leave.wait()))
+entered, forever = threading.Event(), threading.Event()
+_delivery.Pool().submit(lambda: (entered.set(), forever.wait()))
 entered.wait()
 child = os.fork()
 if child == 0:
     _delivery.after_fork()
-    ran = threading.Event()
-    _delivery.pool.submit(ran.set)
-    os._exit(0 if ran.wait(10) else 1)
+    pool, ran = _delivery.Pool(most=1), threading.Event()
+    pool.submit(forever.wait)
+    pool.submit(ran.set)  # once the watcher of this process has seen that the first blocks
+    os._exit(0 if ran.wait(20) else 1)
 print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 
