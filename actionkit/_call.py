@@ -88,7 +88,7 @@ class Call:
         self._retries = Retries(request.retry, request.budget, self._began)
         self._judging = Judging(carrier, request.classify)
         self._tape: FeedbackTape[Any] = FeedbackTape()
-        self.future: GoalFuture[Any, Any] = GoalFuture(self, self._tape)
+        self.future: GoalFuture[Any, Any] = GoalFuture(self, self._tape, request.pool)
         self._attempt: Attempt | None = None
         self._previous: Attempt | None = None
         self._attempts = 0

@@ -14,7 +14,7 @@ from actionkit._arguments import UNSET, Unset, check_type, refuse_unknown
 from actionkit._budget import RetryBudget
 from actionkit._call import Call
 from actionkit._classify import Classify, FieldClassifier
-from actionkit._delivery import in_callback
+from actionkit._delivery import Pool, in_callback
 from actionkit._feedback import callbacks_for
 from actionkit._fields import FieldError, FieldTypeError, to_message
 from actionkit._future import GoalFuture
@@ -90,6 +90,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         self._goal_type: Any = action.Goal
         self._action_type = action
         self._identity = self._session.port.identity
+        self._pool = Pool(self.action_name)
         # A client that is dropped without close() must not keep a thread, or goals, alive.
         self._finalizer = weakref.finalize(self, self._session.drop)
         self._finalizer.atexit = False  # the session sees to the interpreter's exit itself
@@ -222,7 +223,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         if retry is not None:
             check_type("retry", retry, RetryPolicy)
         _check_classify(classify, self._action_type)
-        callbacks = callbacks_for(on_feedback, self.action_name)
+        callbacks = callbacks_for(on_feedback, self.action_name, self._pool)
         message, invalid = self._validated(goal)
         return self._session.prepare(
             Request(
@@ -234,6 +235,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 budget=self._budget,
                 classify=classify or self._classify,
                 callbacks=callbacks,
+                pool=self._pool,
             )
         )
 

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-_log = logging.getLogger("actionkit")
+from actionkit._diagnostics import log_here
 
 
 class UndecodableError(Exception):
@@ -36,7 +36,7 @@ class DecodeOnce:
                 self._value = decode(message)
             except Exception as error:  # noqa: BLE001  whatever the middleware makes of bad bytes
                 self._value = UndecodableError(str(error))
-                _log.warning("feedback is left out: %s", error)
+                log_here(logging.WARNING, "feedback is left out: %s", error)
             self._pending = None
         if isinstance(self._value, UndecodableError):
             raise self._value

@@ -16,11 +16,12 @@ from functools import partial
 from typing import Any, Generic, Protocol
 
 from actionkit._action_type import FeedbackT
+from actionkit._blocked import Label
 from actionkit._decode import UndecodableError
-from actionkit._delivery import Strand, in_callback, pool
+from actionkit._delivery import Pool, Strand, in_callback
+from actionkit._diagnostics import log_here
 from actionkit._waiting import slices
 
-_log = logging.getLogger("actionkit")
 KEPT = 100
 """Feedback messages that a slow callback or reader may be behind; then the newest win."""
 
@@ -43,11 +44,12 @@ class Callbacks(Protocol):
 class ThreadCallbacks:
     """Calls a plain function on a thread of the pool."""
 
-    def __init__(self, function: Callable[[Any], object], action_name: str) -> None:
+    def __init__(self, function: Callable[[Any], object], action_name: str, pool: Pool) -> None:
         self.errors = 0
         self._function = function
         self._action_name = action_name
-        self._strand = Strand(pool, KEPT)
+        label = Label("on_feedback", function, "the further feedback of its goal")
+        self._strand = Strand(pool, KEPT, label)
         self.finish = self._strand.finish
         self.close = self._strand.close
 
@@ -62,7 +64,7 @@ class ThreadCallbacks:
             return
         except BaseException:  # noqa: BLE001  a user's error must not end the delivery (C1.8)
             self.errors += 1
-            _log.exception("on_feedback of action %s raised", self._action_name)
+            _log_error(self._action_name)
 
 
 class LoopCallbacks:
@@ -157,7 +159,11 @@ class LoopCallbacks:
 
     def _failed(self) -> None:
         self.errors += 1
-        _log.exception("on_feedback of action %s raised", self._action_name)
+        _log_error(self._action_name)
+
+
+def _log_error(action_name: str) -> None:
+    log_here(logging.ERROR, "on_feedback of action %s raised", action_name, exc_info=True)
 
 
 def _is_being_cancelled() -> bool:
@@ -167,13 +173,16 @@ def _is_being_cancelled() -> bool:
     return not hasattr(task, "cancelling") or task.cancelling() > 0
 
 
-def callbacks_for(function: Callable[[Any], object] | None, action_name: str) -> Callbacks | None:
+def callbacks_for(
+    function: Callable[[Any], object] | None, action_name: str, pool: Pool
+) -> Callbacks | None:
     """Return what hands feedback to `function`.
 
     Args:
         function: A plain function, which runs on a thread of ActionKit's, or a coroutine
             function, which runs on the event loop of the caller.
         action_name: For the log.
+        pool: Where a plain function runs.
 
     Raises:
         TypeError: `function` cannot be called, or is a coroutine function while no event loop
@@ -186,7 +195,7 @@ def callbacks_for(function: Callable[[Any], object] | None, action_name: str) ->
     if not inspect.iscoroutinefunction(function) and not inspect.iscoroutinefunction(
         getattr(function, "__call__", None)  # noqa: B004  an object with `async def __call__`
     ):
-        return ThreadCallbacks(function, action_name)
+        return ThreadCallbacks(function, action_name, pool)
     try:
         loop = asyncio.get_running_loop()
     except RuntimeError:

@@ -12,10 +12,13 @@ import threading
 import uuid
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Generic, Protocol, TypeVar, cast
 
 from actionkit._action_type import FeedbackT, ResultT
-from actionkit._delivery import pool
+from actionkit._blocked import Label
+from actionkit._delivery import Pool
+from actionkit._diagnostics import is_interrupt, log_here
 from actionkit._effects import End
 from actionkit._errors import ActionKitError
 from actionkit._feedback import FeedbackStream, FeedbackTape, wake_future
@@ -23,7 +26,6 @@ from actionkit._timeline import Recorder
 from actionkit._values import GoalState, Outcome, Timeline
 from actionkit._waiting import slices
 
-_log = logging.getLogger("actionkit")
 _T = TypeVar("_T")
 
 
@@ -70,10 +72,11 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
     awaited from any running asyncio loop. Made by `Client.call_async` only.
     """
 
-    def __init__(self, call: CallView, tape: FeedbackTape[FeedbackT]) -> None:
+    def __init__(self, call: CallView, tape: FeedbackTape[FeedbackT], pool: Pool) -> None:
         super().__init__()
         self._call = call
         self._tape = tape
+        self._pool = pool
         self._outcome: Outcome[ResultT] | None = None
         self._told = False  # whether waiters and callbacks were told
         self._pid = os.getpid()
@@ -248,8 +251,12 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
     def _call_back(self, fn: Callable[[Any], object]) -> None:
         try:
             fn(self)
-        except BaseException:  # noqa: BLE001  a user's error must not end the delivery
-            _log.exception("a done callback of goal %s raised", self.goal_id)
+        except BaseException as error:  # a user's error must not end the delivery
+            if is_interrupt(error):
+                raise
+            log_here(
+                logging.ERROR, "a done callback of goal %s raised", self.goal_id, exc_info=True
+            )
 
     # --- for the call only -----------------------------------------------------------------
 
@@ -272,7 +279,8 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         for wake in waiters:
             wake()
         for callback in callbacks:
-            pool.submit(lambda fn=callback: self._call_back(fn))  # type: ignore[misc]
+            label = Label("done callback", callback, "a thread, but no other callback")
+            self._pool.submit(partial(self._call_back, callback), label)
 
     def _outcome_error(self) -> BaseException:
         assert self._outcome is not None

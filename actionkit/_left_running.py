@@ -6,6 +6,8 @@ import logging
 import sys
 import uuid
 
+from actionkit._diagnostics import log_later, write_to_stderr
+
 _log = logging.getLogger("actionkit")
 _NAMED = 10
 """How many goals are named; the log of the goals, and their errors, name all."""
@@ -39,22 +41,21 @@ def tell_of_goals_left(goals: list[tuple[str, uuid.UUID]], seconds: float | None
         f" to cancel {named}{more}, and the server has not confirmed it.{after}"
         " Stop the robot by other means if it must not move."
     )
-    _log.warning(text)
-    if not _reaches_standard_error():
-        print(f"actionkit: {text}", file=sys.stderr)
+    if _log.hasHandlers():  # without any, logging would write it to standard error itself
+        log_later(logging.WARNING, text)
+    if not _logs_to_stderr():
+        write_to_stderr(f"actionkit: {text}")
 
 
-def _reaches_standard_error() -> bool:
-    """Whether warnings of the logger are written there."""
+def _logs_to_stderr() -> bool:
+    """Whether a handler of the user's writes warnings of the logger to standard error."""
     if not _log.isEnabledFor(logging.WARNING):
         return False
     logger: logging.Logger | None = _log
-    found = False
     while logger is not None:
         for handler in logger.handlers:
-            found = True
-            stream = getattr(handler, "stream", None)
-            if stream in (sys.stderr, sys.__stderr__) and handler.level <= logging.WARNING:
+            on_stderr = getattr(handler, "stream", 0) in (sys.stderr, sys.__stderr__)
+            if on_stderr and handler.level <= logging.WARNING:
                 return True
         logger = logger.parent if logger.propagate else None
-    return not found  # then logging itself writes it there
+    return False

@@ -7,6 +7,7 @@ from typing import Any
 
 from actionkit._budget import RetryBudget
 from actionkit._classify import Classify
+from actionkit._delivery import Pool
 from actionkit._feedback import Callbacks
 from actionkit._settings import RetryPolicy, Timeouts
 
@@ -24,6 +25,7 @@ class Request:
         budget: The brake on retries.
         classify: What counts as success, or `None` for the default.
         callbacks: Who gets the feedback, or `None`.
+        pool: Where done callbacks run.
     """
 
     goal: Any
@@ -34,3 +36,4 @@ class Request:
     budget: RetryBudget
     classify: Classify | None
     callbacks: Callbacks | None
+    pool: Pool

@@ -16,7 +16,7 @@ import uuid
 from collections.abc import Callable
 from typing import Any, Literal
 
-from actionkit import _delivery
+from actionkit import _delivery, _diagnostics
 from actionkit._call import Call
 from actionkit._carrier import LINGER, PortCarrier
 from actionkit._errors import ClientClosedError
@@ -277,6 +277,7 @@ def close_all() -> None:
         # The middleware's own exit handlers crash under a thread that still uses it.
         runtimes.join_ending(_FREEING)
         channels.flush_all(time.monotonic() + _TELLING)
+        _diagnostics.flush(time.monotonic() + _TELLING)
     except KeyboardInterrupt:  # a human who does not want to wait for it
         tell_of_goals_left(_left_running(sessions))
 
@@ -301,6 +302,7 @@ def forget_inherited() -> None:
     runtimes.forget_inherited()
     _delivery.after_fork()
     channels.after_fork()
+    _diagnostics.after_fork()
 
 
 atexit.register(close_all)

@@ -15,7 +15,12 @@ from benchmarks.process import resident, thread_cpu
 from benchmarks.server import NAME, STREAM
 from benchmarks.variant import Variant
 
-_KINDS = {"actionkit": "communication", "actionkit-callbacks": "callbacks"}
+_KINDS = {
+    "actionkit": "communication",
+    "actionkit-callbacks": "callbacks",
+    "actionkit-observers": "callbacks",
+    "actionkit-watcher": "callbacks",
+}
 
 
 class Worker:

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from actionkit import Client, GoalFuture, GoalState, Outcome
+from actionkit import Client, GoalFuture, GoalState, Outcome, _diagnostics
 from actionkit._stages import FIRST_NUDGE
 from actionkit.servers import Server, ServerEvent
 
@@ -88,6 +88,11 @@ def is_accepted(future: GoalFuture[Any, Any]) -> bool:
             return False
         NEVER.wait(0.002)
     return True
+
+
+def all_is_logged() -> bool:
+    """Wait until what the communication thread had to say is written, which is not done there."""
+    return _diagnostics.flush(time.monotonic() + 20)
 
 
 def runs_nothing(server: Server) -> bool:

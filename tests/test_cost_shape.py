@@ -68,7 +68,7 @@ def wakeups_in(seconds: float, client: Client) -> int:
 def settled() -> int:
     """Return how many objects there are, when no thread is left that holds some for a moment."""
     until = time.monotonic() + 10
-    while any(t.name == "actionkit-callbacks" for t in threading.enumerate()):
+    while any(t.name.startswith("actionkit-") for t in threading.enumerate()):
         assert time.monotonic() < until
         NEVER.wait(0.05)
     gc.collect()

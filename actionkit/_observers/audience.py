@@ -8,7 +8,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from actionkit._blocked import Label
 from actionkit._decode import UndecodableError
+from actionkit._delivery import Pool
 from actionkit._observers.channel import Channel, Job
 from actionkit._observers.goal_log import GoalLog
 from actionkit._observers.protocol import CallInfo, Observer
@@ -18,8 +20,8 @@ from actionkit._values import GoalEvent, GoalState, Outcome
 class Seat:
     """One observer, and the channel to it."""
 
-    def __init__(self, observer: Observer, action_name: str) -> None:
-        self.channel = Channel(f"observer {observer!r} of action {action_name!r}")
+    def __init__(self, observer: Observer, channel: Channel) -> None:
+        self.channel = channel
         self._on_event = observer.on_event
         self._on_feedback: Callable[..., object] | None = getattr(observer, "on_feedback", None)
         self._on_outcome: Callable[..., object] | None = getattr(observer, "on_outcome", None)
@@ -65,9 +67,18 @@ class Audience:
     ) -> None:
         """Seat the observers, which were checked. The names are those of `CallInfo`."""
         self._names = (action_name, action_type, node_name)
+        # A thread for each, where need be: none of them waits for another.
+        most = 1 + len(observers)
+        self._pool = Pool(action_name, name="actionkit-observers", most=most, limit=most)
         self._log = GoalLog()
-        self._log_seat = Seat(self._log, action_name)
-        self._seats = [Seat(observer, action_name) for observer in observers]
+        log_label = Label(f"a handler of {self._log!r}", None, "the client's other records")
+        log_channel = Channel(log_label, self._pool, action_name, ends_on_error=False)
+        self._log_seat = Seat(self._log, log_channel)
+        self._seats = [Seat(observer, self._channel_to(observer)) for observer in observers]
+
+    def _channel_to(self, observer: Observer) -> Channel:
+        label = Label(f"observer {observer!r}", None, "the client's other events for it")
+        return Channel(label, self._pool, self._names[0])
 
     def call_info(
         self, call_id: uuid.UUID, goal: Any, *, monotonic: float, wall: float

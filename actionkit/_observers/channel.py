@@ -1,5 +1,5 @@
-"""Brings what happened to one observer: in order, on the pool, and never on the thread that
-completes the goals (R8).
+"""Brings what happened to one observer: in order, on a thread of its client's for observers, and
+never on the thread that completes the goals (R8).
 
 Nothing is lost on the way but by a bound, and then feedback first: a client that closes, and the
 interpreter at its exit, wait a bounded time for what is queued.
@@ -13,13 +13,16 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from actionkit._delivery import pool
+from actionkit._blocked import Label
+from actionkit._delivery import Pool
+from actionkit._diagnostics import is_interrupt, log_here, log_later, write_to_stderr
 
-_log = logging.getLogger("actionkit")
 MOST_FEEDBACK = 1_000
 """With so many waiting, feedback is left out."""
 MOST = 100_000
 """With so many waiting, everything is."""
+_WARNING_PERIOD = 60.0
+"""Seconds between warnings of a log handler that raises."""
 
 Job = Callable[[], object]
 
@@ -27,23 +30,34 @@ Job = Callable[[], object]
 class Channel:
     """The queue to one observer of one client. Any thread may use it."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(
+        self, label: Label, pool: Pool, action_name: str, *, ends_on_error: bool = True
+    ) -> None:
         """Make an empty one.
 
         Args:
-            name: Whose it is, for the warnings.
+            label: Whose it is, for the warnings.
+            pool: Where the jobs run.
+            action_name: The client's, for the warnings.
+            ends_on_error: Whether who raises is told nothing more, as observers are; the log
+                gets what comes after all the same.
         """
-        self.name = name
+        self.label = label
+        self.name = f"{label} of action {action_name!r}"
+        self.ends_on_error = ends_on_error
+        self._pool = pool
         self._changed = threading.Condition()
         self._jobs: deque[Job] = deque()
         self._scheduled = False
-        self._draining = False
+        self._draining: int | None = None  # the thread that is at it
         self._closed = False
+        self._errors = 0
+        self._quiet_until = 0.0
         self._lost = 0
         self._told_of_loss = False
 
     def put(self, job: Job, *, feedback: bool = False) -> None:
-        """Queue a job; what it raises closes the channel. Never blocks."""
+        """Queue a job. Never blocks."""
         with self._changed:
             if self._closed:
                 return
@@ -56,7 +70,7 @@ class Channel:
             self._scheduled = True
             with _busy.lock:
                 _busy.channels.add(self)
-        pool.submit(self._drain)
+        self._pool.run(self)
 
     def flush(self, until: float, *, here: bool = False) -> bool:
         """Wait for what is queued to be told.
@@ -70,18 +84,22 @@ class Channel:
             Whether nothing is queued any more.
         """
         with self._changed:
-            while self._scheduled and (self._draining or not here):
+            while self._scheduled and (self._draining is not None or not here):
                 if not self._changed.wait(max(0.0, until - time.monotonic())):
                     return False
         if self._scheduled:
-            self._drain(until)
+            self._drain_here(until)
         return not self._scheduled
 
-    def _drain(self, until: float | None = None) -> None:
-        with self._changed:
-            if self._draining:
-                return
-            self._draining = True
+    def step(self) -> bool:
+        """Run the next job, where no other thread is at it. For the pool only."""
+        job = self._next(None)
+        if job is None:
+            return False
+        self._run(job)
+        return True
+
+    def _drain_here(self, until: float) -> None:
         try:
             while (job := self._next(until)) is not None:
                 self._run(job)
@@ -91,14 +109,18 @@ class Channel:
             raise
 
     def _next(self, until: float | None) -> Job | None:
+        here = threading.get_ident()
         with self._changed:
+            if self._draining not in (None, here):
+                return None
             if self._jobs and (until is None or time.monotonic() < until):
+                self._draining = here
                 return self._jobs.popleft()
             self._rest()  # under the same lock, or a job that is put just now would stay
             return None
 
     def _rest(self) -> None:
-        self._draining = False
+        self._draining = None
         if not self._jobs:
             self._scheduled = False
             with _busy.lock:
@@ -109,23 +131,39 @@ class Channel:
         try:
             job()
         except BaseException as error:
-            if isinstance(error, KeyboardInterrupt) and _is_main_thread():
+            if is_interrupt(error):
                 raise  # a human who does not want to wait for the exit
-            with self._changed:
-                self._closed = True
-                self._jobs.clear()
-            _log.warning("%s raised, and is told nothing more", self.name, exc_info=True)
+            self._raised()
         if self._lost and not self._told_of_loss:
             self._told_of_loss = True
-            _log.warning(
+            log_here(
+                logging.WARNING,
                 "%s is too slow: events are left out, feedback from %d waiting events on",
                 self.name,
                 MOST_FEEDBACK,
             )
 
-
-def _is_main_thread() -> bool:
-    return threading.current_thread() is threading.main_thread()
+    def _raised(self) -> None:
+        """Do what is due about an error of who is told. While it is being handled."""
+        if self.ends_on_error:
+            with self._changed:
+                self._closed = True
+                self._jobs.clear()
+            log_here(
+                logging.WARNING, "%s raised, and is told nothing more", self.name, exc_info=True
+            )
+            return
+        self._errors += 1
+        if time.monotonic() < self._quiet_until:
+            return
+        self._quiet_until = time.monotonic() + _WARNING_PERIOD
+        log_here(
+            logging.WARNING,
+            "%s raised (%d times so far), and was given what came after all the same",
+            self.name,
+            self._errors,
+            exc_info=True,
+        )
 
 
 class _Busy:
@@ -144,8 +182,13 @@ def flush_all(until: float) -> None:
     with _busy.lock:
         busy = list(_busy.channels)
     for channel in busy:
-        if not channel.flush(until, here=True):
-            _log.warning("at exit, %s had not been told everything", channel.name)
+        if channel.flush(until, here=True):
+            continue
+        text = "at exit, %s had not been told everything"
+        if channel.ends_on_error:
+            log_later(logging.WARNING, text, channel.name)
+        else:  # it is the log that takes nothing
+            write_to_stderr(text % channel.name)
 
 
 def after_fork() -> None:

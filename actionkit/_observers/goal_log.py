@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from typing import Any
 
+from actionkit._diagnostics import dated
 from actionkit._observers.protocol import CallInfo
 from actionkit._observers.words import (
     LEVELS,
@@ -24,7 +25,7 @@ class GoalLog:
     """Writes to the logger `actionkit.goal`; every record has the same extra fields."""
 
     def __repr__(self) -> str:
-        return "<the log actionkit.goal>"
+        return "the log 'actionkit.goal'"
 
     def wants(self, event: GoalEvent) -> bool:
         """Whether a record would be looked at."""
@@ -86,8 +87,4 @@ def _write(level: int, text: str, wall: float, call: CallInfo, **fields: object)
     record = logger.makeRecord(
         logger.name, level, __file__, 0, "%s%s", (where, text), None, extra=extra
     )
-    # When it happened, and not when this thread came to it.
-    record.relativeCreated += (wall - record.created) * 1000
-    record.created = wall
-    record.msecs = float(int(wall % 1 * 1000))
-    logger.handle(record)
+    logger.handle(dated(record, wall))

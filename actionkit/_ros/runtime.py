@@ -28,11 +28,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from actionkit._clock import TimerHandle, TimerQueue
+from actionkit._diagnostics import log_later, log_own_error
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.native import Source, Waiter
 from actionkit._ros.outbox import CancelWindow, Window
 
-_log = logging.getLogger("actionkit")
 _T = TypeVar("_T")
 _START_TIMEOUT = 30.0
 _numbers = itertools.count(1)
@@ -204,7 +204,7 @@ class Runtime:
             self._close()
         except BaseException as error:  # noqa: BLE001  a thread that dies must say so
             self.failure = error
-            _log.critical("the communication thread of ActionKit died", exc_info=True)
+            log_later(logging.CRITICAL, "the communication thread of ActionKit died", exc_info=True)
             for callback in list(self.on_failure):
                 self._guarded(partial(callback, error))
 
@@ -252,7 +252,7 @@ class Runtime:
         try:
             callback()
         except Exception:  # noqa: BLE001  one goal's trouble must not end the thread (R8)
-            _log.exception("an error in ActionKit itself; please report it")
+            log_own_error()
 
     def _close(self) -> None:
         for _ in range(len(self._inbox)):

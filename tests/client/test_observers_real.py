@@ -213,7 +213,7 @@ def test_a_slow_observer_and_a_slow_handler_delay_no_result(action_server, make_
 
     class Slow(Observer):
         def on_event(self, event, call):
-            assert threading.current_thread().name == "actionkit-callbacks"
+            assert threading.current_thread().name == "actionkit-observers"
             leave.wait(30)
             super().on_event(event, call)
 

@@ -9,7 +9,7 @@ import pytest
 
 import actionkit as ak
 from actionkit import GoalState, RetryPolicy, Timeouts
-from tests.conftest import NEVER, runs_nothing
+from tests.conftest import NEVER, all_is_logged, runs_nothing
 
 ONCE = RetryPolicy.none()
 
@@ -135,6 +135,7 @@ def test_two_servers_give_one_outcome_and_one_warning(action_server, make_client
         assert list(held.result(10).sequence) == [0, 1, 1, 2]
         for _ in range(10):
             assert list(client.call({"order": 3}, 10).sequence) == [0, 1, 1, 2]
+    assert all_is_logged()
     warnings = [r for r in caplog.records if "servers" in r.getMessage()]
     assert len(warnings) == 1
 
@@ -191,6 +192,7 @@ def test_nobody_is_asked_again_when_both_servers_have_ended_a_goal(
     while client._session.port.table_sizes()["strays"]:
         assert time.monotonic() < give_up
         NEVER.wait(0.01)
+    assert all_is_logged()
     assert "MAY STILL BE RUNNING" not in caplog.text
     assert runs_nothing(server)
 
@@ -207,6 +209,7 @@ def test_the_death_of_our_thread_fails_every_call_loudly(action_server, make_cli
     client._session.port.runtime.call_soon(die)
     with pytest.raises(ak.ServerLostError, match="communication thread"):
         future.result(10)
+    assert all_is_logged()
     assert "communication thread" in caplog.text
     # The next call gets a new thread.
     again = client.call_async({"order": 1})

@@ -22,6 +22,7 @@ from actionkit import _judging as judging
 from actionkit._attempt import STATES, Attempt
 from actionkit._call import Call
 from actionkit._clock import TimerHandle, TimerQueue
+from actionkit._delivery import Pool
 from actionkit._effects import CancelAnswer
 from actionkit._explain import Surroundings
 from actionkit._request import Request
@@ -178,6 +179,7 @@ class CallLife:
                     budget=budget or RetryBudget(1000.0),
                     classify=(lambda _: self.verdict) if judged else None,
                     callbacks=None,
+                    pool=Pool(),
                 ),
             )
         self.deadline = None if timeout is None else self.clock + timeout

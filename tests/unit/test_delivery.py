@@ -9,9 +9,11 @@ from collections.abc import Callable
 
 import pytest
 
+from actionkit._blocked import Label
 from actionkit._delivery import Pool, Strand, in_callback
 
 LONG = 10.0  # the bound of a wait that is over at once when all is well
+IT = Label("it", None, "the rest")
 
 
 class Gate:
@@ -43,7 +45,7 @@ def noting(notes: list[int], number: int) -> Callable[[], None]:
 
 
 def test_a_strand_runs_its_jobs_in_order() -> None:
-    strand, notes = Strand(Pool(), 10_000), list[int]()
+    strand, notes = Strand(Pool(), 10_000, IT), list[int]()
     for number in range(5000):
         strand.put(noting(notes, number))
     assert finished(strand)
@@ -52,7 +54,7 @@ def test_a_strand_runs_its_jobs_in_order() -> None:
 
 
 def test_a_strand_runs_one_job_at_a_time() -> None:
-    strand, alone, overlaps = Strand(Pool(), 1000), threading.Lock(), list[int]()
+    strand, alone, overlaps = Strand(Pool(), 1000, IT), threading.Lock(), list[int]()
 
     def job() -> None:
         if not alone.acquire(blocking=False):
@@ -72,7 +74,7 @@ def test_a_strand_runs_one_job_at_a_time() -> None:
 
 
 def test_where_the_queue_is_full_the_newest_win() -> None:
-    strand, gate, notes = Strand(Pool(), 3), Gate(), list[int]()
+    strand, gate, notes = Strand(Pool(), 3, IT), Gate(), list[int]()
     strand.put(gate)
     assert gate.entered.wait(LONG)
     for number in range(10):
@@ -84,7 +86,7 @@ def test_where_the_queue_is_full_the_newest_win() -> None:
 
 
 def test_finish_waits_for_what_is_queued_and_for_what_runs() -> None:
-    strand, gate, notes = Strand(Pool(), 10), Gate(), list[int]()
+    strand, gate, notes = Strand(Pool(), 10, IT), Gate(), list[int]()
     done = threading.Event()
     strand.put(gate)
     strand.put(noting(notes, 1))
@@ -98,13 +100,13 @@ def test_finish_waits_for_what_is_queued_and_for_what_runs() -> None:
 
 
 def test_finish_is_at_once_where_nothing_is_queued() -> None:
-    strand, notes = Strand(Pool(), 10), list[int]()
+    strand, notes = Strand(Pool(), 10, IT), list[int]()
     strand.finish(noting(notes, 1))
     assert notes == [1]
 
 
 def test_a_closed_strand_runs_nothing_more() -> None:
-    strand, gate, notes = Strand(Pool(idle=0.01), 10), Gate(), list[int]()
+    strand, gate, notes = Strand(Pool(idle=0.01), 10, IT), Gate(), list[int]()
     strand.put(gate)
     strand.put(noting(notes, 1))
     assert gate.entered.wait(LONG)
@@ -119,7 +121,7 @@ def test_a_closed_strand_runs_nothing_more() -> None:
 
 
 def test_a_strand_can_be_used_again_after_it_ran_dry() -> None:
-    strand, notes = Strand(Pool(), 10), list[int]()
+    strand, notes = Strand(Pool(), 10, IT), list[int]()
     for number in range(50):
         strand.put(noting(notes, number))
         assert finished(strand)
@@ -128,7 +130,7 @@ def test_a_strand_can_be_used_again_after_it_ran_dry() -> None:
 
 def test_a_blocked_strand_does_not_block_the_others() -> None:
     pool, gate, notes = Pool(), Gate(), list[int]()
-    blocked, free = Strand(pool, 10), Strand(pool, 10)
+    blocked, free = Strand(pool, 10, IT), Strand(pool, 10, IT)
     blocked.put(gate)
     assert gate.entered.wait(LONG)
     for number in range(10):
@@ -240,7 +242,7 @@ def test_threads_do_not_hold_up_the_end_of_the_interpreter() -> None:
 
 
 def test_a_job_knows_that_it_is_a_callback() -> None:
-    strand, seen = Strand(Pool(), 10), list[bool]()
+    strand, seen = Strand(Pool(), 10, IT), list[bool]()
     strand.put(lambda: seen.append(in_callback.get()))
     assert finished(strand)
     assert seen == [True]
@@ -251,16 +253,16 @@ FORKED = """
 import os, threading
 from actionkit import _delivery
 
-entered, leave = threading.Event(), threading.Event()
-for _ in range(20):  # more than the pool has threads: the parent's pool is full
-    _delivery.pool.submit(lambda: (entered.set(), leave.wait()))
+entered, forever = threading.Event(), threading.Event()
+_delivery.Pool().submit(lambda: (entered.set(), forever.wait()))
 entered.wait()
 child = os.fork()
 if child == 0:
     _delivery.after_fork()
-    ran = threading.Event()
-    _delivery.pool.submit(ran.set)
-    os._exit(0 if ran.wait(10) else 1)
+    pool, ran = _delivery.Pool(most=1), threading.Event()
+    pool.submit(forever.wait)
+    pool.submit(ran.set)  # once the watcher of this process has seen that the first blocks
+    os._exit(0 if ran.wait(20) else 1)
 print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 

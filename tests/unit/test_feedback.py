@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from actionkit._decode import DecodeOnce
-from actionkit._delivery import in_callback
+from actionkit._delivery import Pool, in_callback
 from actionkit._feedback import (
     KEPT,
     Callbacks,
@@ -62,7 +62,9 @@ def test_a_function_gets_its_messages_in_order_on_another_thread() -> None:
     got: list[tuple[int, bool, bool]] = []
     here = threading.get_ident()
     callbacks = ThreadCallbacks(
-        lambda number: got.append((number, threading.get_ident() != here, in_callback.get())), "/a"
+        lambda number: got.append((number, threading.get_ident() != here, in_callback.get())),
+        "/a",
+        Pool(),
     )
     for number in range(KEPT):
         callbacks.put(message(number))
@@ -81,7 +83,7 @@ def test_what_a_function_raises_is_logged_and_counted(
         got.append(number)
         raise error("of the user's")
 
-    callbacks = ThreadCallbacks(function, "/fibonacci")
+    callbacks = ThreadCallbacks(function, "/fibonacci", Pool())
     for number in range(3):
         callbacks.put(message(number))
     with caplog.at_level(logging.ERROR, "actionkit"):
@@ -98,7 +100,7 @@ def test_what_a_function_raises_is_logged_and_counted(
 def test_a_message_that_cannot_be_decoded_is_an_error_of_the_callback(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    callbacks = ThreadCallbacks(print, "/a")
+    callbacks = ThreadCallbacks(print, "/a", Pool())
     callbacks.put(lambda: 1 // 0)
     assert handed_over(callbacks)
     assert callbacks.errors == 1
@@ -113,7 +115,7 @@ def test_a_slow_function_misses_the_oldest() -> None:
         assert leave.wait(LONG)
         got.append(number)
 
-    callbacks = ThreadCallbacks(function, "/a")
+    callbacks = ThreadCallbacks(function, "/a", Pool())
     callbacks.put(message(-1))
     assert entered.wait(LONG)
     for number in range(3 * KEPT):
@@ -268,24 +270,24 @@ COROUTINES = [
 
 @pytest.mark.parametrize("function", [print, len, lambda number: None, functools.partial(print)])
 def test_plain_functions_run_on_a_thread(function: Any) -> None:
-    assert isinstance(callbacks_for(function, "/a"), ThreadCallbacks)
+    assert isinstance(callbacks_for(function, "/a", Pool()), ThreadCallbacks)
 
 
 @pytest.mark.parametrize("function", COROUTINES)
 def test_coroutine_functions_need_a_running_loop(function: Any) -> None:
     with pytest.raises(TypeError, match=r"on_feedback=.* no event loop is running"):
-        callbacks_for(function, "/a")
+        callbacks_for(function, "/a", Pool())
 
     async def main() -> Any:
-        return callbacks_for(function, "/a")
+        return callbacks_for(function, "/a", Pool())
 
     assert isinstance(asyncio.run(main()), LoopCallbacks)
 
 
 def test_no_callback_and_no_callable() -> None:
-    assert callbacks_for(None, "/a") is None
+    assert callbacks_for(None, "/a", Pool()) is None
     with pytest.raises(TypeError, match=r"on_feedback=3 must be callable"):
-        callbacks_for(3, "/a")  # type: ignore[arg-type]
+        callbacks_for(3, "/a", Pool())  # type: ignore[arg-type]
 
 
 # --- messages that cannot be decoded -----------------------------------------------------------
@@ -302,7 +304,7 @@ def broken(number: int) -> DecodeOnce:
 
 def test_a_message_that_cannot_be_decoded_is_left_out(caplog: pytest.LogCaptureFixture) -> None:
     seen = list[int]()
-    callbacks = ThreadCallbacks(seen.append, "/fibonacci")
+    callbacks = ThreadCallbacks(seen.append, "/fibonacci", Pool())
     tape: FeedbackTape[int] = FeedbackTape()
     stream = tape.stream()
     for one in (message(1), broken(2), message(3)):

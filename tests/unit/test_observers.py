@@ -16,7 +16,10 @@ import pytest
 
 import actionkit as ak
 from actionkit import CallInfo, GoalEvent, GoalState, Outcome, Rosout, Timeline
+from actionkit import _diagnostics as diagnostics
+from actionkit._blocked import Label, Work
 from actionkit._decode import DecodeOnce
+from actionkit._delivery import Pool
 from actionkit._observers import channel as channel_module
 from actionkit._observers.audience import Audience
 from actionkit._observers.channel import Channel
@@ -73,6 +76,22 @@ class Gate:
         assert self.leave.wait(LONG)
 
 
+class NoThreads(Pool):
+    """As at the interpreter's exit from Python 3.12 on: no thread can be started."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: list[Work] = []
+
+    def run(self, work: Work) -> None:
+        self.asked.append(work)
+
+
+def channel_to(name: str, pool: Pool | None = None, *, ends_on_error: bool = True) -> Channel:
+    label = Label(name, None, "the rest")
+    return Channel(label, pool or Pool(), "/fibonacci", ends_on_error=ends_on_error)
+
+
 def soon() -> float:
     return time.monotonic() + LONG
 
@@ -81,7 +100,7 @@ def soon() -> float:
 
 
 def test_jobs_run_in_order_and_one_at_a_time_from_any_threads() -> None:
-    channel, alone = Channel("it"), threading.Lock()
+    channel, alone = channel_to("it"), threading.Lock()
     notes: list[tuple[int, int]] = []
     overlaps = []
 
@@ -108,7 +127,7 @@ def test_jobs_run_in_order_and_one_at_a_time_from_any_threads() -> None:
 
 
 def test_flushing_waits_for_no_longer_than_it_is_told() -> None:
-    channel, gate = Channel("it"), Gate()
+    channel, gate = channel_to("it"), Gate()
     channel.put(gate)
     assert gate.entered.wait(LONG)
     assert not channel.flush(time.monotonic() + 0.05)
@@ -120,7 +139,7 @@ def test_flushing_waits_for_no_longer_than_it_is_told() -> None:
 def test_a_job_that_raises_closes_the_channel_with_one_warning(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    channel, notes = Channel("observer X"), list[int]()
+    channel, notes = channel_to("observer X"), list[int]()
     gate = Gate()
     channel.put(gate)
     channel.put(lambda: 1 / 0)
@@ -133,7 +152,9 @@ def test_a_job_that_raises_closes_the_channel_with_one_warning(
     assert notes == []
     (record,) = caplog.records
     assert record.levelname == "WARNING"
-    assert record.getMessage() == "observer X raised, and is told nothing more"
+    assert (
+        record.getMessage() == "observer X of action '/fibonacci' raised, and is told nothing more"
+    )
     assert record.exc_info is not None
     assert record.exc_info[0] is ZeroDivisionError
 
@@ -143,7 +164,7 @@ def test_where_too_much_waits_feedback_goes_first_and_is_told_of_once(
 ) -> None:
     monkeypatch.setattr(channel_module, "MOST_FEEDBACK", 3)
     monkeypatch.setattr(channel_module, "MOST", 6)
-    channel, gate, notes = Channel("observer X"), Gate(), list[str]()
+    channel, gate, notes = channel_to("observer X"), Gate(), list[str]()
     channel.put(gate)
     assert gate.entered.wait(LONG)
     for number in range(5):
@@ -154,13 +175,11 @@ def test_where_too_much_waits_feedback_goes_first_and_is_told_of_once(
     assert channel.flush(soon())
     assert notes == ["feedback 0", "feedback 1", "feedback 2", "event 0", "event 1", "event 2"]
     (record,) = caplog.records
-    assert "observer X is too slow" in record.getMessage()
+    assert "observer X of action '/fibonacci' is too slow" in record.getMessage()
 
 
-def test_at_exit_what_no_thread_came_for_is_told_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From Python 3.12 on no thread can be started at the interpreter's exit."""
-    monkeypatch.setattr(channel_module.pool, "submit", lambda job: None)
-    channel, notes = Channel("it"), list[int]()
+def test_at_exit_what_no_thread_came_for_is_told_here() -> None:
+    channel, notes = channel_to("it", NoThreads()), list[int]()
     for number in range(3):
         channel.put(lambda n=number: notes.append(n))
     assert not channel.flush(time.monotonic() + 0.02)
@@ -169,26 +188,24 @@ def test_at_exit_what_no_thread_came_for_is_told_here(monkeypatch: pytest.Monkey
     assert channel not in channel_module._busy.channels
 
 
-def test_a_thread_that_comes_late_leaves_the_order_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[Callable[[], None]] = []
-    monkeypatch.setattr(channel_module.pool, "submit", asked.append)
-    channel, gate, notes = Channel("it"), Gate(), list[int]()
+def test_a_thread_that_comes_late_leaves_the_order_alone() -> None:
+    pool = NoThreads()
+    channel, gate, notes = channel_to("it", pool), Gate(), list[int]()
     channel.put(gate)
     channel.put(lambda: notes.append(1))
     flushing = threading.Thread(target=lambda: channel.flush(soon(), here=True))
     flushing.start()
     assert gate.entered.wait(LONG)
-    (late,) = asked
-    late()
+    (late,) = pool.asked
+    assert not late.step()
     assert notes == []  # the other thread is not through with what came before
     gate.leave.set()
     flushing.join(LONG)
     assert notes == [1]
 
 
-def test_at_exit_a_human_need_not_wait_for_an_observer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(channel_module.pool, "submit", lambda job: None)
-    channel, notes = Channel("it"), list[int]()
+def test_at_exit_a_human_need_not_wait_for_an_observer() -> None:
+    channel, notes = channel_to("it", NoThreads()), list[int]()
 
     def interrupted() -> None:
         raise KeyboardInterrupt
@@ -203,24 +220,74 @@ def test_at_exit_a_human_need_not_wait_for_an_observer(monkeypatch: pytest.Monke
 
 
 def test_what_is_not_told_at_exit_is_told_of(
+    caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+) -> None:
+    observer, log, gate = channel_to("X"), channel_to("the log", ends_on_error=False), Gate()
+    for channel in (observer, log):
+        channel.put(gate)
+        assert gate.entered.wait(LONG)
+        gate.entered.clear()
+    channel_module.flush_all(time.monotonic() + 0.02)
+    assert diagnostics.flush(soon())
+    text = "at exit, {} of action '/fibonacci' had not been told everything"
+    assert [r.getMessage() for r in caplog.records] == [text.format("X")]
+    # A log that takes nothing is not asked to take this.
+    assert capsys.readouterr().err == text.format("the log") + "\n"
+    gate.leave.set()
+    assert observer.flush(soon())
+    assert log.flush(soon())
+
+
+def test_the_log_goes_on_after_an_error_and_warns_once_a_minute(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    channel, gate = Channel("observer X"), Gate()
-    channel.put(gate)
-    assert gate.entered.wait(LONG)
-    channel_module.flush_all(time.monotonic() + 0.02)
-    assert [r.getMessage() for r in caplog.records] == [
-        "at exit, observer X had not been told everything"
-    ]
-    gate.leave.set()
+    channel, notes = channel_to("the log", ends_on_error=False), list[int]()
+
+    def job(number: int) -> None:
+        notes.append(number)
+        raise SystemExit("not even this")
+
+    for number in range(5):
+        channel.put(lambda n=number: job(n))
     assert channel.flush(soon())
+    assert notes == [0, 1, 2, 3, 4]
+    monkeypatch.setattr(channel, "_quiet_until", 0.0)  # as a minute later
+    channel.put(lambda: job(5))
+    assert channel.flush(soon())
+    said = [r.getMessage().partition(", and")[0] for r in caplog.records]
+    raised = "the log of action '/fibonacci' raised"
+    assert said == [f"{raised} (1 times so far)", f"{raised} (6 times so far)"]
+
+
+def test_a_warning_that_cannot_be_written_ends_nothing(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A handler of the root logger gets the warning of its own error, too."""
+    handler = logging.Handler()
+
+    def emit(record: logging.LogRecord) -> None:
+        raise ValueError("from the handler")
+
+    handler.emit = emit  # type: ignore[method-assign]
+    channel, notes = channel_to("the log", ends_on_error=False), list[int]()
+    logging.getLogger("actionkit").addHandler(handler)
+    try:
+        for number in range(3):
+            channel.put(lambda n=number: notes.append(n) or 1 / 0)
+        assert channel.flush(soon())
+    finally:
+        logging.getLogger("actionkit").removeHandler(handler)
+    assert notes == [0, 1, 2]
+    assert "ValueError: from the handler" in capsys.readouterr().err
 
 
 AT_EXIT = """
 import atexit, threading
 from actionkit._observers import channel as channels
 import time
-channel = channels.Channel("it")
+from actionkit._blocked import Label
+from actionkit._delivery import Pool
+channel = channels.Channel(Label("it", None, ""), Pool(), "/fibonacci")
 def at_exit():
     for number in range(3):
         channel.put(lambda n=number: print(n, flush=True))

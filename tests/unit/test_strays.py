@@ -9,6 +9,7 @@ import pytest
 
 from actionkit._ros.outbox import Window
 from actionkit._ros.strays import Strays
+from tests.conftest import all_is_logged
 from tests.unit.clock import Clock
 
 KEY = bytes(range(16))
@@ -110,6 +111,7 @@ def test_a_lost_cancel_is_sent_again_and_what_comes_of_it_is_told(
     pauses = [b - a for a, b in pairwise(times)]
     assert pauses == sorted(pauses)
     assert len(pauses) == 4
+    assert all_is_logged()
     assert [STILL_RUNNING in record.getMessage() for record in caplog.records] == [True]
     assert "00010203-0405-0607-0809-0a0b0c0d0e0f" in caplog.text
     assert world.at_rest
@@ -125,6 +127,7 @@ def test_where_it_has_ended_everywhere_nothing_is_sent_again(
     world.over()
     assert world.at_rest
     assert len(world.sent) == 1
+    assert all_is_logged()
     assert not caplog.records
 
 
@@ -193,6 +196,7 @@ def test_a_server_that_comes_is_asked_to_cancel_what_ended_lately(
     assert not world.strays.proven
     world.clock.advance(100)
     assert Counter(world.keys) == {KEY: 2}
+    assert all_is_logged()
     assert not caplog.records  # nothing shows that it ever had the goal
     assert world.at_rest
 
@@ -272,6 +276,7 @@ def test_closing_tells_of_what_may_be_running(
     world.ended()
     world.strays.accepted_late(1)
     world.strays.close()
+    assert all_is_logged()
     assert STILL_RUNNING in caplog.text
     assert world.at_rest
     assert len(world.sent) == 1

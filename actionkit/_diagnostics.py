@@ -1,0 +1,212 @@
+"""What ActionKit has to say on the logger `actionkit`, without harm from the handlers there.
+
+They are the user's: one may block, and one may raise. So what must go on whatever they do, the
+communication thread before all (R8), hands its records to a thread that has nothing else to do.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import sys
+import threading
+import time
+import traceback
+from collections import deque
+from types import TracebackType
+from typing import NamedTuple
+
+_logger = logging.getLogger("actionkit")
+MOST = 1_000
+"""Records that may wait for a handler that blocks; further ones are left out, and counted."""
+
+_ExcInfo = tuple[type[BaseException], BaseException, TracebackType | None]
+
+
+class _Entry(NamedTuple):
+    """All that a record is made of; it is made late, because a record factory is the user's too."""
+
+    wall: float
+    thread: int
+    thread_name: str
+    place: tuple[str, int, str]
+    level: int
+    text: str
+    args: tuple[object, ...]
+    exc_info: _ExcInfo | None
+    stack: str | None
+
+
+class _Writer:
+    """Writes records in order, on a thread that is there only while there are any."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._entries: deque[_Entry] = deque()
+        self._lost = 0
+        self._writing = False
+
+    def put(self, entry: _Entry) -> None:
+        """Queue a record. Never blocks."""
+        with self._changed:
+            if len(self._entries) >= MOST:
+                self._lost += 1
+                return
+            self._entries.append(entry)
+            if self._writing:
+                return
+            self._writing = True
+        try:
+            threading.Thread(target=self._write_all, name="actionkit-log", daemon=True).start()
+        except RuntimeError:
+            # No more threads; from Python 3.12 on there are none at the interpreter's exit. The
+            # record waits for `flush`, or for the next one that finds a thread.
+            with self._changed:
+                self._writing = False
+
+    def flush(self, until: float) -> bool:
+        """Wait until everything is written, or until that monotonic time; return whether it is.
+
+        Written on this thread where no other has begun to.
+        """
+        with self._changed:
+            while self._writing:
+                if not self._changed.wait(max(0.0, until - time.monotonic())):
+                    return False
+            if not self._entries:
+                return True
+            self._writing = True
+        self._write_all(until)
+        return not self._entries
+
+    def _write_all(self, until: float | None = None) -> None:
+        try:
+            while (entry := self._next(until)) is not None:
+                _write(entry)
+        except KeyboardInterrupt:  # a human who does not want to wait at the exit
+            with self._changed:
+                self._rest()
+            raise
+
+    def _next(self, until: float | None) -> _Entry | None:
+        with self._changed:
+            if self._entries and (until is None or time.monotonic() < until):
+                return self._entries.popleft()
+            if self._lost:
+                lost, self._lost = self._lost, 0
+                text = "%d messages of ActionKit's were left out: a log handler was blocked"
+                return _entry(logging.WARNING, text, (lost,), None, None)
+            self._rest()  # under the same lock, or a record that is put just now would stay
+            return None
+
+    def _rest(self) -> None:
+        self._writing = False
+        self._changed.notify_all()
+
+
+_writer = _Writer()
+
+
+def log_later(
+    level: int, text: str, *args: object, exc_info: bool = False, stack: str | None = None
+) -> None:
+    """Log to `actionkit` soon, on another thread. Never blocks, and never raises.
+
+    Args:
+        level: As for `logging`.
+        text: The message, with placeholders for `args`.
+        args: Nothing of the user's where its `str()` might block.
+        exc_info: Whether to add the traceback of the exception that is being handled.
+        stack: A stack to show under the message.
+    """
+    if _logger.isEnabledFor(level):
+        raised = sys.exc_info() if exc_info else (None, None, None)
+        kept = None if raised[0] is None else (raised[0], raised[1], raised[2])
+        _writer.put(_entry(level, text, args, kept, stack))
+
+
+def log_own_error() -> None:
+    """Log the exception that is being handled, which is nobody's fault but ours, soon."""
+    log_later(logging.ERROR, "an error in ActionKit itself; please report it", exc_info=True)
+
+
+def log_here(level: int, text: str, *args: object, exc_info: bool = False) -> None:
+    """Log to `actionkit` on this thread, which a handler may block; never raises.
+
+    But for Ctrl-C, on the main thread.
+    """
+    try:
+        _logger.log(level, text, *args, exc_info=exc_info, stacklevel=2)
+    except BaseException as error:  # noqa: BLE001  a handler of the user's may raise anything
+        _handler_raised(error)
+
+
+def flush(until: float) -> bool:
+    """Wait until all that was logged is written, or until that monotonic time; return whether."""
+    return _writer.flush(until)
+
+
+def after_fork() -> None:
+    """In a child: what the parent's threads had to say is the parent's business."""
+    _writer.__init__()  # type: ignore[misc]  # its lock may be held by a thread that is not here
+
+
+def dated(record: logging.LogRecord, wall: float) -> logging.LogRecord:
+    """Set a record's time to when it happened, in place of when its thread came to write it."""
+    record.relativeCreated += (wall - record.created) * 1000
+    record.created = wall
+    record.msecs = float(int(wall % 1 * 1000))
+    return record
+
+
+def write_to_stderr(text: str) -> None:
+    """Write a line to standard error, where there is one: for what the log cannot take."""
+    if sys.stderr is not None:
+        with contextlib.suppress(OSError, ValueError):  # it was closed
+            sys.stderr.write(text.rstrip("\n") + "\n")
+
+
+def is_interrupt(error: BaseException) -> bool:
+    """Whether it is a Ctrl-C, which is for the main thread alone, and never to be swallowed."""
+    on_main = threading.current_thread() is threading.main_thread()
+    return on_main and isinstance(error, KeyboardInterrupt)
+
+
+def _entry(
+    level: int, text: str, args: tuple[object, ...], exc_info: _ExcInfo | None, stack: str | None
+) -> _Entry:
+    thread, frame = threading.current_thread(), sys._getframe(2)
+    place = (frame.f_code.co_filename, frame.f_lineno, frame.f_code.co_name)
+    ident = threading.get_ident()
+    return _Entry(time.time(), ident, thread.name, place, level, text, args, exc_info, stack)
+
+
+def _write(entry: _Entry) -> None:
+    try:
+        file, line, function = entry.place
+        record = _logger.makeRecord(
+            _logger.name,
+            entry.level,
+            file,
+            line,
+            entry.text,
+            entry.args,
+            entry.exc_info,
+            function,
+            sinfo=entry.stack,
+        )
+        record.thread, record.threadName = entry.thread, entry.thread_name
+        _logger.handle(dated(record, entry.wall))
+    except BaseException as error:  # noqa: BLE001  a handler of the user's may raise anything
+        _handler_raised(error)
+
+
+def _handler_raised(error: BaseException) -> None:
+    """Tell of it where `logging` itself tells of the errors of its handlers."""
+    if is_interrupt(error):
+        raise error
+    if logging.raiseExceptions:
+        write_to_stderr(
+            "--- a handler or filter of the logger 'actionkit' raised ---\n"
+            + "".join(traceback.format_exception(error))
+        )
