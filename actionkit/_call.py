@@ -63,7 +63,7 @@ class Carrier(Protocol):
     def call_soon(self, callback: Callable[[], None]) -> None: ...
     def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle: ...
     def cancel_timer(self, handle: TimerHandle) -> None: ...
-    def add(self, call: Call) -> None: ...
+    def begin(self, call: Call) -> None: ...
     def finished(self, call: Call) -> None: ...
 
 
@@ -104,8 +104,7 @@ class Call:
 
     def begin(self) -> None:
         """Start soon, and be counted. From any thread; calls start in this order."""
-        self._carrier.add(self)
-        self._carrier.call_soon(self.start)
+        self._carrier.begin(self)
 
     def request_cancel(self) -> None:
         """Cancel soon. From any thread."""
@@ -113,7 +112,7 @@ class Call:
         self._carrier.call_soon(self.cancel)
 
     def start(self) -> None:
-        """Begin the first attempt."""
+        """Begin the first attempt. The carrier calls it."""
         if self.unwanted:
             self.cancel()
         if self._ending is not None:

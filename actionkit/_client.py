@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import concurrent.futures
 import weakref
 from collections.abc import Callable, Iterable, Mapping
 from types import TracebackType
@@ -168,7 +167,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             if not future.done():
                 # Ctrl-C, or whatever else a signal handler of the user's raised here.
                 future.cancel()
-                concurrent.futures.wait([future], self._timeouts.cancel)
+                future.wait_until_over(self._timeouts.cancel)
 
     def call_async(
         self,
@@ -260,7 +259,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             TypeError, ValueError: A bad `timeout`.
         """
         seconds = check_seconds("timeout", timeout)
-        return self._session.port.wait_for_server(seconds)
+        return self._session.wait_for_server(seconds)
 
     def server_is_ready(self) -> bool:
         """Whether a server is ready for goals now.

@@ -7,17 +7,19 @@ costs next to nothing, and a slow user costs the communication thread nothing.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import inspect
 import logging
 import threading
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, Protocol
 
 from actionkit._action_type import FeedbackT
 from actionkit._delivery import Strand, in_callback, pool
-from actionkit._waiting import slices
+from actionkit._waiting import Flag, taken_from, wake_future
 
 _log = logging.getLogger("actionkit")
 KEPT = 100
@@ -62,6 +64,13 @@ class ThreadCallbacks:
             _log.exception("on_feedback of action %s raised", self._action_name)
 
 
+@dataclass(frozen=True)
+class _Last:
+    """Stands behind the last message, to be called in its turn."""
+
+    then: Callable[[], None]
+
+
 class LoopCallbacks:
     """Awaits a coroutine function on the caller's event loop."""
 
@@ -75,50 +84,51 @@ class LoopCallbacks:
         self._function = function
         self._action_name = action_name
         self._loop = loop
-        self._lock = threading.Lock()
-        self._jobs: deque[Callable[[], Any]] = deque(maxlen=KEPT)
-        self._then: Callable[[], None] | None = None
+        self._jobs: deque[Callable[[], Any] | _Last] = deque()
         self._task: asyncio.Task[None] | None = None
-        self._running = False
+        self._running = threading.Lock()
+        """Nobody waits for it: whoever gets it sees to what is queued."""
         self._closed = False
 
     def put(self, *decodes: Callable[[], Any]) -> None:
         """Queue messages."""
-        with self._lock:
-            if self._closed:
-                return
-            self._jobs.extend(decodes)  # the oldest give way
-            if self._running:
-                return
-            self._running = True
-        try:
-            self._loop.call_soon_threadsafe(self._begin)
-        except RuntimeError:  # the loop was closed: nobody is left to tell
-            self._end()
+        if self._closed:
+            return
+        self._jobs.extend(decodes)
+        for _ in range(len(self._jobs) - KEPT):
+            self._jobs.popleft()  # the oldest give way
+        if self._running.acquire(blocking=False):
+            self._run()
+        # Otherwise the task looks once more before it ends.
 
     def finish(self, then: Callable[[], None]) -> None:
         """Call `then` once, when what is queued was handed over."""
-        with self._lock:
-            if self._running:
-                self._then = then
-                return
-        then()
+        self._jobs.append(_Last(then))
+        if not self._running.acquire(blocking=False):
+            return
+        if len(self._jobs) > 1:
+            self._run()
+        else:
+            self._end()
 
     def close(self) -> None:
         """Hand over nothing more."""
-        with self._lock:
+        self._closed = True
+        self._jobs.clear()
+
+    def _run(self) -> None:
+        try:
+            self._loop.call_soon_threadsafe(self._begin)
+        except RuntimeError:  # the loop was closed: nobody is left to tell
             self._closed = True
-            self._jobs.clear()
+            self._end()
 
     def _end(self) -> None:
-        """Be closed, with nothing running."""
-        with self._lock:
-            self._closed = True
-            self._running = False
-            self._jobs.clear()
-            then, self._then = self._then, None
-        if then is not None:
-            then()
+        """Leave out what is queued; nothing is running any more."""
+        for job in taken_from(self._jobs):
+            if isinstance(job, _Last):
+                job.then()
+        self._running.release()
 
     def _begin(self) -> None:
         self._task = self._loop.create_task(self._drain())  # kept: tasks are held weakly
@@ -130,25 +140,24 @@ class LoopCallbacks:
                 await self._function(decode())
             except asyncio.CancelledError:
                 if _is_being_cancelled():
-                    self._end()  # the loop is shutting down
+                    self._closed = True  # the loop is shutting down
+                    self._end()
                     raise
                 self._failed()
             except Exception:  # noqa: BLE001  a user's error must not end the delivery
                 self._failed()
-        self._finished()
 
     def _next(self) -> Callable[[], Any] | None:
-        with self._lock:
-            if self._jobs:
-                return self._jobs.popleft()
-            self._running = False
-            return None
-
-    def _finished(self) -> None:
-        with self._lock:
-            then, self._then = self._then, None
-        if then is not None:
-            then()
+        """Return what is to be handed over next; `None` where nothing is running any more."""
+        while True:
+            for job in taken_from(self._jobs):
+                if not isinstance(job, _Last):
+                    return job
+                job.then()
+            self._running.release()
+            # Something may have been queued just before, in the belief that this goes on.
+            if not self._jobs or not self._running.acquire(blocking=False):
+                return None
 
     def _failed(self) -> None:
         self.errors += 1
@@ -213,95 +222,111 @@ class DecodeOnce:
 
 
 class FeedbackTape(Generic[FeedbackT]):
-    """The feedback of one call as it comes, for any number of readers."""
+    """The feedback of one call as it comes, for any number of readers.
+
+    `put` and `end` are called by one thread, which waits for none of the readers.
+    """
 
     def __init__(self) -> None:
         self.count = 0
-        self._lock = threading.Lock()
-        self._latest: Callable[[], FeedbackT] | None = None
+        self._latest: tuple[int, Callable[[], FeedbackT]] | None = None
         self._streams: list[_Stream[FeedbackT]] = []
         self._ended = False
 
     def put(self, *decodes: Callable[[], FeedbackT]) -> None:
         """Add messages."""
-        with self._lock:  # or a stream that is made just now gets the last of them twice
-            self.count += len(decodes)
-            self._latest = decodes[-1]
-            for stream in self._streams:
-                stream.put(*decodes)
+        first = self.count + 1
+        self.count += len(decodes)
+        self._latest = (self.count, decodes[-1])  # first: who then comes too late finds it here
+        for stream in list(self._streams):
+            stream.put(enumerate(decodes, first))
 
     def end(self) -> None:
         """No more will come."""
-        with self._lock:
-            self._ended = True
-            streams, self._streams = self._streams, []
-        for stream in streams:
+        self._ended = True
+        for stream in list(self._streams):
             stream.end()
+        self._streams.clear()
 
     @property
     def latest(self) -> FeedbackT | None:
         """The newest message, or `None`."""
-        decode = self._latest
-        return None if decode is None else decode()
+        latest = self._latest
+        return None if latest is None else latest[1]()
 
     def stream(self) -> FeedbackStream[FeedbackT]:
         """Return a reader of what comes from now on, beginning with the newest so far."""
         stream: _Stream[FeedbackT] = _Stream()
-        with self._lock:
-            if self._latest is not None:
-                stream.put(self._latest)
-            if self._ended:
-                stream.end()
-            else:
-                self._streams.append(stream)
+        self._streams.append(stream)
+        latest = self._latest
+        if latest is not None:
+            stream.put([latest])  # it may be there already: its number tells
+        if self._ended:
+            stream.end()
         return FeedbackStream(stream)
 
 
 class _Stream(Generic[FeedbackT]):
-    """A bounded buffer with one reader, blocking or on an event loop."""
+    """A bounded buffer with one reader, blocking or on an event loop. Who writes never waits."""
 
     def __init__(self) -> None:
-        self._condition = threading.Condition()
-        self._buffer: deque[Callable[[], FeedbackT]] = deque(maxlen=KEPT)
+        self._buffer: deque[tuple[int, Callable[[], FeedbackT]]] = deque(maxlen=KEPT)
+        self._taken = 0  # the number of the last message that was taken
         self._ended = False
-        self._wakes: list[Callable[[], None]] = []
+        self._wakes: deque[Callable[[], None]] = deque()
 
-    def put(self, *decodes: Callable[[], FeedbackT]) -> None:
-        with self._condition:
-            self._buffer.extend(decodes)
-            self._notify()
+    def put(self, numbered: Iterable[tuple[int, Callable[[], FeedbackT]]]) -> None:
+        self._buffer.extend(numbered)
+        self._wake()
 
     def end(self) -> None:
-        with self._condition:
-            self._ended = True
-            self._notify()
+        self._ended = True
+        self._wake()
 
-    def _notify(self) -> None:
-        self._condition.notify_all()
-        wakes, self._wakes = self._wakes, []
-        for wake in wakes:
+    def _wake(self) -> None:
+        for wake in taken_from(self._wakes):
             wake()
+
+    def _next(self) -> Callable[[], FeedbackT] | None:
+        for number, decode in taken_from(self._buffer):
+            if number > self._taken:
+                self._taken = number
+                return decode
+        return None
 
     def take(self) -> Callable[[], FeedbackT] | None:
         """Wait for a message; `None` when no more will come."""
-        with self._condition:
-            for seconds in slices(None):
-                if self._condition.wait_for(lambda: self._buffer or self._ended, seconds):
-                    break
-            return self._buffer.popleft() if self._buffer else None
+        while True:
+            news = Flag()
+            self._wakes.append(news.set)
+            try:
+                ended = self._ended  # before looking, or the last message could be missed
+                decode = self._next()
+                if decode is not None or ended:
+                    return decode
+                news.wait()
+            finally:
+                self._no_wake(news.set)
 
     async def take_async(self) -> Callable[[], FeedbackT] | None:
         """Wait for a message without blocking the loop; `None` when no more will come."""
         loop = asyncio.get_running_loop()
         while True:
-            with self._condition:
-                if self._buffer:
-                    return self._buffer.popleft()
-                if self._ended:
-                    return None
-                woken: asyncio.Future[None] = loop.create_future()
-                self._wakes.append(partial(wake_future, loop, woken))
-            await woken
+            woken: asyncio.Future[None] = loop.create_future()
+            wake = partial(wake_future, loop, woken)
+            self._wakes.append(wake)
+            try:
+                ended = self._ended
+                decode = self._next()
+                if decode is not None or ended:
+                    return decode
+                await woken
+            finally:
+                self._no_wake(wake)
+
+    def _no_wake(self, wake: Callable[[], None]) -> None:
+        with contextlib.suppress(ValueError):  # it was called by now
+            self._wakes.remove(wake)
 
 
 class FeedbackStream(Generic[FeedbackT]):
@@ -319,16 +344,3 @@ class FeedbackStream(Generic[FeedbackT]):
         """Yield messages, awaiting each."""
         while (decode := await self._stream.take_async()) is not None:
             yield decode()
-
-
-def wake_future(loop: asyncio.AbstractEventLoop, future: asyncio.Future[None]) -> None:
-    """Complete `future` from another thread, whatever has become of its loop (R11)."""
-
-    def complete() -> None:
-        if not future.done():
-            future.set_result(None)
-
-    try:
-        loop.call_soon_threadsafe(complete)
-    except RuntimeError:  # the loop was closed by now
-        return

@@ -7,7 +7,7 @@ until it is known to run no more (contract C2.4).
 from __future__ import annotations
 
 import atexit
-import concurrent.futures
+import contextlib
 import os
 import threading
 import time
@@ -22,7 +22,7 @@ from actionkit._observers import channel as channels
 from actionkit._observers.audience import Audience
 from actionkit._observers.protocol import Observer
 from actionkit._request import Request
-from actionkit._ros import runtime as runtimes
+from actionkit._ros import runtimes
 from actionkit._ros.port import Port
 
 OnClose = Literal["cancel", "abandon"]
@@ -30,6 +30,8 @@ _MARGIN = 0.5
 """Seconds that closing may take beyond the wait for cancellations."""
 _TELLING = 1.0
 """Seconds that closing, and the interpreter's exit, wait for slow observers."""
+_TURN = 2.0
+"""Seconds to wait for another thread that opens a port; a second one does no harm."""
 _FREEING = 5.0
 """Seconds that the freeing of entities may take; it takes milliseconds on an idle machine."""
 
@@ -56,7 +58,11 @@ class Session:
         self._open_port = open_port
         self._on_close = on_close
         self._pid = os.getpid()
-        self._lock = threading.Lock()
+        self._opening = threading.RLock()
+        """So that threads which come at the same time open one port anew, and not one each.
+
+        The communication thread never waits for it, and nobody waits for it for long.
+        """
         self._closed = False
         self._carriers = [PortCarrier(open_port(), self._on_freed)]
         identity = self._carriers[0].port.identity
@@ -77,7 +83,7 @@ class Session:
     @property
     def pending(self) -> int:
         """How many calls are in flight."""
-        return sum(len(carrier.calls) for carrier in self._carriers)
+        return sum(len(carrier.calls) for carrier in list(self._carriers))
 
     @property
     def port(self) -> Port:
@@ -87,8 +93,7 @@ class Session:
             ClientClosedError: The session was closed.
             RuntimeError: This process was forked from the session's.
         """
-        with self._lock:
-            return self._current().port
+        return self._current().port
 
     def prepare(self, request: Request) -> Call:
         """Make a call, whose time runs from now, and which sends nothing so far.
@@ -97,29 +102,64 @@ class Session:
             ClientClosedError: The session was closed.
             RuntimeError: This process was forked from the session's.
         """
-        with self._lock:
-            return Call(self._current(), request, self._audience)
+        return Call(self._current(), request, self._audience)
 
     def begin(self, call: Call) -> None:
         """Begin a call that was prepared. Calls begin in this order (contract C1.12).
 
+        One that is begun just behind the closing ends at once, and sends nothing.
+
         Raises:
             ClientClosedError: The session was closed.
         """
-        with self._lock:  # so that no call slips in behind the closing
+        self.check()
+        call.begin()
+
+    def wait_for_server(self, timeout: float | None) -> bool:
+        """Block until goals can be sent; return whether they can.
+
+        Args:
+            timeout: Seconds, or `None` for no limit.
+
+        Raises:
+            ClientClosedError: The session was closed, perhaps meanwhile.
+            RuntimeError: This process was forked from the session's.
+        """
+        until = None if timeout is None else time.monotonic() + timeout
+        while not self.port.wait_for_server(timeout):
             self.check()
-            call.begin()
+            if until is not None and until <= time.monotonic():
+                return False
+            # The port was given up. Wait on, over the next.
+            timeout = None if until is None else until - time.monotonic()
+        return True
 
     def _current(self) -> PortCarrier:
         self.check()
         carrier = self._carriers[-1]
-        if not carrier.port.usable:
-            # The context was shut down under us (R10), or the thread died (R8). Goals in
-            # flight stay where they are; new ones go another way.
-            carrier.call_soon(carrier.retire)
-            carrier = PortCarrier(self._open_port(), self._on_freed)
-            self._carriers = [*(c for c in self._carriers if not c.port.freed.is_set()), carrier]
-        return carrier
+        return carrier if carrier.port.usable else self._renewed()
+
+    def _renewed(self) -> PortCarrier:
+        turn = self._opening.acquire(timeout=_TURN)
+        try:
+            carrier = self._carriers[-1]
+            if not carrier.port.usable:
+                # The context was shut down under us (R10), or the thread died (R8). Goals in
+                # flight stay where they are; new ones go another way.
+                carrier.call_soon(carrier.retire)
+                carrier = PortCarrier(self._open_port(), self._on_freed)
+                self._carriers.append(carrier)
+                for old in list(self._carriers):
+                    if old is not carrier and old.port.freed.is_set():
+                        with contextlib.suppress(ValueError):  # others do the same
+                            self._carriers.remove(old)
+                if self._closed:
+                    carrier.call_soon(carrier.retire)  # it may have been too late for `drop`
+                    self.check()
+            return carrier
+        finally:
+            if turn:
+                self._opening.release()
 
     def check(self) -> None:
         """Raise where the session cannot be used.
@@ -144,7 +184,7 @@ class Session:
     def cancel_all(self) -> int:
         """Cancel every call in flight; return how many there were."""
         self.check()
-        calls = [call for carrier in self._carriers for call in list(carrier.calls)]
+        calls = self._calls()
         for call in calls:
             call.request_cancel()
         return len(calls)
@@ -164,22 +204,24 @@ class Session:
 
     def begin_close(self) -> None:
         """Take no more calls, and begin to end those in flight."""
-        with self._lock:
-            self._closed = True
+        self._closed = True
         abandon = self._on_close == "abandon"
-        for carrier in self._carriers:
+        for carrier in list(self._carriers):
             carrier.call_soon(lambda c=carrier: c.close_calls(abandon=abandon))  # type: ignore[misc]
 
     def await_calls(self, until: float) -> None:
         """Wait for the calls in flight to end."""
-        futures = [call.future for carrier in self._carriers for call in list(carrier.calls)]
-        concurrent.futures.wait(futures, max(0.0, until - time.monotonic()))
+        for call in self._calls():
+            call.future.wait_until_over(until - time.monotonic())
+
+    def _calls(self) -> list[Call]:
+        return [call for carrier in list(self._carriers) for call in list(carrier.calls)]
 
     def retire(self) -> None:
         """Free what is held: now, or as soon as no goal needs it."""
         self.drop()
         until = time.monotonic() + _FREEING
-        for carrier in self._carriers:
+        for carrier in list(self._carriers):
             carrier.retired.wait(max(0.0, until - time.monotonic()))
             if carrier.port.freed.is_set():
                 carrier.port.join(max(0.0, until - time.monotonic()))
@@ -189,18 +231,18 @@ class Session:
         if os.getpid() != self._pid:
             return
         self._closed = True
-        for carrier in self._carriers:
+        for carrier in list(self._carriers):
             carrier.call_soon(carrier.retire)
 
     def stop_watching(self, until: float) -> None:
         """Wait until no goal is watched any more, then free what is held in any case."""
-        for carrier in self._carriers:
+        for carrier in list(self._carriers):
             carrier.port.freed.wait(max(0.0, until - time.monotonic()))
             carrier.call_soon(carrier.free)
             carrier.port.freed.wait(_FREEING)
 
     def _on_freed(self) -> None:
-        if self._closed and all(carrier.port.freed.is_set() for carrier in self._carriers):
+        if self._closed and all(c.port.freed.is_set() for c in list(self._carriers)):
             _live.discard(self)
 
 
@@ -223,6 +265,7 @@ def close_all() -> None:
             session.stop_watching(until)
         # The middleware's own exit handlers crash under a thread that still uses it.
         runtimes.join_ending(_FREEING)
+        _delivery.log_now()
         channels.flush_all(time.monotonic() + _TELLING)
     except KeyboardInterrupt:
         return  # a human who does not want to wait for it

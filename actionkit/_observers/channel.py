@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable
 
 from actionkit._delivery import pool
+from actionkit._waiting import Flag, taken_from
 
 _log = logging.getLogger("actionkit")
 MOST_FEEDBACK = 1_000
@@ -34,7 +35,9 @@ class Channel:
             name: Whose it is, for the warnings.
         """
         self.name = name
-        self._changed = threading.Condition()
+        self._lock = threading.RLock()
+        """Never taken by a user's thread but at exit, since `put` must not wait for a handler."""
+        self._flushes: deque[Flag] = deque()
         self._jobs: deque[Job] = deque()
         self._scheduled = False
         self._draining = False
@@ -44,7 +47,7 @@ class Channel:
 
     def put(self, job: Job, *, feedback: bool = False) -> None:
         """Queue a job; what it raises closes the channel. Never blocks."""
-        with self._changed:
+        with self._lock:
             if self._closed:
                 return
             if len(self._jobs) >= (MOST_FEEDBACK if feedback else MOST):
@@ -54,8 +57,7 @@ class Channel:
             if self._scheduled:
                 return
             self._scheduled = True
-            with _busy.lock:
-                _busy.channels.add(self)
+            _busy.add(self)
         pool.submit(self._drain)
 
     def flush(self, until: float, *, here: bool = False) -> bool:
@@ -69,16 +71,18 @@ class Channel:
         Returns:
             Whether nothing is queued any more.
         """
-        with self._changed:
-            while self._scheduled and (self._draining or not here):
-                if not self._changed.wait(max(0.0, until - time.monotonic())):
-                    return False
+        while self._scheduled and (self._draining or not here):
+            rested = Flag()
+            self._flushes.append(rested)
+            # It may have come to rest just before.
+            if self._scheduled and not rested.wait(until - time.monotonic()):
+                return False
         if self._scheduled:
             self._drain(until)
         return not self._scheduled
 
     def _drain(self, until: float | None = None) -> None:
-        with self._changed:
+        with self._lock:
             if self._draining:
                 return
             self._draining = True
@@ -86,12 +90,12 @@ class Channel:
             while (job := self._next(until)) is not None:
                 self._run(job)
         except KeyboardInterrupt:
-            with self._changed:
+            with self._lock:
                 self._rest()
             raise
 
     def _next(self, until: float | None) -> Job | None:
-        with self._changed:
+        with self._lock:
             if self._jobs and (until is None or time.monotonic() < until):
                 return self._jobs.popleft()
             self._rest()  # under the same lock, or a job that is put just now would stay
@@ -101,9 +105,9 @@ class Channel:
         self._draining = False
         if not self._jobs:
             self._scheduled = False
-            with _busy.lock:
-                _busy.channels.discard(self)
-        self._changed.notify_all()
+            _busy.discard(self)
+        for rested in taken_from(self._flushes):
+            rested.set()
 
     def _run(self, job: Job) -> None:
         try:
@@ -111,7 +115,7 @@ class Channel:
         except BaseException as error:
             if isinstance(error, KeyboardInterrupt) and _is_main_thread():
                 raise  # a human who does not want to wait for the exit
-            with self._changed:
+            with self._lock:
                 self._closed = True
                 self._jobs.clear()
             _log.warning("%s raised, and is told nothing more", self.name, exc_info=True)
@@ -128,26 +132,17 @@ def _is_main_thread() -> bool:
     return threading.current_thread() is threading.main_thread()
 
 
-class _Busy:
-    """The channels with something queued, for the interpreter's exit."""
-
-    def __init__(self) -> None:
-        self.lock = threading.Lock()
-        self.channels: set[Channel] = set()
-
-
-_busy = _Busy()
+_busy: set[Channel] = set()
+"""The channels with something queued, for the interpreter's exit."""
 
 
 def flush_all(until: float) -> None:
     """At the interpreter's exit: wait for what is queued anywhere, and warn of what is left."""
-    with _busy.lock:
-        busy = list(_busy.channels)
-    for channel in busy:
+    for channel in list(_busy):
         if not channel.flush(until, here=True):
             _log.warning("at exit, %s had not been told everything", channel.name)
 
 
 def after_fork() -> None:
     """In a child: what the parent's observers have to be told is the parent's business."""
-    _busy.__init__()  # type: ignore[misc]  # its lock may be held by a thread that is not here
+    _busy.clear()
