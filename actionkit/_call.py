@@ -150,6 +150,10 @@ class Call:
         else:
             self._end(fx.Ending(fx.End.LOST, GoalState.LOST, info=error))
 
+    def refuse(self, reason: str) -> None:
+        """End before anything was sent, because this side cannot send."""
+        self._end(fx.Ending(fx.End.LOST, GoalState.SENDING, info=reason))
+
     def _idle(self, end: fx.End) -> fx.Ending:
         """The ending of a call that has no attempt under way: not begun, judged, or pausing."""
         if self._last is None:

@@ -56,6 +56,8 @@ class PortCarrier:
             call.fail(_DIED, failure)
         elif self._closing:
             call.close(abandon=True)  # it came behind the closing, and has sent nothing
+        elif self.port.freed.is_set():
+            call.refuse("the ROS context was shut down just when the call began")
         else:
             call.start()
 

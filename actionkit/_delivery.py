@@ -13,9 +13,6 @@ import queue
 import threading
 from collections import deque
 from collections.abc import Callable
-from functools import partial
-
-from actionkit._waiting import taken_from
 
 _log = logging.getLogger("actionkit")
 _MOST_THREADS = 8
@@ -131,29 +128,8 @@ class Strand:
 
 pool = Pool()
 """Shared by all clients of the process."""
-tellers = Pool(most=1_000)
-"""For what must not wait behind the user's callables, and may itself have to wait for a lock."""
-
-
-_messages: deque[Job] = deque()
-
-
-def log_soon(level: int, text: str, *args: object, error: BaseException | None = None) -> None:
-    """Log a message of the communication thread's, elsewhere.
-
-    Handlers of logs have locks, and are the user's: that thread must not wait for either.
-    """
-    _messages.append(partial(_log.log, level, text, *args, exc_info=error))
-    tellers.submit(log_now)
-
-
-def log_now() -> None:
-    """Log what `log_soon` has not logged so far: at the interpreter's exit it may have no thread."""
-    for message in taken_from(_messages):
-        message()
 
 
 def after_fork() -> None:
     """In a child: the parent's threads are not here."""
     pool.__init__()  # type: ignore[misc]  # one object, because others hold it
-    tellers.__init__(most=1_000)  # type: ignore[misc]

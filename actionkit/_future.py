@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import asyncio
 import concurrent.futures
 import contextlib
@@ -16,7 +17,7 @@ from functools import partial
 from typing import Any, Generic, Protocol, cast
 
 from actionkit._action_type import FeedbackT, ResultT
-from actionkit._delivery import pool, tellers
+from actionkit._delivery import pool
 from actionkit._effects import End
 from actionkit._feedback import FeedbackStream, FeedbackTape
 from actionkit._timeline import Recorder
@@ -67,6 +68,9 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
 
     Works with `concurrent.futures.wait`, `as_completed` and `add_done_callback`, and can be
     awaited from any running asyncio loop. Made by `Client.call_async` only.
+
+    In a signal handler use the methods here: `wait` and `as_completed` may have been what the
+    handler interrupted, and would then wait for themselves.
     """
 
     def __init__(self, call: CallView, tape: FeedbackTape[FeedbackT]) -> None:
@@ -268,7 +272,7 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         told = self._tell_at_once()
         self._over.set()
         if not told:
-            tellers.submit(self._tell)
+            self._tell_elsewhere()
         for wake in taken_from(self._waiters_async):
             wake()
         for callback in taken_from(self._user_callbacks):
@@ -293,6 +297,13 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
             return False
         finally:
             self._condition.release()
+
+    def _tell_elsewhere(self) -> None:
+        try:
+            # Not a `threading.Thread`: starting one takes a lock, too.
+            _thread.start_new_thread(self._tell, ())
+        except RuntimeError:  # there are too many
+            self._tell()
 
     def _tell(self) -> None:
         outcome = self._outcome

@@ -265,7 +265,6 @@ def close_all() -> None:
             session.stop_watching(until)
         # The middleware's own exit handlers crash under a thread that still uses it.
         runtimes.join_ending(_FREEING)
-        _delivery.log_now()
         channels.flush_all(time.monotonic() + _TELLING)
     except KeyboardInterrupt:
         return  # a human who does not want to wait for it

@@ -1,8 +1,8 @@
 """Thousands of signals whose handler uses ActionKit at random, while the main thread does so too.
 
-Needs two reference servers in its ROS domain: `fibonacci`, and `never_finishes` on `/endless`, which
-shows whether a goal is left running. Run by `tests/client/test_signal_handlers.py` in a process of
-its own; `ACTIONKIT_SIGNALS=10000` in the environment of the tests makes it 10,000 signals.
+Needs two reference servers in its ROS domain: `fibonacci`, and `never_finishes` on `/endless`,
+which shows whether a goal is left running. Run by `tests/client/test_signal_handlers.py` in a
+process of its own; `ACTIONKIT_SIGNALS=10000` in the environment makes it 10,000 signals.
 
     python -m tests.signal_soak SIGNALS [SEED]
 

@@ -5,17 +5,19 @@ while a lock is held. Real signals rarely come at the wrong one. So this script 
 of one use of ActionKit, does the same use again and again, and runs the handler at a given one of
 them each time. Run by `tests/client/test_signal_handlers.py` in a process of its own:
 
-    python -m tests.signal_walk USE HANDLER COUNT
+    python -m tests.signal_walk USE COUNT
 
-COUNT places are tried, evenly spread; 0 tries each. Prints what was done as a line of JSON.
+For each handler COUNT places are tried, others in each run. Prints a line of JSON for each handler.
 """
 
 from __future__ import annotations
 
+import asyncio
 import concurrent.futures
 import contextlib
 import faulthandler
 import json
+import random
 import sys
 import time
 from collections.abc import Callable
@@ -25,6 +27,7 @@ from typing import Any
 from test_msgs.action import Fibonacci
 
 from actionkit import ActionKitError, Client, ClientClosedError, GoalFuture, RetryPolicy
+from actionkit._delivery import in_callback
 
 HANG = 30.0
 """Seconds after which what stands still is taken for hung; each use takes milliseconds."""
@@ -40,7 +43,7 @@ TOO_MUCH = ("/actionkit/_field", "/actionkit/_settings", "/actionkit/_arguments"
 """Pure and long: nothing there is shared."""
 
 AnyClient = Client[Any, Any, Any]
-ENDS = (ActionKitError, concurrent.futures.CancelledError)
+ENDS = (ActionKitError, concurrent.futures.CancelledError, asyncio.CancelledError)
 
 
 def new_client() -> AnyClient:
@@ -50,7 +53,9 @@ def new_client() -> AnyClient:
 class Interruption:
     """Runs a handler at the chosen bytecode; counts them where none is chosen."""
 
-    def __init__(self, at: int | None = None, handler: Callable[[], object] | None = None) -> None:
+    client: AnyClient
+
+    def __init__(self, at: int = -1, handler: Callable[[AnyClient], None] | None = None) -> None:
         self.seen = 0
         self.took = 0.0
         self.where = ""
@@ -77,7 +82,12 @@ class Interruption:
             if self.seen == self._at and self._handler is not None:
                 self.where = f"{frame.f_code.co_filename}:{frame.f_lineno}"
                 began = time.monotonic()
-                self._handler()  # a tracing function is not traced itself
+                try:
+                    self._handler(self.client)  # a tracing function is not traced itself
+                except ClientClosedError:
+                    pass  # the main thread has closed it
+                except RuntimeError:
+                    assert in_callback.get()  # where `call` refuses to wait
                 self.took = time.monotonic() - began
             self.seen += 1
         return self._step
@@ -95,6 +105,8 @@ def future(client: AnyClient) -> None:
     made.add_done_callback(lambda _: None)
     assert made.state is not None
     assert not made.cancelled() or made.done()
+    concurrent.futures.wait([made], 20)
+    assert list(concurrent.futures.as_completed([made], 20)) == [made]
     made.exception(20)
     made.outcome(20)
     made.result(20)
@@ -132,7 +144,35 @@ def making(client: AnyClient) -> None:
         assert another.pending == 0
 
 
-USES = (blocking_call, future, cancelled, feedback, server, closing, making)
+def renewing(client: AnyClient) -> None:
+    """As after Ctrl-C with rclpy's own signal handler: the next call starts a new thread."""
+    context = client._session.port.runtime.context
+    context.shutdown()
+    client.call({"order": 1}, 20)
+
+
+def awaiting(client: AnyClient) -> None:
+    async def on_feedback(_: Any) -> None:
+        await asyncio.sleep(0)
+
+    async def await_two() -> None:
+        calls = [client.call_async({"order": 2}, on_feedback, 20) for _ in range(2)]
+        await asyncio.gather(*calls)
+
+    asyncio.run(await_two())
+
+
+USES = (
+    blocking_call,
+    future,
+    cancelled,
+    feedback,
+    server,
+    closing,
+    making,
+    renewing,
+    awaiting,
+)
 
 # --- what the handler does ---------------------------------------------------------------------
 
@@ -179,40 +219,39 @@ def do_make(client: AnyClient) -> None:
 HANDLERS = (do_call, do_future, do_cancel, do_look, do_close, do_make)
 
 
-def main(use_name: str, handler_name: str, count: int) -> None:
-    use = {use.__name__: use for use in USES}[use_name]
-    handler = {handler.__name__: handler for handler in HANDLERS}[handler_name]
+def interrupted(use: Callable[[AnyClient], None], interruption: Interruption) -> Interruption:
+    """Do `use` once, with a client of its own."""
+    with new_client() as client:
+        client.wait_for_server(60)
+        interruption.client = client
+        faulthandler.dump_traceback_later(HANG, exit=True)
+        with interruption, contextlib.suppress(*ENDS):
+            use(client)
+        faulthandler.cancel_dump_traceback_later()
+    return interruption
+
+
+def main(use_name: str, count: int) -> None:
+    (use,) = (use for use in USES if use.__name__ == use_name)
     keeper = new_client()  # so that the thread, and what it knows of servers, stays
     assert keeper.wait_for_server(60)
-
-    def once(at: int | None) -> Interruption:
-        with new_client() as client:
-            client.wait_for_server(60)
-
-            def interrupt() -> None:
-                try:
-                    handler(client)
-                except ClientClosedError:
-                    assert client._session.closed
-
-            interruption = Interruption(at, interrupt)
-            faulthandler.dump_traceback_later(HANG, exit=True)
-            with interruption, contextlib.suppress(*ENDS):
-                use(client)
-            faulthandler.cancel_dump_traceback_later()
-        return interruption
-
-    once(None)
-    total = min(once(None).seen for _ in range(3))
-    places = range(total) if count == 0 else [total * n // count for n in range(count)]
-    longest, ran = (0.0, ""), 0
-    for place in places:
-        done = once(place)
-        longest = max(longest, (done.took, done.where))
-        ran += bool(done.where)
+    total = min(interrupted(use, Interruption()).seen for _ in range(4))
+    for handler in HANDLERS:
+        done = [
+            interrupted(use, Interruption(int(total * (n + random.random()) / count), handler))
+            for n in range(count)
+        ]
+        longest = max(done, key=lambda one: one.took)
+        report = {
+            "handler": handler.__name__,
+            "places": total,
+            "interrupted": sum(bool(one.where) for one in done),
+            "longest": longest.took,
+            "where": longest.where,
+        }
+        print(json.dumps(report), flush=True)
     keeper.close()
-    print(json.dumps({"places": total, "ran": ran, "longest": longest[0], "where": longest[1]}))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2], int(sys.argv[3]))
+    main(sys.argv[1], int(sys.argv[2]))

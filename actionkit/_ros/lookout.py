@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 
 from rclpy.exceptions import InvalidHandle
 
-from actionkit._delivery import log_soon
 from actionkit._ros import graph
 from actionkit._ros.entities import Entities
 from actionkit._ros.listener import GoalListener, SentGoal
@@ -21,6 +20,7 @@ from actionkit._ros.presence import Presence
 from actionkit._ros.rollcall import RollCall
 from actionkit._ros.runtime import Runtime
 
+_log = logging.getLogger("actionkit")
 _NAMING = 0.5
 """Seconds until the graph knows the nodes of servers that it has just discovered."""
 _MATCHED_PERIOD = 1.0
@@ -156,8 +156,7 @@ class Lookout:
     def _warn_of_several(self) -> None:
         servers = [] if self._closed else self._list_servers() or []
         if len(servers) > 1:
-            log_soon(
-                logging.WARNING,
+            _log.warning(
                 "action %s has %d servers (%s): each of them runs every goal, and the first"
                 " answer counts; after a restart the old one shows for up to 20 s",
                 self._name,

@@ -27,12 +27,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from actionkit._clock import TimerHandle, TimerQueue
-from actionkit._delivery import log_soon
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.native import Source, Waiter, is_up
 from actionkit._ros.outbox import Window
 from actionkit._waiting import Flag, taken_from
 
+_log = logging.getLogger("actionkit")
 _T = TypeVar("_T")
 _START_TIMEOUT = 30.0
 _LAST_STEP = 0.5
@@ -221,7 +221,7 @@ class Runtime:
             self._close()
         except BaseException as error:  # noqa: BLE001  a thread that dies must say so
             self.failure = error
-            log_soon(logging.CRITICAL, "the communication thread of ActionKit died", error=error)
+            _log.critical("the communication thread of ActionKit died", exc_info=True)
             for callback in list(self.on_failure):
                 self._guarded(partial(callback, error))
         self._closed = True
@@ -271,8 +271,8 @@ class Runtime:
     def _guarded(self, callback: Callable[[], None]) -> None:
         try:
             callback()
-        except Exception as error:  # noqa: BLE001  one goal's trouble must not end the thread (R8)
-            log_soon(logging.ERROR, "an error in ActionKit itself; please report it", error=error)
+        except Exception:  # noqa: BLE001  one goal's trouble must not end the thread (R8)
+            _log.exception("an error in ActionKit itself; please report it")
 
     def _empty_inbox(self) -> None:
         """Call what is in the inbox. After the thread's end any other may do so."""

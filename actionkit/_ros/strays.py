@@ -22,8 +22,8 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from actionkit._clock import Timers
-from actionkit._delivery import log_soon
 
+_log = logging.getLogger("actionkit")
 _REMEMBERED = 256
 _RECENT = 20.0
 """Seconds; as long as a server may be in the making, and longer than any was seen to be."""
@@ -245,8 +245,7 @@ class Strays:
 
     def _give_up(self, key: bytes) -> None:
         if self._strays[key].late:
-            log_soon(
-                logging.WARNING,
+            _log.warning(
                 "goal %s of action %s was accepted by a server after it had ended for its caller,"
                 " and that server did not confirm its cancellation: IT MAY STILL BE RUNNING."
                 " Two servers on one name both run every goal: keep one of them",

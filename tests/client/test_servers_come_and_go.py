@@ -207,10 +207,7 @@ def test_the_death_of_our_thread_fails_every_call_loudly(action_server, make_cli
     client._session.port.runtime.call_soon(die)
     with pytest.raises(ak.ServerLostError, match="communication thread"):
         future.result(10)
-    give_up = time.monotonic() + 10
-    while "communication thread" not in caplog.text:  # logged on another thread
-        assert time.monotonic() < give_up
-        NEVER.wait(0.01)
+    assert "communication thread" in caplog.text
     # The next call gets a new thread.
     again = client.call_async({"order": 1})
     server.wait_for("executing", count=2)

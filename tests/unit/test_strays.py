@@ -7,17 +7,11 @@ from itertools import count, pairwise
 
 import pytest
 
-from actionkit import _delivery
 from actionkit._ros.strays import Strays
 from tests.unit.clock import Clock
 
 KEY = bytes(range(16))
 STILL_RUNNING = "MAY STILL BE RUNNING"
-
-
-@pytest.fixture(autouse=True)
-def _logged_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_delivery.tellers, "submit", lambda job: job())
 
 
 class World:
