@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections import deque
 
 from actionkit._field_errors import shown
 from actionkit._settings import MOST, MOST_TEXT
@@ -40,7 +41,9 @@ class RetryBudget:
         self._capacity = float(capacity)
         self._ratio = float(ratio)
         self._tokens = self._capacity
+        self._changes: deque[float] = deque()
         self._lock = threading.Lock()
+        """Nobody waits for it: whoever has it makes the changes of the others too."""
 
     def __repr__(self) -> str:
         state = "allows" if self.allows_retry else "forbids"
@@ -54,8 +57,7 @@ class RetryBudget:
     @property
     def tokens(self) -> float:
         """The tokens left."""
-        with self._lock:
-            return self._tokens
+        return self._tokens
 
     @property
     def allows_retry(self) -> bool:
@@ -64,10 +66,19 @@ class RetryBudget:
 
     def on_success(self) -> None:
         """Give back a share of a token."""
-        with self._lock:
-            self._tokens = min(self._capacity, self._tokens + self._ratio)
+        self._change(self._ratio)
 
     def on_transient_failure(self) -> None:
         """Take a token."""
-        with self._lock:
-            self._tokens = max(0.0, self._tokens - 1.0)
+        self._change(-1.0)
+
+    def _change(self, by: float) -> None:
+        # A signal handler may come here while the thread that it interrupted has the lock.
+        self._changes.append(by)
+        while self._changes and self._lock.acquire(blocking=False):
+            try:
+                while self._changes:
+                    tokens = self._tokens + self._changes.popleft()
+                    self._tokens = min(self._capacity, max(0.0, tokens))
+            finally:
+                self._lock.release()

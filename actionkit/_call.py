@@ -17,7 +17,7 @@ from actionkit._classify import overruled
 from actionkit._clock import TimerHandle
 from actionkit._decode import DecodeOnce
 from actionkit._explain import Story, Surroundings, explain
-from actionkit._feedback import FeedbackTape
+from actionkit._feedback_tape import FeedbackTape
 from actionkit._future import GoalFuture
 from actionkit._judging import Judging
 from actionkit._observers.audience import NOBODY, Audience
@@ -64,7 +64,7 @@ class Carrier(Protocol):
     def call_soon(self, callback: Callable[[], None]) -> None: ...
     def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle: ...
     def cancel_timer(self, handle: TimerHandle) -> None: ...
-    def add(self, call: Call) -> None: ...
+    def begin(self, call: Call) -> None: ...
     def finished(self, call: Call) -> None: ...
 
 
@@ -107,8 +107,7 @@ class Call:
 
     def begin(self) -> None:
         """Start soon, and be counted. From any thread; calls start in this order."""
-        self._carrier.add(self)
-        self._carrier.call_soon(self.start)
+        self._carrier.begin(self)
 
     def request_cancel(self, *, urgent: bool = False) -> None:
         """Cancel soon. From any thread.
@@ -121,7 +120,7 @@ class Call:
         self._carrier.call_soon(self.cancel)
 
     def start(self) -> None:
-        """Begin the first attempt."""
+        """Begin the first attempt. The carrier calls it."""
         if self.unwanted:
             self.cancel()
         if self._ending is not None:
@@ -158,6 +157,10 @@ class Call:
             self._attempt.fail(reason, error)
         else:
             self._end(fx.Ending(fx.End.LOST, GoalState.LOST, info=error))
+
+    def refuse(self, reason: str) -> None:
+        """End before anything was sent, because this side cannot send."""
+        self._end(fx.Ending(fx.End.LOST, GoalState.SENDING, info=reason))
 
     def _idle(self, end: fx.End) -> fx.Ending:
         """The ending of a call that has no attempt under way: not begun, judged, or pausing."""

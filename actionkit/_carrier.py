@@ -1,14 +1,14 @@
 """What carries a client's calls: their attempts over one port, until none is left.
 
-Everything happens on the communication thread, but for the constructor and `add`.
+Everything happens on the communication thread, but for the constructor and `begin`.
 """
 
 from __future__ import annotations
 
-import threading
 import time
 import uuid
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from actionkit._attempt import Attempt
@@ -18,9 +18,11 @@ from actionkit._explain import Surroundings
 from actionkit._ros.port import Port
 from actionkit._settings import Timeouts
 from actionkit._stages import Stage
+from actionkit._waiting import Flag
 
 LINGER = 30.0
 """Seconds that a closed client goes on watching for the late acceptance of a goal (C2.4)."""
+_DIED = "the communication thread of ActionKit died"
 
 
 class PortCarrier:
@@ -31,12 +33,13 @@ class PortCarrier:
         self.action_name = port.identity.action_name
         self.type_name = port.identity.type_name
         self.calls: set[Call] = set()
-        self.retired = threading.Event()
+        self.retired = Flag()
         """Set when `retire` was heard, and the port freed where nothing was in flight."""
         self._on_freed = on_freed
         self._attempts: set[Attempt] = set()
         self._retiring = False
         self._linger: TimerHandle | None = None
+        self._closing = False
         self.decode_feedback = port.decode_feedback
         self.call_soon = port.call_soon
         self.call_at = port.call_at
@@ -44,11 +47,21 @@ class PortCarrier:
         port.on_failure(self._broken)
         port.link.on_strays_gone(self._free_if_done)
 
-    def add(self, call: Call) -> None:
-        """Count a call among those in flight."""
+    def begin(self, call: Call) -> None:
+        """Count a call among those in flight, and start it soon. From any thread."""
         self.calls.add(call)
-        if self.port.runtime.failure is not None:
-            self._broken(self.port.runtime.failure)  # it died just now
+        self.call_soon(partial(self._start, call))
+
+    def _start(self, call: Call) -> None:
+        failure = self.port.runtime.failure
+        if failure is not None:
+            call.fail(_DIED, failure)
+        elif self._closing:
+            call.close(abandon=True)  # it came behind the closing, and has sent nothing
+        elif self.port.freed.is_set():
+            call.refuse("the ROS context was shut down just when the call began")
+        else:
+            call.start()
 
     # --- for calls -------------------------------------------------------------------------
 
@@ -101,13 +114,17 @@ class PortCarrier:
     # --- the end ---------------------------------------------------------------------------
 
     def close_calls(self, *, abandon: bool) -> None:
-        """End every call by the client's policy."""
+        """End every call by the client's policy, and take no more."""
+        self._closing = True
+        self.port.end_waits()
         for call in list(self.calls):
             call.close(abandon=abandon)
 
     def retire(self) -> None:
         """Free the port as soon as nothing is left to watch for."""
         first, self._retiring = not self._retiring, True
+        if first:
+            self.port.end_waits()
         if self._done:
             self.free()
         elif first:
@@ -154,7 +171,8 @@ class PortCarrier:
 
     def _broken(self, error: BaseException) -> None:
         for call in list(self.calls):
-            call.fail("the communication thread of ActionKit died", error)
+            call.fail(_DIED, error)
+        self.port.end_waits()
         # Its entities died with it; nobody is left to free them.
         self.port.freed.set()
         self.retired.set()

@@ -33,8 +33,8 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             result = client.call(Fibonacci.Goal(order=10), timeout=10.0)
 
     No `rclpy.init()`, node, executor or thread is asked of the user; where there are any,
-    none of them is spun, shut down or blocked (contract C1.1). Safe to use from any thread,
-    and from any callback of any executor (contract C1.2).
+    none of them is spun, shut down or blocked (contract C1.1). Safe to use from any thread, from
+    any callback of any executor (contract C1.2), and in a signal handler, whatever it interrupted.
     """
 
     def __init__(
@@ -261,7 +261,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             TypeError, ValueError: A bad `timeout`.
         """
         seconds = check_seconds("timeout", timeout)
-        return self._session.port.wait_for_server(seconds)
+        return self._session.wait_for_server(seconds)
 
     def server_is_ready(self) -> bool:
         """Whether a server is ready for goals now.

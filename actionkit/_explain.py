@@ -201,6 +201,8 @@ def _lost(ending: Ending, story: Story) -> str:
             f" goal {story.goal_id} of action {story.action_name!r} cannot be followed any more:"
             " IT MAY STILL BE RUNNING. Please report it; the next call starts a new thread."
         )
+    if ending.status is GoalState.SENDING:
+        return f"{_what(story)} was never sent, because {ending.info}. Call again."
     return (
         f"The server of action {story.action_name!r} was lost {story.elapsed:.1f} s into the"
         f" call, with goal {story.goal_id} in flight ({ending.info}). Look for a crash in the"

@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
+import _thread
 import asyncio
 import concurrent.futures
 import contextlib
 import logging
 import os
 import sys
-import threading
 import uuid
+from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Generic, Protocol, TypeVar, cast
+from typing import Any, Generic, Protocol, cast
 
 from actionkit._action_type import FeedbackT, ResultT
 from actionkit._blocked import Label
 from actionkit._delivery import Pool
 from actionkit._diagnostics import is_interrupt, log_here
 from actionkit._effects import End
-from actionkit._errors import ActionKitError
-from actionkit._feedback import FeedbackStream, FeedbackTape, wake_future
+from actionkit._feedback_tape import FeedbackStream, FeedbackTape
 from actionkit._timeline import Recorder
 from actionkit._values import GoalState, Outcome, Timeline
-from actionkit._waiting import slices
-
-_T = TypeVar("_T")
-
+from actionkit._waiting import Flag, taken_from, wake_future
 
 if sys.version_info >= (3, 11):
     LocalTimeout = TimeoutError
@@ -70,6 +67,9 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
 
     Works with `concurrent.futures.wait`, `as_completed` and `add_done_callback`, and can be
     awaited from any running asyncio loop. Made by `Client.call_async` only.
+
+    In a signal handler use the methods here: `wait` and `as_completed` may have been what the
+    handler interrupted, and would then wait for themselves.
     """
 
     def __init__(self, call: CallView, tape: FeedbackTape[FeedbackT], pool: Pool) -> None:
@@ -78,11 +78,11 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         self._tape = tape
         self._pool = pool
         self._outcome: Outcome[ResultT] | None = None
-        self._told = False  # whether waiters and callbacks were told
+        self._cancelled = False
+        self._over = Flag()
         self._pid = os.getpid()
-        self._hooks_lock = threading.Lock()
-        self._user_callbacks: list[Callable[[Any], object]] = []
-        self._waiters_async: list[Callable[[], None]] = []
+        self._user_callbacks: deque[Callable[[Any], object]] = deque()
+        self._waiters_async: deque[Callable[[], None]] = deque()
 
     def __repr__(self) -> str:
         return f"<GoalFuture {self.goal_id} {self.state}{' done' if self.done() else ''}>"
@@ -130,7 +130,11 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
             concurrent.futures.CancelledError: The goal was cancelled through this future.
             ActionKitError: The call failed; see the classes of contract C3.
         """
-        return self._await_done(super().result, timeout)
+        error = self._error(timeout)
+        if error is not None:
+            raise error
+        assert self._outcome is not None
+        return cast("ResultT", self._outcome.result)
 
     def exception(self, timeout: float | None = None) -> BaseException | None:
         """Wait for the goal and return what `result` would raise, or `None`.
@@ -142,7 +146,10 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
             TimeoutError: The local wait ran out.
             concurrent.futures.CancelledError: The goal was cancelled through this future.
         """
-        return self._await_done(super().exception, timeout)
+        error = self._error(timeout)
+        if error is not None and self._cancelled:
+            raise error
+        return error
 
     def outcome(self, timeout: float | None = None) -> Outcome[ResultT]:
         """Wait for the goal and return the whole story; a failure is told, not raised.
@@ -153,25 +160,26 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         Raises:
             TimeoutError: The local wait ran out.
         """
-        with contextlib.suppress(concurrent.futures.CancelledError):
-            self.exception(timeout)
+        self._error(timeout)
         assert self._outcome is not None
         return self._outcome
 
-    def _await_done(self, wait: Callable[[float | None], _T], timeout: float | None) -> _T:
+    def _error(self, timeout: float | None) -> BaseException | None:
         self._check_process()
-        for seconds in slices(timeout):
-            over = self.done()
-            try:
-                return wait(seconds)
-            except ActionKitError:
-                raise  # a DeadlineExceededError is a TimeoutError too, and speaks for itself
-            except concurrent.futures.CancelledError:
-                raise self._outcome_error() from None  # the same with a text
-            except concurrent.futures.TimeoutError:
-                if over:
-                    raise
-        raise self._local_timeout()
+        if not self._over.wait(timeout):
+            raise LocalTimeout(
+                f"the goal is still {self.state} after the local wait; it was not cancelled"
+            )
+        assert self._outcome is not None
+        return self._outcome.error
+
+    def done(self) -> bool:
+        """Whether the call is over."""
+        return self._over.is_set()
+
+    def cancelled(self) -> bool:
+        """Whether the call is over because the goal was cancelled through this future."""
+        return self._cancelled and self.done()
 
     def __await__(self) -> Generator[Any, None, ResultT]:
         """Wait on the running event loop, without polling.
@@ -202,16 +210,13 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         def wake() -> None:
             wake_future(loop, woken)
 
-        with self._hooks_lock:
-            if self._told:
-                return
-            self._waiters_async.append(wake)
+        self._waiters_async.append(wake)
         try:
-            await woken
+            if not self.done():  # or it may have ended before `wake` could be seen
+                await woken
         finally:
-            with self._hooks_lock:
-                if wake in self._waiters_async:
-                    self._waiters_async.remove(wake)
+            with contextlib.suppress(ValueError):  # it was taken out by `settle`
+                self._waiters_async.remove(wake)
 
     # --- control ---------------------------------------------------------------------------
 
@@ -242,11 +247,13 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
 
         At once and on this thread where it is done already. What `fn` raises is logged.
         """
-        with self._hooks_lock:
-            if not self._told:
-                self._user_callbacks.append(fn)
-                return
-        self._call_back(fn)
+        if self.done():
+            self._call_back(fn)
+            return
+        self._user_callbacks.append(fn)
+        if self.done():  # it ended before `fn` could be seen
+            for late in taken_from(self._user_callbacks):
+                self._call_back(late)
 
     def _call_back(self, fn: Callable[[Any], object]) -> None:
         try:
@@ -261,36 +268,58 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
     # --- for the call only -----------------------------------------------------------------
 
     def settle(self, outcome: Outcome[ResultT], end: End) -> None:
-        """End the call. On the communication thread, once."""
+        """End the call. On the communication thread, once. Never blocks."""
         self._outcome = outcome
+        self._cancelled = end is End.CANCELLED_BY_CALLER
         call = self._call
         self._call = _Over(call.goal_id, call.state, call.timeline, call.cancel_grace)
-        if end is End.CANCELLED_BY_CALLER:
+        told = self._tell_at_once()
+        self._over.set()
+        if not told:
+            self._tell_elsewhere()
+        for wake in taken_from(self._waiters_async):
+            wake()
+        for callback in taken_from(self._user_callbacks):
+            label = Label("done callback", callback, "a thread, but no other callback")
+            self._pool.submit(partial(self._call_back, callback), label)
+
+    def wait_until_over(self, seconds: float) -> bool:
+        """Wait so long at most; return whether the call is over."""
+        return self._over.wait(seconds)
+
+    # What follows is for `concurrent.futures.wait` and `as_completed` alone. They take locks, in
+    # the main thread too, where a signal handler may run meanwhile and wait for another goal: so
+    # the communication thread never waits for these locks, and nothing else rests on them.
+
+    def _tell_at_once(self) -> bool:
+        """Tell the base class where that needs no waiting; return whether it was told."""
+        if not self._condition.acquire(blocking=False):
+            return False
+        try:
+            if not self._waiters:  # these have locks too
+                self._tell()
+                return True
+            return False
+        finally:
+            self._condition.release()
+
+    def _tell_elsewhere(self) -> None:
+        try:
+            # Not a `threading.Thread`: starting one takes a lock, too.
+            _thread.start_new_thread(self._tell, ())
+        except RuntimeError:  # there are too many
+            self._tell()
+
+    def _tell(self) -> None:
+        outcome = self._outcome
+        assert outcome is not None
+        if self._cancelled:
             super().cancel()
             self.set_running_or_notify_cancel()
         elif outcome.error is not None:
             self.set_exception(outcome.error)
         else:
             self.set_result(cast("ResultT", outcome.result))
-        with self._hooks_lock:
-            self._told = True
-            callbacks, self._user_callbacks = self._user_callbacks, []
-            waiters, self._waiters_async = self._waiters_async, []
-        for wake in waiters:
-            wake()
-        for callback in callbacks:
-            label = Label("done callback", callback, "a thread, but no other callback")
-            self._pool.submit(partial(self._call_back, callback), label)
-
-    def _outcome_error(self) -> BaseException:
-        assert self._outcome is not None
-        assert self._outcome.error is not None
-        return self._outcome.error
-
-    def _local_timeout(self) -> TimeoutError:
-        return LocalTimeout(
-            f"the goal is still {self.state} after the local wait; it was not cancelled"
-        )
 
     def _check_process(self) -> None:
         if os.getpid() != self._pid:

@@ -7,7 +7,7 @@ until it is known to run no more (contract C2.4).
 from __future__ import annotations
 
 import atexit
-import concurrent.futures
+import contextlib
 import math
 import os
 import threading
@@ -20,15 +20,15 @@ from actionkit import _delivery, _diagnostics
 from actionkit._call import Call
 from actionkit._carrier import LINGER, PortCarrier
 from actionkit._errors import ClientClosedError
+from actionkit._future import GoalFuture
 from actionkit._left_running import tell_of_goals_left
 from actionkit._observers import channel as channels
 from actionkit._observers.audience import Audience
 from actionkit._observers.protocol import Observer
 from actionkit._request import Request
-from actionkit._ros import runtime as runtimes
+from actionkit._ros import runtimes
 from actionkit._ros.port import Port
 from actionkit._settings import LONGEST_GRACE
-from actionkit._waiting import await_ends
 
 OnClose = Literal["cancel", "abandon"]
 _MARGIN = 0.5
@@ -37,6 +37,8 @@ _HURRY = 2.0
 """Seconds; who interrupts a wait for cancellations does not want another one after it."""
 _TELLING = 1.0
 """Seconds that closing, and the interpreter's exit, wait for slow observers."""
+_TURN = 2.0
+"""Seconds to wait for another thread that opens a port; a second one does no harm."""
 _FREEING = 5.0
 """Seconds that the freeing of entities may take; it takes milliseconds on an idle machine."""
 
@@ -66,7 +68,11 @@ class Session:
         """Monotonic time at which a human did not want to wait any longer."""
         self._told_left: list[uuid.UUID] = []
         self._pid = os.getpid()
-        self._lock = threading.Lock()
+        self._opening = threading.RLock()
+        """So that threads which come at the same time open one port anew, and not one each.
+
+        The communication thread never waits for it, and nobody waits for it for long.
+        """
         self._closed = False
         self._carriers = [PortCarrier(open_port(), self._on_freed)]
         identity = self._carriers[0].port.identity
@@ -87,7 +93,7 @@ class Session:
     @property
     def pending(self) -> int:
         """How many calls are in flight."""
-        return sum(len(carrier.calls) for carrier in self._carriers)
+        return sum(len(carrier.calls) for carrier in list(self._carriers))
 
     @property
     def port(self) -> Port:
@@ -97,8 +103,7 @@ class Session:
             ClientClosedError: The session was closed.
             RuntimeError: This process was forked from the session's.
         """
-        with self._lock:
-            return self._current().port
+        return self._current().port
 
     def prepare(self, request: Request) -> Call:
         """Make a call, whose time runs from now, and which sends nothing so far.
@@ -107,29 +112,64 @@ class Session:
             ClientClosedError: The session was closed.
             RuntimeError: This process was forked from the session's.
         """
-        with self._lock:
-            return Call(self._current(), request, self._audience)
+        return Call(self._current(), request, self._audience)
 
     def begin(self, call: Call) -> None:
         """Begin a call that was prepared. Calls begin in this order (contract C1.12).
 
+        One that is begun just behind the closing ends at once, and sends nothing.
+
         Raises:
             ClientClosedError: The session was closed.
         """
-        with self._lock:  # so that no call slips in behind the closing
+        self.check()
+        call.begin()
+
+    def wait_for_server(self, timeout: float | None) -> bool:
+        """Block until goals can be sent; return whether they can.
+
+        Args:
+            timeout: Seconds, or `None` for no limit.
+
+        Raises:
+            ClientClosedError: The session was closed, perhaps meanwhile.
+            RuntimeError: This process was forked from the session's.
+        """
+        until = None if timeout is None else time.monotonic() + timeout
+        while not self.port.wait_for_server(timeout):
             self.check()
-            call.begin()
+            if until is not None and until <= time.monotonic():
+                return False
+            # The port was given up. Wait on, over the next.
+            timeout = None if until is None else until - time.monotonic()
+        return True
 
     def _current(self) -> PortCarrier:
         self.check()
         carrier = self._carriers[-1]
-        if not carrier.port.usable:
-            # The context was shut down under us (R10), or the thread died (R8). Goals in
-            # flight stay where they are; new ones go another way.
-            carrier.call_soon(carrier.retire)
-            carrier = PortCarrier(self._open_port(), self._on_freed)
-            self._carriers = [*(c for c in self._carriers if not c.port.freed.is_set()), carrier]
-        return carrier
+        return carrier if carrier.port.usable else self._renewed()
+
+    def _renewed(self) -> PortCarrier:
+        turn = self._opening.acquire(timeout=_TURN)
+        try:
+            carrier = self._carriers[-1]
+            if not carrier.port.usable:
+                # The context was shut down under us (R10), or the thread died (R8). Goals in
+                # flight stay where they are; new ones go another way.
+                carrier.call_soon(carrier.retire)
+                carrier = PortCarrier(self._open_port(), self._on_freed)
+                self._carriers.append(carrier)
+                for old in list(self._carriers):
+                    if old is not carrier and old.port.freed.is_set():
+                        with contextlib.suppress(ValueError):  # others do the same
+                            self._carriers.remove(old)
+                if self._closed:
+                    carrier.call_soon(carrier.retire)  # it may have been too late for `drop`
+                    self.check()
+            return carrier
+        finally:
+            if turn:
+                self._opening.release()
 
     def check(self) -> None:
         """Raise where the session cannot be used.
@@ -154,7 +194,7 @@ class Session:
     def cancel_all(self) -> int:
         """Cancel every call in flight; return how many there were."""
         self.check()
-        calls = [call for carrier in self._carriers for call in list(carrier.calls)]
+        calls = self._calls()
         for call in calls:
             call.request_cancel()
         return len(calls)
@@ -176,43 +216,46 @@ class Session:
                 self._await_ends(self.futures(), self.cancel_grace + _MARGIN)
         finally:
             self.retire()
-        self._told_left = self.running()
-        tell_of_goals_left([(self.action_name, goal_id) for goal_id in self._told_left], LINGER)
+        left = self.running()
+        self._told_left += left
+        tell_of_goals_left([(self.action_name, goal_id) for goal_id in left], LINGER)
         self._audience.flush(time.monotonic() + _TELLING)
 
     def begin_close(self) -> None:
         """Take no more calls, and begin to end those in flight."""
-        with self._lock:
-            self._closed = True
+        self._closed = True
         abandon = self._on_close == "abandon"
-        for carrier in self._carriers:
+        for carrier in list(self._carriers):
             carrier.call_soon(lambda c=carrier: c.close_calls(abandon=abandon))  # type: ignore[misc]
 
-    def await_cancel(self, future: concurrent.futures.Future[Any]) -> None:
+    def await_cancel(self, future: GoalFuture[Any, Any]) -> None:
         """Wait for a call that was just cancelled, within `Timeouts.cancel`."""
         self._await_ends([future], self.cancel_grace)
 
-    def _await_ends(self, futures: list[concurrent.futures.Future[Any]], grace: float) -> None:
+    def _await_ends(self, futures: list[GoalFuture[Any, Any]], grace: float) -> None:
         try:
-            await_ends(futures, grace, LONGEST_GRACE)
+            _await_ends(futures, grace)
         except KeyboardInterrupt:
             self.interrupted_at = time.monotonic()
             raise
 
-    def futures(self) -> list[concurrent.futures.Future[Any]]:
+    def futures(self) -> list[GoalFuture[Any, Any]]:
         """Return the futures of the calls in flight."""
-        return [call.future for carrier in self._carriers for call in list(carrier.calls)]
+        return [call.future for call in self._calls()]
 
     def running(self) -> list[uuid.UUID]:
         """Return the ids of the goals that may be running, less those that were told of."""
-        goals = [goal_id for carrier in self._carriers for goal_id in carrier.running()]
+        goals = [goal_id for carrier in list(self._carriers) for goal_id in carrier.running()]
         return [goal_id for goal_id in goals if goal_id not in self._told_left]
+
+    def _calls(self) -> list[Call]:
+        return [call for carrier in list(self._carriers) for call in list(carrier.calls)]
 
     def retire(self) -> None:
         """Free what is held: now, or as soon as no goal needs it."""
         self.drop()
         until = time.monotonic() + _FREEING
-        for carrier in self._carriers:
+        for carrier in list(self._carriers):
             carrier.retired.wait(max(0.0, until - time.monotonic()))
             if carrier.port.freed.is_set():
                 carrier.port.join(max(0.0, until - time.monotonic()))
@@ -222,29 +265,29 @@ class Session:
         if os.getpid() != self._pid:
             return
         self._closed = True
-        for carrier in self._carriers:
+        for carrier in list(self._carriers):
             carrier.call_soon(carrier.retire)
 
     @property
     def confirmed_at(self) -> float:
         """Monotonic time at which a server last answered to a cancellation."""
-        return max(carrier.port.link.others_confirmed_at for carrier in self._carriers)
+        return max(carrier.port.link.others_confirmed_at for carrier in list(self._carriers))
 
     def await_freed(self, until: float) -> bool:
         """Wait until no goal is watched any more; return whether it is so."""
         return all(
             carrier.port.freed.wait(max(0.0, until - time.monotonic()))
-            for carrier in self._carriers
+            for carrier in list(self._carriers)
         )
 
     def stop_watching(self) -> None:
         """Free what is held, whatever is watched."""
-        for carrier in self._carriers:
+        for carrier in list(self._carriers):
             carrier.call_soon(carrier.free)
             carrier.port.freed.wait(_FREEING)
 
     def _on_freed(self) -> None:
-        if self._closed and all(carrier.port.freed.is_set() for carrier in self._carriers):
+        if self._closed and all(c.port.freed.is_set() for c in list(self._carriers)):
             _live.discard(self)
 
 
@@ -267,7 +310,7 @@ def close_all() -> None:
         for session in sessions:
             session.begin_close()
         futures = [future for session in sessions for future in session.futures()]
-        await_ends(futures, grace, LONGEST_GRACE)
+        _await_ends(futures, grace)
         for session in sessions:
             session.retire()
         _await_freed(sessions, began, grace)
@@ -280,6 +323,18 @@ def close_all() -> None:
         _diagnostics.flush(time.monotonic() + _TELLING)
     except KeyboardInterrupt:  # a human who does not want to wait for it
         tell_of_goals_left(_left_running(sessions))
+
+
+def _await_ends(futures: list[GoalFuture[Any, Any]], grace: float) -> None:
+    """Wait for calls to end, for as long as some of them do so within each `grace` seconds."""
+    latest = time.monotonic() + grace + LONGEST_GRACE
+    before = len(futures) + 1
+    while futures and len(futures) < before and time.monotonic() < latest:
+        before = len(futures)
+        until = time.monotonic() + grace
+        if all(future.wait_until_over(until - time.monotonic()) for future in futures):
+            return
+        futures = [future for future in futures if not future.done()]
 
 
 def _await_freed(sessions: list[Session], began: float, grace: float) -> None:

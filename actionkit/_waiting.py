@@ -1,4 +1,4 @@
-"""Blocking waits that hear Ctrl-C, whenever it comes (contract C2.5).
+"""Waits that hear Ctrl-C, whenever it comes, and waking that waits for nobody (contract C2.5).
 
 CPython only takes note of a signal when it comes; its handler, and with it KeyboardInterrupt, runs
 between two bytecodes of the main thread. A signal that this thread takes wakes it from a wait. One
@@ -10,12 +10,15 @@ cores.) So the main thread waits in slices.
 
 from __future__ import annotations
 
-import concurrent.futures
+import asyncio
+import contextlib
 import threading
 import time
-from collections.abc import Collection, Iterator
-from typing import Any
+from collections import deque
+from collections.abc import Iterator
+from typing import TypeVar
 
+_T = TypeVar("_T")
 _SLICE = 0.5
 """Seconds; as late as a signal may be heard."""
 
@@ -41,26 +44,75 @@ def slices(timeout: float | None) -> Iterator[float | None]:
         yield min(_SLICE, left)
 
 
-def await_ends(
-    futures: Collection[concurrent.futures.Future[Any]], grace: float, longest: float
-) -> bool:
-    """Wait for futures to be done, for as long as some of them end within each `grace` seconds.
+def taken_from(queue: deque[_T]) -> Iterator[_T]:
+    """Take out one after the other, until nothing is left; several threads may do so at once."""
+    while queue:
+        try:
+            item = queue.popleft()
+        except IndexError:  # another thread was quicker
+            return
+        yield item
 
-    Args:
-        futures: What to wait for.
-        grace: Seconds.
-        longest: Seconds by which the wait is extended at most.
 
-    Returns:
-        Whether all are done.
+class Flag:
+    """Like `threading.Event`, but a signal handler may use it whatever it interrupted (C2.5).
+
+    An Event has a lock inside, which a thread holds for a moment when it begins to wait. A signal
+    handler that runs in that moment would wait for ever for the same Event, and whoever sets it
+    would wait for the handler. Here each who waits has a lock of its own, and setting the flag
+    waits for nobody.
     """
-    latest = time.monotonic() + grace + longest
-    before = len(futures) + 1
-    waiting = list(futures)
-    while waiting and len(waiting) < before and time.monotonic() < latest:
-        before = len(waiting)
-        for seconds in slices(grace):
-            if not concurrent.futures.wait(waiting, seconds)[1]:
+
+    __slots__ = ("_is_set", "_waiting")
+
+    def __init__(self) -> None:
+        self._is_set = False
+        self._waiting: deque[threading.Lock] = deque()
+
+    def is_set(self) -> bool:
+        """Whether it was set."""
+        return self._is_set
+
+    def set(self) -> None:
+        """Set it, once and for all; whoever waits goes on. Never blocks."""
+        self._is_set = True
+        for waiting in taken_from(self._waiting):
+            waiting.release()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait until it is set; hear Ctrl-C meanwhile.
+
+        Args:
+            timeout: Seconds, or `None` for no limit.
+
+        Returns:
+            Whether it is set.
+        """
+        if self._is_set:
+            return True
+        woken = threading.Lock()
+        woken.acquire()
+        self._waiting.append(woken)
+        try:
+            if self._is_set:  # just before `woken` could be seen
                 return True
-        waiting = [future for future in waiting if not future.done()]
-    return not waiting
+            for seconds in slices(timeout):
+                if woken.acquire(timeout=-1 if seconds is None else max(0.0, seconds)):
+                    return True
+            return self._is_set
+        finally:
+            with contextlib.suppress(ValueError):  # it was taken out by `set`
+                self._waiting.remove(woken)
+
+
+def wake_future(loop: asyncio.AbstractEventLoop, future: asyncio.Future[None]) -> None:
+    """Complete `future` from another thread, whatever has become of its loop (R11)."""
+
+    def complete() -> None:
+        if not future.done():
+            future.set_result(None)
+
+    try:
+        loop.call_soon_threadsafe(complete)
+    except RuntimeError:  # the loop was closed by now
+        return

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from actionkit._blocked import Label
 from actionkit._delivery import Pool
 from actionkit._diagnostics import is_interrupt, log_here, log_later, write_to_stderr
+from actionkit._waiting import Flag, taken_from
 
 MOST_FEEDBACK = 1_000
 """With so many waiting, feedback is left out."""
@@ -46,7 +47,9 @@ class Channel:
         self.name = f"{label} of action {action_name!r}"
         self.ends_on_error = ends_on_error
         self._pool = pool
-        self._changed = threading.Condition()
+        self._lock = threading.RLock()
+        """Never taken by a user's thread but at exit, since `put` must not wait for a handler."""
+        self._flushes: deque[Flag] = deque()
         self._jobs: deque[Job] = deque()
         self._scheduled = False
         self._draining: int | None = None  # the thread that is at it
@@ -58,7 +61,7 @@ class Channel:
 
     def put(self, job: Job, *, feedback: bool = False) -> None:
         """Queue a job. Never blocks."""
-        with self._changed:
+        with self._lock:
             if self._closed:
                 return
             if len(self._jobs) >= (MOST_FEEDBACK if feedback else MOST):
@@ -68,8 +71,7 @@ class Channel:
             if self._scheduled:
                 return
             self._scheduled = True
-            with _busy.lock:
-                _busy.channels.add(self)
+            _busy.add(self)
         self._pool.run(self)
 
     def flush(self, until: float, *, here: bool = False) -> bool:
@@ -83,10 +85,12 @@ class Channel:
         Returns:
             Whether nothing is queued any more.
         """
-        with self._changed:
-            while self._scheduled and (self._draining is not None or not here):
-                if not self._changed.wait(max(0.0, until - time.monotonic())):
-                    return False
+        while self._scheduled and (self._draining is not None or not here):
+            rested = Flag()
+            self._flushes.append(rested)
+            # It may have come to rest just before.
+            if self._scheduled and not rested.wait(until - time.monotonic()):
+                return False
         if self._scheduled:
             self._drain_here(until)
         return not self._scheduled
@@ -104,13 +108,13 @@ class Channel:
             while (job := self._next(until)) is not None:
                 self._run(job)
         except KeyboardInterrupt:
-            with self._changed:
+            with self._lock:
                 self._rest()
             raise
 
     def _next(self, until: float | None) -> Job | None:
         here = threading.get_ident()
-        with self._changed:
+        with self._lock:
             if self._draining not in (None, here):
                 return None
             if self._jobs and (until is None or time.monotonic() < until):
@@ -123,9 +127,9 @@ class Channel:
         self._draining = None
         if not self._jobs:
             self._scheduled = False
-            with _busy.lock:
-                _busy.channels.discard(self)
-        self._changed.notify_all()
+            _busy.discard(self)
+        for rested in taken_from(self._flushes):
+            rested.set()
 
     def _run(self, job: Job) -> None:
         try:
@@ -146,7 +150,7 @@ class Channel:
     def _raised(self) -> None:
         """Do what is due about an error of who is told. While it is being handled."""
         if self.ends_on_error:
-            with self._changed:
+            with self._lock:
                 self._closed = True
                 self._jobs.clear()
             log_here(
@@ -166,22 +170,13 @@ class Channel:
         )
 
 
-class _Busy:
-    """The channels with something queued, for the interpreter's exit."""
-
-    def __init__(self) -> None:
-        self.lock = threading.Lock()
-        self.channels: set[Channel] = set()
-
-
-_busy = _Busy()
+_busy: set[Channel] = set()
+"""The channels with something queued, for the interpreter's exit."""
 
 
 def flush_all(until: float) -> None:
     """At the interpreter's exit: wait for what is queued anywhere, and warn of what is left."""
-    with _busy.lock:
-        busy = list(_busy.channels)
-    for channel in busy:
+    for channel in list(_busy):
         if channel.flush(until, here=True):
             continue
         text = "at exit, %s had not been told everything"
@@ -193,4 +188,4 @@ def flush_all(until: float) -> None:
 
 def after_fork() -> None:
     """In a child: what the parent's observers have to be told is the parent's business."""
-    _busy.__init__()  # type: ignore[misc]  # its lock may be held by a thread that is not here
+    _busy.clear()

@@ -57,7 +57,7 @@ class JsonLines:
         self._backups = _whole("backups", backups) or 0
         self._messages = messages
         self._max_items = _whole("max_items", max_items)
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # a signal handler may close what is being closed
         self._file: int | None = None
         self._size = 0
         self._torn = False
@@ -134,9 +134,9 @@ class JsonLines:
         self._torn = self._size > 0 and os.pread(self._file, 1, self._size - 1) != b"\n"
 
     def _close(self) -> None:
-        if self._file is not None:
-            os.close(self._file)
-            self._file = None
+        file, self._file = self._file, None
+        if file is not None:
+            os.close(file)
 
     def _rotate(self) -> None:
         self._close()

@@ -11,8 +11,11 @@ server after Ctrl-C. Seen on rclpy 7.1.x; `WaitSet`, `handle.send_request`,
 from __future__ import annotations
 
 import contextlib
+import operator
+from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 from rclpy.client import Client as ServiceClient
 from rclpy.context import Context
@@ -32,6 +35,35 @@ _SPARE = 4
 
 
 RCLError = rclpy_implementation.RCLError
+_T = TypeVar("_T")
+_call = operator.methodcaller("__call__")
+
+
+def is_up(context: Context) -> bool:
+    """Whether the context is not shut down; a signal handler may ask.
+
+    `Context.ok()` has a lock: a handler that interrupted it and asked again would wait for ever.
+    """
+    handle = context.handle
+    try:
+        with handle:
+            return handle.ok()
+    except InvalidHandle:
+        return False
+
+
+def domain_of(context: Context) -> int:
+    """Return the domain of a context, without the lock of `Context.get_domain_id()`.
+
+    Raises:
+        InvalidHandle: The context was destroyed.
+        RuntimeError: It was not initialised.
+    """
+    handle = context.handle
+    if handle is None:
+        return context.get_domain_id()  # which says what is wrong
+    with handle:
+        return handle.get_domain_id()
 
 
 class Source:
@@ -141,6 +173,16 @@ class Waiter:
         """Make the current wait, or the next, return at once. Callable from any thread."""
         with contextlib.suppress(InvalidHandle):  # the thread has ended: nobody to wake
             self._guard.trigger()
+
+    def wake_with(self, inbox: deque[_T], item: _T) -> None:
+        """Append to the inbox and `wake`, with no signal handler between the two.
+
+        A handler runs between two bytecodes. Between these it could wait, for as long as it likes,
+        for what was put in and nobody was told of. So both are done by one call into C.
+        """
+        trigger = self._guard.handle.trigger_guard_condition
+        with contextlib.suppress(InvalidHandle, RCLError):  # as above
+            deque(map(_call, (partial(inbox.append, item), trigger)), maxlen=0)
 
     def wait(self, sources: Sequence[Source], timeout: float | None) -> list[Source]:
         """Wait until a source is ready, `wake` is called, or the time is up.

@@ -6,8 +6,6 @@ nothing is left to watch for.
 
 from __future__ import annotations
 
-import logging
-import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -17,15 +15,12 @@ from rclpy.serialization import deserialize_message
 
 from actionkit._clock import TimerHandle
 from actionkit._errors import ActionTypeMismatchError
-from actionkit._ros import graph
-from actionkit._ros import runtime as runtimes
+from actionkit._ros import graph, runtimes
 from actionkit._ros.link import Link
 from actionkit._ros.names import Identity, resolve, type_name_of
-from actionkit._ros.native import RCLError
+from actionkit._ros.native import RCLError, domain_of
 from actionkit._ros.wire import feedback_alone
-from actionkit._waiting import slices
-
-_log = logging.getLogger("actionkit")
+from actionkit._waiting import Flag
 
 
 class Port:
@@ -47,21 +42,23 @@ class Port:
         if node is not None and not isinstance(node, Node):
             raise TypeError(f"node={node!r} must be an rclpy node")
         name = None if node is None else resolve(node, action_name)
-        domain_id = None if node is None else node.context.get_domain_id()
-        self.runtime = runtimes.acquire(domain_id)
-        self.freed = threading.Event()
+        domain_id = None if node is None else domain_of(node.context)
+        self.runtime = runtimes.acquire(domain_id, self)
+        self.freed = Flag()
         """Set when the entities are destroyed and the thread was given back."""
         self._failure_callback: Callable[[BaseException], None] | None = None
+        self._waits: set[Flag] = set()
+        self._waits_over = False
         try:
             self.identity = Identity(
                 action_name=name or resolve(self.runtime.node, action_name),
                 type_name=type_name,
-                domain_id=self.runtime.context.get_domain_id(),
+                domain_id=domain_of(self.runtime.context),
                 label="" if node is None else node.get_fully_qualified_name(),
             )
-            self.link = self.runtime.run(lambda: self._link(action_type))
-        except BaseException:  # whatever it was goes on, a Ctrl-C too, but no thread is held
-            runtimes.release(self.runtime)
+            self.runtime.run(lambda: self._open(action_type))
+        except BaseException:  # whatever it was goes on, a Ctrl-C too, but nothing is held
+            self.call_soon(self._undo)
             raise
         self._feedback_type: Any = action_type.Feedback
 
@@ -104,16 +101,31 @@ class Port:
         """Block until goals can be sent; return whether they can.
 
         Args:
-            timeout: Seconds, or `None` for no limit.
+            timeout: Seconds, or `None` for no limit. `end_waits` ends the wait before.
         """
-        ready = threading.Event()
+        ready, over = [False], Flag()
 
-        self.call_soon(lambda: self.link.add_ready_waiter(ready.set))
+        def tell() -> None:
+            ready[0] = True
+            over.set()
+
+        def begin() -> None:
+            if self._waits_over:
+                over.set()
+                return
+            self._waits.add(over)
+            self.link.add_ready_waiter(tell)
+
+        def end() -> None:
+            self._waits.discard(over)
+            self.link.remove_ready_waiter(tell)
+
+        self.call_soon(begin)
         try:
-            heard = any(ready.wait(seconds) for seconds in slices(timeout))
-            return heard or (timeout == 0 and self.server_is_ready())
+            over.wait(timeout)
+            return ready[0] or (timeout == 0 and self.server_is_ready())
         finally:
-            self.call_soon(lambda: self.link.remove_ready_waiter(ready.set))
+            self.call_soon(end)
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table of the link and the timers hold."""
@@ -127,7 +139,13 @@ class Port:
 
     # --- on the communication thread -------------------------------------------------------
 
-    def _link(self, action_type: Any) -> Link:
+    def end_waits(self) -> None:
+        """Let nobody wait for a server here any more."""
+        self._waits_over = True
+        for over in self._waits:
+            over.set()
+
+    def _open(self, action_type: Any) -> None:
         name, type_name = self.identity.action_name, self.identity.type_name
         used = dict(self.runtime.names_in_use).get(name)
         if used not in (None, type_name):
@@ -139,9 +157,15 @@ class Port:
             )
             error.expected, error.served = type_name, (str(used),)
             raise error
-        link = Link(self.runtime, action_type, type_name, name)
+        self.link = Link(self.runtime, action_type, type_name, name)
         self.runtime.names_in_use.append((name, type_name))
-        return link
+
+    def _undo(self) -> None:
+        """Give everything back, as far as its making came."""
+        if hasattr(self, "link"):
+            self.free()
+        else:
+            runtimes.release(self.runtime, self)
 
     def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
         """Call `callback` at the monotonic time `at`."""
@@ -167,7 +191,8 @@ class Port:
         if self._failure_callback is not None:
             self.runtime.on_failure.remove(self._failure_callback)
             self._failure_callback = None
+        self.end_waits()
         self.link.close()
         self.runtime.names_in_use.remove((self.identity.action_name, self.identity.type_name))
-        runtimes.release(self.runtime)
+        runtimes.release(self.runtime, self)
         self.freed.set()

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 from action_msgs.srv import CancelGoal
 from rclpy.qos import QoSProfile
 
-from actionkit._ros import runtime as runtimes
+from actionkit._ros import runtimes
 from actionkit._ros.native import ResponseSource
+from actionkit._ros.runtime import Runtime
 
 _DEPTH = 100
 _STEP = 0.01
@@ -54,17 +55,18 @@ def measure(action_name: str, timeout: float) -> RoundTrip:
     Raises:
         Exception: Whatever rclpy raises where the endpoint cannot be made.
     """
-    runtime = runtimes.acquire(None)
+    user = object()
+    runtime = runtimes.acquire(None, user)
     try:
         return _Asker(runtime, action_name).measure(timeout)
     finally:
-        runtimes.release(runtime)
+        runtimes.release(runtime, user)
 
 
 class _Asker:
     """One service client for cancel requests, and what comes back to it."""
 
-    def __init__(self, runtime: runtimes.Runtime, action_name: str) -> None:
+    def __init__(self, runtime: Runtime, action_name: str) -> None:
         self._runtime = runtime
         self._answers: queue.SimpleQueue[tuple[int, float]] = queue.SimpleQueue()
         self._client = runtime.run(

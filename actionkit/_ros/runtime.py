@@ -18,10 +18,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future
 from functools import partial
 from typing import TypeVar
-from weakref import WeakSet, WeakValueDictionary
+from weakref import WeakValueDictionary
 
 from rclpy.context import Context
 from rclpy.node import Node
@@ -30,22 +29,26 @@ from rclpy.parameter import Parameter
 from actionkit._clock import TimerHandle, TimerQueue
 from actionkit._diagnostics import log_later, log_own_error
 from actionkit._ros.discovery import stop_listening
-from actionkit._ros.native import Source, Waiter
+from actionkit._ros.native import Source, Waiter, is_up
 from actionkit._ros.outbox import CancelWindow, Window
+from actionkit._waiting import Flag, taken_from
 
 _T = TypeVar("_T")
 _START_TIMEOUT = 30.0
+_LAST_STEP = 0.5
+"""Seconds for a thread to end that has done everything; it takes microseconds."""
 _numbers = itertools.count(1)
 
 
 class Runtime:
     """One communication thread with its context and node."""
 
-    def __init__(self, domain_id: int | None) -> None:
+    def __init__(self, domain_id: int, on_last: Callable[[Runtime], None]) -> None:
         """Start the thread.
 
         Args:
-            domain_id: The ROS domain; `None` takes it from the environment.
+            domain_id: The ROS domain.
+            on_last: Called on the thread when the last user leaves, while it is still usable.
 
         Raises:
             Exception: Whatever rclpy raises where the context or node cannot be made.
@@ -65,13 +68,23 @@ class Runtime:
         self._waited_for: tuple[Source, ...] | None = None  # the same, made anew after a change
         self._stopping = False
         self._keep_until = 0.0
-        self._links = 0
-        started: Future[None] = Future()
-        self._thread = threading.Thread(
-            target=self._main, args=(started,), name="actionkit", daemon=True
-        )
-        self._thread.start()
-        started.result(_START_TIMEOUT)
+        self._users: set[object] = set()
+        self._on_last = on_last
+        self._started = Flag()
+        self._refused: BaseException | None = None
+        self._closed = False
+        """Whether the thread looks into the inbox no more."""
+        self._ended = Flag()
+        self._thread = threading.Thread(target=self._main, name="actionkit", daemon=True)
+        try:
+            self._thread.start()
+            if not self._started.wait(_START_TIMEOUT):
+                raise TimeoutError(f"ActionKit's node did not come up in {_START_TIMEOUT:g} s")
+        except BaseException:  # whatever it was goes on, a Ctrl-C too, but no thread is left behind
+            self._stopping = True
+            raise
+        if self._refused is not None:
+            raise self._refused
 
     # --- from any thread -------------------------------------------------------------------
 
@@ -82,7 +95,7 @@ class Runtime:
             self._pid == os.getpid()
             and self.failure is None
             and not self._stopping
-            and self.context.ok()
+            and is_up(self.context)
         )
 
     @property
@@ -91,43 +104,43 @@ class Runtime:
         return threading.current_thread() is self._thread
 
     def call_soon(self, callback: Callable[[], None]) -> None:
-        """Call `callback` on the communication thread; calls keep their order."""
-        self._inbox.append(callback)
-        if not self.in_thread:
-            self._waiter.wake()
+        """Call `callback` on the communication thread; calls keep their order.
+
+        Where that thread has ended it is called on this one: nobody else would.
+        """
+        if self.in_thread:
+            self._inbox.append(callback)
+            return
+        self._waiter.wake_with(self._inbox, callback)
+        if self._closed:
+            self._empty_inbox()
 
     def run(self, function: Callable[[], _T]) -> _T:
         """Call `function` on the communication thread and return what it returns.
 
         Raises:
             Exception: Whatever `function` raises.
+            TimeoutError: The thread has not come to it in half a minute.
         """
-        done: Future[_T] = Future()
+        if self.in_thread:
+            return function()
+        answers: list[_T] = []
+        errors: list[BaseException] = []
+        done = Flag()
 
         def call() -> None:
             try:
-                done.set_result(function())
+                answers.append(function())
             except BaseException as error:  # noqa: BLE001  handed to the caller
-                done.set_exception(error)
+                errors.append(error)
+            done.set()
 
-        if self.in_thread:
-            return function()
         self.call_soon(call)
-        return done.result(_START_TIMEOUT)
-
-    def acquire(self) -> None:
-        """Count one more user of this runtime."""
-        self._links += 1
-
-    def release(self) -> bool:
-        """Count one user less; return whether none is left."""
-        self._links -= 1
-        return self._links == 0
-
-    def stop(self) -> None:
-        """Let the thread free node and context, and end."""
-        self._stopping = True
-        self._waiter.wake()
+        if not done.wait(_START_TIMEOUT):
+            raise TimeoutError(f"ActionKit's thread did not answer in {_START_TIMEOUT:g} s")
+        for error in errors:
+            raise error
+        return answers[0]
 
     def join_if_stopping(self, timeout: float) -> None:
         """Wait for the thread where it is ending, but not where it keeps its node."""
@@ -136,10 +149,25 @@ class Runtime:
 
     def join(self, timeout: float) -> None:
         """Wait for the thread to end. At once over from the thread itself."""
-        if not self.in_thread:
-            self._thread.join(max(0.0, timeout))
+        if not self.in_thread and self._ended.wait(timeout):
+            # Before Python 3.13 it has a lock inside: a signal handler may wait for it in vain.
+            self._thread.join(_LAST_STEP)
 
     # --- on the communication thread -------------------------------------------------------
+
+    def add_user(self, user: object) -> bool:
+        """Stay for `user`, too; return `False` where it is too late for that."""
+        if self._stopping or self._closed:
+            return False
+        self._users.add(user)
+        return True
+
+    def remove_user(self, user: object) -> None:
+        """Do not stay for `user`; without any the thread frees node and context, and ends."""
+        self._users.discard(user)
+        if not self._users and not self._stopping:
+            self._on_last(self)
+            self._stopping = True
 
     def window(self, action_name: str) -> Window:
         """Return what all who send goals to one action here share."""
@@ -191,13 +219,14 @@ class Runtime:
         """
         self._keep_until = max(self._keep_until, at)
 
-    def _main(self, started: Future[None]) -> None:
+    def _main(self) -> None:
         try:
             self._open()
         except BaseException as error:  # noqa: BLE001  raised in the constructor's thread
-            started.set_exception(error)
+            self._refused = error
+            self._started.set()
             return
-        started.set_result(None)
+        self._started.set()
         try:
             while not self._stopping:
                 self._turn()
@@ -207,6 +236,9 @@ class Runtime:
             log_later(logging.CRITICAL, "the communication thread of ActionKit died", exc_info=True)
             for callback in list(self.on_failure):
                 self._guarded(partial(callback, error))
+        self._closed = True
+        self._empty_inbox()  # what was put in before that could be seen
+        self._ended.set()
 
     def _open(self) -> None:
         self.context = Context()
@@ -254,83 +286,18 @@ class Runtime:
         except Exception:  # noqa: BLE001  one goal's trouble must not end the thread (R8)
             log_own_error()
 
+    def _empty_inbox(self) -> None:
+        """Call what is in the inbox. After the thread's end any other may do so."""
+        for callback in taken_from(self._inbox):
+            self._guarded(callback)
+
     def _close(self) -> None:
-        for _ in range(len(self._inbox)):
-            self._guarded(self._inbox.popleft())
+        self._empty_inbox()
+        while (left := self._keep_until - time.monotonic()) > 0:
+            self._waiter.wait((), left)
+            self._empty_inbox()
         self._waiter.destroy()
-        time.sleep(max(0.0, self._keep_until - time.monotonic()))
         stop_listening(self.node)
         self.node.destroy_node()
         self.context.try_shutdown()
         self.context.destroy()
-
-
-class _Registry:
-    """The runtimes of this process."""
-
-    def __init__(self) -> None:
-        self.lock = threading.Lock()
-        self.by_domain: dict[int, Runtime] = {}
-        self.ending: WeakSet[Runtime] = WeakSet()
-
-
-_registry = _Registry()
-_inherited: list[_Registry] = []
-"""Kept for ever: destroying the parent's entities here would break the parent's."""
-
-
-def acquire(domain_id: int | None) -> Runtime:
-    """Return the runtime of a domain, started where there is none that is usable.
-
-    Args:
-        domain_id: The ROS domain; `None` takes it from the environment.
-    """
-    if domain_id is None:
-        domain_id = environment_domain()
-    with _registry.lock:
-        runtime = _registry.by_domain.get(domain_id)
-        if runtime is None or not runtime.usable:
-            runtime = _registry.by_domain[domain_id] = Runtime(domain_id)
-        runtime.acquire()
-        return runtime
-
-
-def release(runtime: Runtime) -> None:
-    """Give back a runtime; the last user to do so ends it."""
-    with _registry.lock:
-        last = runtime.release()
-        if last:
-            for domain_id, known in list(_registry.by_domain.items()):
-                if known is runtime:
-                    del _registry.by_domain[domain_id]
-            _registry.ending.add(runtime)
-    if last:
-        runtime.stop()
-
-
-def join_ending(timeout: float) -> None:
-    """Wait for the threads that were told to end, those that keep their node included."""
-    until = time.monotonic() + timeout
-    for runtime in list(_registry.ending):
-        runtime.join(until - time.monotonic())
-
-
-def environment_domain() -> int:
-    """Return the ROS domain that the environment names.
-
-    Raises:
-        ValueError: `ROS_DOMAIN_ID` is no whole number.
-    """
-    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
-    if not text.isdigit():
-        raise ValueError(f"ROS_DOMAIN_ID={text!r} in the environment must be a whole number")
-    return int(text)
-
-
-def forget_inherited() -> None:
-    """After a fork: the parent's runtimes are none of the child's (R20)."""
-    # The lock too: a thread that does not exist here may have held it.
-    kept = _Registry()
-    kept.by_domain = _registry.by_domain
-    _inherited.append(kept)
-    _registry.__init__()  # type: ignore[misc]

@@ -9,8 +9,7 @@ from typing import Any
 
 from typing_extensions import Self
 
-from actionkit._ros import graph
-from actionkit._ros import runtime as runtimes
+from actionkit._ros import graph, runtimes
 from actionkit._ros.names import resolve
 
 _STEP = 0.05
@@ -59,7 +58,7 @@ class Survey:
             Exception: Whatever rclpy raises where a node cannot be made.
         """
         began = time.monotonic()
-        self.runtime = runtimes.acquire(None)
+        self.runtime = runtimes.acquire(None, self)
         self.opened = time.monotonic()
         self.seconds_to_open = self.opened - began
         """Seconds that it took to make the context and the node."""
@@ -130,7 +129,7 @@ class Survey:
 
     def close(self) -> None:
         """Leave the graph."""
-        runtimes.release(self.runtime)
+        runtimes.release(self.runtime, self)
         self.runtime.join_if_stopping(_JOIN)
 
     def __enter__(self) -> Self:

@@ -14,8 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from actionkit._clock import TimerHandle
-from actionkit._ros import graph
-from actionkit._ros import runtime as runtimes
+from actionkit._ros import graph, runtimes
 from actionkit._ros.native import MessageSource, RCLError
 
 _log = logging.getLogger("actionkit")
@@ -71,13 +70,13 @@ class StatusReader:
         self._on_servers = on_servers
         self._servers: tuple[str, ...] = ()
         self._timer: TimerHandle | None = None
-        self._runtime = runtimes.acquire(None)
+        self._runtime = runtimes.acquire(None, self)
         self._runtime.run(self._begin)
 
     def close(self) -> None:
         """Read no more."""
         self._runtime.run(self._end)
-        runtimes.release(self._runtime)
+        runtimes.release(self._runtime, self)
         self._runtime.join_if_stopping(_JOIN)
 
     def _begin(self) -> None:

@@ -243,8 +243,8 @@ class CallLife:
     def surroundings(self) -> Surroundings:
         return Surroundings({}, 0, "none")
 
-    def add(self, call: Call) -> None:
-        pass
+    def begin(self, call: Call) -> None:
+        self.call_soon(call.start)
 
     def finished(self, call: Call) -> None:
         self.finishes += 1

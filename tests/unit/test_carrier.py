@@ -39,6 +39,7 @@ class World(Clock):
             call_at=self.call_at,
             cancel_timer=self.queue.cancel,
             on_failure=lambda callback: None,
+            end_waits=lambda: None,
         )
         self.carrier = PortCarrier(self.port, on_freed=lambda: None)  # type: ignore[arg-type]
 

@@ -13,14 +13,8 @@ import pytest
 
 from actionkit._decode import DecodeOnce
 from actionkit._delivery import Pool, in_callback
-from actionkit._feedback import (
-    KEPT,
-    Callbacks,
-    FeedbackTape,
-    LoopCallbacks,
-    ThreadCallbacks,
-    callbacks_for,
-)
+from actionkit._feedback import KEPT, Callbacks, LoopCallbacks, ThreadCallbacks, callbacks_for
+from actionkit._feedback_tape import FeedbackTape
 
 LONG = 10.0
 

@@ -6,7 +6,8 @@ import asyncio
 import threading
 from collections.abc import Callable
 
-from actionkit._feedback import KEPT, FeedbackStream, FeedbackTape
+from actionkit._feedback import KEPT
+from actionkit._feedback_tape import FeedbackStream, FeedbackTape
 
 LONG = 10.0
 

@@ -185,7 +185,7 @@ def test_at_exit_what_no_thread_came_for_is_told_here() -> None:
     assert not channel.flush(time.monotonic() + 0.02)
     channel_module.flush_all(soon())
     assert notes == [0, 1, 2]
-    assert channel not in channel_module._busy.channels
+    assert channel not in channel_module._busy
 
 
 def test_a_thread_that_comes_late_leaves_the_order_alone() -> None:

@@ -1,0 +1,108 @@
+"""The runtimes of this process: found, started, and given back.
+
+Who uses a runtime is counted on its own thread, so that no lock is needed between the threads that
+come and the thread that goes (see `docs/architecture.md`, "Locks").
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from functools import partial
+from weakref import WeakSet
+
+from actionkit._ros.runtime import Runtime
+
+_TURN = 2.0
+"""Seconds to wait for another thread that starts a runtime; a second one does no harm."""
+
+
+class _Registry:
+    """The runtimes of this process."""
+
+    def __init__(self) -> None:
+        self.starting = threading.RLock()
+        """So that threads which come at the same time start one runtime, and not one each.
+
+        The communication thread never waits for it, and nobody waits for it for long.
+        """
+        self.by_domain: dict[int, Runtime] = {}
+        self.ending: WeakSet[Runtime] = WeakSet()
+
+    def forget(self, runtime: Runtime) -> None:
+        """A runtime ends. On its own thread, while it is still usable: nobody replaces it now."""
+        for domain_id, known in list(self.by_domain.items()):
+            if known is runtime:
+                del self.by_domain[domain_id]
+        self.ending.add(runtime)
+
+
+_registry = _Registry()
+_inherited: list[_Registry] = []
+"""Kept for ever: destroying the parent's entities here would break the parent's."""
+
+
+def acquire(domain_id: int | None, user: object) -> Runtime:
+    """Return the runtime of a domain, started where there is none that is usable.
+
+    Args:
+        domain_id: The ROS domain; `None` takes it from the environment.
+        user: Whom it stays for until `release`.
+    """
+    if domain_id is None:
+        domain_id = environment_domain()
+    while True:
+        runtime = _usable_runtime(domain_id)
+        try:
+            if runtime.run(partial(runtime.add_user, user)):
+                return runtime
+        except BaseException:  # whatever it was goes on, a Ctrl-C too, but no thread is held
+            runtime.call_soon(partial(runtime.remove_user, user))
+            raise
+
+
+def _usable_runtime(domain_id: int) -> Runtime:
+    turn = _registry.starting.acquire(timeout=_TURN)
+    try:
+        runtime = _registry.by_domain.get(domain_id)
+        if runtime is None or not runtime.usable:
+            # A signal handler may come in here a second time; then there are two, which is fine.
+            runtime = _registry.by_domain[domain_id] = Runtime(domain_id, _registry.forget)
+        return runtime
+    finally:
+        if turn:
+            _registry.starting.release()
+
+
+def release(runtime: Runtime, user: object) -> None:
+    """Give back a runtime; the last user to do so ends it."""
+    runtime.run(partial(runtime.remove_user, user))
+
+
+def join_ending(timeout: float) -> None:
+    """Wait for the threads that were told to end, those that keep their node included."""
+    until = time.monotonic() + timeout
+    for runtime in list(_registry.ending):
+        runtime.join(until - time.monotonic())
+
+
+def environment_domain() -> int:
+    """Return the ROS domain that the environment names.
+
+    Raises:
+        ValueError: `ROS_DOMAIN_ID` is no whole number.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
+    if not text.isdigit():
+        raise ValueError(f"ROS_DOMAIN_ID={text!r} in the environment must be a whole number")
+    return int(text)
+
+
+def forget_inherited() -> None:
+    """After a fork: the parent's runtimes are none of the child's (R20)."""
+    # The lock too: a thread that does not exist here may have held it.
+    kept = _Registry()
+    kept.by_domain = _registry.by_domain
+    _inherited.append(kept)
+    _registry.__init__()  # type: ignore[misc]

@@ -1,0 +1,279 @@
+"""Nothing of ActionKit's waits for a lock that an interrupted main thread may hold (C2.5).
+
+What is interrupted is played by this thread: it holds what the interrupted code would hold, and
+does what the handler would do. `tests/client/test_signal_handlers.py` interrupts the real code.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import threading
+import time
+import uuid
+from collections import deque
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from actionkit import GoalState, Outcome, RetryBudget
+from actionkit._blocked import Label
+from actionkit._carrier import PortCarrier
+from actionkit._delivery import Pool
+from actionkit._effects import End
+from actionkit._feedback_tape import FeedbackTape
+from actionkit._future import GoalFuture
+from actionkit._observers.channel import Channel
+from actionkit._timeline import Recorder
+from actionkit._values import Timeline
+from actionkit._waiting import Flag, taken_from
+
+BOUND = 20.0
+"""Seconds for what takes microseconds."""
+
+
+def elsewhere(function: Any, *args: Any) -> threading.Thread:
+    """Do it as the communication thread would; it must come to its end all the same."""
+    thread = threading.Thread(target=function, args=args, daemon=True)
+    thread.start()
+    thread.join(BOUND)
+    assert not thread.is_alive(), "it waits for a lock of the interrupted thread"
+    return thread
+
+
+# --- flags -------------------------------------------------------------------------------------
+
+
+def test_a_flag_wakes_all_who_wait() -> None:
+    flag = Flag()
+    heard: list[bool] = []
+    waiting = [threading.Thread(target=lambda: heard.append(flag.wait(BOUND))) for _ in range(5)]
+    for thread in waiting:
+        thread.start()
+    assert not flag.is_set()
+    flag.set()
+    for thread in waiting:
+        thread.join()
+    assert heard == [True] * 5
+    assert flag.wait(0)
+
+
+@pytest.mark.parametrize("timeout", [0, -1.0, 0.01])
+def test_a_wait_for_a_flag_ends_in_time(timeout: float) -> None:
+    assert not Flag().wait(timeout)
+
+
+def test_who_no_longer_waits_is_forgotten() -> None:
+    flag = Flag()
+    for _ in range(10):
+        flag.wait(0)
+    assert len(flag._waiting) == 0
+
+
+def test_a_flag_is_waited_for_by_a_handler_that_interrupted_the_same_wait(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """`threading.Event` would hang here: its own lock is held."""
+    flag = Flag()
+    real, seen = threading.Lock, list[bool]()
+
+    def handler() -> Any:
+        monkeypatch.setattr(threading, "Lock", real)
+        elsewhere(flag.set)
+        seen.append(flag.wait(BOUND))
+        return real()
+
+    monkeypatch.setattr(threading, "Lock", handler)  # in the midst of the outer wait
+    assert flag.wait(BOUND)
+    assert seen == [True]
+
+
+def test_what_several_take_out_is_taken_once() -> None:
+    queue = deque(range(20_000))
+    taken: list[int] = []
+    threads = [threading.Thread(target=lambda: taken.extend(taken_from(queue))) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(taken) == list(range(20_000))
+
+
+# --- futures -----------------------------------------------------------------------------------
+
+
+def a_future() -> GoalFuture[Any, Any]:
+    call = SimpleNamespace(
+        goal_id=uuid.uuid4(),
+        state=GoalState.SUCCEEDED,
+        timeline=Recorder(),
+        cancel_grace=1.0,
+        request_cancel=lambda: None,
+    )
+    return GoalFuture(call, FeedbackTape(), Pool())
+
+
+def outcome(error: Exception | None = None) -> Outcome[Any]:
+    return Outcome(
+        status=GoalState.SUCCEEDED,
+        result="result",
+        error=error,
+        attempts=1,
+        timeline=Timeline(()),
+        goal_id=uuid.uuid4(),
+        cancel=None,
+    )
+
+
+def test_a_future_is_settled_while_its_lock_is_held() -> None:
+    """`concurrent.futures.wait` and `as_completed` hold it for a moment, in the main thread."""
+    future = a_future()
+    called = Flag()
+    future.add_done_callback(lambda _: called.set())
+    with future._condition:
+        elsewhere(future.settle, outcome(), End.SUCCEEDED)
+        assert future.done()
+        assert future.result(0) == "result"
+        assert future.outcome(0).ok
+        assert called.wait(BOUND)
+    assert concurrent.futures.wait([future], BOUND).done == {future}
+
+
+@pytest.mark.parametrize("how", [concurrent.futures.ALL_COMPLETED, "FIRST_COMPLETED"])
+def test_whoever_waits_for_several_futures_is_told(how: str) -> None:
+    futures = [a_future() for _ in range(3)]
+    found: list[int] = []
+
+    def wait() -> None:
+        found.append(len(concurrent.futures.wait(futures, BOUND, return_when=how).done))
+
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    while not futures[-1]._waiters:
+        assert waiting.is_alive()
+    errors = [None, ValueError("for the test"), None]
+    ends = [End.SUCCEEDED, End.ABORTED, End.CANCELLED_BY_CALLER]
+    for future, error, end in zip(futures, errors, ends, strict=True):
+        elsewhere(future.settle, outcome(error), end)
+    waiting.join(BOUND)
+    assert found[0] == 3 if how == concurrent.futures.ALL_COMPLETED else found[0] >= 1
+    assert len(list(concurrent.futures.as_completed(futures, BOUND))) == 3
+
+
+def test_a_callback_that_is_added_just_as_the_goal_ends_is_called_once() -> None:
+    made = [a_future() for _ in range(500)]
+    called: deque[Any] = deque()
+    flags = [Flag() for _ in made]
+    settling = threading.Thread(
+        target=lambda: [future.settle(outcome(), End.SUCCEEDED) for future in made]
+    )
+    settling.start()
+    for future, flag in zip(made, flags, strict=True):
+        future.add_done_callback(lambda done, flag=flag: (called.append(done), flag.set()))  # type: ignore[misc]
+    settling.join()
+    assert all(flag.wait(BOUND) for flag in flags)
+    assert len(called) == len(set(called)) == len(made)
+
+
+# --- the rest ----------------------------------------------------------------------------------
+
+
+def test_a_budget_is_used_while_its_lock_is_held() -> None:
+    budget = RetryBudget(capacity=10.0, ratio=0.5)
+    with budget._lock:
+        elsewhere(budget.on_transient_failure)
+        elsewhere(lambda: budget.tokens)
+        budget.on_transient_failure()  # in a handler
+    budget.on_success()
+    assert budget.tokens == 8.5
+
+
+def test_an_observer_is_told_while_somebody_waits_for_it() -> None:
+    channel = Channel(Label("observer", print, "nothing"), Pool(), "/arm")
+    told, go_on = Flag(), Flag()
+    channel.put(lambda: go_on.wait(BOUND))
+    flushing = threading.Thread(target=channel.flush, args=(time.monotonic() + BOUND,), daemon=True)
+    flushing.start()
+    elsewhere(channel.put, told.set)
+    go_on.set()
+    assert told.wait(BOUND)
+    flushing.join(BOUND)
+    assert not flushing.is_alive()
+
+
+class Port(SimpleNamespace):
+    """A port on a thread that comes to what it is given when the test says so."""
+
+    def __init__(self) -> None:
+        self.soon: list[Any] = []
+        freed = Flag()
+        super().__init__(
+            identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm"),
+            link=SimpleNamespace(on_strays_gone=lambda _: None, cancels_strays=False),
+            runtime=SimpleNamespace(failure=None),
+            freed=freed,
+            free=freed.set,
+            decode_feedback=None,
+            call_soon=self.soon.append,
+            call_at=lambda at, callback: None,
+            cancel_timer=None,
+            on_failure=lambda callback: None,
+            end_waits=lambda: None,
+        )
+
+    def turn(self) -> None:
+        while self.soon:
+            self.soon.pop(0)()
+
+
+class Begun:
+    """A call that notes what becomes of it."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def start(self) -> None:
+        self.notes.append("started")
+
+    def close(self, *, abandon: bool) -> None:
+        self.notes.append("closed")
+
+    def refuse(self, reason: str) -> None:
+        self.notes.append("refused")
+
+    def fail(self, reason: str, error: BaseException) -> None:
+        self.notes.append("failed")
+
+
+def test_a_call_that_slips_in_behind_the_closing_sends_nothing() -> None:
+    port = Port()
+    carrier = PortCarrier(port, lambda: None)  # type: ignore[arg-type]
+    before, behind = Begun(), Begun()
+    carrier.begin(before)  # type: ignore[arg-type]
+    carrier.call_soon(lambda: carrier.close_calls(abandon=False))
+    carrier.begin(behind)  # type: ignore[arg-type]
+    port.turn()
+    assert before.notes == ["started", "closed"]
+    assert behind.notes[0] == "closed"
+    assert "started" not in behind.notes
+
+
+def test_a_call_that_comes_to_a_port_that_is_gone_does_not_hang() -> None:
+    port = Port()
+    carrier = PortCarrier(port, lambda: None)  # type: ignore[arg-type]
+    call = Begun()
+    carrier.retire()
+    assert port.freed.is_set()
+    carrier.begin(call)  # type: ignore[arg-type]
+    port.turn()
+    assert call.notes == ["refused"]
+
+
+def test_a_call_on_a_thread_that_died_fails() -> None:
+    port = Port()
+    carrier = PortCarrier(port, lambda: None)  # type: ignore[arg-type]
+    port.runtime.failure = SystemExit("for the test")
+    call = Begun()
+    carrier.begin(call)  # type: ignore[arg-type]
+    port.turn()
+    assert call.notes == ["failed"]
