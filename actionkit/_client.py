@@ -340,11 +340,12 @@ def _check_classify(classify: Classify | None, action_type: Any) -> None:
 def _transport() -> tuple[Any, Any]:
     """Import rclpy's room, late: `import actionkit` works, and is quick, without rclpy."""
     try:
-        from actionkit import _session
+        from actionkit import _exit, _session
         from actionkit._ros import port
     except ImportError as error:
         raise ImportError(
             f"ActionKit needs rclpy, which cannot be imported ({error}). On a machine with a"
             " ROS installation source its setup file; elsewhere: pip install 'actionkit[ros]'"
         ) from error
+    _exit.arm()
     return port, _session

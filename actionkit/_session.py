@@ -6,7 +6,6 @@ until it is known to run no more (contract C2.4).
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import math
 import os
@@ -16,30 +15,27 @@ import uuid
 from collections.abc import Callable
 from typing import Any, Literal
 
-from actionkit import _delivery, _diagnostics
 from actionkit._call import Call
 from actionkit._carrier import LINGER, PortCarrier
 from actionkit._errors import ClientClosedError
 from actionkit._future import GoalFuture
 from actionkit._left_running import tell_of_goals_left
-from actionkit._observers import channel as channels
 from actionkit._observers.audience import Audience
 from actionkit._observers.protocol import Observer
 from actionkit._request import Request
-from actionkit._ros import runtimes
 from actionkit._ros.port import Port
 from actionkit._settings import LONGEST_GRACE
 
 OnClose = Literal["cancel", "abandon"]
-_MARGIN = 0.5
+MARGIN = 0.5
 """Seconds that closing may take beyond the wait for cancellations."""
 _HURRY = 2.0
 """Seconds; who interrupts a wait for cancellations does not want another one after it."""
-_TELLING = 1.0
+TELLING = 1.0
 """Seconds that closing, and the interpreter's exit, wait for slow observers."""
 _TURN = 2.0
 """Seconds to wait for another thread that opens a port; a second one does no harm."""
-_FREEING = 5.0
+FREEING = 5.0
 """Seconds that the freeing of entities may take; it takes milliseconds on an idle machine."""
 
 
@@ -83,7 +79,7 @@ class Session:
             action_type=identity.type_name,
             node_name=identity.label,
         )
-        _live.add(self)
+        live.add(self)
 
     @property
     def closed(self) -> bool:
@@ -213,13 +209,13 @@ class Session:
         self.begin_close()
         try:
             if not self.in_a_hurry:
-                self._await_ends(self.futures(), self.cancel_grace + _MARGIN)
+                self._await_ends(self.futures(), self.cancel_grace + MARGIN)
         finally:
             self.retire()
         left = self.running()
         self._told_left += left
         tell_of_goals_left([(self.action_name, goal_id) for goal_id in left], LINGER)
-        self._audience.flush(time.monotonic() + _TELLING)
+        self._audience.flush(time.monotonic() + TELLING)
 
     def begin_close(self) -> None:
         """Take no more calls, and begin to end those in flight."""
@@ -234,7 +230,7 @@ class Session:
 
     def _await_ends(self, futures: list[GoalFuture[Any, Any]], grace: float) -> None:
         try:
-            _await_ends(futures, grace)
+            await_ends(futures, grace)
         except KeyboardInterrupt:
             self.interrupted_at = time.monotonic()
             raise
@@ -254,7 +250,7 @@ class Session:
     def retire(self) -> None:
         """Free what is held: now, or as soon as no goal needs it."""
         self.drop()
-        until = time.monotonic() + _FREEING
+        until = time.monotonic() + FREEING
         for carrier in list(self._carriers):
             carrier.retired.wait(max(0.0, until - time.monotonic()))
             if carrier.port.freed.is_set():
@@ -284,48 +280,14 @@ class Session:
         """Free what is held, whatever is watched."""
         for carrier in list(self._carriers):
             carrier.call_soon(carrier.free)
-            carrier.port.freed.wait(_FREEING)
+            carrier.port.freed.wait(FREEING)
 
     def _on_freed(self) -> None:
         if self._closed and all(c.port.freed.is_set() for c in list(self._carriers)):
-            _live.discard(self)
+            live.discard(self)
 
 
-_live: set[Session] = set()
-"""Sessions that hold something. Kept here for the interpreter's exit."""
-_inherited: list[Session] = []
-
-
-def close_all() -> None:
-    """End everything at the interpreter's exit, within a bound and in silence (C1.10).
-
-    Not in silence where goals may still be running: that is what a human has to know.
-    """
-    sessions = list(_live)
-    grace = max((s.cancel_grace for s in sessions), default=0.0) + _MARGIN
-    if any(session.in_a_hurry for session in sessions):
-        grace = 0.0
-    began = time.monotonic()
-    try:
-        for session in sessions:
-            session.begin_close()
-        futures = [future for session in sessions for future in session.futures()]
-        _await_ends(futures, grace)
-        for session in sessions:
-            session.retire()
-        _await_freed(sessions, began, grace)
-        tell_of_goals_left(_left_running(sessions))
-        for session in sessions:
-            session.stop_watching()
-        # The middleware's own exit handlers crash under a thread that still uses it.
-        runtimes.join_ending(_FREEING)
-        channels.flush_all(time.monotonic() + _TELLING)
-        _diagnostics.flush(time.monotonic() + _TELLING)
-    except KeyboardInterrupt:  # a human who does not want to wait for it
-        tell_of_goals_left(_left_running(sessions))
-
-
-def _await_ends(futures: list[GoalFuture[Any, Any]], grace: float) -> None:
+def await_ends(futures: list[GoalFuture[Any, Any]], grace: float) -> None:
     """Wait for calls to end, for as long as some of them do so within each `grace` seconds."""
     latest = time.monotonic() + grace + LONGEST_GRACE
     before = len(futures) + 1
@@ -337,28 +299,5 @@ def _await_ends(futures: list[GoalFuture[Any, Any]], grace: float) -> None:
         futures = [future for future in futures if not future.done()]
 
 
-def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
-    """Wait until no goal is watched any more, as long as servers go on confirming cancellations."""
-    while True:
-        confirmed_at = max((session.confirmed_at for session in sessions), default=began)
-        until = min(max(began, confirmed_at), began + LONGEST_GRACE) + grace
-        if time.monotonic() >= until or all(s.await_freed(until) for s in sessions):
-            return
-
-
-def _left_running(sessions: list[Session]) -> list[tuple[str, uuid.UUID]]:
-    return [(session.action_name, goal) for session in sessions for goal in session.running()]
-
-
-def forget_inherited() -> None:
-    """In a forked child: what the parent's sessions hold is not ours to free (R20)."""
-    _inherited.extend(_live)
-    _live.clear()
-    runtimes.forget_inherited()
-    _delivery.after_fork()
-    channels.after_fork()
-    _diagnostics.after_fork()
-
-
-atexit.register(close_all)
-os.register_at_fork(after_in_child=forget_inherited)
+live: set[Session] = set()
+"""Sessions that hold something. Kept here for the interpreter's exit."""

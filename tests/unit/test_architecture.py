@@ -55,6 +55,7 @@ LAYERS: list[set[str]] = [
     {"_call"},
     {"_carrier"},
     {"_session"},
+    {"_exit"},
     {"_client"},
     {""},  # actionkit itself
 ]
