@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 
+from typing_extensions import final
 
+
+@final
 class RetryBudget:
     """Lets callers retry only while most calls succeed, as gRPC's retry throttle does.
 
@@ -29,7 +33,7 @@ class RetryBudget:
         for name, value in (("capacity", capacity), ("ratio", ratio)):
             if isinstance(value, bool) or not isinstance(value, (int, float)):
                 raise TypeError(f"RetryBudget.{name}={value!r} must be a number")
-            if not 0 < value < float("inf"):
+            if not 0 < value <= sys.float_info.max:
                 raise ValueError(f"RetryBudget.{name}={value!r} must be above 0 and finite")
         self._capacity = float(capacity)
         self._ratio = float(ratio)
@@ -65,3 +69,22 @@ class RetryBudget:
         """Take a token."""
         with self._lock:
             self._tokens = max(0.0, self._tokens - 1.0)
+
+
+def check_budget(value: object) -> None:
+    """Raise where `retry_budget=` is none.
+
+    Raises:
+        TypeError: It is no `RetryBudget`, or of a class derived from it: its methods would run on
+            the communication thread, where nothing of the user's may (R8).
+    """
+    if type(value) is RetryBudget:
+        return
+    if isinstance(value, RetryBudget):
+        raise TypeError(
+            f"retry_budget={value!r} is of type {type(value).__name__}, but must be a RetryBudget"
+            " itself: a class derived from it could hold up every client of the process"
+        )
+    raise TypeError(
+        f"retry_budget={value!r} must be a RetryBudget: retry_budget=RetryBudget(capacity=10.0)"
+    )

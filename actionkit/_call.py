@@ -9,6 +9,7 @@ import time
 import uuid
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol
 
 from actionkit import _effects as fx
@@ -21,7 +22,8 @@ from actionkit._future import GoalFuture
 from actionkit._judging import Judging
 from actionkit._observers.audience import NOBODY, Audience
 from actionkit._request import Request
-from actionkit._retry import GiveUp, JudgedFailure, Retries, Retry
+from actionkit._retry import GiveUp, JudgedFailure, Retry
+from actionkit._retrying import Retrying
 from actionkit._settings import Timeouts
 from actionkit._stages import Stage
 from actionkit._timeline import Recorder
@@ -84,7 +86,7 @@ class Call:
             self.goal_id, request.goal, monotonic=self._began, wall=time.time()
         )
         self._deadline = None if request.timeout is None else self._began + request.timeout
-        self._retries = Retries(request.retry, request.budget, self._began)
+        self._retrying = Retrying(carrier, request.retry, request.budget, self._began)
         self._judging = Judging(carrier, request.classify)
         self._tape: FeedbackTape[Any] = FeedbackTape()
         self.future: GoalFuture[Any, Any] = GoalFuture(self, self._tape)
@@ -128,8 +130,7 @@ class Call:
         if self._attempt is not None:
             self._attempt.cancel()
         elif self._judging.under_way:
-            # What ended is judged, and not tried again; and that takes no longer than a cancel.
-            self._judging.end_by(time.monotonic() + self.cancel_grace)
+            self._cut_judging_short("the call was cancelled")
         else:
             self._end(self._idle(fx.End.CANCELLED_BY_CALLER))
 
@@ -139,9 +140,14 @@ class Call:
         if self._attempt is not None:
             self._attempt.close(abandon=abandon)
         elif self._judging.under_way:
-            self._judging.end()
+            self._cut_judging_short("the client was closed")
         else:
             self._end(self._idle(fx.End.CLOSED))
+
+    def _cut_judging_short(self, why: str) -> None:
+        """What ended is judged, and not tried again; that takes no longer than a cancel."""
+        within = f"{why}, and it did not answer within {self.cancel_grace:g} s"
+        self._judging.cut_short(time.monotonic() + self.cancel_grace, within)
 
     def fail(self, reason: str, error: BaseException) -> None:
         """End because this side broke."""
@@ -216,7 +222,7 @@ class Call:
         if current is not None:
             self._attempt = None
             current.withdraw()
-        self._cancel_pause()
+        self._stop_retrying()
         self.goal_id = attempt.goal_id
         rejected = state is GoalState.REJECTED
         reached = fx.Reached.REJECTED if rejected else fx.Reached.ACCEPTED
@@ -265,9 +271,12 @@ class Call:
         if ending.end is fx.End.SUCCEEDED and self._request.classify is None:
             self._judged(ending, None, Verdict.SUCCESS)  # most are: no outcome is made for it
         else:
-            self._judging.begin(ending, self._outcome(ending), self._deadline, self._judged)
+            now = time.monotonic()
+            self._judging.begin(ending, self._outcome(ending), now, self._deadline, self._judged)
 
-    def _judged(self, ending: fx.Ending, error: BaseException | None, verdict: Verdict) -> None:
+    def _judged(
+        self, ending: fx.Ending, error: BaseException | None, verdict: Verdict | fx.Fault
+    ) -> None:
         if self._ending is not None:
             return  # cancelled or closed meanwhile
         if verdict is Verdict.SUCCESS:
@@ -278,17 +287,19 @@ class Call:
             return
         self._request.budget.on_transient_failure()
         if self.unwanted or self._closing:
-            why_not = "its caller no longer wants it"
+            self._end(replace(ending, note="its caller no longer wants it"))
+            return
+        cause = error or JudgedFailure()
+        clock, planned = time.monotonic, partial(self._planned, ending)
+        self._retrying.begin(ending, cause, self._attempts, clock, self._deadline, planned)
+
+    def _planned(self, ending: fx.Ending, plan: Retry | GiveUp | fx.Fault) -> None:
+        if isinstance(plan, fx.Fault):
+            self._end(replace(ending, strategy=plan))
+        elif isinstance(plan, GiveUp):
+            self._end(replace(ending, note=plan.reason))
         else:
-            cause = error or JudgedFailure()
-            plan = self._retries.next(
-                ending, cause, self._attempts, time.monotonic(), self._deadline
-            )
-            if not isinstance(plan, GiveUp):
-                self._pause_for(plan)
-                return
-            why_not = plan.reason
-        self._end(replace(ending, note=why_not))
+            self._pause_for(plan)
 
     def _pause_for(self, plan: Retry) -> None:
         pause = f"in {plan.seconds:.2f} s"
@@ -318,7 +329,7 @@ class Call:
             # This attempt sent nothing, but an earlier goal of the call may run.
             ending = replace(ending, cancel=CancelReport.UNKNOWN)
         self._ending = ending
-        self._cancel_pause()
+        self._stop_retrying()
         callbacks = self._request.callbacks
         if ending.end not in _WITH_RESULT or callbacks is None:
             self._settle()
@@ -327,7 +338,8 @@ class Call:
         self._grace = self._carrier.call_at(until, self._settle)
         callbacks.finish(lambda: self._carrier.call_soon(self._settle))
 
-    def _cancel_pause(self) -> None:
+    def _stop_retrying(self) -> None:
+        self._retrying.drop()
         if self._pause is not None:
             self._carrier.cancel_timer(self._pause)
             self._pause = None

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Generic
 from typing_extensions import Never, Self
 
 from actionkit._action_type import ActionType, FeedbackT, GoalT, ResultT
-from actionkit._arguments import UNSET, Unset, check_type, refuse_unknown
-from actionkit._budget import RetryBudget
+from actionkit._arguments import UNSET, Unset, check_function, check_type, refuse_unknown
+from actionkit._budget import RetryBudget, check_budget
 from actionkit._call import Call
 from actionkit._classify import Classify, FieldClassifier
 from actionkit._delivery import in_callback
@@ -60,7 +60,12 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 ROS domain), and logs carry its name. It is neither spun nor changed.
             timeouts: Caps on the phases of each call.
             retry: When a call that failed for a transient reason is tried again.
-            classify: May overrule what counts as success, transient or permanent failure.
+            classify: A function `(Outcome) -> Verdict | None` that is asked how a goal that
+                succeeded, was aborted or was rejected counts; `None` leaves the default. It runs on
+                a thread of its own, and has until the call's deadline, 10 seconds at most. Where it
+                raises, does not answer or returns anything else, a goal that succeeded ends in a
+                `ClassifyError`, and one that failed keeps its own error. Ready-made:
+                `classify_by_field`, `retry_aborted`.
             observers: Who is told of every transition of every goal: an `Observer` of yours,
                 `JsonLines`, `Rosout`, `OpenTelemetry` (contract C6.2).
             on_close: What closing does to goals in flight: `"cancel"` or `"abandon"`.
@@ -75,6 +80,8 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         """
         check_type("timeouts", timeouts, Timeouts)
         check_type("retry", retry, RetryPolicy)
+        if retry_budget is not None:
+            check_budget(retry_budget)
         _check_classify(classify, action_type)
         told = check_observers(observers)
         if on_close not in ("cancel", "abandon"):
@@ -83,7 +90,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         self._timeouts = timeouts
         self._retry = retry
         self._classify = classify
-        self._budget = retry_budget or RetryBudget()
+        self._budget = RetryBudget() if retry_budget is None else retry_budget
         self._session: Session = session.Session(
             lambda: port.Port(action_type, action_name, node), on_close, timeouts.cancel, told
         )
@@ -325,8 +332,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
 def _check_classify(classify: Classify | None, action_type: Any) -> None:
     if classify is None:
         return
-    if not callable(classify):
-        raise TypeError(f"classify={classify!r} must be a function (Outcome) -> Verdict")
+    check_function("classify", classify, "a function (Outcome) -> Verdict or None")
     if isinstance(classify, FieldClassifier):
         classify.check(action_type.Result)
 

@@ -79,6 +79,23 @@ class End(Enum):
     CLOSED = auto()
     JUDGED = auto()
     """The goal succeeded, and `classify=` says that it did not."""
+    UNJUDGED = auto()
+    """`classify=` gave no answer that can count, so the call is no success (C3.3)."""
+
+
+@dataclass(slots=True)
+class Fault:
+    """What a function of the user's did in place of giving a proper answer.
+
+    Attributes:
+        problem: A clause for the error's text: "`classify=judge` raised ValueError: no".
+        cause: What the function raised, or the error of the goal that it called a success.
+        impossible: Whether it called a goal a success that cannot be one.
+    """
+
+    problem: str
+    cause: BaseException | None = None
+    impossible: bool = False
 
 
 @dataclass(slots=True)
@@ -95,6 +112,8 @@ class Ending:
         known: What is known of its present.
         info: Facts for the error's text: exceptions, type names, reasons.
         note: Why it was not tried again, where it might have been.
+        judge: How `classify=` failed to judge it, if it did.
+        strategy: How a strategy of the `RetryPolicy` failed to say whether to try again, if it did.
     """
 
     end: End
@@ -106,6 +125,8 @@ class Ending:
     known: Known = Known.STOPPED
     info: Any = None
     note: str = ""
+    judge: Fault | None = None
+    strategy: Fault | None = None
 
 
 @dataclass(slots=True)

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from typing import Literal
 
-from actionkit import _delivery
+from actionkit import _asking, _delivery
 from actionkit._call import Call
 from actionkit._carrier import PortCarrier
 from actionkit._errors import ClientClosedError
@@ -234,6 +234,7 @@ def forget_inherited() -> None:
     _live.clear()
     runtimes.forget_inherited()
     _delivery.after_fork()
+    _asking.after_fork()
     channels.after_fork()
 
 

@@ -7,6 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
+from actionkit._arguments import check_function
+
+MOST_SECONDS = 1e9
+"""31 years: the longest time that can be waited for. More is a mistake of units."""
 _RESEND = ("never_accepted", "confirmed_stopped", "always")
 
 
@@ -20,7 +24,7 @@ def check_seconds(name: str, value: object, *, optional: bool = True) -> float |
 
     Raises:
         TypeError: `value` is no number.
-        ValueError: `value` is negative, NaN or infinite.
+        ValueError: `value` is negative, NaN, infinite or more than 31 years.
     """
     if value is None and optional:
         return None
@@ -29,14 +33,19 @@ def check_seconds(name: str, value: object, *, optional: bool = True) -> float |
             f"{name}={value!r} must be a number of seconds"
             + (" or None for no limit" if optional else "")
         )
-    seconds = float(value)
-    if math.isnan(seconds) or seconds < 0:
+    if not value >= 0:  # NaN is not, either
         raise ValueError(f"{name}={value!r} must be zero or more seconds")
-    if math.isinf(seconds):
+    if value == math.inf:
         raise ValueError(
             f"{name}={value!r} must be finite" + ("; None means no limit" if optional else "")
         )
-    return seconds
+    if value > MOST_SECONDS:
+        given = repr(value) if value < 1e100 else "<a number of more than 100 digits>"
+        raise ValueError(
+            f"{name}={given} must be at most {MOST_SECONDS:g} seconds, which are 31 years"
+            + ("; None means no limit" if optional else "")
+        )
+    return float(value)
 
 
 @dataclass(frozen=True)
@@ -92,6 +101,11 @@ class RetryPolicy:
         stop: A tenacity stop strategy, in place of `attempts`.
         wait: A tenacity wait strategy, in place of the pauses.
 
+    A strategy of your own, or of tenacity's, runs on a thread of its own. Where it raises, does not
+    answer before the call's deadline and within 10 seconds, or returns what makes no sense (`stop`:
+    no bool; `wait`: no number of seconds from 0 to 1e9), the call ends with a
+    `RetriesExhaustedError` that says so.
+
     Raises:
         TypeError: A value has the wrong type.
         ValueError: A value is out of range.
@@ -124,8 +138,8 @@ class RetryPolicy:
             raise ValueError(f"RetryPolicy.resend={self.resend!r} must be one of {_RESEND}")
         for name in ("stop", "wait"):
             strategy = getattr(self, name)
-            if strategy is not None and not callable(strategy):
-                raise TypeError(f"RetryPolicy.{name}={strategy!r} must be a tenacity strategy")
+            if strategy is not None:
+                check_function(f"RetryPolicy.{name}", strategy, f"a {name} strategy of tenacity's")
 
     @classmethod
     def none(cls) -> RetryPolicy:

@@ -16,8 +16,8 @@ from typing import Any
 from unittest import mock
 
 from actionkit import CancelReport, GoalState, Outcome, RetryBudget, RetryPolicy, Timeouts, Verdict
+from actionkit import _asking as asking
 from actionkit import _call as call_module
-from actionkit import _judging as judging
 from actionkit._attempt import STATES, Attempt
 from actionkit._call import Call
 from actionkit._clock import TimerHandle, TimerQueue
@@ -223,8 +223,12 @@ class CallLife:
     def cancel_timer(self, handle: TimerHandle) -> None:
         self.timers.cancel(handle)
 
-    def submit(self, job: Callable[[], None]) -> None:
+    def run(self, job: Callable[[], None]) -> str:
         self.jobs.append(job)
+        return ""
+
+    def withdraw(self, job: Callable[[], None]) -> bool:
+        return False  # it runs: whether its answer still counts is the call's affair
 
     def server_is_ready(self) -> bool:
         return self.link.ready
@@ -245,7 +249,10 @@ class CallLife:
 
     @contextmanager
     def patched(self) -> Iterator[None]:
-        with mock.patch.object(call_module, "time", self), mock.patch.object(judging, "pool", self):
+        with (
+            mock.patch.object(call_module, "time", self),
+            mock.patch.object(asking, "threads", self),
+        ):
             yield
 
     def does(self, action: Callable[..., object], *args: Any, **options: Any) -> None:
