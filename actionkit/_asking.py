@@ -220,7 +220,7 @@ def described(value: object) -> str:
         error = isinstance(value, BaseException)
         text = f"{name}: {value}".rstrip(": .") if error else repr(value)
     except Exception:  # noqa: BLE001  whatever the value's own class raises
-        text = f"a {name}"
+        text = f"a value of type {name}"
     text = " ".join(text.split())
     return text if len(text) <= _LONGEST_TEXT else f"{text[:_LONGEST_TEXT]}..."
 

@@ -11,7 +11,7 @@ import uuid
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
 
@@ -145,13 +145,18 @@ class CallLife:
         retry: RetryPolicy = RetryPolicy(jitter=0.0),  # noqa: B008  frozen
         budget: RetryBudget | None = None,
         judged: bool = False,
+        strategies: bool = False,
         **timeouts: float | None,
     ) -> None:
         self.clock = 1000.0
         self.timers = TimerQueue()
         self.soon: deque[Callable[[], None]] = deque()
         self.jobs: deque[Callable[[], None]] = deque()
-        self.verdict = Verdict.SUCCESS
+        self.verdict: Verdict | str | None = Verdict.SUCCESS
+        self.strategy = "fine"
+        self.judged = judged
+        if strategies:
+            retry = replace(retry, stop=self._stop, wait=self._wait)
         self.told: list[tuple[Any, ...]] = []
         self.goals: dict[bytes, OnServers] = {}
         self.link = Link(self)
@@ -170,7 +175,7 @@ class CallLife:
                     timeouts=self.timeouts,
                     retry=retry,
                     budget=budget or RetryBudget(1000.0),
-                    classify=(lambda _: self.verdict) if judged else None,
+                    classify=self._classify if judged else None,
                     callbacks=None,
                 ),
             )
@@ -184,6 +189,23 @@ class CallLife:
 
         self.call.future.settle = count  # type: ignore[method-assign]
         self.does(self.call.begin)
+
+    # --- the user's functions --------------------------------------------------------------
+
+    def _classify(self, _: object) -> Any:
+        if self.verdict == "raises":
+            raise ValueError("from classify")
+        return self.verdict
+
+    def _stop(self, state: Any) -> Any:
+        if self.strategy == "stop raises":
+            raise ValueError("from stop")
+        return None if self.strategy == "nonsense" else state.attempt_number >= self.retry.attempts
+
+    def _wait(self, _: object) -> Any:
+        if self.strategy == "wait raises":
+            raise ValueError("from wait")
+        return 0.2
 
     # --- the carrier, and the thread's clock -----------------------------------------------
 
@@ -427,7 +449,8 @@ class CallLife:
     def _is_idle(self) -> bool:
         """Whether no goal is under way: a pause, or a wait for a server or for its turn."""
         attempt = self.call._attempt
-        return not self.jobs and (attempt is None or not attempt.goal.in_flight)
+        judged = self.call._judging.under_way
+        return not judged and (attempt is None or not attempt.goal.in_flight)
 
     def _require_end_of_idle(self, idle: bool) -> None:
         """A pause, or a wait for a server, ends at once."""
@@ -440,10 +463,10 @@ class CallLife:
         # No timer will ever fire again.
         self.require(self.done or self.call._grace is not None, "what broke ends the call at once")
 
-    def judge(self, verdict: Verdict) -> None:
-        """The user's `classify=` returns."""
+    def judge(self, verdict: Verdict | str | None, strategy: str = "fine") -> None:
+        """The user's `classify=`, or his strategies, return what they are told to here."""
         if self.jobs:
-            self.verdict = verdict
+            self.verdict, self.strategy = verdict, strategy
             self.does(self.jobs.popleft())
 
     # --- what must hold --------------------------------------------------------------------
@@ -506,7 +529,7 @@ class CallLife:
                     self.require(
                         goal.cancels_asked > 0, "nothing is left behind uncancelled (C2.4)"
                     )
-        elif self.deadline is not None and not self.jobs:
+        elif self.deadline is not None:
             latest = self.deadline + self.timeouts.cancel + GRACE
             self.require(self.clock < latest + 1e-6, "the deadline is kept (C2.3)")
 
@@ -521,6 +544,8 @@ class CallLife:
             at_least_once = self.retry.resend == "always"
             self.require(not running or at_least_once, f"{outcome.cancel} means: nothing runs")
         if outcome.error is None:
+            approved = not self.judged or self.verdict in (Verdict.SUCCESS, None)
+            self.require(approved, "what nobody called a success is none (C3.3)")
             self.require(not running or self.retry.resend == "always", "a success is the last word")
 
     settled_with_news = False

@@ -227,7 +227,7 @@ class Unprintable(Exception):
         (ValueError("no\nnever"), "raised ValueError: no never"),
         (KeyboardInterrupt(), "raised KeyboardInterrupt"),
         (SystemExit(1), "raised SystemExit: 1"),
-        (Unprintable(), "raised a Unprintable"),
+        (Unprintable(), "raised a value of type Unprintable"),
         (ValueError(1000 * "x"), "xxx..."),
     ],
     ids=lambda value: type(value).__name__,
