@@ -55,6 +55,12 @@ def resolve(node: Node, action_name: object) -> str:
     """
     if not isinstance(action_name, str):
         raise TypeError(f"action_name={action_name!r} must be a string, such as 'fibonacci'")
+    if "\0" in action_name or not action_name.isascii():
+        # To rclpy the name would end at a NUL.
+        raise ValueError(
+            f"action_name={action_name!r} is no valid ROS name: it may consist of letters, digits,"
+            " '_', '/' and '~'"
+        )
     try:
         # Also checks the characters, which a name alone would pass unnoticed.
         node.resolve_service_name(f"{action_name}/_action/send_goal")

@@ -82,7 +82,7 @@ def test_a_bad_action_type(bad, ros_domain):
         Client(bad, "fibonacci")
 
 
-@pytest.mark.parametrize("bad", ["", "9lives", "a b", "a//b", "fib/", "ü"])
+@pytest.mark.parametrize("bad", ["", "9lives", "a b", "a//b", "fib/", "ü", "a\0b", "a\ud800"])
 def test_a_bad_name(bad, ros_domain):
     with pytest.raises(ValueError, match="action_name="):
         Client(Fibonacci, bad)
