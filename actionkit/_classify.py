@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection
 from dataclasses import replace
+from numbers import Real
 from typing import Any
 
 from actionkit._asking import described, name_of
@@ -99,7 +100,7 @@ class FieldClassifier:
         return f"<classify_by_field {self._path!r}>"
 
     def check(self, result_class: type) -> None:
-        """Raise where the results of an action do not have the field.
+        """Raise where the results of an action do not have the field, or never such values.
 
         Raises:
             ValueError: They do not; the error names the fields that there are.
@@ -112,6 +113,13 @@ class FieldClassifier:
             raise ValueError(
                 f"classify_by_field({self._path!r}): that is a {kind}, and has no single value;"
                 " name one of its fields or items"
+            )
+        wrong = [each for values in self._by_value.values() for each in values]
+        wrong = [each for each in wrong if not _may_equal(each, kind)]
+        if wrong:
+            raise ValueError(
+                f"classify_by_field({self._path!r}): that is a {kind}, and never equal to"
+                f" {', '.join(sorted(map(repr, wrong)))}"
             )
 
     def __call__(self, outcome: Outcome[Any]) -> Verdict | None:
@@ -138,6 +146,17 @@ class FieldClassifier:
         return Verdict.PERMANENT if self._closed and not failed else None
 
 
+def _may_equal(value: object, kind: str) -> bool:
+    """Whether a field of a ROS type can have a value: "102" is no number."""
+    if kind.startswith(("string", "wstring")):
+        return isinstance(value, str)
+    if kind == "boolean":
+        return value in (True, False)
+    if kind.startswith(("int", "uint", "float", "double")):
+        return isinstance(value, Real) and not isinstance(value, bool)
+    return True
+
+
 def classify_by_field(
     path: str,
     *,
@@ -156,7 +175,7 @@ def classify_by_field(
 
     Args:
         path: The field, such as `error_code`, `status.code` or `codes[0]`. A client refuses, when
-            it is made, one that its results do not have.
+            it is made, one that its results do not have, and values that it never has.
         transient: Values that make any outcome with a result a transient failure.
         permanent: Values that make it a permanent failure.
         ok: Values that make it a success, even of an aborted goal. Where given, a goal that

@@ -240,7 +240,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 timeouts=self._timeouts,
                 retry=retry or self._retry,
                 budget=self._budget,
-                classify=classify or self._classify,
+                classify=self._classify if classify is None else classify,
                 callbacks=callbacks,
             )
         )

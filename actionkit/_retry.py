@@ -75,12 +75,15 @@ class Schedule:
             began: Monotonic time of the call.
         """
         self._policy = policy
-        self._stop: Callable[[Any], object] = policy.stop or tenacity.stop_after_attempt(
-            policy.attempts
-        )
-        self._wait: Callable[[Any], Any] = policy.wait or tenacity.wait_exponential(
+        self._stop: Callable[[Any], object] = tenacity.stop_after_attempt(policy.attempts)
+        self._wait: Callable[[Any], Any] = tenacity.wait_exponential(
             multiplier=policy.initial, exp_base=policy.factor, max=policy.max_pause
         )
+        # Not `or`: to ask whether it is true would run code of the user's, on the thread.
+        if policy.stop is not None:
+            self._stop = policy.stop
+        if policy.wait is not None:
+            self._wait = policy.wait
         self._state = tenacity.RetryCallState(tenacity.Retrying(), None, (), {})
         self._state.start_time = began
         self._asked = "wait" if policy.stop is None else "stop"

@@ -24,7 +24,7 @@ from actionkit import RetryPolicy, Timeouts, Verdict
 DEADLINE = 2.0
 ROOM = 15.0
 """Seconds that a busy machine may add; far less than what blocked functions wait for."""
-FOR_EVER = 120.0
+FOR_EVER = 60.0
 
 Function = Callable[..., Any]
 
@@ -54,9 +54,12 @@ class Place:
     Attributes:
         script: What the server does.
         options: The client's options, made of the function.
-        use: Makes the call and waits for its end.
+        call: The call's options, made of the function.
         nonsense: What it returns that makes no sense there.
-        logger: The logger that the function is attached to, if it is.
+        servers: How many servers there are; two are warned of in the log.
+        logger: The logger that the function is attached to, and as what, if it is.
+        done: Whether it is a done callback.
+        coroutine: Whether it is an `on_feedback` that is awaited.
     """
 
     script: list[Any]
@@ -64,6 +67,7 @@ class Place:
     call: Callable[[Function], dict[str, Any]] = lambda function: {}
     nonsense: tuple[Any, ...] = (object(),)
     logger: tuple[str, str] | None = None
+    servers: int = 1
     done: bool = False
     coroutine: bool = False
 
@@ -114,6 +118,8 @@ PLACES = {
     "filter of actionkit.goal": Place(["succeed"], logger=("actionkit.goal", "filter")),
     "handler of actionkit": Place(FEEDBACK, logger=("actionkit", "handler")),
     "filter of actionkit": Place(FEEDBACK, logger=("actionkit", "filter")),
+    "handler of a warning": Place(["succeed"], logger=("actionkit", "handler"), servers=2),
+    "filter of a warning": Place(["succeed"], logger=("actionkit", "filter"), servers=2),
 }
 CASES = [
     pytest.param(place, how, value, id=f"{name}-{how}" + (f"-{number}" if number else ""))
@@ -125,9 +131,10 @@ CASES = [
 
 @contextmanager
 def attached(logger_name: str, kind: str, function: Function) -> Iterator[None]:
-    """Have a logger call the function for every record."""
+    """Have a logger call the function for every record, and for none of its children's."""
     logger = logging.getLogger(logger_name)
-    level = logger.level
+    level, child = logger.level, logging.getLogger("actionkit.goal")
+    child.propagate = False
     handler = logging.NullHandler()
     if kind == "handler":
         handler = logging.Handler()  # type: ignore[assignment]
@@ -139,6 +146,7 @@ def attached(logger_name: str, kind: str, function: Function) -> Iterator[None]:
     try:
         yield
     finally:
+        child.propagate = True
         logger.setLevel(level)
         logger.removeHandler(handler)
         logger.removeFilter(function)
@@ -166,7 +174,7 @@ def outcome_of(client: Any, place: Place, misbehave: Misbehaviour) -> ak.Outcome
 
         return asyncio.run(main())
     options = place.call(misbehave)
-    if place.logger == ("actionkit", "handler") or place.logger == ("actionkit", "filter"):
+    if place.logger is not None and place.logger[0] == "actionkit" and place.servers == 1:
         options["on_feedback"] = fail  # so that something is written there
     future = client.call_async(goal, timeout=timeout, **options)
     if place.done:
@@ -190,18 +198,19 @@ def test_the_call_ends_and_others_are_not_delayed(
     monkeypatch.setattr(
         logging, "raiseExceptions", False
     )  # nothing is printed for a handler's error
-    action_server("scripted", script=place.script)
+    for _ in range(place.servers):
+        action_server("scripted", script=place.script)
     action_server("fibonacci", action_name="other")
     misbehave = Misbehaviour(how, nonsense=nonsense)
     timeouts = Timeouts(cancel=1.0)
     with ExitStack() as stack:
         stack.callback(misbehave.leave.set)
+        if place.logger is not None:
+            stack.enter_context(attached(*place.logger, misbehave))
         client = make_client(timeouts=timeouts, **place.options(misbehave))
         other = make_client(name="other", timeouts=timeouts)
         assert client.wait_for_server(10)
         assert other.wait_for_server(10)
-        if place.logger is not None:
-            stack.enter_context(attached(*place.logger, misbehave))
         ended: list[ak.Outcome[Any]] = []
         thread = threading.Thread(
             target=lambda: ended.append(outcome_of(client, place, misbehave)), daemon=True
@@ -217,3 +226,35 @@ def test_the_call_ends_and_others_are_not_delayed(
         succeeds = place.script[-1] == "succeed" and "classify" not in place.options(misbehave)
         assert ended[0].ok == succeeds, ended[0]
         misbehave.leave.set()
+
+
+def test_whatever_is_blocked_the_judge_of_another_client_is_asked(
+    action_server: Any, make_client: Any
+) -> None:
+    """Callbacks, observers and the functions that calls wait for, ten of each, all blocked."""
+    action_server("scripted", action_name="blocked", script=[{"feedback": 3}, {"abort": [1]}])
+    action_server("aborts")
+    leave = threading.Event()
+
+    def block(*args: object) -> Any:
+        leave.wait(FOR_EVER)
+
+    def judge(outcome: object) -> Any:
+        return leave.wait(FOR_EVER)
+
+    try:
+        callbacks = make_client(name="blocked", observers=[Observing("on_event", block)])
+        judged = make_client(name="blocked", classify=judge)
+        tried = make_client(
+            name="blocked", classify=transient, retry=RetryPolicy(stop=block, wait=block)
+        )
+        for _ in range(10):
+            callbacks.call_async({"order": 1}, on_feedback=block).add_done_callback(block)
+            judged.call_async({"order": 1})
+            tried.call_async({"order": 1})
+        client = make_client(classify=transient, retry=RetryPolicy(initial=0.01))
+        outcome = client.call_async({"order": 1}, timeout=ROOM).outcome(2 * ROOM)
+        assert outcome.attempts == 3
+        assert isinstance(outcome.error, ak.GoalAbortedError)
+    finally:
+        leave.set()

@@ -131,6 +131,9 @@ def test_a_text_or_a_truth_can_be_looked_at_too() -> None:
     assert classify_by_field("success", permanent={False})(outcome(result=result)) is PERMANENT
     assert classify_by_field("success", ok={True})(outcome(result=result)) is PERMANENT
     assert classify_by_field("why", transient={"busy"})(outcome(result=result)) is TRANSIENT
+    classify_by_field("why", transient={"busy", ""}).check(Message)
+    with pytest.raises(ValueError, match="that is a string, and never equal to 5"):
+        classify_by_field("why", transient={"busy", 5}).check(Message)
 
 
 def test_an_element_that_the_result_does_not_have_makes_no_success() -> None:
@@ -155,6 +158,26 @@ def test_a_whole_array_has_no_values_to_name() -> None:
     """Its values cannot stand in a set, and every goal would fail in its judgement."""
     with pytest.raises(ValueError, match="sequence"):
         classify_by_field("sequence", ok={0}).check(Fibonacci.Result)
+
+
+@pytest.mark.parametrize(
+    ("path", "right", "wrong"),
+    [
+        ("nested_field.int32_value", (0, 1.0, -5), ("0", True, None)),
+        ("nested_field.float64_value", (0, 1.5), ("0", False)),
+        ("nested_field.bool_value", (True, False, 0, 1), ("true", 2, None)),
+    ],
+)
+def test_values_that_the_field_never_has_are_refused_before_any_goal(
+    path: str, right: tuple[Any, ...], wrong: tuple[Any, ...]
+) -> None:
+    for value in right:
+        classify_by_field(path, ok={value}).check(NestedMessage.Result)
+    for value in wrong:
+        with pytest.raises(ValueError, match="never equal to") as caught:
+            classify_by_field(path, transient={value}).check(NestedMessage.Result)
+        assert repr(value) in str(caught.value)
+        assert repr(path) in str(caught.value)
 
 
 def test_what_it_says_of_itself() -> None:

@@ -246,6 +246,26 @@ def test_a_strategy_that_raises(name: str, error: BaseException) -> None:
     assert f"strategy` raised {type(error).__name__}" in said.problem
 
 
+class Hostile:
+    """A strategy that says that it is nothing, and has no good answers to anything else."""
+
+    def __call__(self, _: object) -> Any:
+        raise ValueError("asked")
+
+    def __bool__(self) -> bool:
+        return False
+
+    def __repr__(self) -> str:
+        raise AssertionError("this runs code of the user's on the communication thread")
+
+
+@pytest.mark.parametrize("name", ["stop", "wait"])
+def test_a_strategy_is_asked_whatever_it_says_of_itself(name: str) -> None:
+    said = pauses(RetryPolicy(**{name: Hostile()}), 1)[0]  # type: ignore[arg-type]
+    assert isinstance(said, Fault)
+    assert said.problem == f"`RetryPolicy.{name}=Hostile` raised ValueError: asked"
+
+
 # --- words -------------------------------------------------------------------------------------
 
 
