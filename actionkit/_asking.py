@@ -183,6 +183,11 @@ class Asking:
         self._disarm()
         self._limit = self._clock.call_at(at, lambda: self._answer(job, Unanswered(why)))
 
+    def end(self, why: str) -> None:
+        """Wait no longer; `on_answer` is told at once, with an `Unanswered` that says `why`."""
+        if self._job is not None:
+            self._answer(self._job, Unanswered(why))
+
     def drop(self) -> None:
         """Wait for no answer any more, and tell nobody."""
         job, self._job, self._on_answer = self._job, None, None

@@ -154,8 +154,12 @@ class Call:
         self._closing = True  # nothing fires any more that could try again
         if self._attempt is not None:
             self._attempt.fail(reason, error)
+        elif self._judging.under_way:
+            self._judging.end(reason)
         else:
             self._end(fx.Ending(fx.End.LOST, GoalState.LOST, info=error))
+        if self._ending is not None:
+            self._settle()  # the timer that ends the wait for callbacks fires no more
 
     def _idle(self, end: fx.End) -> fx.Ending:
         """The ending of a call that has no attempt under way: not begun, judged, or pausing."""

@@ -78,3 +78,7 @@ class Judging:
     def cut_short(self, at: float, why: str) -> None:
         """Wait no longer for the user's function than until the monotonic time `at`."""
         self._asking.end_by(at, f"was cut short: {why}")
+
+    def end(self, why: str) -> None:
+        """Wait no longer for the user's function."""
+        self._asking.end(f"was cut short: {why}")

@@ -146,6 +146,7 @@ class CallLife:
         budget: RetryBudget | None = None,
         judged: bool = False,
         strategies: bool = False,
+        callbacks: Any = None,
         **timeouts: float | None,
     ) -> None:
         self.clock = 1000.0
@@ -176,7 +177,7 @@ class CallLife:
                     retry=retry,
                     budget=budget or RetryBudget(1000.0),
                     classify=self._classify if judged else None,
-                    callbacks=None,
+                    callbacks=callbacks,
                 ),
             )
         self.deadline = None if timeout is None else self.clock + timeout
@@ -461,7 +462,7 @@ class CallLife:
         self.broke = True
         self.does(self.call.fail, "it broke", RuntimeError("broken"))
         # No timer will ever fire again.
-        self.require(self.done or self.call._grace is not None, "what broke ends the call at once")
+        self.require(self.done, "what broke ends the call at once")
 
     def judge(self, verdict: Verdict | str | None, strategy: str = "fine") -> None:
         """The user's `classify=`, or his strategies, return what they are told to here."""

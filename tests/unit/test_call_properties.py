@@ -414,6 +414,36 @@ def test_a_function_that_does_not_answer_makes_no_success_and_holds_nothing_up(
     assert type(life.outcome.error) is errors.ClassifyError
 
 
+# --- the communication thread dies -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("end", [GoalState.SUCCEEDED, GoalState.ABORTED])
+def test_a_goal_that_is_being_judged_had_ended_whatever_dies(end: GoalState) -> None:
+    life = lived([*RUNNING, ("result", 0, end), ("fail",)], judged=True)
+    succeeded = end is GoalState.SUCCEEDED
+    expected = errors.ClassifyError if succeeded else errors.GoalAbortedError
+    assert type(life.outcome.error) is expected
+    assert "cut short: it broke" in str(life.outcome.error)
+    assert life.outcome.result is not None
+
+
+class Busy:
+    """Feedback callbacks that never come to an end."""
+
+    errors = 0
+
+    def put(self, *decodes: Any) -> None: ...
+    def finish(self, then: Any) -> None: ...
+    def close(self) -> None: ...
+
+
+@pytest.mark.parametrize("judged", [False, True])
+def test_a_result_does_not_wait_for_callbacks_on_a_thread_that_died(judged: bool) -> None:
+    events = [*RUNNING, ("result", 0, GoalState.ABORTED), ("fail",)]
+    life = lived(events, judged=judged, callbacks=Busy())
+    assert isinstance(life.outcome.error, errors.GoalAbortedError)
+
+
 # --- the user's strategies ---------------------------------------------------------------------
 
 
