@@ -80,10 +80,11 @@ def explain(ending: Ending, story: Story) -> BaseException | None:
 def _exhausted(ending: Ending, story: Story) -> BaseException:
     """Return the error for retries that ended where the last failure does not say why."""
     last = explain(replace(ending, strategy=None, note=""), story)
-    reason = ending.note if ending.strategy is None else ending.strategy.problem
+    fault = ending.strategy
+    reason = ending.note if fault is None else fault.problem
     error = errors.RetriesExhaustedError(f"{last} The retries ended: {reason}.", **_common(story))
     error.result, error.cancel = ending.result, ending.cancel
-    error.__cause__ = (ending.strategy and ending.strategy.cause) or last
+    error.__cause__ = last if fault is None or fault.cause is None else fault.cause
     return error
 
 
