@@ -10,12 +10,13 @@ Importing this does not import rclpy; making a `Client` does.
 """
 
 from actionkit._budget import RetryBudget
-from actionkit._classify import classify_by_field
+from actionkit._classify import classify_by_field, retry_aborted
 from actionkit._client import Client
 from actionkit._errors import (
     AcceptanceTimeoutError,
     ActionKitError,
     ActionTypeMismatchError,
+    ClassifyError,
     ClientClosedError,
     DeadlineExceededError,
     FeedbackStalledError,
@@ -48,6 +49,7 @@ __all__ = [
     "ActionTypeMismatchError",
     "CallInfo",
     "CancelReport",
+    "ClassifyError",
     "Client",
     "ClientClosedError",
     "DeadlineExceededError",
@@ -79,4 +81,5 @@ __all__ = [
     "Verdict",
     "classify_by_field",
     "read_json_lines",
+    "retry_aborted",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,6 +25,31 @@ def check_type(name: str, value: object, cls: type) -> None:
     """
     if not isinstance(value, cls):
         raise TypeError(f"{name}={value!r} must be a {cls.__name__}")
+
+
+def check_function(name: str, value: object, wanted: str) -> None:
+    """Raise where `value` is nothing that can be called and gives its answer at once.
+
+    Args:
+        name: The parameter's name, for the error.
+        value: What the user gave.
+        wanted: What it must be, such as "a function (Outcome) -> Verdict".
+
+    Raises:
+        TypeError: It cannot be called, or is a class or a coroutine function.
+    """
+    if not callable(value):
+        raise TypeError(f"{name}={value!r} must be {wanted}")
+    if inspect.isclass(value):
+        raise TypeError(
+            f"{name}={value!r} must be {wanted}; this is a class: make an instance of it"
+        )
+    called = getattr(type(value), "__call__", None)  # noqa: B004  the method, for its kind
+    if inspect.iscoroutinefunction(value) or inspect.iscoroutinefunction(called):
+        raise TypeError(
+            f"{name}={value!r} must be {wanted}; this is a coroutine function, and no event loop is"
+            " there to run it: make it a plain one"
+        )
 
 
 _RCLPY_NAMES = {

@@ -6,10 +6,13 @@ import math
 import threading
 from collections import deque
 
+from typing_extensions import final
+
 from actionkit._field_errors import shown
 from actionkit._settings import MOST, MOST_TEXT
 
 
+@final
 class RetryBudget:
     """Lets callers retry only while most calls succeed, as gRPC's retry throttle does.
 
@@ -82,3 +85,22 @@ class RetryBudget:
                     self._tokens = min(self._capacity, max(0.0, tokens))
             finally:
                 self._lock.release()
+
+
+def check_budget(value: object) -> None:
+    """Raise where `retry_budget=` is none.
+
+    Raises:
+        TypeError: It is no `RetryBudget`, or of a class derived from it: its methods would run on
+            the communication thread, where nothing of the user's may (R8).
+    """
+    if type(value) is RetryBudget:
+        return
+    if isinstance(value, RetryBudget):
+        raise TypeError(
+            f"retry_budget={value!r} is of type {type(value).__name__}, but must be a RetryBudget"
+            " itself: a class derived from it could hold up every client of the process"
+        )
+    raise TypeError(
+        f"retry_budget={value!r} must be a RetryBudget: retry_budget=RetryBudget(capacity=10.0)"
+    )

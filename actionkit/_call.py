@@ -9,6 +9,7 @@ import time
 import uuid
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol
 
 from actionkit import _effects as fx
@@ -16,15 +17,17 @@ from actionkit._attempt import Attempt
 from actionkit._classify import overruled
 from actionkit._clock import TimerHandle
 from actionkit._decode import DecodeOnce
-from actionkit._explain import Story, Surroundings, explain
+from actionkit._explain import Story, explain
 from actionkit._feedback_tape import FeedbackTape
 from actionkit._future import GoalFuture
 from actionkit._judging import Judging
 from actionkit._observers.audience import NOBODY, Audience
 from actionkit._request import Request
-from actionkit._retry import GiveUp, JudgedFailure, Retries, Retry
+from actionkit._retry import GiveUp, JudgedFailure, Retry
+from actionkit._retrying import Retrying
 from actionkit._settings import Timeouts
 from actionkit._stages import Stage
+from actionkit._surroundings import Surroundings
 from actionkit._timeline import Recorder
 from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome, Verdict
 
@@ -85,7 +88,7 @@ class Call:
             self.goal_id, request.goal, monotonic=self._began, wall=time.time()
         )
         self._deadline = None if request.timeout is None else self._began + request.timeout
-        self._retries = Retries(request.retry, request.budget, self._began)
+        self._retrying = Retrying(carrier, request.retry, request.budget, self._began)
         self._judging = Judging(carrier, request.classify)
         self._tape: FeedbackTape[Any] = FeedbackTape()
         self.future: GoalFuture[Any, Any] = GoalFuture(self, self._tape, request.pool)
@@ -135,8 +138,7 @@ class Call:
         if self._attempt is not None:
             self._attempt.cancel()
         elif self._judging.under_way:
-            # What ended is judged, and not tried again; and that takes no longer than a cancel.
-            self._judging.end_by(time.monotonic() + self.cancel_grace)
+            self._cut_judging_short("the call was cancelled")
         else:
             self._end(self._idle(fx.End.CANCELLED_BY_CALLER))
 
@@ -146,17 +148,26 @@ class Call:
         if self._attempt is not None:
             self._attempt.close(abandon=abandon)
         elif self._judging.under_way:
-            self._judging.end()
+            self._cut_judging_short("the client was closed")
         else:
             self._end(self._idle(fx.End.CLOSED))
+
+    def _cut_judging_short(self, why: str) -> None:
+        """What ended is judged, and not tried again; that takes no longer than a cancel."""
+        within = f"{why}, and it did not answer within {self.cancel_grace:g} s"
+        self._judging.cut_short(time.monotonic() + self.cancel_grace, within)
 
     def fail(self, reason: str, error: BaseException) -> None:
         """End because this side broke."""
         self._closing = True  # nothing fires any more that could try again
         if self._attempt is not None:
             self._attempt.fail(reason, error)
+        elif self._judging.under_way:
+            self._judging.end(reason)
         else:
             self._end(fx.Ending(fx.End.LOST, GoalState.LOST, info=error))
+        if self._ending is not None:
+            self._settle()  # the timer that ends the wait for callbacks fires no more
 
     def refuse(self, reason: str) -> None:
         """End before anything was sent, because this side cannot send."""
@@ -227,7 +238,7 @@ class Call:
         if current is not None:
             self._attempt = None
             current.withdraw()
-        self._cancel_pause()
+        self._stop_retrying()
         self.goal_id = attempt.goal_id
         rejected = state is GoalState.REJECTED
         reached = fx.Reached.REJECTED if rejected else fx.Reached.ACCEPTED
@@ -276,9 +287,12 @@ class Call:
         if ending.end is fx.End.SUCCEEDED and self._request.classify is None:
             self._judged(ending, None, Verdict.SUCCESS)  # most are: no outcome is made for it
         else:
-            self._judging.begin(ending, self._outcome(ending), self._deadline, self._judged)
+            now = time.monotonic()
+            self._judging.begin(ending, self._outcome(ending), now, self._deadline, self._judged)
 
-    def _judged(self, ending: fx.Ending, error: BaseException | None, verdict: Verdict) -> None:
+    def _judged(
+        self, ending: fx.Ending, error: BaseException | None, verdict: Verdict | fx.Fault
+    ) -> None:
         if self._ending is not None:
             return  # cancelled or closed meanwhile
         if verdict is Verdict.SUCCESS:
@@ -289,17 +303,19 @@ class Call:
             return
         self._request.budget.on_transient_failure()
         if self.unwanted or self._closing:
-            why_not = "its caller no longer wants it"
+            self._end(replace(ending, note="its caller no longer wants it"))
+            return
+        cause = error or JudgedFailure()
+        clock, planned = time.monotonic, partial(self._planned, ending)
+        self._retrying.begin(ending, cause, self._attempts, clock, self._deadline, planned)
+
+    def _planned(self, ending: fx.Ending, plan: Retry | GiveUp | fx.Fault) -> None:
+        if isinstance(plan, fx.Fault):
+            self._end(replace(ending, strategy=plan))
+        elif isinstance(plan, GiveUp):
+            self._end(replace(ending, note=plan.reason))
         else:
-            cause = error or JudgedFailure()
-            plan = self._retries.next(
-                ending, cause, self._attempts, time.monotonic(), self._deadline
-            )
-            if not isinstance(plan, GiveUp):
-                self._pause_for(plan)
-                return
-            why_not = plan.reason
-        self._end(replace(ending, note=why_not))
+            self._pause_for(plan)
 
     def _pause_for(self, plan: Retry) -> None:
         pause = f"in {plan.seconds:.2f} s"
@@ -329,7 +345,7 @@ class Call:
             # This attempt sent nothing, but an earlier goal of the call may run.
             ending = replace(ending, cancel=CancelReport.UNKNOWN)
         self._ending = ending
-        self._cancel_pause()
+        self._stop_retrying()
         callbacks = self._request.callbacks
         if ending.end not in _WITH_RESULT or callbacks is None:
             self._settle()
@@ -338,7 +354,8 @@ class Call:
         self._grace = self._carrier.call_at(until, self._settle)
         callbacks.finish(lambda: self._carrier.call_soon(self._settle))
 
-    def _cancel_pause(self) -> None:
+    def _stop_retrying(self) -> None:
+        self._retrying.drop()
         if self._pause is not None:
             self._carrier.cancel_timer(self._pause)
             self._pause = None

@@ -14,10 +14,10 @@ from typing import Any
 from actionkit._attempt import Attempt
 from actionkit._call import Call
 from actionkit._clock import TimerHandle
-from actionkit._explain import Surroundings
 from actionkit._ros.port import Port
 from actionkit._settings import Timeouts
 from actionkit._stages import Stage
+from actionkit._surroundings import Surroundings
 from actionkit._waiting import Flag
 
 LINGER = 30.0

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import logging
+import math
 from collections.abc import Callable, Collection
 from dataclasses import replace
+from numbers import Real
 from typing import Any
 
-from actionkit._effects import End, Ending
+from actionkit._arguments import check_function
+from actionkit._asking import described, name_of
+from actionkit._effects import End, Ending, Fault
 from actionkit._errors import ActionKitError
 from actionkit._fields import FieldError, field_type, get_field
-from actionkit._values import Outcome, Verdict
+from actionkit._values import GoalState, Outcome, Verdict
 
-_log = logging.getLogger("actionkit")
-
-Classify = Callable[[Outcome[Any]], Verdict]
+Classify = Callable[[Outcome[Any]], Verdict | None]
 
 
 def default_verdict(outcome: Outcome[Any]) -> Verdict:
@@ -25,25 +26,47 @@ def default_verdict(outcome: Outcome[Any]) -> Verdict:
     return Verdict.TRANSIENT if transient else Verdict.PERMANENT
 
 
-def asked(classify: Classify, outcome: Outcome[Any]) -> Verdict:
-    """Return what the user's function says; its errors are logged, and the default counts."""
+def label_of(classify: Classify) -> str:
+    """Return how error texts name the user's function."""
+    name = repr(classify) if isinstance(classify, FieldClassifier) else name_of(classify)
+    return f"`classify={name}`"
+
+
+def asked(classify: Classify, outcome: Outcome[Any]) -> Verdict | Fault:
+    """Return what the user's function says. Never raises; runs code of the user's."""
     try:
         verdict = classify(outcome)
+        if verdict is None:
+            return default_verdict(outcome)
         if not isinstance(verdict, Verdict):
-            _log.error("classify=%r returned %r, which is no Verdict", classify, verdict)
-        elif verdict is Verdict.SUCCESS and outcome.result is None:
-            # A rejected goal is never an empty success (C3.1).
-            _log.error("classify=%r called a goal without a result a success", classify)
-        else:
-            return verdict
-    except BaseException:  # noqa: BLE001  a user's error must not lose the outcome
-        _log.exception("classify=%r raised", classify)
-    return default_verdict(outcome)
+            said = described(verdict)
+            return Fault(
+                f"{label_of(classify)} returned {said}, which is neither a Verdict nor None"
+            )
+        if verdict is Verdict.SUCCESS and outcome.error is not None and is_empty(outcome.result):
+            # A goal that failed is never a success with an empty result (C3.1, C3.3).
+            lack = "it has no result" if outcome.result is None else "its result is empty"
+            return Fault(
+                f"{label_of(classify)} called it a SUCCESS, though {lack}",
+                cause=outcome.error,
+                impossible=True,
+            )
+    except BaseException as error:  # noqa: BLE001  whatever it is, the call must end (C3.1)
+        return Fault(f"{label_of(classify)} raised {described(error)}", error)
+    return verdict
 
 
-def overruled(ending: Ending, verdict: Verdict) -> Ending:
-    """Return the ending as the verdict has it."""
+def is_empty(result: Any) -> bool:
+    """Whether there is no result, or the one that rclpy sends where a server's callback raised."""
+    return result is None or bool(result == type(result)())
+
+
+def overruled(ending: Ending, verdict: Verdict | Fault) -> Ending:
+    """Return the ending as the verdict has it, or as it is where there is no proper verdict."""
     succeeded = ending.end is End.SUCCEEDED
+    if isinstance(verdict, Fault):
+        unjudged = succeeded or verdict.impossible
+        return replace(ending, end=End.UNJUDGED if unjudged else ending.end, judge=verdict)
     if verdict is Verdict.SUCCESS and not succeeded:
         return replace(ending, end=End.SUCCEEDED)
     if verdict is not Verdict.SUCCESS and succeeded:
@@ -51,25 +74,34 @@ def overruled(ending: Ending, verdict: Verdict) -> Ending:
     return ending
 
 
+def retry_aborted() -> Classify:
+    """Return a `classify=` function that makes aborted goals transient failures: they are retried.
+
+        Client(..., classify=retry_aborted())
+
+    It has no opinion of all others. How often is tried again, and after what pauses, is said by
+    the `RetryPolicy`.
+    """
+    return _retry_aborted
+
+
+def _retry_aborted(outcome: Outcome[Any]) -> Verdict | None:
+    return Verdict.TRANSIENT if outcome.status is GoalState.ABORTED else None
+
+
 class FieldClassifier:
     """Judges outcomes that carry a result by one of its fields. Made by `classify_by_field`."""
 
-    def __init__(
-        self, path: str, transient: Collection[Any], permanent: Collection[Any], ok: Collection[Any]
-    ) -> None:
+    def __init__(self, path: str, values: dict[Verdict, frozenset[Any]]) -> None:
         self._path = path
-        self._by_value = {
-            Verdict.SUCCESS: frozenset(ok),
-            Verdict.TRANSIENT: frozenset(transient),
-            Verdict.PERMANENT: frozenset(permanent),
-        }
-        self._closed = bool(ok)
+        self._by_value = values
+        self._closed = bool(values[Verdict.SUCCESS])
 
     def __repr__(self) -> str:
         return f"<classify_by_field {self._path!r}>"
 
     def check(self, result_class: type) -> None:
-        """Raise where the results of an action do not have the field.
+        """Raise where the results of an action do not have the field, or never such values.
 
         Raises:
             ValueError: They do not; the error names the fields that there are.
@@ -83,18 +115,47 @@ class FieldClassifier:
                 f"classify_by_field({self._path!r}): that is a {kind}, and has no single value;"
                 " name one of its fields or items"
             )
+        wrong = [each for values in self._by_value.values() for each in values]
+        wrong = [each for each in wrong if not _may_equal(each, kind)]
+        if wrong:
+            raise ValueError(
+                f"classify_by_field({self._path!r}): that is a {kind}, and never equal to"
+                f" {', '.join(sorted(map(repr, wrong)))}"
+            )
 
-    def __call__(self, outcome: Outcome[Any]) -> Verdict:
-        """Judge an outcome."""
+    def __call__(self, outcome: Outcome[Any]) -> Verdict | None:
+        """Judge an outcome; `None` where its error is to stand.
+
+        Raises:
+            ValueError: The goal succeeded, and its result does not have the element of an array
+                that the path names.
+        """
+        failed = outcome.error is not None
         if outcome.result is None:
-            return default_verdict(outcome)
-        value = get_field(outcome.result, self._path)
+            return None
+        try:
+            value = get_field(outcome.result, self._path)
+        except FieldError:
+            if failed:
+                return None  # servers send all sorts of results with an abort
+            raise
         for verdict, values in self._by_value.items():
             if value in values:
-                return verdict
-        if outcome.error is None and self._closed:
-            return Verdict.PERMANENT  # `ok=` names all that is fine
-        return default_verdict(outcome)
+                vain = verdict is Verdict.SUCCESS and failed and is_empty(outcome.result)
+                return None if vain else verdict
+        # `ok=` names all that is fine.
+        return Verdict.PERMANENT if self._closed and not failed else None
+
+
+def _may_equal(value: object, kind: str) -> bool:
+    """Whether a field of a ROS type can have a value: "102" is no number."""
+    if kind.startswith(("string", "wstring")):
+        return isinstance(value, str)
+    if kind == "boolean":
+        return value in (True, False)
+    if kind.startswith(("int", "uint", "float", "double")):
+        return isinstance(value, Real) and not isinstance(value, bool)
+    return True
 
 
 def classify_by_field(
@@ -108,27 +169,69 @@ def classify_by_field(
 
         Client(..., classify=classify_by_field("error_code", transient={102}, ok={0}))
 
+    A goal that succeeded, but whose result does not have the element of an array that the path
+    names, is no success: the call ends with a `ClassifyError`. A goal that did not succeed keeps
+    its own error where its value is named nowhere. An `ok` value makes no success of one whose
+    result is empty, which is what servers send whose callback raised.
+
     Args:
-        path: The field, such as `error_code` or `status.code`. A client refuses, when it is
-            made, one that its results do not have.
+        path: The field, such as `error_code`, `status.code` or `codes[0]`. A client refuses, when
+            it is made, one that its results do not have, and values that it never has.
         transient: Values that make any outcome with a result a transient failure.
         permanent: Values that make it a permanent failure.
         ok: Values that make it a success, even of an aborted goal. Where given, a goal that
             succeeded with a value named nowhere is a permanent failure.
 
     Raises:
-        TypeError: `path` is no string.
-        ValueError: `path` is empty, a value stands in two of the sets, or none is given.
+        TypeError: `path` is no string, or what is given is no collection of values.
+        ValueError: `path` is empty, a value is NaN or stands in two of the sets, or none is given.
     """
     if not isinstance(path, str):
         raise TypeError(f"classify_by_field: path={path!r} must be a string")
     if not path:
         raise ValueError("classify_by_field: path='' must name a field of the result")
-    sets = [frozenset(transient), frozenset(permanent), frozenset(ok)]
-    if not any(sets):
+    sets = {
+        Verdict.SUCCESS: _values("ok", ok),
+        Verdict.TRANSIENT: _values("transient", transient),
+        Verdict.PERMANENT: _values("permanent", permanent),
+    }
+    if not any(sets.values()):
         raise ValueError("classify_by_field: give values for transient=, permanent= or ok=")
-    twice = (sets[0] & sets[1]) | (sets[0] & sets[2]) | (sets[1] & sets[2])
+    good, passing, bad = sets.values()
+    twice = (good & passing) | (good & bad) | (passing & bad)
     if twice:
         values = ", ".join(sorted(repr(value) for value in twice))
         raise ValueError(f"classify_by_field: {values} stands in more than one set")
-    return FieldClassifier(path, transient, permanent, ok)
+    return FieldClassifier(path, sets)
+
+
+def _values(name: str, given: object) -> frozenset[Any]:
+    if isinstance(given, (str, bytes)) or not isinstance(given, Collection):
+        raise TypeError(
+            f"classify_by_field: {name}={given!r} must be a collection of values, such as"
+            f" {name}={{{given!r}}}"
+        )
+    try:
+        values = frozenset(given)
+    except TypeError as error:
+        raise TypeError(
+            f"classify_by_field: {name}={given!r} must hold plain values, such as numbers and"
+            f" strings ({error})"
+        ) from error
+    if any(isinstance(value, float) and math.isnan(value) for value in values):
+        raise ValueError(f"classify_by_field: {name}={given!r} holds NaN, which equals no value")
+    return values
+
+
+def check_classify(classify: Classify | None, action_type: Any) -> None:
+    """Raise where `classify=` cannot judge the outcomes of an action.
+
+    Raises:
+        TypeError: It is no function, or a class or a coroutine function.
+        ValueError: It looks at a field that the action's results do not have.
+    """
+    if classify is None:
+        return
+    check_function("classify", classify, "a function (Outcome) -> Verdict or None")
+    if isinstance(classify, FieldClassifier):
+        classify.check(action_type.Result)

@@ -11,9 +11,9 @@ from typing_extensions import Never, Self
 
 from actionkit._action_type import ActionType, FeedbackT, GoalT, ResultT
 from actionkit._arguments import UNSET, Unset, check_type, refuse_unknown
-from actionkit._budget import RetryBudget
+from actionkit._budget import RetryBudget, check_budget
 from actionkit._call import Call
-from actionkit._classify import Classify, FieldClassifier
+from actionkit._classify import Classify, check_classify
 from actionkit._delivery import Pool, in_callback
 from actionkit._feedback import callbacks_for
 from actionkit._fields import FieldError, FieldTypeError, to_message
@@ -59,7 +59,12 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 ROS domain), and logs carry its name. It is neither spun nor changed.
             timeouts: Caps on the phases of each call.
             retry: When a call that failed for a transient reason is tried again.
-            classify: May overrule what counts as success, transient or permanent failure.
+            classify: A function `(Outcome) -> Verdict | None` that is asked how a goal that
+                succeeded, was aborted or was rejected counts; `None` leaves the default. It runs on
+                a thread of its own, and has until the call's deadline, 10 seconds at most. Where it
+                raises, does not answer or returns anything else, a goal that succeeded ends in a
+                `ClassifyError`, and one that failed keeps its own error. Ready-made:
+                `classify_by_field`, `retry_aborted`.
             observers: Who is told of every transition of every goal: an `Observer` of yours,
                 `JsonLines`, `Rosout`, `OpenTelemetry` (contract C6.2).
             on_close: What closing does to goals in flight: `"cancel"` or `"abandon"`.
@@ -74,7 +79,9 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         """
         check_type("timeouts", timeouts, Timeouts)
         check_type("retry", retry, RetryPolicy)
-        _check_classify(classify, action_type)
+        if retry_budget is not None:
+            check_budget(retry_budget)
+        check_classify(classify, action_type)
         told = check_observers(observers)
         if on_close not in ("cancel", "abandon"):
             raise ValueError(f"on_close={on_close!r} must be 'cancel' or 'abandon'")
@@ -82,7 +89,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         self._timeouts = timeouts
         self._retry = retry
         self._classify = classify
-        self._budget = retry_budget or RetryBudget()
+        self._budget = RetryBudget() if retry_budget is None else retry_budget
         self._session: Session = session.Session(
             lambda: port.Port(action_type, action_name, node), on_close, timeouts.cancel, told
         )
@@ -222,7 +229,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             seconds = check_seconds("timeout", timeout)
         if retry is not None:
             check_type("retry", retry, RetryPolicy)
-        _check_classify(classify, self._action_type)
+        check_classify(classify, self._action_type)
         callbacks = callbacks_for(on_feedback, self.action_name, self._pool)
         message, invalid = self._validated(goal)
         return self._session.prepare(
@@ -233,7 +240,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 timeouts=self._timeouts,
                 retry=retry or self._retry,
                 budget=self._budget,
-                classify=classify or self._classify,
+                classify=self._classify if classify is None else classify,
                 callbacks=callbacks,
                 pool=self._pool,
             )
@@ -326,15 +333,6 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         import asyncio
 
         await asyncio.shield(asyncio.get_running_loop().run_in_executor(None, self.close))
-
-
-def _check_classify(classify: Classify | None, action_type: Any) -> None:
-    if classify is None:
-        return
-    if not callable(classify):
-        raise TypeError(f"classify={classify!r} must be a function (Outcome) -> Verdict")
-    if isinstance(classify, FieldClassifier):
-        classify.check(action_type.Result)
 
 
 def _transport() -> tuple[Any, Any]:

@@ -108,7 +108,11 @@ _writer = _Writer()
 
 
 def log_later(
-    level: int, text: str, *args: object, exc_info: bool = False, stack: str | None = None
+    level: int,
+    text: str,
+    *args: object,
+    exc_info: bool | BaseException = False,
+    stack: str | None = None,
 ) -> None:
     """Log to `actionkit` soon, on another thread. Never blocks, and never raises.
 
@@ -116,12 +120,15 @@ def log_later(
         level: As for `logging`.
         text: The message, with placeholders for `args`.
         args: Nothing of the user's where its `str()` might block.
-        exc_info: Whether to add the traceback of the exception that is being handled.
+        exc_info: An exception whose traceback to add, or whether to add that of the one that is
+            being handled.
         stack: A stack to show under the message.
     """
     if _logger.isEnabledFor(level):
-        raised = sys.exc_info() if exc_info else (None, None, None)
-        kept = None if raised[0] is None else (raised[0], raised[1], raised[2])
+        error = exc_info if isinstance(exc_info, BaseException) else None
+        if exc_info is True:
+            error = sys.exc_info()[1]
+        kept = None if error is None else (type(error), error, error.__traceback__)
         _writer.put(_entry(level, text, args, kept, stack))
 
 

@@ -81,6 +81,23 @@ class End(Enum):
     CLOSED = auto()
     JUDGED = auto()
     """The goal succeeded, and `classify=` says that it did not."""
+    UNJUDGED = auto()
+    """`classify=` gave no answer that can count, so the call is no success (C3.3)."""
+
+
+@dataclass(slots=True)
+class Fault:
+    """What a function of the user's did in place of giving a proper answer.
+
+    Attributes:
+        problem: A clause for the error's text: "`classify=judge` raised ValueError: no".
+        cause: What the function raised, or the error of the goal that it called a success.
+        impossible: Whether it called a goal a success that cannot be one.
+    """
+
+    problem: str
+    cause: BaseException | None = None
+    impossible: bool = False
 
 
 @dataclass(slots=True)
@@ -98,6 +115,8 @@ class Ending:
         info: Facts for the error's text: exceptions, type names, reasons.
         note: Why it was not tried again, where it might have been.
         why: Why the result cannot be had any more, where it was lost.
+        judge: How `classify=` failed to judge it, if it did.
+        strategy: How a strategy of the `RetryPolicy` failed to say whether to try again, if it did.
     """
 
     end: End
@@ -109,6 +128,8 @@ class Ending:
     known: Known = Known.STOPPED
     info: Any = None
     note: str = ""
+    judge: Fault | None = None
+    strategy: Fault | None = None
     why: str = ""
 
 

@@ -12,7 +12,8 @@ ActionKitError
 │  ├─ GoalRejectedError           the server said no
 │  ├─ GoalAbortedError            the server gave up on the goal
 │  ├─ GoalCanceledError           somebody else cancelled the goal
-│  └─ ResultLostError             the goal ended, its result cannot be had
+│  ├─ ResultLostError             the goal ended, its result cannot be had
+│  └─ ClassifyError               `classify=` gave no verdict on the goal
 ├─ DeadlineExceededError          the time given to the call ran out
 ├─ RetriesExhaustedError          the retries ended, and no error speaks for itself
 └─ ClientClosedError              the client was closed
@@ -185,6 +186,21 @@ class ResultLostError(PermanentError):
     status: GoalState | None = None
 
 
+class ClassifyError(PermanentError):
+    """The function given as `classify=` gave no verdict that can count, so this is no success.
+
+    It raised, returned neither a `Verdict` nor `None`, or did not answer: by the call's deadline,
+    within 10 seconds where that is later or there is none, or within `timeouts.cancel` once the
+    call was cancelled or its client closed. Or it called a goal a success that failed without a
+    result. `__cause__` is what the function raised, or the error of that failed goal.
+
+    Attributes:
+        result: The action's result message, where the server sent one.
+    """
+
+    result: Any = None
+
+
 class DeadlineExceededError(ActionKitError, TimeoutError):
     """The time given to the whole call ran out (contract C2.3).
 
@@ -203,7 +219,12 @@ class DeadlineExceededError(ActionKitError, TimeoutError):
 
 
 class RetriesExhaustedError(ActionKitError):
-    """The retries ended where the last error does not speak for itself; `__cause__` is it."""
+    """The retries ended where the last error does not speak for itself.
+
+    Either `classify=` called the last success a transient failure; `__cause__` says so. Or `stop=`
+    or `wait=` of the `RetryPolicy` raised, did not answer in time, or returned what makes no sense;
+    `__cause__` is what it raised, or else the error of the last attempt.
+    """
 
 
 class ClientClosedError(ActionKitError):

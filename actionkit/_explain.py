@@ -7,31 +7,17 @@ to do about it.
 from __future__ import annotations
 
 import concurrent.futures
-import difflib
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from actionkit import _errors as errors
+from actionkit._asking import LONGEST_ANSWER
 from actionkit._effects import End, Ending
 from actionkit._settings import Timeouts
+from actionkit._surroundings import Surroundings, seen_instead
 from actionkit._values import CancelReport, GoalState, Timeline, Verdict
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """What the graph shows around a call.
-
-    Attributes:
-        actions: Every served action name with its types; `None` where the graph is gone.
-        domain_id: The ROS domain in use.
-        middleware: The middleware in use.
-    """
-
-    actions: dict[str, tuple[str, ...]] | None
-    domain_id: int
-    middleware: str
 
 
 @dataclass(frozen=True)
@@ -53,29 +39,37 @@ def explain(ending: Ending, story: Story) -> BaseException | None:
     """Return the error for an ending, or `None` for a success."""
     if ending.end is End.SUCCEEDED:
         return None
-    if ending.end is End.JUDGED and ending.info is Verdict.TRANSIENT and ending.note:
-        # A success has no error that could speak for itself.
-        exhausted = errors.RetriesExhaustedError(
-            f"{_judged(ending, story)} The retries ended: {ending.note}.", **_common(story)
-        )
-        exhausted.result = ending.result
-        cause = errors.TransientError(_judged(ending, story), **_common(story))
-        cause.result = ending.result
-        exhausted.__cause__ = cause
-        return exhausted
+    judged_transient = ending.end is End.JUDGED and ending.info is Verdict.TRANSIENT
+    if ending.strategy is not None or (judged_transient and ending.note):
+        return _exhausted(ending, story)
     if ending.end is End.CANCELLED_BY_CALLER:
         return concurrent.futures.CancelledError(
             f"goal {story.goal_id} of action {story.action_name!r} was cancelled by its caller"
             f" after {story.elapsed:.1f} s"
         )
     cls, text = _TEXTS[ending.end]
+    if judged_transient:
+        cls = errors.TransientError
     note = f" It was not tried again: {ending.note}." if ending.note else ""
+    if ending.judge is not None and ending.end is not End.UNJUDGED:
+        note += f" It was not tried again, because {ending.judge.problem}."
     error = cls(
         text(ending, story) + note,
         **_common(story),
     )
     error.cancel = ending.cancel
     _add_facts(error, ending, story)
+    return error
+
+
+def _exhausted(ending: Ending, story: Story) -> BaseException:
+    """Return the error for retries that ended where the last failure does not say why."""
+    last = explain(replace(ending, strategy=None, note=""), story)
+    fault = ending.strategy
+    reason = ending.note if fault is None else fault.problem
+    error = errors.RetriesExhaustedError(f"{last} The retries ended: {reason}.", **_common(story))
+    error.result, error.cancel = ending.result, ending.cancel
+    error.__cause__ = last if fault is None or fault.cause is None else fault.cause
     return error
 
 
@@ -90,7 +84,7 @@ def _common(story: Story) -> dict[str, Any]:
 
 
 def _add_facts(error: errors.ActionKitError, ending: Ending, story: Story) -> None:
-    if ending.end in (End.ABORTED, End.CANCELED_BY_OTHER, End.JUDGED):
+    if ending.end in (End.ABORTED, End.CANCELED_BY_OTHER, End.JUDGED, End.UNJUDGED):
         error.result = ending.result
     if isinstance(error, errors.DeadlineExceededError):
         error.phase = ending.phase
@@ -104,6 +98,8 @@ def _add_facts(error: errors.ActionKitError, ending: Ending, story: Story) -> No
         error.field = getattr(ending.info, "path", "")
     if isinstance(ending.info, BaseException):
         error.__cause__ = ending.info
+    if ending.end is End.UNJUDGED and ending.judge is not None:
+        error.__cause__ = ending.judge.cause
 
 
 def _what(story: Story) -> str:
@@ -126,48 +122,15 @@ def _became(ending: Ending, story: Story) -> str:
     return ""
 
 
+def _seen_instead(story: Story) -> str:
+    return seen_instead(story.surroundings(), story.action_name, story.type_name)
+
+
 def _no_server(ending: Ending, story: Story) -> str:
     return (
         f"No server for action {story.action_name!r} ({story.type_name}) was ready within"
         f" {story.timeouts.server:g} s, so nothing was sent. {_seen_instead(story)}"
     )
-
-
-def _seen_instead(story: Story) -> str:
-    """Say which servers are there, and where to look for the one that is not (C3.2)."""
-    around = story.surroundings()
-    parts = []
-    actions = around.actions or {}
-    if story.type_name in actions.get(story.action_name, ()):
-        return (
-            "A server of this name and type is visible, but has not answered this client yet: it"
-            " is just starting, or this machine or the server is too busy. Allow it more time."
-        )
-    close = difflib.get_close_matches(story.action_name, actions, n=3, cutoff=0.6)
-    tail = story.action_name.rsplit("/", 1)[-1]
-    close += [n for n in sorted(actions) if n.rsplit("/", 1)[-1] == tail and n not in close]
-    if close:
-        parts.append("Served under a similar name: " + _listed(close, actions) + ".")
-    same = [n for n, types in sorted(actions.items()) if story.type_name in types]
-    same = [name for name in same if name not in close]
-    if same:
-        parts.append("Served with the same type under another name: " + _listed(same) + ".")
-    if around.actions is None:
-        parts.append("The ROS context was shut down, so the graph cannot be asked.")
-    elif not actions:
-        parts.append("No action server at all is visible.")
-    parts.append(
-        f"Check that the server runs, and in the same domain (here ROS_DOMAIN_ID="
-        f"{around.domain_id}, {around.middleware})."
-    )
-    return " ".join(parts)
-
-
-def _listed(names: list[str], actions: dict[str, tuple[str, ...]] | None = None) -> str:
-    shown = [
-        repr(name) + (f" ({', '.join(actions[name])})" if actions else "") for name in names[:5]
-    ]
-    return ", ".join(shown) + (" and more" if len(names) > len(shown) else "")
 
 
 def _type_mismatch(ending: Ending, story: Story) -> str:
@@ -298,6 +261,24 @@ def _judged(ending: Ending, story: Story) -> str:
     )
 
 
+def _unjudged(ending: Ending, story: Story) -> str:
+    assert ending.judge is not None
+    happened = f"{story.elapsed:.1f} s into the call {ending.judge.problem}"
+    if ending.judge.impossible:
+        became = "rejected" if ending.status is GoalState.REJECTED else "aborted"
+        return (
+            f"{_what(story)} was {became} by the server, and {happened}. A goal that failed without"
+            " a result is never a success: let that function return None for it, or another"
+            " Verdict."
+        )
+    return (
+        f"{_what(story)} succeeded on the server, but {happened}; so the call does not count as a"
+        " success. The result is in `error.result`. Correct that function: it has to return a"
+        " Verdict, or None where it has no opinion, in the time that is left to the call, and"
+        f" within {LONGEST_ANSWER:g} s."
+    )
+
+
 def _closed(ending: Ending, story: Story) -> str:
     if ending.cancel is CancelReport.UNKNOWN and ending.phase == "":
         became = " It was left to run on the server, or may still be running."
@@ -322,5 +303,6 @@ _TEXTS: dict[End, tuple[type[errors.ActionKitError], Callable[[Ending, Story], s
     End.STALLED: (errors.FeedbackStalledError, _stalled),
     End.DEADLINE: (errors.DeadlineExceededError, _deadline),
     End.JUDGED: (errors.PermanentError, _judged),
+    End.UNJUDGED: (errors.ClassifyError, _unjudged),
     End.CLOSED: (errors.ClientClosedError, _closed),
 }

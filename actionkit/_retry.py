@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, auto
+from numbers import Real
+from typing import Any
 
 import tenacity
 
-from actionkit._budget import RetryBudget
-from actionkit._effects import Ending, Known, Reached
-from actionkit._settings import RetryPolicy
+from actionkit._asking import described, name_of
+from actionkit._effects import Fault, Known, Reached
+from actionkit._settings import MOST, RetryPolicy
 
 
 class Resend(Enum):
@@ -72,47 +75,94 @@ class Schedule:
             began: Monotonic time of the call.
         """
         self._policy = policy
-        self._stop = policy.stop or tenacity.stop_after_attempt(policy.attempts)
-        self._wait = policy.wait or tenacity.wait_exponential(
+        self._stop: Callable[[Any], object] = tenacity.stop_after_attempt(policy.attempts)
+        self._wait: Callable[[Any], Any] = tenacity.wait_exponential(
             multiplier=policy.initial, exp_base=policy.factor, max=policy.max_pause
         )
+        # Not `or`: to ask whether it is true would run code of the user's, on the thread.
+        if policy.stop is not None:
+            self._stop = policy.stop
+        if policy.wait is not None:
+            self._wait = policy.wait
         self._state = tenacity.RetryCallState(tenacity.Retrying(), None, (), {})
         self._state.start_time = began
-        self._began = began
+        self._asked = "wait" if policy.stop is None else "stop"
 
-    def next(
-        self, error: BaseException, attempts: int, now: float, deadline: float | None
-    ) -> Pause | GiveUp:
-        """Return the `Pause` before the next attempt, or `GiveUp`.
+    @property
+    def asked(self) -> str:
+        """How error texts name the strategy that was asked last."""
+        return f"`RetryPolicy.{self._asked}={name_of(getattr(self._policy, self._asked))}`"
+
+    def ask(self, error: BaseException, attempts: int, now: float) -> float | GiveUp | Fault:
+        """Return the seconds of the next pause, by the strategies. Never raises.
+
+        It runs code of the user's where the policy has strategies of theirs.
 
         Args:
             error: How the last attempt failed; tenacity's strategies may look at it.
             attempts: Attempts made so far.
             now: Monotonic seconds.
-            deadline: When the call's time is up, or `None`.
         """
-        state = self._state
+        try:
+            return self._ask(error, attempts, now)
+        except BaseException as problem:  # noqa: BLE001  whatever it is, the call must end (C2.1)
+            return Fault(f"{self.asked} raised {described(problem)}", problem)
+
+    def _ask(self, error: BaseException, attempts: int, now: float) -> float | GiveUp | Fault:
+        policy, state = self._policy, self._state
         state.attempt_number = attempts
         state.set_exception((type(error), error, error.__traceback__))
         state.outcome_timestamp = now
-        if self._stop(state):
-            if self._policy.stop is not None:
-                return GiveUp(
-                    f"the retry policy's stop strategy ended it after {attempts} attempts"
-                )
-            if attempts == 1:
-                return GiveUp("the retry policy allows one attempt")
-            return GiveUp(f"all {attempts} attempts of the retry policy are used up")
-        # With a first pause of 0 all are; tenacity's power of the factor overflows in the end.
-        idle = self._policy.wait is None and self._policy.initial == 0
-        seconds = 0.0 if idle else float(self._wait(state))
-        if self._policy.wait is None:
-            seconds *= 1 + self._policy.jitter * random.uniform(-1, 1)
-            seconds = min(seconds, self._policy.max_pause)
+        self._asked = "stop"
+        stop = self._stop(state)
+        if not isinstance(stop, bool):
+            return Fault(
+                f"{self.asked} returned {described(stop)}, which is neither True nor False"
+            )
+        if stop:
+            return GiveUp(self._used_up(attempts))
+        self._asked = "wait"
+        if policy.wait is None and policy.initial == 0:
+            return 0.0  # all pauses are; tenacity's power of the factor overflows in the end
+        said = self._wait(state)
+        if not _is_pause(said):
+            return Fault(
+                f"{self.asked} returned {described(said)}, which is no number of seconds from 0 to"
+                f" {MOST:g}"
+            )
+        seconds = float(said)
+        if policy.wait is None:
+            seconds *= 1 + policy.jitter * random.uniform(-1, 1)
+            seconds = min(seconds, policy.max_pause)
+        return seconds
+
+    def _used_up(self, attempts: int) -> str:
+        if self._policy.stop is not None:
+            return f"the retry policy's stop strategy ended it after {attempts} attempts"
+        if attempts == 1:
+            return "the retry policy allows one attempt"
+        return f"all {attempts} attempts of the retry policy are used up"
+
+    def plan(self, seconds: float, now: float, deadline: float | None) -> Pause | GiveUp:
+        """Return the pause of so many seconds, or `GiveUp` where it would cross the deadline.
+
+        Args:
+            seconds: What `ask` returned.
+            now: Monotonic seconds.
+            deadline: When the call's time is up, or `None`.
+        """
         if deadline is not None and now + seconds >= deadline:
             return GiveUp(f"a pause of {seconds:.2g} s would have crossed the deadline")
-        state.idle_for += seconds
+        self._state.idle_for += seconds
         return Pause(seconds)
+
+
+def _is_pause(value: Any) -> bool:
+    """Whether that is a number of seconds that can be waited for."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return False
+    number: Any = value
+    return bool(0 <= number <= MOST)  # NaN is not
 
 
 class JudgedFailure(Exception):
@@ -125,43 +175,3 @@ class Retry:
 
     seconds: float
     same_id: bool
-
-
-class Retries:
-    """All that decides whether one call tries again: policy, budget, and what its goal does."""
-
-    def __init__(self, policy: RetryPolicy, budget: RetryBudget, began: float) -> None:
-        self._policy = policy
-        self._budget = budget
-        self._began = began
-        self._schedule: Schedule | None = None  # most calls need none
-
-    def next(
-        self,
-        ending: Ending,
-        error: BaseException,
-        attempts: int,
-        now: float,
-        deadline: float | None,
-    ) -> Retry | GiveUp:
-        """Decide after a transient failure.
-
-        Args:
-            ending: How the last attempt ended.
-            error: The same as an exception.
-            attempts: Attempts made so far.
-            now: Monotonic seconds.
-            deadline: When the call's time is up, or `None`.
-        """
-        if self._schedule is None:
-            self._schedule = Schedule(self._policy, self._began)
-        plan = self._schedule.next(error, attempts, now, deadline)
-        if isinstance(plan, GiveUp):
-            return plan
-        resend = self._policy.resend
-        how = how_to_resend(ending.reached, ending.known, resend)
-        if how is Resend.NO:
-            return GiveUp(f"the goal may still run, or have run (resend={resend!r})")
-        if not self._budget.allows_retry:
-            return GiveUp(f"the retry budget forbids it ({self._budget!r})")
-        return Retry(plan.seconds, how is Resend.SAME_ID)

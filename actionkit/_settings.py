@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
+from actionkit._arguments import check_function
 from actionkit._field_errors import shown
 
 LONGEST_GRACE = 60.0
@@ -106,6 +107,11 @@ class RetryPolicy:
         stop: A tenacity stop strategy, in place of `attempts`.
         wait: A tenacity wait strategy, in place of the pauses.
 
+    A strategy of your own, or of tenacity's, runs on a thread of its own. Where it raises, does not
+    answer before the call's deadline and within 10 seconds, or returns what makes no sense (`stop`:
+    no bool; `wait`: no number of seconds from 0 to 1e9), the call ends with a
+    `RetriesExhaustedError` that says so.
+
     Raises:
         TypeError: A value has the wrong type.
         ValueError: A value is out of range.
@@ -139,8 +145,8 @@ class RetryPolicy:
             raise ValueError(f"RetryPolicy.resend={self.resend!r} must be one of {_RESEND}")
         for name in ("stop", "wait"):
             strategy = getattr(self, name)
-            if strategy is not None and not callable(strategy):
-                raise TypeError(f"RetryPolicy.{name}={strategy!r} must be a tenacity strategy")
+            if strategy is not None:
+                check_function(f"RetryPolicy.{name}", strategy, f"a {name} strategy of tenacity's")
 
     @classmethod
     def none(cls) -> RetryPolicy:

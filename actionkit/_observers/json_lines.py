@@ -50,8 +50,13 @@ class JsonLines:
 
         Raises:
             OSError: The file cannot be written.
-            TypeError, ValueError: A number of the wrong type, or out of range.
+            TypeError: An argument of the wrong type.
+            ValueError: A number out of range.
         """
+        if not isinstance(path, (str, os.PathLike)):
+            raise TypeError(f"JsonLines: path={path!r} must be a string or a path")
+        if not isinstance(messages, bool):
+            raise TypeError(f"JsonLines: messages={messages!r} must be True or False")
         self.path = Path(os.path.abspath(path))
         self._max_bytes = _whole("max_bytes", max_bytes)
         self._backups = _whole("backups", backups) or 0

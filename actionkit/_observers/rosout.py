@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
 from typing import Any
 
@@ -28,10 +29,9 @@ class Rosout:
         Raises:
             TypeError: It has no logger.
         """
-        try:
-            self._logger = node.get_logger()
-        except AttributeError:
-            raise TypeError(f"Rosout: node={node!r} must be an rclpy node") from None
+        if inspect.isclass(node) or not callable(getattr(node, "get_logger", None)):
+            raise TypeError(f"Rosout: node={node!r} must be an rclpy node")
+        self._logger = node.get_logger()
 
     def __repr__(self) -> str:
         return f"<Rosout {getattr(self._logger, 'name', '')!r}>"

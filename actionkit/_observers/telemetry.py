@@ -66,7 +66,14 @@ class OpenTelemetry:
 
         Raises:
             ImportError: OpenTelemetry is not installed.
+            TypeError: A provider is none.
         """
+        for name, provider, makes in (
+            ("tracer_provider", tracer_provider, "get_tracer"),
+            ("meter_provider", meter_provider, "get_meter"),
+        ):
+            if provider is not None and not callable(getattr(provider, makes, None)):
+                raise TypeError(f"OpenTelemetry: {name}={provider!r} must have {makes}()")
         try:
             from opentelemetry import context, metrics, trace
         except ImportError as error:

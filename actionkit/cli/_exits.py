@@ -28,7 +28,7 @@ class Exit(IntEnum):
     RESULT_LOST = 17, "The goal ended, but its result cannot be had."
     NO_ANSWER = 18, "The server neither accepted nor rejected the goal in time; it was cancelled."
     STALLED = 19, "No feedback for --feedback-timeout seconds; the goal was cancelled."
-    JUDGED = 20, "The goal succeeded, but not by --ok or --transient."
+    JUDGED = 20, "The goal succeeded, but not by --ok or --transient, or it lacks their field."
     RETRIES_EXHAUSTED = 21, "The same, and the retries of --retries ended."
     HANGUP = 129, "The terminal was closed; as after Ctrl-C."
     INTERRUPTED = 130, "Ctrl-C. The goal was cancelled, and the output tells what became of it."

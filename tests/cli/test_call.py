@@ -338,6 +338,16 @@ def test_retries_are_told_and_the_result_of_the_last_is_shown(world: World) -> N
     assert "int32_value: 0" in done.out.rpartition("Result:")[2]
 
 
+def test_a_result_that_lacks_the_field_is_no_success(world: World) -> None:
+    world.server("fibonacci")
+    words = ("call", "fibonacci", FIBONACCI, "{order: 3}", "--retries", "2")
+    done = world.run(*words, "--ok", "sequence[9]=5")
+    assert done.code == Exit.JUDGED, done.err
+    assert "there is no element 9 in an array of 4" in done.err
+    assert "Traceback" not in done.err + done.out
+    assert "Trying again:" not in done.out
+
+
 def test_now_is_the_present_time(world: World) -> None:
     world.server("navigate")
     goal = "{nested_different_pkg: now, nested_field: {float64_value: -1.0}}"

@@ -40,6 +40,13 @@ future = client.call_async(
 )
 assert running.wait(10)
 """,
+    "inside a judge that blocks": """
+client = Client(Fibonacci, 'fibonacci', classify=lambda outcome: threading.Event().wait())
+judged = client.call_async({'order': 2}, timeout=60)
+running = threading.Event()
+future = client.call_async({'order': 90}, on_feedback=lambda fb: running.set())
+assert running.wait(10)
+""",
     "with a thread in result()": """
 client = Client(Fibonacci, 'fibonacci')
 running = threading.Event()

@@ -11,11 +11,11 @@ from test_msgs.action import Fibonacci
 from test_msgs.msg import BasicTypes
 
 import actionkit as ak
-from actionkit import Client, RetryPolicy, Timeouts
+from actionkit import Client, RetryPolicy, Timeouts, Verdict
 from actionkit.testing import EventLog
 
 
-@pytest.mark.parametrize("bad", [-1, -0.001, math.nan, math.inf])
+@pytest.mark.parametrize("bad", [-1, -0.001, math.nan, math.inf, 1e300, 10**400])
 def test_a_bad_timeout(bad, make_client):
     client = make_client()
     for use in (client.call, client.call_async):
@@ -124,7 +124,7 @@ def test_a_bad_action_type(bad, ros_domain):
         Client(bad, "fibonacci")
 
 
-@pytest.mark.parametrize("bad", ["", "9lives", "a b", "a//b", "fib/", "ü"])
+@pytest.mark.parametrize("bad", ["", "9lives", "a b", "a//b", "fib/", "ü", "a\0b", "a\ud800"])
 def test_a_bad_name(bad, ros_domain):
     with pytest.raises(ValueError, match="action_name="):
         Client(Fibonacci, bad)
@@ -156,6 +156,17 @@ def test_bad_arguments_of_the_client(ros_domain):
         Client(Fibonacci, "f", retry=3)
     with pytest.raises(TypeError, match="classify=3"):
         Client(Fibonacci, "f", classify=3)
+    with pytest.raises(TypeError, match=r"classify=.* this is a class"):
+        Client(Fibonacci, "f", classify=Verdict)
+
+    async def judge(outcome):
+        return Verdict.SUCCESS
+
+    with pytest.raises(TypeError, match=r"classify=.* this is a coroutine function"):
+        Client(Fibonacci, "f", classify=judge)
+    for budget in (5, 0, "5"):
+        with pytest.raises(TypeError, match=f"retry_budget={budget!r} must be a RetryBudget"):
+            Client(Fibonacci, "f", retry_budget=budget)
     with pytest.raises(ValueError, match="on_close='stop'"):
         Client(Fibonacci, "f", on_close="stop")
     with pytest.raises(TypeError, match="node="):

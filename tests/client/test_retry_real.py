@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import concurrent.futures
+import math
+import threading
 import time
 from collections import Counter
 from types import SimpleNamespace
@@ -21,7 +23,7 @@ from actionkit import (
     classify_by_field,
 )
 from actionkit.testing import EventLog
-from tests.conftest import FORMS, ask
+from tests.conftest import FORMS, NEVER, ask
 
 QUICK = RetryPolicy(initial=0.05, jitter=0.0)
 
@@ -227,15 +229,57 @@ def test_the_budget_stops_a_fleet(action_server, make_client):
     assert len(server.wait_for("aborted", count=7)) == 7
 
 
-def test_a_raising_classify_is_logged_and_the_default_counts(action_server, make_client, caplog):
+@pytest.mark.parametrize(
+    ("strategies", "told", "cause"),
+    [
+        ({"stop": lambda state: 1 / 0}, "stop=.* raised ZeroDivisionError", ZeroDivisionError),
+        ({"wait": lambda state: 1 / 0}, "wait=.* raised ZeroDivisionError", ZeroDivisionError),
+        ({"stop": lambda state: None}, "stop=.* returned None", ak.GoalAbortedError),
+        ({"wait": lambda state: "1"}, "wait=.* returned '1'", ak.GoalAbortedError),
+        ({"wait": lambda state: math.nan}, "wait=.* returned nan", ak.GoalAbortedError),
+        ({"stop": lambda state: NEVER.wait(60)}, "stop=.* call's deadline", ak.GoalAbortedError),
+    ],
+    ids=["stop raises", "wait raises", "stop None", "wait text", "wait NaN", "stop blocks"],
+)
+def test_a_strategy_that_does_not_work_ends_the_call(
+    strategies, told, cause, action_server, make_client
+):
+    server = action_server("aborts")
+    client = make_client(retry=RetryPolicy(**strategies), classify=transient)
+    assert client.wait_for_server(10)
+    future = client.call_async({"order": 1}, timeout=2.0)
+    with pytest.raises(ak.RetriesExhaustedError, match=told) as caught:
+        future.result(20)
+    assert "was aborted by the server" in str(caught.value)
+    assert isinstance(caught.value.__cause__, cause)
+    assert list(caught.value.result.sequence)
+    assert len(server.wait_for("aborted")) == 1
+
+
+@pytest.mark.parametrize("end", ["cancel", "close"])
+def test_a_call_whose_strategy_blocks_can_be_ended(end, action_server, make_client):
     action_server("aborts")
+    asked, leave = threading.Event(), threading.Event()
 
-    def fail(outcome):
-        raise ValueError("from classify")
+    def stop(state):
+        asked.set()
+        leave.wait(60)
+        return False
 
-    with pytest.raises(ak.GoalAbortedError):
-        make_client(classify=fail).call({"order": 1}, 10)
-    assert "from classify" in caplog.text
+    client = make_client(retry=RetryPolicy(stop=stop), classify=transient)
+    future = client.call_async({"order": 1})
+    try:
+        assert asked.wait(20)
+        if end == "cancel":
+            future.cancel()
+            with pytest.raises(concurrent.futures.CancelledError):
+                future.result(5)
+        else:
+            client.close()
+            with pytest.raises(ak.ClientClosedError):
+                future.result(0)
+    finally:
+        leave.set()
 
 
 def test_no_server_is_waited_for_by_every_attempt(action_server, make_client):

@@ -22,6 +22,8 @@ from actionkit import (
     Timeline,
     Timeouts,
     Verdict,
+    classify_by_field,
+    retry_aborted,
 )
 
 FibonacciClient = Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]
@@ -60,6 +62,9 @@ def call() -> None:
         assert_type(client.call(Fibonacci.Goal(), 5), Fibonacci.Result)
         assert_type(client.call(Fibonacci.Goal(), None), Fibonacci.Result)
         client.call(Fibonacci.Goal(), retry=RetryPolicy.none(), classify=strict)
+        client.call(Fibonacci.Goal(), classify=without_opinion)
+        client.call(Fibonacci.Goal(), classify=retry_aborted())
+        client.call(Fibonacci.Goal(), classify=classify_by_field("sequence[0]", ok={0}))
 
 
 def feedback_callbacks() -> None:
@@ -129,6 +134,10 @@ async def take_slowly(feedback: Fibonacci.Feedback) -> None: ...
 def strict(outcome: Outcome[Fibonacci.Result]) -> Verdict:
     result = outcome.result
     return Verdict.SUCCESS if result is not None and result.sequence else Verdict.PERMANENT
+
+
+def without_opinion(outcome: Outcome[Fibonacci.Result]) -> Verdict | None:
+    return None if outcome.ok else Verdict.TRANSIENT
 
 
 _ = array

@@ -10,7 +10,7 @@ import concurrent.futures
 
 from test_msgs.action import Fibonacci, NestedMessage
 
-from actionkit import Client, RetryPolicy, Timeouts
+from actionkit import Client, RetryBudget, RetryPolicy, Timeouts
 
 FibonacciClient = Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]
 NestedClient = Client[NestedMessage.Goal, NestedMessage.Result, NestedMessage.Feedback]
@@ -52,6 +52,9 @@ def options(client: FibonacciClient) -> None:
     client.call(goal, deadline=5)  # error[arg-type, call-arg, reportArgumentType, reportCallIssue]
     Timeouts(server="5")  # error[arg-type, reportArgumentType]
     RetryPolicy(resend="sometimes")  # error[arg-type, reportArgumentType]
+
+
+class Mine(RetryBudget): ...  # error[misc, reportGeneralTypeIssues]: it is final
 
 
 def feedback(client: FibonacciClient) -> None:

@@ -12,20 +12,20 @@ import uuid
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
 
 from actionkit import CancelReport, GoalState, Outcome, RetryBudget, RetryPolicy, Timeouts, Verdict
+from actionkit import _asking as asking
 from actionkit import _call as call_module
-from actionkit import _judging as judging
 from actionkit._attempt import STATES, Attempt
 from actionkit._call import Call
 from actionkit._clock import TimerHandle, TimerQueue
 from actionkit._delivery import Pool
 from actionkit._effects import CancelAnswer
-from actionkit._explain import Surroundings
 from actionkit._request import Request
+from actionkit._surroundings import Surroundings
 
 CODES = {state: code for code, state in STATES.items()}
 ANSWERS = {
@@ -152,13 +152,19 @@ class CallLife:
         retry: RetryPolicy = RetryPolicy(jitter=0.0),  # noqa: B008  frozen
         budget: RetryBudget | None = None,
         judged: bool = False,
+        strategies: bool = False,
+        callbacks: Any = None,
         **timeouts: float | None,
     ) -> None:
         self.clock = 1000.0
         self.timers = TimerQueue()
         self.soon: deque[Callable[[], None]] = deque()
         self.jobs: deque[Callable[[], None]] = deque()
-        self.verdict = Verdict.SUCCESS
+        self.verdict: Verdict | str | None = Verdict.SUCCESS
+        self.strategy = "fine"
+        self.judged = judged
+        if strategies:
+            retry = replace(retry, stop=self._stop, wait=self._wait)
         self.told: list[tuple[Any, ...]] = []
         self.goals: dict[bytes, OnServers] = {}
         self.link = Link(self)
@@ -177,8 +183,8 @@ class CallLife:
                     timeouts=self.timeouts,
                     retry=retry,
                     budget=budget or RetryBudget(1000.0),
-                    classify=(lambda _: self.verdict) if judged else None,
-                    callbacks=None,
+                    classify=self._classify if judged else None,
+                    callbacks=callbacks,
                     pool=Pool(),
                 ),
             )
@@ -192,6 +198,23 @@ class CallLife:
 
         self.call.future.settle = count  # type: ignore[method-assign]
         self.does(self.call.begin)
+
+    # --- the user's functions --------------------------------------------------------------
+
+    def _classify(self, _: object) -> Any:
+        if self.verdict == "raises":
+            raise ValueError("from classify")
+        return self.verdict
+
+    def _stop(self, state: Any) -> Any:
+        if self.strategy == "stop raises":
+            raise ValueError("from stop")
+        return None if self.strategy == "nonsense" else state.attempt_number >= self.retry.attempts
+
+    def _wait(self, _: object) -> Any:
+        if self.strategy == "wait raises":
+            raise ValueError("from wait")
+        return 0.2
 
     # --- the carrier, and the thread's clock -----------------------------------------------
 
@@ -231,8 +254,12 @@ class CallLife:
     def cancel_timer(self, handle: TimerHandle) -> None:
         self.timers.cancel(handle)
 
-    def submit(self, job: Callable[[], None]) -> None:
+    def run(self, job: Callable[[], None]) -> str:
         self.jobs.append(job)
+        return ""
+
+    def withdraw(self, job: Callable[[], None]) -> bool:
+        return False  # it runs: whether its answer still counts is the call's affair
 
     def server_is_ready(self) -> bool:
         return self.link.ready
@@ -253,7 +280,10 @@ class CallLife:
 
     @contextmanager
     def patched(self) -> Iterator[None]:
-        with mock.patch.object(call_module, "time", self), mock.patch.object(judging, "pool", self):
+        with (
+            mock.patch.object(call_module, "time", self),
+            mock.patch.object(asking, "threads", self),
+        ):
             yield
 
     def does(self, action: Callable[..., object], *args: Any, **options: Any) -> None:
@@ -430,7 +460,8 @@ class CallLife:
     def _is_idle(self) -> bool:
         """Whether no goal is under way: a pause, or a wait for a server or for its turn."""
         attempt = self.call._attempt
-        return not self.jobs and (attempt is None or not attempt.goal.in_flight)
+        judged = self.call._judging.under_way
+        return not judged and (attempt is None or not attempt.goal.in_flight)
 
     def _require_end_of_idle(self, idle: bool) -> None:
         """A pause, or a wait for a server, ends at once."""
@@ -441,12 +472,12 @@ class CallLife:
         self.broke = True
         self.does(self.call.fail, "it broke", RuntimeError("broken"))
         # No timer will ever fire again.
-        self.require(self.done or self.call._grace is not None, "what broke ends the call at once")
+        self.require(self.done, "what broke ends the call at once")
 
-    def judge(self, verdict: Verdict) -> None:
-        """The user's `classify=` returns."""
+    def judge(self, verdict: Verdict | str | None, strategy: str = "fine") -> None:
+        """The user's `classify=`, or his strategies, return what they are told to here."""
         if self.jobs:
-            self.verdict = verdict
+            self.verdict, self.strategy = verdict, strategy
             self.does(self.jobs.popleft())
 
     # --- what must hold --------------------------------------------------------------------
@@ -509,7 +540,7 @@ class CallLife:
                     self.require(
                         goal.cancels_asked > 0, "nothing is left behind uncancelled (C2.4)"
                     )
-        elif self.deadline is not None and not self.jobs:
+        elif self.deadline is not None:
             latest = self.deadline + self.timeouts.cancel + GRACE
             self.require(self.clock < latest + 1e-6, "the deadline is kept (C2.3)")
 
@@ -524,6 +555,8 @@ class CallLife:
             at_least_once = self.retry.resend == "always"
             self.require(not running or at_least_once, f"{outcome.cancel} means: nothing runs")
         if outcome.error is None:
+            approved = not self.judged or self.verdict in (Verdict.SUCCESS, None)
+            self.require(approved, "what nobody called a success is none (C3.3)")
             self.require(not running or self.retry.resend == "always", "a success is the last word")
 
     settled_with_news = False

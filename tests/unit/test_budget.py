@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import RetryBudget
+from actionkit._budget import check_budget
 
 
 def test_a_new_budget_is_full_and_allows_retries() -> None:
@@ -95,10 +96,22 @@ def test_what_is_no_number(name: str, value: object) -> None:
 
 
 @pytest.mark.parametrize("name", ["capacity", "ratio"])
-@pytest.mark.parametrize("value", [0, -1, math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("value", [0, -1, math.nan, math.inf, -math.inf, 10**400])
 def test_what_is_out_of_range(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=rf"^RetryBudget\.{name}=.* must be above 0 and finite$"):
+    with pytest.raises(ValueError, match=rf"^RetryBudget\.{name}=.* must be (above 0 and|1e9)"):
         RetryBudget(**{name: value})
+
+
+def test_a_client_takes_a_budget_and_nothing_derived_from_one() -> None:
+    class Mine(RetryBudget):  # type: ignore[misc]  # it is final
+        pass
+
+    check_budget(RetryBudget())
+    for wrong in (5, 0, "5", RetryBudget, object()):
+        with pytest.raises(TypeError, match=r"^retry_budget=.* must be a RetryBudget: "):
+            check_budget(wrong)
+    with pytest.raises(TypeError, match=r"Mine, but must be a RetryBudget itself"):
+        check_budget(Mine())
 
 
 def test_its_state_is_readable_and_only_that() -> None:

@@ -42,7 +42,9 @@ answers = [
 ]
 time = [event("wait", seconds), event("fire"), event("fire")]
 user = [event("cancel"), event("close", st.booleans())]
-rest = [event("judge", st.sampled_from(Verdict)), event("busy", st.booleans()), event("fail")]
+verdicts = st.sampled_from([*Verdict, *Verdict, None, "raises", "nonsense"])
+strategies = st.sampled_from([*5 * ["fine"], "stop raises", "wait raises", "nonsense"])
+rest = [event("judge", verdicts, strategies), event("busy", st.booleans()), event("fail")]
 everything = st.one_of(*servers, *answers, *time, *time, *user, *rest)
 peaceful = st.one_of(*servers, *answers, *time, *time, *rest[:2])
 limit = st.sampled_from([None, 1.0, 5.0])
@@ -57,6 +59,7 @@ lives = st.builds(
     timeout=st.sampled_from([None, None, 4.0, 30.0]),
     retry=policies,
     judged=st.booleans(),
+    strategies=st.sampled_from([False, False, True]),
     server=limit,
     accept=limit,
     feedback=limit,
@@ -70,9 +73,7 @@ def test_every_order(life: CallLife, events: list[Event]) -> None:
     for each in events:
         life.happens(*each)
     if life.deadline is not None:
-        while life.jobs:
-            life.happens("judge", Verdict.TRANSIENT)
-        life.happens("wait", 100.0)
+        life.happens("wait", 100.0)  # whether the user's functions answer or not
         assert life.done
 
 
@@ -354,16 +355,150 @@ def test_a_cancel_that_comes_while_a_success_is_judged_does_not_lose_it() -> Non
     assert life.outcome.result is not None
 
 
-def test_a_function_that_does_not_return_does_not_hold_up_the_deadline() -> None:
-    life = lived([*RUNNING, SUCCEEDED, ("wait", 6.1)], judged=True, timeout=4.0)
-    assert life.done  # (C2.3)
+@pytest.mark.parametrize("verdict", ["raises", "nonsense"])
+def test_a_function_that_gives_no_verdict_makes_no_success(verdict: str) -> None:
+    life = lived([*RUNNING, SUCCEEDED, ("judge", verdict), ("wait", 1.0)], judged=True)
+    error = life.outcome.error
+    assert type(error) is errors.ClassifyError
+    assert error.result is life.outcome.result is not None
+    assert (type(error.__cause__) is ValueError) == (verdict == "raises")
+    assert life.sends == 1
 
 
-def test_a_function_that_does_not_return_does_not_hold_up_close() -> None:
-    life = lived([*RUNNING, SUCCEEDED, ("close", False), ("wait", 2.1)], judged=True)
+@pytest.mark.parametrize("verdict", ["raises", "nonsense"])
+@pytest.mark.parametrize("end", ["aborted", "rejected"])
+def test_a_function_that_gives_no_verdict_leaves_a_failure_its_error(
+    end: str, verdict: str
+) -> None:
+    aborted: list[Event] = [*RUNNING, ("result", 0, GoalState.ABORTED)]
+    events: list[Event] = aborted if end == "aborted" else [*SENT, ("rejected", 0)]
+    life = lived([*events, ("judge", verdict), ("wait", 1.0)], judged=True)
+    expected = errors.GoalAbortedError if end == "aborted" else errors.GoalRejectedError
+    assert type(life.outcome.error) is expected
+    assert "`classify=CallLife._classify`" in str(life.outcome.error)
+    assert life.sends == 1
+
+
+def test_a_rejection_is_never_judged_a_success() -> None:
+    life = lived([*SENT, ("rejected", 0), ("judge", Verdict.SUCCESS)], judged=True)
+    error = life.outcome.error
+    assert type(error) is errors.ClassifyError
+    assert type(error.__cause__) is errors.GoalRejectedError
+
+
+LATE = [
+    # What happens while the function does not answer, when that is enough, and what is told.
+    ([], 4.0, 4.0, "call's deadline"),
+    ([], None, 10.0, "within 10 s"),
+    ([], 30.0, 10.0, "within 10 s"),
+    ([("cancel",)], None, 2.0, "cut short: the call was cancelled"),
+    ([("cancel",)], 1.0, 1.0, "call's deadline"),
+    ([("close", False)], None, 2.0, "cut short: the client was closed"),
+    ([("close", True)], None, 2.0, "cut short: the client was closed"),
+    ([("wait", 9.0), ("close", False)], None, 10.0, "within 10 s"),
+]
+
+
+@pytest.mark.parametrize(("events", "timeout", "enough", "told"), LATE)
+def test_a_function_that_does_not_answer_makes_no_success_and_holds_nothing_up(
+    events: list[Event], timeout: float | None, enough: float, told: str
+) -> None:
+    life = lived([*RUNNING, SUCCEEDED, *events], judged=True, timeout=timeout)
+    life.wait_until(1000.0 + enough - 0.1)
+    assert not life.done
+    life.wait_until(1000.0 + enough + 0.1)
+    assert type(life.outcome.error) is errors.ClassifyError
+    assert told in str(life.outcome.error)
+    assert life.outcome.error.result is not None
+    life.happens("judge", Verdict.SUCCESS)  # too late
+    assert type(life.outcome.error) is errors.ClassifyError
+
+
+# --- the communication thread dies -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("end", [GoalState.SUCCEEDED, GoalState.ABORTED])
+def test_a_goal_that_is_being_judged_had_ended_whatever_dies(end: GoalState) -> None:
+    life = lived([*RUNNING, ("result", 0, end), ("fail",)], judged=True)
+    succeeded = end is GoalState.SUCCEEDED
+    expected = errors.ClassifyError if succeeded else errors.GoalAbortedError
+    assert type(life.outcome.error) is expected
+    assert "cut short: it broke" in str(life.outcome.error)
+    assert life.outcome.result is not None
+
+
+class Busy:
+    """Feedback callbacks that never come to an end."""
+
+    errors = 0
+
+    def put(self, *decodes: Any) -> None: ...
+    def finish(self, then: Any) -> None: ...
+    def close(self) -> None: ...
+
+
+@pytest.mark.parametrize("judged", [False, True])
+def test_a_result_does_not_wait_for_callbacks_on_a_thread_that_died(judged: bool) -> None:
+    events = [*RUNNING, ("result", 0, GoalState.ABORTED), ("fail",)]
+    life = lived(events, judged=judged, callbacks=Busy())
+    assert isinstance(life.outcome.error, errors.GoalAbortedError)
+
+
+# --- the user's strategies ---------------------------------------------------------------------
+
+
+def test_strategies_decide_off_the_thread() -> None:
+    life = lived([*LOST, ("judge", None)], strategies=True)
+    assert life.call.state is GoalState.RETRYING
+    life.happens("wait", 0.25)
+    assert life.call._attempts == 2
+
+
+@pytest.mark.parametrize("how", ["stop raises", "wait raises", "nonsense"])
+def test_a_strategy_that_fails_ends_the_call_with_the_last_failure(how: str) -> None:
+    life = lived([*LOST, ("judge", None, how)], strategies=True)
+    error = life.outcome.error
+    assert type(error) is errors.RetriesExhaustedError
+    assert "was lost" in str(error)
+    assert f"`RetryPolicy.{'wait' if how == 'wait raises' else 'stop'}=CallLife._" in str(error)
+    raised = "raises" in how
+    assert type(error.__cause__) is (ValueError if raised else errors.ServerLostError)
+
+
+@pytest.mark.parametrize(("timeout", "enough"), [(None, 10.0), (4.0, 4.0), (30.0, 10.0)])
+def test_a_strategy_that_does_not_answer_ends_the_call(
+    timeout: float | None, enough: float
+) -> None:
+    life = lived([*LOST], strategies=True, timeout=timeout)
+    life.wait_until(1000.0 + enough - 0.1)
+    assert not life.done
+    life.wait_until(1000.0 + enough + 0.1)
+    assert type(life.outcome.error) is errors.RetriesExhaustedError
+    assert "did not answer" in str(life.outcome.error)
+    assert type(life.outcome.error.__cause__) is errors.ServerLostError
+    life.happens("judge", None)  # too late
+    life.happens("wait", 1.0)
+    assert life.sends == 1
+
+
+@pytest.mark.parametrize("end", [("cancel",), ("close", False), ("close", True)], ids=str)
+def test_a_call_whose_strategy_is_asked_ends_at_once(end: Event) -> None:
+    life = lived([*LOST, end], strategies=True)
     assert life.done
+    assert life.clock == 1000.0
+    life.happens("judge", None)
+    life.happens("wait", 1.0)
+    assert life.sends == 1
 
 
-def test_a_function_that_does_not_return_does_not_hold_up_a_cancel() -> None:
-    life = lived([*RUNNING, SUCCEEDED, ("cancel",), ("wait", 2.1)], judged=True)
-    assert life.done  # (C1.5)
+def test_a_late_success_is_taken_while_a_strategy_is_asked() -> None:
+    life = lived([*LOST, ("result", 0, GoalState.SUCCEEDED), ("wait", 0.1)], strategies=True)
+    assert life.outcome.error is None
+    life.happens("judge", None)
+    assert life.sends == 1
+
+
+def test_the_time_that_a_strategy_took_counts_against_the_deadline() -> None:
+    life = lived([*LOST, ("wait", 3.9), ("judge", None)], strategies=True, timeout=4.0)
+    assert isinstance(life.outcome.error, errors.ServerLostError)
+    assert "crossed the deadline" in str(life.outcome.error)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import logging
+import math
 import uuid
 from typing import Any
 
@@ -12,7 +12,7 @@ from test_msgs.action import Fibonacci, NestedMessage
 import actionkit
 from actionkit import GoalState, Outcome, Verdict, classify_by_field
 from actionkit._classify import asked, default_verdict, overruled
-from actionkit._effects import End, Ending
+from actionkit._effects import End, Ending, Fault
 
 SUCCESS, TRANSIENT, PERMANENT = Verdict
 ABORTED = actionkit.GoalAbortedError("aborted")
@@ -71,19 +71,28 @@ def test_a_value_that_is_named_decides_whatever_the_status(
 
 def test_a_value_named_nowhere() -> None:
     assert BY_FIELD(outcome(9)) is PERMANENT  # `ok=` names all that is fine
-    assert BY_FIELD(outcome(9, error=ABORTED)) is PERMANENT
-    lost = actionkit.ServerLostError("x")
+    assert BY_FIELD(outcome(9, error=ABORTED)) is None
     open_ = classify_by_field("sequence[0]", transient={1})
-    assert open_(outcome(9)) is SUCCESS
-    assert open_(outcome(9, error=ABORTED)) is PERMANENT
-    assert open_(outcome(9, error=lost)) is TRANSIENT
+    assert open_(outcome(9)) is None
+    assert open_(outcome(9, error=ABORTED)) is None
 
 
-def test_an_outcome_without_a_result_is_judged_by_its_error() -> None:
+def test_of_an_outcome_without_a_result_it_has_no_opinion() -> None:
     rejected = actionkit.GoalRejectedError("no")
-    assert BY_FIELD(outcome(error=rejected, result=None)) is PERMANENT
-    lost = actionkit.ServerLostError("x")
-    assert BY_FIELD(outcome(error=lost, result=None)) is TRANSIENT
+    assert BY_FIELD(outcome(error=rejected, result=None)) is None
+
+
+def test_the_default_result_of_an_abort_is_no_success() -> None:
+    """It is what rclpy sends where the server's callback raised, and has 0 in every field."""
+    judge = classify_by_field("nested_field.int32_value", ok={0}, transient={102})
+    empty = NestedMessage.Result()
+    assert judge(outcome(result=empty)) is SUCCESS
+    assert judge(outcome(result=empty, error=ABORTED)) is None
+    filled = NestedMessage.Result()
+    filled.nested_field.bool_value = True
+    assert judge(outcome(result=filled, error=ABORTED)) is SUCCESS
+    filled.nested_field.int32_value = 102
+    assert judge(outcome(result=filled, error=ABORTED)) is TRANSIENT
 
 
 @pytest.mark.parametrize(
@@ -104,7 +113,7 @@ def test_a_field_at_any_depth(path: str, value: int) -> None:
     judge = classify_by_field(path, transient={value})
     judge.check(NestedMessage.Result)
     assert judge(outcome(result=result)) is TRANSIENT
-    assert judge(outcome(result=NestedMessage.Result())) is SUCCESS
+    assert judge(outcome(result=NestedMessage.Result())) is None
 
 
 def test_a_text_or_a_truth_can_be_looked_at_too() -> None:
@@ -122,13 +131,18 @@ def test_a_text_or_a_truth_can_be_looked_at_too() -> None:
     assert classify_by_field("success", permanent={False})(outcome(result=result)) is PERMANENT
     assert classify_by_field("success", ok={True})(outcome(result=result)) is PERMANENT
     assert classify_by_field("why", transient={"busy"})(outcome(result=result)) is TRANSIENT
+    classify_by_field("why", transient={"busy", ""}).check(Message)
+    with pytest.raises(ValueError, match="that is a string, and never equal to 5"):
+        classify_by_field("why", transient={"busy", 5}).check(Message)
 
 
-def test_an_element_that_the_result_does_not_have_is_an_error_of_the_judgement(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    assert asked(BY_FIELD, outcome()) is SUCCESS  # the default counts
-    assert "there is no element 0" in caplog.text
+def test_an_element_that_the_result_does_not_have_makes_no_success() -> None:
+    said = asked(BY_FIELD, outcome())
+    assert isinstance(said, Fault)
+    assert "`classify=<classify_by_field 'sequence[0]'>` raised" in said.problem
+    assert "there is no element 0" in said.problem
+    assert isinstance(said.cause, ValueError)
+    assert BY_FIELD(outcome(error=ABORTED)) is None  # servers send all sorts of results with that
 
 
 def test_a_field_that_does_not_exist_is_refused_before_any_goal() -> None:
@@ -144,6 +158,26 @@ def test_a_whole_array_has_no_values_to_name() -> None:
     """Its values cannot stand in a set, and every goal would fail in its judgement."""
     with pytest.raises(ValueError, match="sequence"):
         classify_by_field("sequence", ok={0}).check(Fibonacci.Result)
+
+
+@pytest.mark.parametrize(
+    ("path", "right", "wrong"),
+    [
+        ("nested_field.int32_value", (0, 1.0, -5), ("0", True, None)),
+        ("nested_field.float64_value", (0, 1.5), ("0", False)),
+        ("nested_field.bool_value", (True, False, 0, 1), ("true", 2, None)),
+    ],
+)
+def test_values_that_the_field_never_has_are_refused_before_any_goal(
+    path: str, right: tuple[Any, ...], wrong: tuple[Any, ...]
+) -> None:
+    for value in right:
+        classify_by_field(path, ok={value}).check(NestedMessage.Result)
+    for value in wrong:
+        with pytest.raises(ValueError, match="never equal to") as caught:
+            classify_by_field(path, transient={value}).check(NestedMessage.Result)
+        assert repr(value) in str(caught.value)
+        assert repr(path) in str(caught.value)
 
 
 def test_what_it_says_of_itself() -> None:
@@ -172,6 +206,16 @@ def test_arguments_that_make_no_sense() -> None:
         classify_by_field("x", ok={"a", 1}, transient={"a", 1})  # of kinds that have no order
 
 
+@pytest.mark.parametrize("name", ["ok", "transient", "permanent"])
+def test_values_that_are_no_collection(name: str) -> None:
+    wrong: list[Any] = ["done", b"x", 5, None, True, iter([1]), [[1]], [{}]]
+    for value in wrong:
+        with pytest.raises(TypeError, match=rf"^classify_by_field: {name}=.* must "):
+            classify_by_field("x", **{name: value})
+    with pytest.raises(ValueError, match=rf"{name}=.*NaN"):
+        classify_by_field("x", **{name: {math.nan}})  # type: ignore[arg-type]
+
+
 def test_any_collection_of_values_will_do() -> None:
     judge = classify_by_field("sequence[0]", transient=[1], permanent=(2,), ok=range(10, 20))
     verdicts = [judge(outcome(value)) for value in (1, 2, 15, 20)]
@@ -184,39 +228,74 @@ def test_any_collection_of_values_will_do() -> None:
 @pytest.mark.parametrize("verdict", Verdict)
 def test_what_the_function_says_counts(verdict: Verdict) -> None:
     assert asked(lambda _: verdict, outcome()) is verdict
-    assert asked(lambda _: verdict, outcome(error=ABORTED)) is verdict
+    assert asked(lambda _: verdict, outcome(1, error=ABORTED)) is verdict
 
 
-@pytest.mark.parametrize("error", [ValueError("no"), KeyboardInterrupt(), SystemExit(1)])
-def test_a_function_that_raises_is_logged_and_the_default_counts(
-    error: BaseException, caplog: pytest.LogCaptureFixture
-) -> None:
-    def classify(_: Outcome[Any]) -> Verdict:
+def test_none_is_no_opinion() -> None:
+    assert asked(lambda _: None, outcome()) is SUCCESS
+    assert asked(lambda _: None, outcome(error=ABORTED)) is PERMANENT
+    assert asked(lambda _: None, outcome(error=actionkit.ServerLostError("x"))) is TRANSIENT
+
+
+class Unprintable(Exception):
+    def __str__(self) -> str:
+        raise ValueError("no text")
+
+    __repr__ = __str__
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (ValueError("no\nnever"), "raised ValueError: no never"),
+        (KeyboardInterrupt(), "raised KeyboardInterrupt"),
+        (SystemExit(1), "raised SystemExit: 1"),
+        (Unprintable(), "raised a value of type Unprintable"),
+        (ValueError(1000 * "x"), "xxx..."),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_a_function_that_raises_gives_no_verdict(error: BaseException, told: str) -> None:
+    def judge(_: Outcome[Any]) -> Verdict:
         raise error
 
-    with caplog.at_level(logging.ERROR, "actionkit"):
-        assert asked(classify, outcome()) is SUCCESS
-        assert asked(classify, outcome(error=ABORTED)) is PERMANENT
-    assert [record.exc_info is not None for record in caplog.records] == [True, True]
-    assert "classify" in caplog.text
+    for judged in (outcome(), outcome(error=ABORTED)):
+        said = asked(judge, judged)
+        assert isinstance(said, Fault)
+        assert said.problem.startswith("`classify=")
+        assert "judge` raised" in said.problem
+        assert said.problem.endswith(told)
+        assert said.cause is error
+        assert not said.impossible
 
 
-@pytest.mark.parametrize("wrong", [None, True, "SUCCESS", 1, Verdict])
-def test_a_function_that_returns_no_verdict_is_logged_and_the_default_counts(
-    wrong: Any, caplog: pytest.LogCaptureFixture
-) -> None:
-    with caplog.at_level(logging.ERROR, "actionkit"):
-        assert asked(lambda _: wrong, outcome()) is SUCCESS
-    assert repr(wrong) in caplog.text
-    assert "no Verdict" in caplog.text
+@pytest.mark.parametrize("wrong", [True, "SUCCESS", 1, Verdict, Unprintable()], ids=type)
+def test_a_function_that_returns_nonsense_gives_no_verdict(wrong: Any) -> None:
+    said = asked(lambda _: wrong, outcome())
+    assert isinstance(said, Fault)
+    assert "neither a Verdict nor None" in said.problem
+    assert said.cause is None
 
 
-def test_a_goal_without_a_result_is_never_a_success(caplog: pytest.LogCaptureFixture) -> None:
-    rejected = outcome(error=actionkit.GoalRejectedError("rejected"), result=None)
-    with caplog.at_level(logging.ERROR, "actionkit"):
-        assert asked(lambda _: SUCCESS, rejected) is PERMANENT
-    assert "without a result" in caplog.text
-    assert asked(lambda _: TRANSIENT, rejected) is TRANSIENT
+@pytest.mark.parametrize("result", [None, Fibonacci.Result(), NestedMessage.Result()])
+def test_a_goal_that_failed_with_an_empty_result_is_never_a_success(result: Any) -> None:
+    error = actionkit.GoalRejectedError("rejected")
+    failed = outcome(error=error, result=result)
+    said = asked(lambda _: SUCCESS, failed)
+    assert isinstance(said, Fault)
+    assert said.impossible
+    assert said.cause is error
+    assert "called it a SUCCESS" in said.problem
+    assert asked(lambda _: TRANSIENT, failed) is TRANSIENT
+    assert asked(lambda _: SUCCESS, outcome(result=Fibonacci.Result())) is SUCCESS
+
+
+def test_retry_aborted() -> None:
+    judge = actionkit.retry_aborted()
+    assert judge(outcome(error=ABORTED)) is TRANSIENT
+    assert judge(outcome()) is None
+    rejected = actionkit.GoalRejectedError("x")
+    assert judge(Outcome(GoalState.REJECTED, None, rejected, 1, (), uuid.uuid4(), None)) is None
 
 
 # --- overruling --------------------------------------------------------------------------------
@@ -247,3 +326,13 @@ def test_a_failure_judged_a_failure_keeps_its_own_error(end: End, verdict: Verdi
 
 def test_a_success_judged_a_success_is_left_alone() -> None:
     assert overruled(SUCCEEDED, SUCCESS) is SUCCEEDED
+
+
+@pytest.mark.parametrize("impossible", [False, True])
+@pytest.mark.parametrize("end", [End.SUCCEEDED, End.ABORTED, End.REJECTED])
+def test_without_a_verdict_nothing_is_a_success(end: End, impossible: bool) -> None:
+    fault = Fault("it broke", impossible=impossible)
+    judged = overruled(Ending(end, GoalState[end.name], result=2), fault)
+    stands = end is not End.SUCCEEDED and not impossible
+    assert judged.end is (end if stands else End.UNJUDGED)
+    assert (judged.judge, judged.result) == (fault, 2)

@@ -29,6 +29,7 @@ TREE: dict[str, tuple[str, ...]] = {
     "GoalAbortedError": ("PermanentError",),
     "GoalCanceledError": ("PermanentError",),
     "ResultLostError": ("PermanentError",),
+    "ClassifyError": ("PermanentError",),
     "DeadlineExceededError": ("ActionKitError", "TimeoutError"),
     "RetriesExhaustedError": ("ActionKitError",),
     "ClientClosedError": ("ActionKitError",),
@@ -41,6 +42,7 @@ OWN_FACTS: dict[str, dict[str, Any]] = {
     "GoalAbortedError": {"result": Fibonacci.Result(sequence=[1, 2])},
     "GoalCanceledError": {"result": Fibonacci.Result(sequence=[3])},
     "ResultLostError": {"status": GoalState.ABORTED},
+    "ClassifyError": {"result": Fibonacci.Result(sequence=[4])},
     "DeadlineExceededError": {"phase": "accept", "late_result": Fibonacci.Result()},
 }
 

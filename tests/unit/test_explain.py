@@ -15,9 +15,10 @@ from test_msgs.action import Fibonacci
 
 import actionkit
 from actionkit import CancelReport, GoalEvent, GoalState, Timeouts, Verdict, _explain
-from actionkit._effects import CancelAnswer, End, Ending, Known, Reached
-from actionkit._explain import Story, Surroundings, explain
+from actionkit._effects import CancelAnswer, End, Ending, Fault, Known, Reached
+from actionkit._explain import Story, explain
 from actionkit._field_errors import FieldError
+from actionkit._surroundings import Surroundings
 
 EVENT = GoalEvent(uuid.uuid4(), 1, GoalState.SENDING, 1.0, 2.0)
 GOAL_ID = uuid.uuid4()
@@ -126,6 +127,12 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str]] = {
             "`error.result`",
         ),
         (
+            End.UNJUDGED,
+            (GoalState.SUCCEEDED, ABORTED, None, "", *ENDED, None, "", Fault("`classify=f` broke")),
+            actionkit.ClassifyError,
+            "`error.result`",
+        ),
+        (
             End.CLOSED,
             (GoalState.CANCELED, None, CancelReport.CONFIRMED, "", *ENDED),
             actionkit.ClientClosedError,
@@ -168,7 +175,8 @@ def test_an_error_tells_what_happened_to_which_action_and_what_to_do(end: End) -
     assert "'/fibonacci'" in text
     assert remedy in text
     assert text.endswith(".") or end is End.INVALID
-    assert re.search(r"None|  |\{|<", text) is None, text
+    unformatted = re.search(r"None|  |\{|<", text.replace("or None where it has no opinion", ""))
+    assert unformatted is None, text
     assert (error.action_name, error.goal_id, error.attempts) == ("/fibonacci", GOAL_ID, 1)
     assert (error.timeline, error.elapsed, error.cancel) == ((EVENT,), 4.2, ending.cancel)
     assert str(pickle.loads(pickle.dumps(error))) == text
@@ -253,6 +261,65 @@ def test_a_success_judged_transient_has_an_error_only_for_the_end_of_the_retries
     assert isinstance(error.__cause__, actionkit.TransientError)
     assert error.__cause__.result is ABORTED
     assert type(pickle.loads(pickle.dumps(error)).__cause__) is actionkit.TransientError
+
+
+# --- functions of the user's that do not do what they should (contract C3.3) -------------------
+
+RAISED = ValueError("no")
+
+
+def test_a_success_that_could_not_be_judged_says_what_the_function_did() -> None:
+    fault = Fault("`classify=judge` raised ValueError: no", RAISED)
+    error = explained(replace(ENDINGS[End.UNJUDGED][0], judge=fault))
+    assert "succeeded on the server, but 4.2 s into the call `classify=judge` raised" in str(error)
+    assert error.__cause__ is RAISED
+    assert error.result is ABORTED
+    assert not error.transient
+
+
+@pytest.mark.parametrize(("end", "became"), [(End.ABORTED, "aborted"), (End.REJECTED, "rejected")])
+def test_a_failure_that_is_called_a_success_and_cannot_be_one(end: End, became: str) -> None:
+    fault = Fault("`classify=judge` called it a SUCCESS", RAISED, impossible=True)
+    error = explained(replace(ENDINGS[end][0], end=End.UNJUDGED, judge=fault))
+    assert type(error) is actionkit.ClassifyError
+    assert f"was {became} by the server, and 4.2 s into the call `classify=judge`" in str(error)
+    assert error.__cause__ is RAISED
+
+
+@pytest.mark.parametrize("end", [End.ABORTED, End.REJECTED], ids=lambda end: end.name)
+def test_a_failure_that_could_not_be_judged_keeps_its_error_and_says_so(end: End) -> None:
+    ending, cls, remedy = ENDINGS[end]
+    error = explained(replace(ending, judge=Fault("`classify=judge` raised ValueError: no")))
+    assert type(error) is cls
+    assert remedy in str(error)
+    assert str(error).endswith("not tried again, because `classify=judge` raised ValueError: no.")
+
+
+@pytest.mark.parametrize("end", [*TRANSIENT, End.ABORTED], ids=lambda end: end.name)
+@pytest.mark.parametrize("cause", [RAISED, None])
+def test_a_strategy_that_fails_ends_the_retries_and_the_last_failure_is_told(
+    end: End, cause: BaseException | None
+) -> None:
+    ending, cls, remedy = ENDINGS[end]
+    error = explained(replace(ending, strategy=Fault("`RetryPolicy.stop=f` raised", cause)))
+    assert type(error) is actionkit.RetriesExhaustedError
+    assert remedy in str(error)
+    assert str(error).endswith("The retries ended: `RetryPolicy.stop=f` raised.")
+    assert (error.result, error.cancel) == (ending.result, ending.cancel)
+    if cause is None:
+        assert type(error.__cause__) is cls
+        assert str(error).startswith(str(error.__cause__))
+    else:
+        assert error.__cause__ is cause
+
+
+def test_a_strategy_that_fails_after_a_success_that_was_judged_transient() -> None:
+    fault = Fault("`RetryPolicy.stop=f` raised")
+    ending = replace(ENDINGS[End.JUDGED][0], info=Verdict.TRANSIENT, strategy=fault)
+    error = explained(ending)
+    assert type(error) is actionkit.RetriesExhaustedError
+    assert type(error.__cause__) is actionkit.TransientError
+    assert error.result is error.__cause__.result is ABORTED
 
 
 # --- what the graph shows (contract C3.2) ------------------------------------------------------

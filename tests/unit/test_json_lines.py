@@ -370,12 +370,19 @@ def test_it_does_not_leak_its_file(path: Path) -> None:
         ({"backups": None}, TypeError),
         ({"backups": True}, TypeError),
         ({"max_items": 0}, ValueError),
+        ({"messages": "no"}, TypeError),
     ],
 )
-def test_bad_numbers_are_refused(path: Path, options: Any, error: type[Exception]) -> None:
+def test_bad_options_are_refused(path: Path, options: Any, error: type[Exception]) -> None:
     with pytest.raises(error, match=next(iter(options))):
         JsonLines(path, **options)
     assert not path.exists()
+
+
+@pytest.mark.parametrize("wrong", [3, None, b"goals.jsonl", True])
+def test_a_path_that_is_none_is_refused(wrong: Any) -> None:
+    with pytest.raises(TypeError, match=r"^JsonLines: path=.* must be a string or a path$"):
+        JsonLines(wrong)
 
 
 def test_a_folder_that_does_not_exist_is_told_at_once(tmp_path: Path) -> None:

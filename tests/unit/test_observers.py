@@ -556,5 +556,13 @@ def test_rosout_has_the_levels_of_the_log() -> None:
 
 
 def test_rosout_wants_a_node() -> None:
-    with pytest.raises(TypeError, match="must be an rclpy node"):
-        Rosout("planner")
+    for wrong in ("planner", None, FakeNode):
+        with pytest.raises(TypeError, match="must be an rclpy node"):
+            Rosout(wrong)
+
+
+@pytest.mark.parametrize("name", ["tracer_provider", "meter_provider"])
+def test_opentelemetry_wants_providers(name: str) -> None:
+    wrong: dict[str, Any] = {name: "otlp"}
+    with pytest.raises(TypeError, match=rf"^OpenTelemetry: {name}='otlp' must have get_"):
+        ak.OpenTelemetry(**wrong)

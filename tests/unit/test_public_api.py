@@ -21,6 +21,7 @@ NAMES = [
     "ActionTypeMismatchError",
     "CallInfo",
     "CancelReport",
+    "ClassifyError",
     "Client",
     "ClientClosedError",
     "DeadlineExceededError",
@@ -52,6 +53,7 @@ NAMES = [
     "Verdict",
     "classify_by_field",
     "read_json_lines",
+    "retry_aborted",
 ]
 SIGNATURES = {
     Client.__init__: "(self, action_type, action_name, *, node=None,"
@@ -67,6 +69,7 @@ SIGNATURES = {
     Client.wait_for_server: "(self, timeout=None)",
     actionkit.RetryBudget.__init__: "(self, capacity=10.0, ratio=0.1)",
     actionkit.classify_by_field: "(path, *, transient=(), permanent=(), ok=())",
+    actionkit.retry_aborted: "()",
     actionkit.JsonLines.__init__: "(self, path, *, max_bytes=10000000, backups=5, messages=True,"
     " max_items=100)",
     actionkit.OpenTelemetry.__init__: "(self, tracer_provider=None, meter_provider=None)",
@@ -107,7 +110,7 @@ RAISES = {
     actionkit.RetryBudget.__init__: "TypeError ValueError",
     actionkit.classify_by_field: "TypeError ValueError",
     actionkit.JsonLines.__init__: "OSError TypeError ValueError",
-    actionkit.OpenTelemetry.__init__: "ImportError",
+    actionkit.OpenTelemetry.__init__: "ImportError TypeError",
     actionkit.Rosout.__init__: "TypeError",
     actionkit.read_json_lines: "OSError",
     Client.server_is_ready: "ClientClosedError",
@@ -134,6 +137,7 @@ def own_members() -> Iterator[tuple[str, Any]]:
     yield "Client.__init__", Client.__init__
     yield "RetryBudget.__init__", actionkit.RetryBudget.__init__
     yield "classify_by_field", actionkit.classify_by_field
+    yield "retry_aborted", actionkit.retry_aborted
     yield "JsonLines.__init__", actionkit.JsonLines.__init__
     yield "OpenTelemetry.__init__", actionkit.OpenTelemetry.__init__
     yield "Rosout.__init__", actionkit.Rosout.__init__

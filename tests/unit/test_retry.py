@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import itertools
+import math
+from fractions import Fraction
 from typing import Any, get_args, get_type_hints
 
+import numpy
 import pytest
 import tenacity
 from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import RetryPolicy, ServerLostError
-from actionkit._effects import Known, Reached
+from actionkit._effects import Fault, Known, Reached
 from actionkit._retry import GiveUp, Pause, Resend, Schedule, how_to_resend
 
 # --- resend safety (contract C4.2) -------------------------------------------------------------
@@ -63,11 +66,19 @@ def test_only_at_least_once_sends_again_what_may_be_running(reached: Reached) ->
 ERROR = ServerLostError("gone")
 
 
+def planned(
+    schedule: Schedule, error: Exception, attempts: int, now: float, deadline: float | None
+) -> Any:
+    """Return the plan after a failure, where asking the strategies takes no time."""
+    said = schedule.ask(error, attempts, now)
+    return said if isinstance(said, (GiveUp, Fault)) else schedule.plan(said, now, deadline)
+
+
 def pauses(policy: RetryPolicy, attempts: int, deadline: float | None = None) -> list[Any]:
     """Return what the schedule says after each attempt; attempts take no time, pauses do."""
     schedule, now, said = Schedule(policy, 0.0), 0.0, []
     for number in range(1, attempts + 1):
-        said.append(schedule.next(ERROR, number, now, deadline))
+        said.append(planned(schedule, ERROR, number, now, deadline))
         if isinstance(said[-1], Pause):
             now += said[-1].seconds
     return said
@@ -99,7 +110,7 @@ def test_a_pause_keeps_to_its_share_of_chance_and_to_the_longest(
     initial: float, factor: float, most: float, jitter: float, attempt: int
 ) -> None:
     policy = RetryPolicy(5000, initial, factor, most, jitter)
-    said = Schedule(policy, 0.0).next(ERROR, attempt, 0.0, None)
+    said = planned(Schedule(policy, 0.0), ERROR, attempt, 0.0, None)
     try:
         plain = min(initial * factor ** (attempt - 1), most)
     except OverflowError:
@@ -111,7 +122,7 @@ def test_a_pause_keeps_to_its_share_of_chance_and_to_the_longest(
 
 def test_chance_makes_pauses_differ() -> None:
     policy = RetryPolicy(initial=1.0, jitter=0.5)
-    seconds = {Schedule(policy, 0.0).next(ERROR, 1, 0.0, None).seconds for _ in range(50)}
+    seconds = {planned(Schedule(policy, 0.0), ERROR, 1, 0.0, None).seconds for _ in range(50)}
     assert len(seconds) > 10
     assert min(seconds) < 0.9
     assert max(seconds) > 1.1
@@ -134,7 +145,7 @@ def test_a_pause_that_would_cross_the_deadline_is_not_begun(
     deadline: float | None, begun: bool
 ) -> None:
     schedule = Schedule(RetryPolicy(initial=2.0, jitter=0.0), 0.0)
-    said = schedule.next(ERROR, 1, 10.0, deadline)
+    said = planned(schedule, ERROR, 1, 10.0, deadline)
     assert isinstance(said, Pause if begun else GiveUp)
     if isinstance(said, GiveUp):
         assert "2 s" in said.reason
@@ -154,8 +165,8 @@ def test_a_stop_strategy_stands_in_place_of_attempts() -> None:
 def test_a_stop_strategy_sees_the_time_since_the_call_began() -> None:
     policy = RetryPolicy(stop=tenacity.stop_after_delay(10.0))
     schedule = Schedule(policy, 100.0)
-    assert isinstance(schedule.next(ERROR, 1, 109.9, None), Pause)
-    assert isinstance(schedule.next(ERROR, 2, 110.0, None), GiveUp)
+    assert isinstance(planned(schedule, ERROR, 1, 109.9, None), Pause)
+    assert isinstance(planned(schedule, ERROR, 2, 110.0, None), GiveUp)
 
 
 def test_a_wait_strategy_stands_in_place_of_the_pauses_and_of_chance() -> None:
@@ -164,7 +175,7 @@ def test_a_wait_strategy_stands_in_place_of_the_pauses_and_of_chance() -> None:
     policy = RetryPolicy(attempts=9, wait=tenacity.wait_chain(*map(tenacity.wait_fixed, (1, 2))))
     assert pauses(policy, 4) == [Pause(1), Pause(2), Pause(2), Pause(2)]
     policy = RetryPolicy(wait=tenacity.wait_fixed(5.0))
-    assert isinstance(Schedule(policy, 0.0).next(ERROR, 1, 0.0, 5.0), GiveUp)
+    assert isinstance(planned(Schedule(policy, 0.0), ERROR, 1, 0.0, 5.0), GiveUp)
 
 
 def test_strategies_see_the_error_and_the_pauses_so_far() -> None:
@@ -178,8 +189,8 @@ def test_strategies_see_the_error_and_the_pauses_so_far() -> None:
 
     schedule = Schedule(RetryPolicy(stop=stop, wait=tenacity.wait_fixed(2.0)), 5.0)
     other = ServerLostError("again")
-    schedule.next(ERROR, 1, 6.0, None)
-    schedule.next(other, 2, 9.0, None)
+    planned(schedule, ERROR, 1, 6.0, None)
+    planned(schedule, other, 2, 9.0, None)
     assert seen == [(ERROR, 1, 0.0, 1.0), (other, 2, 2.0, 4.0)]
 
 
@@ -189,6 +200,70 @@ def test_strategies_may_be_combined() -> None:
     policy = RetryPolicy(stop=stop, wait=wait)
     assert pauses(policy, 3)[:2] == [Pause(0.75), Pause(0.75)]
     assert isinstance(pauses(policy, 3)[2], GiveUp)
+
+
+# --- strategies that do not do what they should ------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [None, "yes", 0, 1.0, [], 1j], ids=repr)
+def test_a_stop_strategy_that_returns_no_bool(value: Any) -> None:
+    said = pauses(RetryPolicy(stop=lambda _: value), 1)[0]
+    assert isinstance(said, Fault)
+    assert said.problem.startswith("`RetryPolicy.stop=")
+    assert repr(value) in said.problem
+    assert "neither True nor False" in said.problem
+
+
+WRONG = [None, "1", True, -0.001, math.nan, math.inf, -math.inf, 10**400, 1e300, 1j, [1.0]]
+
+
+@pytest.mark.parametrize("value", WRONG, ids=lambda value: repr(value)[:20])
+def test_a_wait_strategy_that_returns_no_time(value: Any) -> None:
+    said = pauses(RetryPolicy(wait=lambda _: value), 1)[0]
+    assert isinstance(said, Fault)
+    assert said.problem.startswith("`RetryPolicy.wait=")
+    assert "no number of seconds from 0 to 1e+09" in said.problem
+    assert len(said.problem) < 500
+
+
+@pytest.mark.parametrize("value", [0, 2, 0.5, Fraction(1, 4), numpy.float32(1.5), numpy.int64(3)])
+def test_a_wait_strategy_may_return_any_kind_of_number(value: Any) -> None:
+    said = pauses(RetryPolicy(wait=lambda _: value), 1)[0]
+    assert said == Pause(float(value))
+    assert type(said.seconds) is float
+
+
+@pytest.mark.parametrize("error", [ValueError("no"), KeyboardInterrupt(), SystemExit(1)])
+@pytest.mark.parametrize("name", ["stop", "wait"])
+def test_a_strategy_that_raises(name: str, error: BaseException) -> None:
+    def strategy(_: object) -> Any:
+        raise error
+
+    said = pauses(RetryPolicy(**{name: strategy}), 1)[0]  # type: ignore[arg-type]
+    assert isinstance(said, Fault)
+    assert said.cause is error
+    assert f"`RetryPolicy.{name}=" in said.problem
+    assert f"strategy` raised {type(error).__name__}" in said.problem
+
+
+class Hostile:
+    """A strategy that says that it is nothing, and has no good answers to anything else."""
+
+    def __call__(self, _: object) -> Any:
+        raise ValueError("asked")
+
+    def __bool__(self) -> bool:
+        return False
+
+    def __repr__(self) -> str:
+        raise AssertionError("this runs code of the user's on the communication thread")
+
+
+@pytest.mark.parametrize("name", ["stop", "wait"])
+def test_a_strategy_is_asked_whatever_it_says_of_itself(name: str) -> None:
+    said = pauses(RetryPolicy(**{name: Hostile()}), 1)[0]  # type: ignore[arg-type]
+    assert isinstance(said, Fault)
+    assert said.problem == f"`RetryPolicy.{name}=Hostile` raised ValueError: asked"
 
 
 # --- words -------------------------------------------------------------------------------------
@@ -206,7 +281,7 @@ def test_strategies_may_be_combined() -> None:
 def test_the_reason_names_the_limit_that_ended_the_retries(
     policy: RetryPolicy, attempt: int, deadline: float | None, words: tuple[str, ...]
 ) -> None:
-    said = Schedule(policy, 0.0).next(ERROR, attempt, 0.0, deadline)
+    said = planned(Schedule(policy, 0.0), ERROR, attempt, 0.0, deadline)
     assert isinstance(said, GiveUp)
     for word in words:
         assert word in said.reason

@@ -61,6 +61,13 @@ def test_a_timeout_out_of_range(field: str, value: float) -> None:
 
 
 @pytest.mark.parametrize("field", TIMEOUTS)
+@pytest.mark.parametrize("value", [1.1e9, 10**10, 1e300, 10**400])
+def test_a_timeout_longer_than_anybody_waits(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf"^Timeouts\.{field}=.* must be 1e9 or less"):
+        Timeouts(**{field: value})
+
+
+@pytest.mark.parametrize("field", TIMEOUTS)
 def test_timeouts_are_float_seconds(field: str) -> None:
     for value in (3, 0.5, 1e9) if field == "liveness" else (0, 3, 0.5, 1e9):
         seconds = getattr(Timeouts(**{field: value}), field)
@@ -140,6 +147,27 @@ def test_strategies_are_tenacitys(field: str) -> None:
     expect(TypeError, RetryPolicy, field, 3)
     strategy = {"stop": tenacity.stop_after_attempt(2), "wait": tenacity.wait_fixed(1)}[field]
     assert getattr(RetryPolicy(**{field: strategy}), field) is strategy  # type: ignore[arg-type]
+
+
+async def coroutine(_: object) -> Any: ...
+
+
+class Asynchronous:
+    async def __call__(self, _: object) -> Any: ...
+
+
+@pytest.mark.parametrize("field", ["stop", "wait"])
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        (tenacity.stop_after_attempt, "this is a class: make an instance"),
+        (coroutine, "this is a coroutine function"),
+        (Asynchronous(), "this is a coroutine function"),
+        (1.5, "strategy of tenacity's"),
+    ],
+)
+def test_strategies_that_could_never_answer(field: str, value: Any, told: str) -> None:
+    assert told in expect(TypeError, RetryPolicy, field, value)
 
 
 def test_a_policy_that_never_tries_again() -> None:
