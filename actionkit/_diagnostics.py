@@ -119,10 +119,23 @@ def log_later(
         exc_info: Whether to add the traceback of the exception that is being handled.
         stack: A stack to show under the message.
     """
-    if _logger.isEnabledFor(level):
+    if is_enabled_for(_logger, level):
         raised = sys.exc_info() if exc_info else (None, None, None)
         kept = None if raised[0] is None else (raised[0], raised[1], raised[2])
         _writer.put(_entry(level, text, args, kept, stack))
+
+
+def is_enabled_for(logger: logging.Logger, level: int) -> bool:
+    """Like `logger.isEnabledFor`, for the communication thread.
+
+    That one has a lock at times, which a thread holds that sets up logging: if a signal handler
+    ran there, and waited for a goal, the communication thread would wait for both.
+    """
+    return (
+        not logger.disabled
+        and level > logger.manager.disable
+        and level >= logger.getEffectiveLevel()
+    )
 
 
 def log_own_error() -> None:
