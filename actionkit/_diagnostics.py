@@ -124,12 +124,25 @@ def log_later(
             being handled.
         stack: A stack to show under the message.
     """
-    if _logger.isEnabledFor(level):
+    if is_enabled_for(_logger, level):
         error = exc_info if isinstance(exc_info, BaseException) else None
         if exc_info is True:
             error = sys.exc_info()[1]
         kept = None if error is None else (type(error), error, error.__traceback__)
         _writer.put(_entry(level, text, args, kept, stack))
+
+
+def is_enabled_for(logger: logging.Logger, level: int) -> bool:
+    """Like `logger.isEnabledFor`, for the communication thread.
+
+    That one has a lock at times, which a thread holds that sets up logging: if a signal handler
+    ran there, and waited for a goal, the communication thread would wait for both.
+    """
+    return (
+        not logger.disabled
+        and level > logger.manager.disable
+        and level >= logger.getEffectiveLevel()
+    )
 
 
 def log_own_error() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from typing import Any
 
-from actionkit._diagnostics import dated
+from actionkit._diagnostics import dated, is_enabled_for
 from actionkit._observers.protocol import CallInfo
 from actionkit._observers.words import (
     LEVELS,
@@ -29,15 +29,15 @@ class GoalLog:
 
     def wants(self, event: GoalEvent) -> bool:
         """Whether a record would be looked at."""
-        return _is_enabled_for(level_of(event))
+        return is_enabled_for(logger, level_of(event))
 
     def wants_feedback(self) -> bool:
         """Whether records of feedback messages would be looked at."""
-        return _is_enabled_for(LEVELS[GoalState.FEEDBACK])
+        return is_enabled_for(logger, LEVELS[GoalState.FEEDBACK])
 
     def wants_outcome(self, outcome: Outcome[Any]) -> bool:
         """Whether a record would be looked at."""
-        return _is_enabled_for(level_of_outcome(outcome))
+        return is_enabled_for(logger, level_of_outcome(outcome))
 
     def on_event(self, event: GoalEvent, call: CallInfo) -> None:
         """Write a transition."""
@@ -71,19 +71,6 @@ class GoalLog:
             detail="" if outcome.error is None else str(outcome.error),
             outcome=outcome_word(outcome),
         )
-
-
-def _is_enabled_for(level: int) -> bool:
-    """Like `logger.isEnabledFor`, for the communication thread.
-
-    That one has a lock at times, which a thread holds that sets up logging: if a signal handler
-    ran there, and waited for a goal, this thread would wait for both.
-    """
-    return (
-        not logger.disabled
-        and level > logger.manager.disable
-        and level >= logger.getEffectiveLevel()
-    )
 
 
 def _write(level: int, text: str, wall: float, call: CallInfo, **fields: object) -> None:
