@@ -2,6 +2,8 @@
 
 To write the page anew, run these tests with `ACTIONKIT_WRITE_FAULTS=1` in the environment, in
 one process (`-n 0`). Otherwise each row that a test comes to has to be the one that is written.
+With `ACTIONKIT_WRITE_ATTACKS=1` docs/attacks.md is written, of which only those rows change
+that were tried.
 """
 
 from __future__ import annotations
@@ -13,13 +15,15 @@ from contextlib import ExitStack
 import pytest
 
 from actionkit import Timeouts
-from tests.faults import page, table
+from tests.faults import attacks, page, table
 from tests.faults.callers import LocalCaller
 from tests.faults.lab import TIMEOUTS
 from tests.faults.table import Row
 
 _ROWS: pytest.StashKey[list[Row]] = pytest.StashKey()
+_ATTACKS: pytest.StashKey[list[attacks.Row]] = pytest.StashKey()
 WRITING = os.environ.get("ACTIONKIT_WRITE_FAULTS") == "1"
+WRITING_ATTACKS = os.environ.get("ACTIONKIT_WRITE_ATTACKS") == "1"
 
 
 @pytest.fixture
@@ -43,12 +47,33 @@ def record(request: pytest.FixtureRequest) -> Callable[[Iterable[Row]], None]:
     return take
 
 
+@pytest.fixture
+def attacked(request: pytest.FixtureRequest) -> Callable[[attacks.Row], None]:
+    """Take the row of an attack: nothing may be left or wrong, and no delay longer than written."""
+    rows = request.config.stash.setdefault(_ATTACKS, [])
+
+    def take(row: attacks.Row) -> None:
+        assert (row.left, row.wrong) == (0, 0), row
+        rows.append(row)
+        if not WRITING_ATTACKS:
+            problem = attacks.differs(row, attacks.read(attacks.PATH.read_text()))
+            assert not problem, f"not as docs/attacks.md says: {row}: {problem}"
+
+    return take
+
+
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
     if WRITING:
         terminalreporter.section("docs/faults.md")
         terminalreporter.write_line(page.write(config.stash.get(_ROWS, [])))
+    if WRITING_ATTACKS:
+        rows = config.stash.get(_ATTACKS, [])
+        known = attacks.PATH.read_text() if attacks.PATH.exists() else ""
+        attacks.PATH.write_text(attacks.merge(rows, known))
+        terminalreporter.section("docs/attacks.md")
+        terminalreporter.write_line(f"written, {len(rows)} rows of them new")
 
 
 @pytest.fixture
