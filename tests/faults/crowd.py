@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import time
@@ -44,7 +45,8 @@ class Crowd:
             way: How it gives up, a key of `attacks.WAYS`.
             n: How many goals it sends.
             directory: Where it may write.
-            settings: `lead`, seconds until its deadlines; `cancel`, the timeout; `log`.
+            settings: `action`, its name; `lead`, seconds until its deadlines; `cancel`, the
+                timeout; `log`, where warnings are to be logged.
         """
         self.way = way
         self.n = n
@@ -74,6 +76,17 @@ class Crowd:
         before = server.count("executing")
         self.tell()
         server.wait_for("executing", count=before + self.n, timeout=120)
+
+    def give_up(self) -> float:
+        """Let it give up on its goals; returns when, on the monotonic clock."""
+        began = time.monotonic()
+        if self.way == "ctrl_c":
+            self.process.send_signal(signal.SIGINT)
+        elif self.way.startswith("term"):
+            self.process.send_signal(signal.SIGTERM)
+        elif self.way != "deadline":
+            self.tell()
+        return began
 
     def line(self) -> str:
         return self._script.line()

@@ -50,7 +50,7 @@ class Calls:
 
 def main() -> None:
     count, at_a_time, deadline = (int(argument) for argument in sys.argv[1:])
-    driver = Driver(int(os.environ["ROS_DOMAIN_ID"])).connect()
+    driver = Driver(int(os.environ["ROS_DOMAIN_ID"]), name="plain").connect()
     print("connected", flush=True)
     sys.stdin.readline()
     calls = Calls(driver, count, at_a_time, deadline)

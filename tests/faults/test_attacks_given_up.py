@@ -34,18 +34,6 @@ def crowd(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., Crowd]]:
         yield start
 
 
-def strike(one: Crowd) -> float:
-    """Let it give up; returns when."""
-    began = time.monotonic()
-    if one.way == "ctrl_c":
-        one.process.send_signal(signal.SIGINT)
-    elif one.way.startswith("term"):
-        one.process.send_signal(signal.SIGTERM)
-    elif one.way != "deadline":
-        one.tell()
-    return began
-
-
 def judged(attack: Attack, server: Server, crowds: list[Crowd], began: float) -> Row:
     """Wait for the ends of the goals, and compare."""
     left = drain(server)
@@ -64,7 +52,7 @@ def give_up(way: str, n: int, server: Server, start: Callable[..., Crowd]) -> Ro
     settings = {"lead": 5 + 0.03 * n} if way == "deadline" else {}
     one = start(way, n, **settings)
     one.fill(server)
-    began = strike(one)
+    began = one.give_up()
     if way in ("cancel_all", "deadline"):
         assert one.line() == "ended"
         row = judged(attacks.given_up(way, n), server, [one], began)
@@ -101,7 +89,7 @@ def test_attack_ten_processes_are_interrupted_together(action_server, crowd, att
         one.fill(server)
     began = time.monotonic()
     for one in crowds:
-        strike(one)
+        one.give_up()
     assert {one.finish(60)[0] for one in crowds} == {-signal.SIGINT}
     attack = Attack(attacks.GIVEN_UP, attacks.TEN_PROCESSES, attacks.goals(600))
     attacked(judged(attack, server, crowds, began))
@@ -111,7 +99,7 @@ def test_attack_each_ctrl_c_ends_a_wait(action_server, crowd, attacked):
     server = action_server("slow_cancel", gate=1, journal="goals")
     one = crowd("ctrl_c", 100, cancel=60.0)
     one.fill(server)
-    strike(one)
+    one.give_up()
     # The goals are known to be on their way to their ends, which will take a minute.
     server.wait_for("cancel_accepted", count=100, timeout=30)
     began = time.monotonic()
@@ -133,7 +121,7 @@ def test_attack_a_server_that_does_not_answer(way, action_server, crowd, attacke
     one = crowd(way, 100, log=True)
     one.fill(server)
     server.pause()
-    began = strike(one)
+    began = one.give_up()
     code, err = one.finish(60)
     assert code == 0, err
     delay = one.reported_at - began
