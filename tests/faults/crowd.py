@@ -155,6 +155,15 @@ def wrong(crowd: Crowd, ended: dict[str, tuple[str, float]]) -> list[End]:
     return found
 
 
+def untrue(crowd: Crowd, ended: dict[str, tuple[str, float]]) -> list[End]:
+    """The calls that did not end, or whose outcome says something that the journal does not."""
+    return [
+        end
+        for end in crowd.ends
+        if not end.done or not end.error or (end.cancel == "CONFIRMED" and end.goal not in ended)
+    ]
+
+
 def untold(left: set[str], err: str) -> int:
     """How many of the goals that were left running a program did not tell of."""
     number = max((int(n) for n in re.findall(r"(\d+) goals?\b", err)), default=0)

@@ -26,7 +26,7 @@ IGNORED = (Exception,) if WAY == "term_close" else ()
 
 def write_report() -> None:
     """Write the outcome of each call; where it was written before, that stands."""
-    if not futures or Path(REPORT).exists():
+    if Path(REPORT).exists():
         return
     ends = []
     for future, timeout in zip(futures, timeouts, strict=False):  # the last may be in the making

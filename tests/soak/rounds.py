@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import concurrent.futures
 import queue
-import tempfile
-import threading
 import time
 from collections import Counter
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +14,7 @@ from typing import Any
 from actionkit import servers
 from actionkit.servers import Server
 from tests.conftest import NEVER
-from tests.faults.crowd import drain, endings, untold, wrong
+from tests.faults.crowd import drain, endings, untold, untrue
 from tests.soak import records
 from tests.soak.oracle import Journal, Problem, judge
 from tests.soak.place import Place
@@ -141,8 +138,7 @@ class Round:
 
     def _program(self, one: Any, began: float) -> Ended:
         _wait_until(began + one.at)
-        with tempfile.TemporaryDirectory() as directory:
-            return run_program(self._place, one, Path(directory))
+        return run_program(self._place, one, self._directory)
 
     def _drain(self) -> dict[str, set[str]]:
         """The goals that go on running on each server though nobody waits for them."""
@@ -188,7 +184,9 @@ class Round:
                 self._found("hung", f"{ended.program}: {ended.problem}")
             told += len(endless) - untold(endless, ended.err)
             if ended.crowd is not None and ended.report and not self._done("endless"):
-                mistaken = wrong(ended.crowd, endings(self._servers["endless"]))
+                mistaken = untrue(ended.crowd, endings(self._servers["endless"]))
+                unknown = sum(end.cancel == "UNKNOWN" for end in ended.crowd.ends)
+                self.result.unconfirmed += unknown
                 if mistaken:
                     text = f"{len(mistaken)} outcomes of {ended.program}: {mistaken[:3]}"
                     self._found("wrong", text)
@@ -201,14 +199,3 @@ class Round:
 
 def _wait_until(when: float) -> None:
     NEVER.wait(max(0.0, when - time.monotonic()))
-
-
-def guarded(limit: float, act: Callable[[], Any], on_hang: Callable[[], None]) -> Any:
-    """Do something within a limit; where it takes longer, `on_hang` is called meanwhile."""
-    timer = threading.Timer(limit, on_hang)
-    timer.daemon = True
-    timer.start()
-    try:
-        return act()
-    finally:
-        timer.cancel()
