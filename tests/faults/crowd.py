@@ -165,8 +165,10 @@ def untrue(crowd: Crowd, ended: dict[str, tuple[str, float]]) -> list[End]:
 
 
 def untold(left: set[str], err: str) -> int:
-    """How many of the goals that were left running a program did not tell of."""
+    """How many of the goals that were left running a program did not tell of.
+
+    It may name each of them, or some, and tell how many there are.
+    """
+    named = sum(goal in err for goal in left)
     number = max((int(n) for n in re.findall(r"(\d+) goals?\b", err)), default=0)
-    if not any(goal in err for goal in left):
-        return len(left)
-    return max(0, len(left) - number)
+    return max(0, len(left) - max(named, number)) if named else len(left)

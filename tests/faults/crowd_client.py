@@ -72,15 +72,17 @@ def give_up() -> None:
         told()
         client.cancel_all()
         wait_for_all()
+        told()  # The client lives on.
     elif WAY == "close":
         told()
         client.close()
+        write_report()
     elif WAY == "with":
         with client:
             told()
     elif WAY == "deadline":
         wait_for_all()
-        told()  # The client lives on.
+        told()
     elif WAY == "exit":
         told()
     else:

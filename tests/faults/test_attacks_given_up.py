@@ -118,13 +118,14 @@ def test_attack_each_ctrl_c_ends_a_wait(action_server, crowd, attacked):
 @pytest.mark.parametrize("way", attacks.DEAF_WAYS)
 def test_attack_a_server_that_does_not_answer(way, action_server, crowd, attacked):
     server = action_server("never_finishes", journal="goals")
-    one = crowd(way, 100, log=True)
+    one = crowd(way, 100, log=way == "close")
     one.fill(server)
     server.pause()
     began = one.give_up()
     code, err = one.finish(60)
     assert code == 0, err
     delay = one.reported_at - began
+    assert delay < (_CANCEL + 2.0 if way == "close" else _CANCEL + 6.0)
     mistaken = [end for end in one.ends if end.cancel != "UNKNOWN"]
     server.resume()
     left = drain(server)
