@@ -49,10 +49,15 @@ class Worker:
                 f"the process that calls did not come up:\n{self.stacks()}"
             ) from None
 
-    def tell(self, **command: Any) -> None:
+    def tell(self, **command: Any) -> bool:
+        """Give it a command; returns whether it is there to take it."""
         assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps(command) + "\n")
-        self._process.stdin.flush()
+        try:
+            self._process.stdin.write(json.dumps(command) + "\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            return False
+        return True
 
     def answer(self, timeout: float) -> dict[str, Any]:
         """Its next line.

@@ -92,13 +92,17 @@ class Round:
     def _run(self, path: Path) -> None:
         plan = self._plan
         began = time.monotonic()
-        self._worker.tell(seconds=plan.seconds, seed=plan.seed, records=str(path))
+        if not self._worker.tell(seconds=plan.seconds, seed=plan.seed, records=str(path)):
+            self._found("hung", f"the process that calls is gone:\n{self._worker.stacks()}")
+            return
         with concurrent.futures.ThreadPoolExecutor(1 + len(plan.programs)) as pool:
             faults = pool.submit(self._strike, began)
             programs = [pool.submit(self._program, one, began) for one in plan.programs]
+            hung = False
             try:
                 self._worker.answer(plan.seconds + _CALLS_END)
             except queue.Empty:
+                hung = True
                 self._found("hung", f"calls did not end:\n{self._worker.stacks()}")
             faults.result()
             ended = [program.result() for program in programs]
@@ -106,9 +110,9 @@ class Round:
         # The journals are whole only now.
         self._judge(records.read(path) if path.exists() else [])
         self._judge_programs(ended, left)
-        if not any(problem.what == "hung" for problem in self.result.problems):
+        if not hung:
             self._worker.tell(state=True)
-            self.result.state = self._worker.answer(30)
+            self.result.state = self._worker.answer(60)
 
     # -- what is done ------------------------------------------------------------------------
 
