@@ -22,7 +22,7 @@ from tests.soak import plan
 from tests.soak.place import Place, places
 from tests.soak.processes import Worker
 from tests.soak.report import Totals
-from tests.soak.rounds import Round
+from tests.soak.rounds import Result, Round
 
 _ROOT = Path(__file__).parents[2]
 _STUCK = 300.0
@@ -33,6 +33,9 @@ _STUCK = 300.0
 @click.option("--minutes", type=float, default=60.0, show_default=True, help="How long it goes on.")
 @click.option("--seed", type=int, help="Of all that is left to chance; by default a new one.")
 @click.option("--round", "seconds", type=float, default=25.0, show_default=True)
+@click.option(
+    "--first", type=int, default=0, help="The number of the first round, to see one again."
+)
 @click.option("--no-network", is_flag=True, help="On this machine alone; else that needs root.")
 @click.option(
     "--out",
@@ -42,7 +45,13 @@ _STUCK = 300.0
 )
 @click.option("--write-docs", is_flag=True, help="Put the result into docs/attacks.md.")
 def main(
-    minutes: float, seed: int | None, seconds: float, no_network: bool, out: Path, write_docs: bool
+    minutes: float,
+    seed: int | None,
+    seconds: float,
+    first: int,
+    no_network: bool,
+    out: Path,
+    write_docs: bool,
 ) -> None:
     """Try to make ActionKit break its promises, and count what is broken."""
     totals = Totals(random.randrange(10_000) if seed is None else seed)
@@ -52,9 +61,12 @@ def main(
     with tempfile.TemporaryDirectory() as directory, places(with_network=not problem) as found:
         workers: dict[str, Worker] = {}
         while totals.rounds == 0 or time.monotonic() < began + 60 * minutes:
-            place = found[totals.rounds % len(found)]
+            number = first + totals.rounds
+            place = found[number % len(found)]
             left = began + 60 * minutes - time.monotonic()
-            _round(totals, place, workers, Path(directory), min(seconds, max(10.0, left)))
+            length = min(seconds, max(10.0, left))
+            todo = plan.make(totals.seed, number, length, with_network=place.cable is not None)
+            totals.add(number, _round(todo, place, workers, Path(directory) / str(number)))
             totals.seconds = time.monotonic() - began
             if time.monotonic() > told + 55:
                 told = time.monotonic()
@@ -71,22 +83,18 @@ def main(
     sys.exit(0 if totals.good else 1)
 
 
-def _round(
-    totals: Totals, place: Place, workers: dict[str, Worker], directory: Path, seconds: float
-) -> None:
-    faulthandler.dump_traceback_later(seconds + _STUCK, exit=True)
+def _round(todo: plan.Plan, place: Place, workers: dict[str, Worker], directory: Path) -> Result:
+    faulthandler.dump_traceback_later(todo.seconds + _STUCK, exit=True)
     place.enter()
     if place.name not in workers:
         workers[place.name] = Worker(place)
-    todo = plan.make(totals.seed, totals.rounds, seconds, with_network=place.cable is not None)
-    path = directory / str(totals.rounds)
-    path.mkdir()
-    result = Round(place, workers[place.name], todo, path).run()
-    totals.add(totals.rounds, result)
+    directory.mkdir()
+    result = Round(place, workers[place.name], todo, directory).run()
     if not result.state:
         # It hangs: what it knows is in the report, and another takes its place.
         workers.pop(place.name).stop(0)
     faulthandler.cancel_dump_traceback_later()
+    return result
 
 
 def _write_docs(totals: Totals, minutes: float) -> None:

@@ -68,6 +68,20 @@ class Journal:
         found = [event for goal_id in goals for event in self.of(goal_id)]
         return sorted(found, key=lambda event: event.monotonic)
 
+    def story(self, record: Record) -> str:
+        """What happened to the goals of a call, in seconds from its beginning."""
+        events = " ".join(
+            f"{event.monotonic - record.began:.3f} {event.event}"
+            for event in self.of_all(set(record.goals))
+        )
+        times = [f"ended {(record.ended or 0) - record.began:.3f}", f"timeout {record.timeout:.3f}"]
+        if record.given_up is not None:
+            times.append(
+                f"given up {record.given_up - record.began:.3f}, {record.together} at once"
+            )
+        how = f"{record.error or 'success'} {record.cancel}".rstrip()
+        return f"{record.kind}({record.order}): {how}, {', '.join(times)}; server: {events}"
+
     @property
     def healthy(self) -> bool:
         return not self.done

@@ -175,7 +175,7 @@ class Round:
             late = record.ended - record.bound
             self.result.late = max(self.result.late, late)
             if late > _LATE:
-                self._found("late", f"{late:.1f} s beyond its bound: {record}")
+                self._found("late", f"{late:.1f} s beyond its bound: {journal.story(record)}")
             if journal.healthy and record.cancel == "UNKNOWN":
                 self.result.unconfirmed += 1
 
