@@ -81,13 +81,18 @@ class Record:
     late: Sequence[int] | None = None
     text: str = ""
 
-    @property
-    def bound(self) -> float:
-        """When it has to have ended, as promised."""
+    def bound(self, *, healthy: bool) -> float:
+        """When it has to have ended, as promised.
+
+        Args:
+            healthy: Whether nothing was done to its server, or to the network.
+        """
         bound = self.began + self.timeout + GRACE
         if self.given_up is not None and self.kind != "stubborn":
-            # Closing waits for as long as confirmations go on coming.
-            bound = min(bound, self.given_up + GRACE + 0.03 * self.together)
+            # Confirmations that go on coming lengthen the wait for the others. What is lost on the
+            # network comes three seconds later, or six.
+            longer = 0.03 * self.together + (0.0 if healthy else 8.0)
+            bound = min(bound, self.given_up + GRACE + longer)
         return bound
 
 

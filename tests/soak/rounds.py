@@ -172,7 +172,7 @@ class Round:
             self.result.outcomes[(record.error or "success") + cancel] += 1
             if record.ended is None:
                 continue
-            late = record.ended - record.bound
+            late = record.ended - record.bound(healthy=journal.healthy)
             self.result.late = max(self.result.late, late)
             if late > _LATE:
                 self._found("late", f"{late:.1f} s beyond its bound: {journal.story(record)}")

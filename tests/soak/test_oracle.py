@@ -88,11 +88,13 @@ def test_two_goals_of_a_call_at_one_time_are_found():
 
 
 def test_the_bound_of_a_call():
-    assert RECORD.bound == 132.0
-    assert DEADLINE.bound == 103.0
-    assert replace(RECORD, given_up=110.0).bound == pytest.approx(112.03)
+    assert RECORD.bound(healthy=True) == 132.0
+    assert DEADLINE.bound(healthy=True) == 103.0
+    given_up = replace(RECORD, given_up=110.0)
+    assert given_up.bound(healthy=True) == pytest.approx(112.03)
+    assert given_up.bound(healthy=False) == pytest.approx(120.03)
     # A server that refuses: the goal runs on, and so does its call.
-    assert replace(RECORD, kind="stubborn", given_up=110.0).bound == 132.0
+    assert replace(given_up, kind="stubborn").bound(healthy=True) == 132.0
 
 
 def test_records_are_read_as_they_were_written(tmp_path):
