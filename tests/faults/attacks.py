@@ -50,8 +50,8 @@ BLOCKS = {
 }
 
 #: Seconds, of which the first with room to spare is written: times differ from run to run.
-_BOUNDS = (3, 6, 10, 15, 20, 30, 45, 60, 100)
-_ROOM = 1.9
+_BOUNDS = (5, 10, 20, 30, 45, 60, 110)
+_ROOM = 2.0
 _HEAD = ("what was done", "tried", "left running", "wrong outcomes", "longest delay")
 
 

@@ -31,7 +31,7 @@ def test_what_is_written_of_attacks_is_read_back():
     assert text.startswith(attacks_page.INTRO.strip())
     again = attacks.merge([replace(ROW, delay=9.0)], text)
     assert attacks.read(again)[ATTACK] == 20
-    assert attacks.read(again)[soak] == 3
+    assert attacks.read(again)[soak] == 5
 
 
 @pytest.mark.parametrize("change", [{"left": 1}, {"wrong": 1}])
@@ -42,7 +42,7 @@ def test_the_page_never_tells_of_a_goal_left_running_or_a_wrong_outcome(change):
 
 
 def test_an_attack_that_took_too_long_is_found():
-    written = {ATTACK: 3.0}
+    written = {ATTACK: 5.0}
     assert attacks.differs(ROW, written) == ""
-    assert "the page says < 3 s" in attacks.differs(replace(ROW, delay=3.5), written)
+    assert "the page says < 5 s" in attacks.differs(replace(ROW, delay=5.5), written)
     assert "not on the page" in attacks.differs(ROW, {})
