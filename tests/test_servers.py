@@ -232,6 +232,18 @@ def test_refuses_cancel(action_server: Any, driver: Driver) -> None:
     assert driver.outcome(handle) == (SUCCEEDED, [0])
 
 
+def test_a_goal_that_succeeds_while_its_server_thinks_about_the_cancel(
+    action_server: Any, driver: Driver
+) -> None:
+    """rclpy answers that as it answers a refusal: nothing tells the two apart."""
+    server = action_server("fibonacci", period=0.3, cancel_takes=1.5)
+    driver.connect()
+    goal_id, handle = driver.accepted(2)
+    assert driver.cancel(goal_id) == (OK, [])
+    assert driver.outcome(handle) == (SUCCEEDED, [0, 1, 1])
+    assert server.count("cancel_accepted") == 1
+
+
 def test_ignores_cancel(action_server: Any, driver: Driver) -> None:
     server = action_server("ignores_cancel", gate=1, period=0)
     driver.connect()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from typing import ClassVar
 
@@ -29,15 +30,27 @@ class Fibonacci(Behaviour):
 
     Order n gives n - 1 feedbacks and n + 1 numbers (modulo 2**31). Rejects negative orders, and
     those above `max_order`. `period`: seconds per step. `gate=1`: goals wait before they succeed
-    until released. `feedback=0`: none.
+    until released. `feedback=0`: none. `cancel_takes`: seconds that the server thinks about each
+    request to cancel, in which it answers no other.
     """
 
-    options: ClassVar = {"period": 0.0, "gate": 0, "feedback": 1, "max_order": 100}
+    options: ClassVar = {
+        "period": 0.0,
+        "gate": 0,
+        "feedback": 1,
+        "max_order": 100,
+        "cancel_takes": 0.0,
+    }
     #: Whether the gate, if there is one, stands before the end (and not somewhere else).
     gate_at_end: ClassVar[bool] = True
 
     def decide(self, run: Run) -> bool:
         return 0 <= run.order <= int(self.option["max_order"])
+
+    def may_cancel(self, run: Run) -> bool:
+        # Not run.rest(): its waits belong to the thread of the goal, which goes on.
+        time.sleep(self.option["cancel_takes"])
+        return True
 
     def execute(self, run: Run) -> object:
         sequence = [0, 1]

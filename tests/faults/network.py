@@ -79,6 +79,14 @@ class Network:
         _run("ip", "-n", self.second.name, "link", "set", "cable", "up")
         _route(self.second)
 
+    def lose_nothing(self) -> None:
+        """Undo `lose`."""
+        for host in (self.first, self.second):
+            if shutil.which("nft"):
+                host.run("nft", "delete", "table", "inet", "faults")
+            else:
+                host.run("tc", "qdisc", "delete", "dev", "cable", "root")
+
     def lose(self, percent: int) -> None:
         """Drop so many of 100 packets that come in, on each host, by nftables or netem."""
         for host in (self.first, self.second):
@@ -140,8 +148,7 @@ def skip_where_nothing_can_be_lost(network: Network) -> None:
     except (subprocess.CalledProcessError, FileNotFoundError) as error:
         said = getattr(error, "stderr", "") or str(error)
         pytest.skip(f"no nftables here (the command nft), and no netem: {said.strip()}")
-    for host in (network.first, network.second):
-        host.run("tc", "qdisc", "delete", "dev", "cable", "root")
+    network.lose_nothing()
 
 
 def _route(host: Host) -> None:

@@ -84,7 +84,8 @@ INTRO = f"""
 This page is written by the tests in `tests/faults/`, which do what it tells of with real
 processes, real signals and real networks, and fail where it is no longer so
 (`ACTIONKIT_WRITE_FAULTS=1 pytest -n 0 tests/faults` writes it anew). What the words mean, and
-which setting changes what, is told in [Losing the server](losing-the-server.md).
+which setting changes what, is told in [Losing the server](losing-the-server.md). What becomes of
+very many goals at once is in the [table of attacks](attacks.md).
 
 The client's timeouts are `server={TIMEOUTS.server:g}`, `accept={TIMEOUTS.accept:g}`,
 `cancel={TIMEOUTS.cancel:g}` and `result={TIMEOUTS.result:g}` seconds; the calls have no deadline of

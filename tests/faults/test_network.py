@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from actionkit import Timeouts, servers
-from actionkit.servers import Server
+from actionkit import Timeouts
 from tests.faults import network, page
-from tests.faults.callers import RemoteCaller
 from tests.faults.lab import (
     ACCEPTED,
     BEFORE_ACCEPT,
@@ -29,49 +24,10 @@ from tests.faults.lab import (
     scripts,
     settle,
 )
-from tests.faults.network import Network
 from tests.faults.table import Case, Row
 
 _MANY = 200
 _AT_A_TIME = 10
-
-
-class Field:
-    """The two hosts, with a server on one of them and a client on the other."""
-
-    def __init__(self, cable: Network, domain: int, stack: ExitStack) -> None:
-        self.cable = cable
-        self._domain = domain
-        self._stack = stack
-
-    def serve(self, name: str, **options: Any) -> Server:
-        with self.cable.second.inside():
-            server = servers.start(name, domain_id=self._domain, **options)
-        return self._stack.enter_context(server)
-
-    def caller(self, timeouts: Timeouts = TIMEOUTS) -> RemoteCaller:
-        with self.cable.first.inside():
-            caller = RemoteCaller(timeouts)
-        self._stack.callback(caller.kill)
-        assert caller.wait_for_server(20)
-        return caller
-
-
-@pytest.fixture(scope="module")
-def possible() -> None:
-    """Skip where no hosts can be made."""
-    reason = network.why_not()
-    if reason:
-        pytest.skip(reason)
-
-
-@pytest.fixture
-def field(possible: None, ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Field]:
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
-    # The two hosts share this machine's memory, which a cable has no part in.
-    monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-    with network.two_hosts() as cable, ExitStack() as stack:
-        yield Field(cable, ros_domain, stack)
 
 
 def test_nothing_gets_through_a_cable_that_is_cut(field):

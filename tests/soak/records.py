@@ -1,0 +1,116 @@
+"""What is called in the soak, and the record of each call. No rclpy here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+GRACE = 2.0
+"""`Timeouts.cancel` of all clients of the soak, in seconds."""
+PATIENCE = 30.0
+"""The deadline of calls that are to come to an end by themselves, in seconds."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A server, and which goals it gets.
+
+    Attributes:
+        server: Its name among the reference servers.
+        options: Its options.
+        orders: The smallest and the largest order of a goal.
+        ends: Whether its goals end by themselves.
+    """
+
+    server: str
+    options: dict[str, Any] = field(default_factory=dict)
+    orders: tuple[int, int] = (1, 15)
+    ends: bool = True
+
+
+#: By the name of the action.
+KINDS = {
+    "steady": Kind("fibonacci", {"period": 0.02}),
+    "endless": Kind("never_finishes", ends=False),
+    "stubborn": Kind("refuses_cancel", {"period": 0.03}),
+    "picky": Kind("guarded", {"period": 0.02}),
+    "aborting": Kind("aborts", {"period": 0.02}),
+    "flaky": Kind("flaky", {"period": 0.02, "fails": 5}),
+    "slow": Kind("slow_accept", {"period": 0.02, "delay": 0.3}),
+}
+
+
+@dataclass
+class Record:
+    """One call, as its caller saw it. Times are in seconds on the monotonic clock.
+
+    Attributes:
+        kind: Which server was called.
+        order: Of the goal.
+        began: When it was made.
+        timeout: Its deadline, in seconds from then.
+        policy: The `resend=` of its retries, or "no retries".
+        judge: What its `classify=` makes of it: "failure", "aborted" (is tried again) or "".
+        given_up: When its caller cancelled it, closed the client, or cancelled the task.
+        together: With how many others it was given up on.
+        ended: When it ended; `None`: it did not.
+        error: The class of its error, or "".
+        cancel: What its outcome says of the goal that was given up on, or "".
+        goals: The ids of its goals, in order.
+        result: The sequence of its result where it succeeded.
+        late: The sequence of its error's `late_result`.
+        text: Of the error.
+    """
+
+    kind: str
+    order: int
+    began: float
+    timeout: float
+    policy: str = "no retries"
+    judge: str = ""
+    given_up: float | None = None
+    together: int = 1
+    ended: float | None = None
+    error: str = ""
+    cancel: str = ""
+    goals: Sequence[str] = ()
+    result: Sequence[int] | None = None
+    late: Sequence[int] | None = None
+    text: str = ""
+
+    def bound(self, *, healthy: bool) -> float:
+        """When it has to have ended, as promised.
+
+        Args:
+            healthy: Whether nothing was done to its server, or to the network.
+        """
+        bound = self.began + self.timeout + GRACE
+        if self.given_up is not None and self.kind != "stubborn":
+            # Confirmations that go on coming lengthen the wait for the others. What is lost on the
+            # network comes three seconds later, or six.
+            longer = 0.03 * self.together + (0.0 if healthy else 8.0)
+            bound = min(bound, self.given_up + GRACE + longer)
+        return bound
+
+
+def expected(kind: str, order: int) -> list[int]:
+    """The result of a goal that succeeds."""
+    if kind == "stubborn":
+        return [0]
+    sequence = [0, 1]
+    for _ in range(1, order):
+        sequence.append(sequence[-1] + sequence[-2])
+    return sequence
+
+
+def write(path: Path, records: Iterable[Record]) -> None:
+    """Write them, a line of JSON each."""
+    path.write_text("".join(json.dumps(asdict(record)) + "\n" for record in records))
+
+
+def read(path: Path) -> list[Record]:
+    """Read what was written."""
+    return [Record(**json.loads(line)) for line in path.read_text().splitlines()]
