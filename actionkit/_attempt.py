@@ -119,6 +119,10 @@ class Attempt:
         """End because the client closes."""
         self._apply(self.goal.close(self._now(), abandon=abandon))
 
+    def end_grace(self) -> None:
+        """Wait no longer for a cancellation to be confirmed."""
+        self._apply(self.goal.timer(fx.Timer.CANCEL, self._now()))
+
     def fail(self, reason: str, error: BaseException) -> None:
         """End because this side broke."""
         self._apply(self.goal.fail(reason, error, self._now()))

@@ -157,6 +157,13 @@ class Call:
         within = f"{why}, and it did not answer within {self.cancel_grace:g} s"
         self._judging.cut_short(time.monotonic() + self.cancel_grace, within)
 
+    def end_grace(self) -> None:
+        """End a call that was closed: there is no more time for confirmations."""
+        if self._attempt is not None:
+            self._attempt.end_grace()
+        else:
+            self._judging.end("the client was closed")
+
     def fail(self, reason: str, error: BaseException) -> None:
         """End because this side broke."""
         self._closing = True  # nothing fires any more that could try again

@@ -120,6 +120,11 @@ class PortCarrier:
         for call in list(self.calls):
             call.close(abandon=abandon)
 
+    def end_calls(self) -> None:
+        """End the calls that are left, whose goals were not confirmed to have stopped in time."""
+        for call in list(self.calls):
+            call.end_grace()
+
     def retire(self) -> None:
         """Free the port as soon as nothing is left to watch for."""
         first, self._retiring = not self._retiring, True

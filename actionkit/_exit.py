@@ -35,6 +35,8 @@ def close_all() -> None:
         futures = [future for session in sessions for future in session.futures()]
         await_ends(futures, grace)
         for session in sessions:
+            session.end_calls()
+        for session in sessions:
             session.retire()
         _await_freed(sessions, began, grace)
         tell_of_goals_left(_left_running(sessions))

@@ -210,6 +210,7 @@ class Session:
         try:
             if not self.in_a_hurry:
                 self._await_ends(self.futures(), self.cancel_grace + MARGIN)
+            self.end_calls()
         finally:
             self.retire()
         left = self.running()
@@ -223,6 +224,13 @@ class Session:
         abandon = self._on_close == "abandon"
         for carrier in list(self._carriers):
             carrier.call_soon(lambda c=carrier: c.close_calls(abandon=abandon))  # type: ignore[misc]
+
+    def end_calls(self) -> None:
+        """End what is left: nothing was confirmed for so long that it is not waited for."""
+        if left := self.futures():
+            for carrier in list(self._carriers):
+                carrier.call_soon(carrier.end_calls)
+            await_ends(left, MARGIN)
 
     def await_cancel(self, future: GoalFuture[Any, Any]) -> None:
         """Wait for a call that was just cancelled, within `Timeouts.cancel`."""

@@ -23,9 +23,9 @@ from actionkit._ros.outbox import CancelWindow
 ANSWERED_WITHIN = 0.5
 """Seconds after which an answer is not waited for any more before others are asked for. A server
 that lives takes milliseconds, and some ten where it remembers thousands of goals."""
-_FIRST_PAUSE = 0.5
-"""Seconds until a goal's cancellation is asked for again; twice as long each time."""
-_LONGEST_PAUSE = 30.0
+_PAUSES = (0.5, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)
+"""Seconds from each request for one goal to the next; the last is repeated. The first few come
+soon, because a process that ends waits for two seconds only."""
 
 
 @dataclass(slots=True)
@@ -34,12 +34,12 @@ class _Wanted:
 
     Attributes:
         urgent: Whether its caller has little time left.
-        pause: Seconds from the latest request to the next.
+        requests: How many were made since it was wanted last.
         again: Fires when it is to be asked for again; `None` while it waits for its turn.
     """
 
     urgent: bool
-    pause: float = _FIRST_PAUSE
+    requests: int = 0
     again: TimerHandle | None = None
 
 
@@ -89,7 +89,7 @@ class CancelQueue:
             wanted = self._wanted[key] = _Wanted(urgent)
         wanted.urgent |= urgent
         if key not in self._unanswered:
-            wanted.pause = _FIRST_PAUSE
+            wanted.requests = 0
             self._queue(key, wanted)
 
     def answered(self, key: bytes, *, known: bool) -> None:
@@ -100,7 +100,9 @@ class CancelQueue:
             known: Whether the server knows the goal. Else it is asked again.
         """
         if key in self._unanswered:
-            self._window.progressed(self._timers.now())
+            self._window.answered()
+            if known:
+                self._window.confirmed(self._timers.now())
             self._give_back(key)
         if known:
             self.forget(key)
@@ -141,11 +143,16 @@ class CancelQueue:
         wanted = self._wanted[key]
         now = self._timers.now()
         self._unanswered[key] = self._timers.call_at(
-            now + ANSWERED_WITHIN, partial(self._give_back, key)
+            now + ANSWERED_WITHIN, partial(self._not_answered, key)
         )
-        wanted.again = self._timers.call_at(now + wanted.pause, partial(self._again, key))
-        wanted.pause = min(2 * wanted.pause, _LONGEST_PAUSE)
+        pause = _PAUSES[min(wanted.requests, len(_PAUSES) - 1)]
+        wanted.requests += 1
+        wanted.again = self._timers.call_at(now + pause, partial(self._again, key))
         self._send(key)
+
+    def _not_answered(self, key: bytes) -> None:
+        self._window.unanswered()
+        self._give_back(key)
 
     def _again(self, key: bytes) -> None:
         wanted = self._wanted[key]

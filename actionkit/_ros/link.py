@@ -150,7 +150,7 @@ class Link:
 
     @property
     def others_confirmed_at(self) -> float:
-        """Monotonic time of the last answer to the cancellation of any goal of the action."""
+        """When a goal of the action was last confirmed while others waited for their turn."""
         return self._requests.cancel_window.progressed_at
 
     def watch_status(self) -> None:
@@ -283,7 +283,7 @@ class Link:
             self._feedback.take_all()  # the result may have overtaken some (R15)
             listener = self._sent[key].listener
             if listener.unwanted:
-                self._requests.cancel_window.progressed(self.runtime.now())
+                self._requests.cancel_window.confirmed(self.runtime.now())
             listener.on_result(response.status, response.result, outdated=outdated)
 
     def _take_cancel(self, seq: int, response: Any) -> None:

@@ -65,19 +65,39 @@ class Window:
 
 
 class CancelWindow(Window):
-    """The window for cancel requests, and when the last of them was answered.
+    """The window for cancel requests, which is smaller while answers do not come.
 
-    For as long as a server goes on answering, it is worth waiting for (contract C2.5).
+    Where several processes cancel at the same time, their windows together overrun the server's
+    queue. Nothing tells them so but requests that are not answered: each halves the window, and
+    each answer widens it by a part of a place. So they come to share the queue.
     """
 
     def __init__(self, size: int = WINDOW) -> None:
         super().__init__(size)
+        self._most = size
+        self._room = float(size)
         self.progressed_at = -math.inf
-        """Monotonic time at which a server last answered to the cancellation of any goal."""
+        """Monotonic time at which a goal was last confirmed while others waited for their turn.
 
-    def progressed(self, now: float) -> None:
-        """Note that a server has answered."""
-        self.progressed_at = now
+        For as long as a server goes on so, it is worth waiting for (contract C2.5).
+        """
+
+    def answered(self) -> None:
+        """A request was answered."""
+        self._resize(self._room + 1.0 / self._room)
+
+    def unanswered(self) -> None:
+        """A request was not answered: it may have overrun the server's queue."""
+        self._resize(self._room / 2)
+
+    def confirmed(self, now: float) -> None:
+        """A server has answered that it knows a goal, or has ended it."""
+        if self._taken >= self._size or self._waiting[0] or self._waiting[1]:
+            self.progressed_at = now
+
+    def _resize(self, room: float) -> None:
+        self._room = min(max(room, 1.0), float(self._most))
+        self._size = int(self._room)
 
 
 class Outbox(Generic[T]):
