@@ -104,7 +104,7 @@ PURE = (
 ROS = ("rclpy", "action_msgs", "unique_identifier_msgs")
 LONGEST = 350
 LONGER = {
-    "_call.py": 420,  # the turns of a call; what decides them is elsewhere
+    "_call.py": 425,  # the turns of a call; what decides them is elsewhere
     "_goal.py": 625,  # one table of situations and events; half of it would tell half the story
 }
 
