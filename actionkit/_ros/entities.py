@@ -37,7 +37,7 @@ class Entities:
         on_result: Callable[[int, Any], None],
         on_cancel: Callable[[int, Any], None],
         on_feedback: Callable[[], None],
-        on_matched: Callable[[int], None],
+        on_matched: Callable[[int, int], None],
     ) -> None:
         """Make the entities.
 
@@ -49,7 +49,7 @@ class Entities:
             on_result: The same for result requests.
             on_cancel: The same for cancel requests.
             on_feedback: Called when feedback of the action has come, of whichever goal.
-            on_matched: Called with the number of servers when it changes.
+            on_matched: Called with the number of servers when it changes, and how many have come.
 
         Raises:
             Exception: Whatever rclpy raises for a bad name or type.
@@ -66,7 +66,10 @@ class Entities:
             self.feedback = MessageSource(subscription, on_feedback)
             self.matched: EventSource | None = None
             for handler in list(subscription.event_handlers)[:1]:
-                self.matched = EventSource(handler, lambda event: on_matched(event.current_count))
+                self.matched = EventSource(
+                    handler,
+                    lambda event: on_matched(event.current_count, event.total_count_change),
+                )
             self.goal = self._client(impl.SendGoalService, "send_goal", on_goal)
             self.result = self._client(impl.GetResultService, "get_result", on_result)
             self.cancel = self._client(CancelGoal, "cancel_goal", on_cancel)

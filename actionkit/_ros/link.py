@@ -248,7 +248,7 @@ class Link:
 
     # --- what comes ------------------------------------------------------------------------
 
-    def _on_matched(self, count: int) -> None:
+    def _on_matched(self, count: int, came: int) -> None:
         # What a server said before it went is not to be read after that: a result would come
         # too late, and a status would seem to show a lost goal running again.
         for answers in (self._entities.goal, self._entities.result, self._entities.cancel):
@@ -257,7 +257,7 @@ class Link:
         self._status.take_now()
         if count == 0:
             self._requests.heard()  # nobody is left to be heard
-        self.lookout.matched(count)
+        self.lookout.matched(count, came)
 
     def _take_goal(self, seq: int, response: Any) -> None:
         self.liveness.heard()

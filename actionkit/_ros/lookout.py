@@ -126,9 +126,9 @@ class Lookout:
 
     # --- what is seen ----------------------------------------------------------------------
 
-    def matched(self, count: int) -> None:
-        """The middleware sees `count` feedback publishers now."""
-        self.presence.matched(count)
+    def matched(self, count: int, came: int = 0) -> None:
+        """The middleware sees `count` feedback publishers now, `came` of them new."""
+        self.presence.matched(count, came)
         if count > 1 and not self._warned:
             self._warned = True
             # Their names are known a moment later.

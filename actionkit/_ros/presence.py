@@ -24,6 +24,8 @@ _PATIENCE = 0.5
 """Seconds after which a server that answers nothing is taken for busy, not for deaf (C5.5)."""
 _PATIENCE_WITH_SEVERAL = 5.0
 _GRAPH_PERIOD = 1.0
+_NAMED_WITHIN = 10.0
+"""Seconds until the graph shows a server of which there was an event; it takes milliseconds."""
 
 
 _UNNAMED = frozenset({b"unnamed"})
@@ -76,6 +78,9 @@ class Presence:
         self._on_mismatch = on_mismatch
         self._action_type = action_type
         self._count = 0
+        self._awaited: frozenset[bytes] = frozenset()
+        """The servers that the graph shows while it does not show one that has come."""
+        self._awaited_until = 0.0
         self._settling_since = 0.0
         self._closed = False
         self._looking = False
@@ -90,12 +95,27 @@ class Presence:
         """How many servers are matched; more than one after a restart, too (R14)."""
         return self._count
 
-    def matched(self, count: int) -> None:
-        """The middleware sees `count` feedback publishers now."""
+    def matched(self, count: int, came: int = 0) -> None:
+        """The middleware sees `count` feedback publishers now.
+
+        Args:
+            count: How many.
+            came: How many of them it did not see before, where that is known.
+        """
         self._count = count
         if count == 0:
             self.state = State.ABSENT
+        before = self.servers
+        self._awaited = frozenset()
         self._compare()
+        if count and came > len(self.servers - before - _UNNAMED):
+            # One came in the place of one that went, and the graph still shows that one. What is
+            # sent now goes to the new one, and is not lost with the old.
+            self._awaited = self.servers - _UNNAMED
+            self._awaited_until = self._timers.now() + _NAMED_WITHIN
+            self._compare()
+            if self.state is State.READY:
+                self._begin_settling()
         if count > 0 and self.state is State.ABSENT:
             self._begin_settling()
         if len(self.servers) != count:
@@ -162,6 +182,10 @@ class Presence:
         gids = frozenset(
             server.gid for server in listed or () if server.action_type == self._action_type
         )
+        if self._awaited:
+            if gids <= self._awaited and self._timers.now() < self._awaited_until:
+                return gids | _UNNAMED
+            self._awaited = frozenset()
         # The event may be ahead of the graph, and a context that was shut down has none: a
         # server that cannot be named is still a server.
         return gids or self.servers or _UNNAMED

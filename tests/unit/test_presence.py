@@ -274,3 +274,41 @@ def test_closing_ends_the_settling(world: World) -> None:
     world.clock.advance(10.0)
     assert world.news() == []
     assert len(world.clock.queue) == 0
+
+
+def test_a_server_that_took_the_place_of_another_is_not_lost_with_it(world: World) -> None:
+    """Both events are read as one, before the graph tells of either."""
+    world.match(A)
+    world.presence.answered()
+    world.news()
+    world.presence.matched(1, 1)
+    assert world.presence.state is State.SETTLING  # the new one does not know us yet
+    assert world.presence.servers == {A, b"unnamed"}
+    world.presence.answered()
+    assert world.news() == ["ready"]
+    sent_to = world.presence.servers
+    world.serve(B)
+    world.clock.advance(2.0)
+    assert world.presence.servers == {B}
+    lost = frozenset().union(*(gone for what, gone in world.news() if what == "lost"))
+    assert lost == {A}
+    assert sent_to - lost  # what was sent is with the new one
+
+
+def test_a_graph_that_never_shows_who_came_is_not_waited_for(world: World) -> None:
+    world.match(A)
+    world.presence.answered()
+    world.presence.matched(1, 1)
+    world.clock.advance(30.0)
+    assert world.presence.servers == {A}
+    assert len(world.clock.queue) == 0
+    assert world.presence.ready
+
+
+def test_a_server_that_the_graph_shows_at_once_needs_no_name(world: World) -> None:
+    world.serve(A)
+    world.presence.matched(1, 1)
+    assert world.presence.servers == {A}
+    world.serve(A, B)
+    world.presence.matched(2, 1)
+    assert world.presence.servers == {A, B}
