@@ -89,9 +89,9 @@ class Record:
         """
         bound = self.began + self.timeout + GRACE
         if self.given_up is not None and self.kind != "stubborn":
-            # Confirmations that go on coming lengthen the wait for the others. What is lost on the
-            # network comes three seconds later, or six.
-            longer = 0.03 * self.together + (0.0 if healthy else 8.0)
+            # Confirmations that go on coming lengthen the wait for the others; packets that are
+            # lost, or a server that was stopped, hold some of them up for a moment.
+            longer = 0.03 * self.together + (0.0 if healthy else 2.0)
             bound = min(bound, self.given_up + GRACE + longer)
         return bound
 
