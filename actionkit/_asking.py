@@ -1,9 +1,9 @@
 """Asks functions of the user's off the communication thread, for no longer than there is time.
 
 `classify=` and the strategies of a `RetryPolicy` say how a call goes on, so the call waits for
-their answers. Each runs on a daemon thread that it has for itself while it runs: callbacks,
-observers and log handlers that block cannot keep a question from being asked, and a question that
-is never answered holds up nobody else's call (R8).
+their answers. Each runs on a daemon thread that it has for itself while it runs, of its client's:
+callbacks, observers and log handlers that block cannot keep a question from being asked, and
+questions that are never answered hold up no other client's call (R8).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from actionkit._diagnostics import log_own_error
 LONGEST_ANSWER = 10.0
 """Seconds that a function is given where the call's deadline is later, or there is none."""
 _MOST_THREADS = 64
-"""With so many functions running, the next one waits for its turn."""
+"""With so many functions of a client running, the next one waits for its turn."""
 _IDLE_SECONDS = 1.0
 """Seconds after which a thread without a question ends."""
 _LONGEST_TEXT = 200
@@ -114,16 +114,18 @@ class Threads:
             return None
 
 
-threads = Threads()
-"""Shared by all clients of the process."""
-
-
 class Asking:
     """The questions of one call, one at a time. All of it on the communication thread."""
 
-    def __init__(self, clock: Clock) -> None:
-        """Take the communication thread's clock."""
+    def __init__(self, clock: Clock, threads: Threads) -> None:
+        """Ask nothing so far.
+
+        Args:
+            clock: The communication thread.
+            threads: Where the functions run.
+        """
         self._clock = clock
+        self._threads = threads
         self._job: Job | None = None
         self._on_answer: Callable[[Any], None] | None = None
         self._limit: TimerHandle | None = None
@@ -161,7 +163,7 @@ class Asking:
             self.end_by(deadline, "did not answer before the call's deadline")
         else:
             self.end_by(latest, f"did not answer within {LONGEST_ANSWER:g} s")
-        refused = threads.run(job)
+        refused = self._threads.run(job)
         if refused:
             missing = Unanswered(
                 f"could not be asked, because no thread can be started ({refused})"
@@ -191,7 +193,7 @@ class Asking:
         job, self._job, self._on_answer = self._job, None, None
         self._disarm()
         if job is not None:
-            threads.withdraw(job)
+            self._threads.withdraw(job)
 
     def _answer(self, job: Job, answer: object) -> None:
         on_answer = self._on_answer
@@ -226,8 +228,3 @@ def described(value: object) -> str:
         text = f"a value of type {name}"
     text = " ".join(text.split())
     return text if len(text) <= _LONGEST_TEXT else f"{text[:_LONGEST_TEXT]}..."
-
-
-def after_fork() -> None:
-    """In a child: the parent's threads are not here."""
-    threads.__init__()  # type: ignore[misc]  # one object, because others hold it

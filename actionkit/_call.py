@@ -88,8 +88,9 @@ class Call:
             self.goal_id, request.goal, monotonic=self._began, wall=time.time()
         )
         self._deadline = None if request.timeout is None else self._began + request.timeout
-        self._retrying = Retrying(carrier, request.retry, request.budget, self._began)
-        self._judging = Judging(carrier, request.classify)
+        threads = request.questions
+        self._retrying = Retrying(carrier, threads, request.retry, request.budget, self._began)
+        self._judging = Judging(carrier, threads, request.classify)
         self._tape: FeedbackTape[Any] = FeedbackTape()
         self.future: GoalFuture[Any, Any] = GoalFuture(self, self._tape, request.pool)
         self._attempt: Attempt | None = None

@@ -11,6 +11,7 @@ from typing_extensions import Never, Self
 
 from actionkit._action_type import ActionType, FeedbackT, GoalT, ResultT
 from actionkit._arguments import UNSET, Unset, check_type, refuse_unknown
+from actionkit._asking import Threads
 from actionkit._budget import RetryBudget, check_budget
 from actionkit._call import Call
 from actionkit._classify import Classify, check_classify
@@ -98,6 +99,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         self._action_type = action
         self._identity = self._session.port.identity
         self._pool = Pool(self.action_name)
+        self._questions = Threads()
         # A client that is dropped without close() must not keep a thread, or goals, alive.
         self._finalizer = weakref.finalize(self, self._session.drop)
         self._finalizer.atexit = False  # the session sees to the interpreter's exit itself
@@ -243,6 +245,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 classify=self._classify if classify is None else classify,
                 callbacks=callbacks,
                 pool=self._pool,
+                questions=self._questions,
             )
         )
 
@@ -298,10 +301,8 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         """End every goal in flight as `on_close` says, and free all that is held (C1.10).
 
         Returns within `timeouts.cancel` seconds of the server's latest confirmation and about a
-        second (many goals are cancelled a few at a time), and 60 s later at the most; where an
-        observer is slow, one more. Goals that may still be running then are named in a warning.
-        Closing twice is fine. A goal whose acceptance is still out is watched a little longer, and
-        cancelled if it comes.
+        second (many goals are cancelled a few at a time), and 60 s later at the most. A warning
+        names goals that may still be running then; they are asked to cancel for a little longer.
         """
         self._finalizer.detach()
         self._session.close()

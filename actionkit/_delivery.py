@@ -17,8 +17,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 
-from actionkit import _blocked
-from actionkit._blocked import Label, Turn, Work, Worker
+from actionkit._blocked import Label, Turn, Work, Worker, watcher
 from actionkit._diagnostics import log_later, log_own_error
 
 MOST_THREADS = 8
@@ -31,7 +30,6 @@ in_callback: contextvars.ContextVar[bool] = contextvars.ContextVar("in_callback"
 """Whether the caller is inside a callback that ActionKit called."""
 
 Job = Callable[[], None]
-_JUDGE = Label("a classify function", None, "its call")
 
 
 class Pool:
@@ -70,7 +68,7 @@ class Pool:
         self._free = 0  # threads that wait for work, less work that waits for a thread
         self._told_of_limit = False
 
-    def submit(self, job: Job, label: Label = _JUDGE) -> None:
+    def submit(self, job: Job, label: Label) -> None:
         """Run one job soon. Never blocks.
 
         Args:
@@ -122,7 +120,7 @@ class Pool:
     def _work(self) -> None:
         in_callback.set(True)
         worker = Worker(self._owner, self._replace)
-        _blocked.watcher.add(worker)
+        watcher.add(worker)
         try:
             while (work := self._next()) is not None:
                 self._carry_out(worker, work)
@@ -130,7 +128,7 @@ class Pool:
                 if not self._stays():
                     return
         finally:
-            _blocked.watcher.remove(worker)
+            watcher.remove(worker)
 
     def _next(self) -> Work | None:
         """Wait for work; `None` where the thread is to end, and is counted out."""
@@ -261,13 +259,3 @@ class Strand:
             job = self._jobs.popleft()
         job()
         return True
-
-
-pool = Pool("(any)")
-"""For the judges of all clients of the process."""
-
-
-def after_fork() -> None:
-    """In a child: the parent's threads are not here."""
-    pool.__init__()  # type: ignore[misc]  # one object, because others hold it
-    _blocked.after_fork()

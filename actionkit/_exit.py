@@ -8,7 +8,7 @@ import time
 import uuid
 from functools import cache
 
-from actionkit import _asking, _delivery, _diagnostics
+from actionkit import _blocked, _diagnostics
 from actionkit._left_running import tell_of_goals_left
 from actionkit._observers import channel as channels
 from actionkit._ros import runtimes
@@ -68,8 +68,7 @@ def forget_inherited() -> None:
     _inherited.extend(live)
     live.clear()
     runtimes.forget_inherited()
-    _delivery.after_fork()
-    _asking.after_fork()
+    _blocked.after_fork()
     channels.after_fork()
     _diagnostics.after_fork()
 

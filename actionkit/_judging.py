@@ -7,8 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from actionkit import _asking
-from actionkit._asking import Asking, Unanswered
+from actionkit._asking import Asking, Clock, Threads, Unanswered
 from actionkit._classify import Classify, asked, default_verdict, label_of
 from actionkit._diagnostics import log_later
 from actionkit._effects import End, Ending, Fault
@@ -23,16 +22,17 @@ OnVerdict = Callable[[Ending, BaseException | None, Verdict | Fault], None]
 class Judging:
     """Judges the endings of one call, one at a time. All of it on the communication thread."""
 
-    def __init__(self, clock: _asking.Clock, classify: Classify | None) -> None:
+    def __init__(self, clock: Clock, threads: Threads, classify: Classify | None) -> None:
         """Make one that judges nothing so far.
 
         Args:
             clock: The communication thread.
+            threads: The client's, for questions.
             classify: The user's function, which runs on a thread of its own; `None` for the
                 default.
         """
         self._classify = classify
-        self._asking = Asking(clock)
+        self._asking = Asking(clock, threads)
 
     @property
     def under_way(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from actionkit._asking import Threads
 from actionkit._budget import RetryBudget
 from actionkit._classify import Classify
 from actionkit._delivery import Pool
@@ -26,6 +27,7 @@ class Request:
         classify: What counts as success, or `None` for the default.
         callbacks: Who gets the feedback, or `None`.
         pool: Where done callbacks run.
+        questions: Where `classify` and the strategies of `retry` run.
     """
 
     goal: Any
@@ -37,3 +39,4 @@ class Request:
     classify: Classify | None
     callbacks: Callbacks | None
     pool: Pool
+    questions: Threads

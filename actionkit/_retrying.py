@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from actionkit._asking import Asking, Clock, Unanswered
+from actionkit._asking import Asking, Clock, Threads, Unanswered
 from actionkit._budget import RetryBudget
 from actionkit._effects import Ending, Fault
 from actionkit._retry import GiveUp, Resend, Retry, Schedule, how_to_resend
@@ -22,12 +22,18 @@ class Retrying:
     """The retries of one call. All of it on the communication thread."""
 
     def __init__(
-        self, clock: Clock, policy: RetryPolicy, budget: RetryBudget, began: float
+        self,
+        clock: Clock,
+        threads: Threads,
+        policy: RetryPolicy,
+        budget: RetryBudget,
+        began: float,
     ) -> None:
         """Begin with no attempt made.
 
         Args:
             clock: The communication thread.
+            threads: The client's, for questions.
             policy: When to try again.
             budget: The brake on retries.
             began: Monotonic time of the call.
@@ -35,7 +41,7 @@ class Retrying:
         self._policy = policy
         self._budget = budget
         self._began = began
-        self._asking = Asking(clock)
+        self._asking = Asking(clock, threads)
         self._schedule: Schedule | None = None  # most calls need none
 
     def begin(

@@ -103,6 +103,27 @@ def test_blocked_callbacks_do_not_make_a_success_of_a_judged_failure(
     assert outcome.elapsed < LONG / 2
 
 
+def test_the_blocked_judges_of_one_client_keep_no_other_from_being_asked(
+    action_server, make_client, leave
+):
+    action_server("fibonacci", feedback=0)
+    entered = threading.Semaphore(0)
+
+    def block(outcome):
+        entered.release()
+        leave.wait(60)
+
+    blocked = make_client(classify=block)
+    futures = [blocked.call_async({"order": 1}, timeout=60) for _ in range(100)]
+    for _ in range(64):  # as many as there may be
+        assert entered.acquire(timeout=LONG)
+    other = make_client(classify=lambda outcome: Verdict.SUCCESS)
+    outcome = other.call_async({"order": 1}, timeout=LONG).outcome(2 * LONG)
+    assert outcome.ok
+    for future in futures:
+        assert not future.outcome(2 * LONG).ok
+
+
 @pytest.mark.parametrize("how", ["raises", "blocks", "nonsense"])
 def test_a_goal_that_failed_keeps_its_own_error(how, action_server, make_client, caplog, leave):
     server = action_server("scripted", script=[{"abort": [1]}])

@@ -17,7 +17,6 @@ from typing import Any
 from unittest import mock
 
 from actionkit import CancelReport, GoalState, Outcome, RetryBudget, RetryPolicy, Timeouts, Verdict
-from actionkit import _asking as asking
 from actionkit import _call as call_module
 from actionkit._attempt import STATES, Attempt
 from actionkit._call import Call
@@ -186,6 +185,7 @@ class CallLife:
                     classify=self._classify if judged else None,
                     callbacks=callbacks,
                     pool=Pool(),
+                    questions=self,  # type: ignore[arg-type]
                 ),
             )
         self.deadline = None if timeout is None else self.clock + timeout
@@ -280,10 +280,7 @@ class CallLife:
 
     @contextmanager
     def patched(self) -> Iterator[None]:
-        with (
-            mock.patch.object(call_module, "time", self),
-            mock.patch.object(asking, "threads", self),
-        ):
+        with mock.patch.object(call_module, "time", self):
             yield
 
     def does(self, action: Callable[..., object], *args: Any, **options: Any) -> None:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import threading
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from actionkit import _asking
 from actionkit._asking import Asking, Threads, Unanswered, described, name_of
 from actionkit._clock import TimerHandle, TimerQueue
 from actionkit._delivery import in_callback
@@ -129,31 +126,6 @@ def test_a_job_knows_that_it_is_a_callback() -> None:
     assert seen == [True]
 
 
-FORKED = """
-import os, threading
-from actionkit import _asking
-
-entered, leave = threading.Semaphore(0), threading.Event()
-for _ in range(64):  # the parent has as many as there may be
-    _asking.threads.run(lambda: (entered.release(), leave.wait()))
-for _ in range(64):
-    entered.acquire()
-child = os.fork()
-if child == 0:
-    _asking.after_fork()
-    ran = threading.Event()
-    _asking.threads.run(ran.set)
-    os._exit(0 if ran.wait(10) else 1)
-print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-"""
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="there is no fork")
-def test_the_child_of_a_fork_has_threads_of_its_own() -> None:
-    run = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", FORKED]
-    assert subprocess.run(run, capture_output=True, timeout=30, check=True).stdout == b"0\n"
-
-
 # --- questions ---------------------------------------------------------------------------------
 
 
@@ -188,7 +160,7 @@ class Thread:
 
 def test_an_answer_is_brought_back_to_the_thread() -> None:
     thread = Thread()
-    asking = Asking(thread)
+    asking = Asking(thread, Threads())
     asking.ask(threading.current_thread, 0.0, None, thread.answers.append)
     assert asking.under_way
     thread.turn()
@@ -210,7 +182,7 @@ def test_an_answer_is_waited_for_until_the_deadline_or_for_ten_seconds(
     deadline: float | None, latest: float, why: str
 ) -> None:
     thread, gate = Thread(), Gate()
-    asking = Asking(thread)
+    asking = Asking(thread, Threads())
     asking.ask(gate, 5.0, deadline, thread.answers.append)
     assert gate.entered.wait(LONG)
     thread.wait_until(latest - 0.01)
@@ -224,7 +196,7 @@ def test_an_answer_is_waited_for_until_the_deadline_or_for_ten_seconds(
 
 def test_the_wait_can_be_made_shorter_and_never_longer() -> None:
     thread, gate = Thread(), Gate()
-    asking = Asking(thread)
+    asking = Asking(thread, Threads())
     asking.end_by(1.0, "nothing is asked")
     asking.ask(gate, 0.0, 8.0, thread.answers.append)
     asking.end_by(9.0, "later")
@@ -238,7 +210,7 @@ def test_the_wait_can_be_made_shorter_and_never_longer() -> None:
 
 def test_a_question_that_is_dropped_is_not_answered() -> None:
     thread, gate = Thread(), Gate()
-    asking = Asking(thread)
+    asking = Asking(thread, Threads())
     asking.ask(gate, 0.0, None, thread.answers.append)
     assert gate.entered.wait(LONG)
     asking.drop()
@@ -251,7 +223,7 @@ def test_a_question_that_is_dropped_is_not_answered() -> None:
 
 def test_a_new_question_takes_the_place_of_the_last() -> None:
     thread, gate = Thread(), Gate()
-    asking = Asking(thread)
+    asking = Asking(thread, Threads())
     asking.ask(gate, 0.0, None, lambda _: thread.answers.append("first"))
     assert gate.entered.wait(LONG)
     asking.ask(lambda: "two", 0.0, None, thread.answers.append)
@@ -262,10 +234,9 @@ def test_a_new_question_takes_the_place_of_the_last() -> None:
 
 
 def test_where_nobody_can_be_asked_that_is_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_asking, "threads", Threads())
     monkeypatch.setattr(threading.Thread, "start", refuse)
     thread = Thread()
-    Asking(thread).ask(lambda: 1, 0.0, None, thread.answers.append)
+    Asking(thread, Threads()).ask(lambda: 1, 0.0, None, thread.answers.append)
     assert thread.answers == []  # not before `ask` has returned
     thread.turn()
     assert isinstance(thread.answers[0], Unanswered)

@@ -146,7 +146,7 @@ def test_a_blocked_strand_does_not_block_the_others() -> None:
 def test_a_pool_has_as_many_threads_as_it_needs_and_no_more() -> None:
     pool, gates = Pool(most=3, idle=0.01), [Gate() for _ in range(5)]
     for gate in gates:
-        pool.submit(gate)
+        pool.submit(gate, IT)
     for gate in gates[:3]:
         assert gate.entered.wait(LONG)
     assert not gates[3].entered.is_set()
@@ -167,7 +167,7 @@ def test_a_pool_comes_back_after_its_threads_have_gone() -> None:
     for _ in range(20):
         gate = Gate()
         gate.leave.set()
-        pool.submit(gate)
+        pool.submit(gate, IT)
         assert gate.entered.wait(LONG)
         assert gate.thread is not None
         gate.thread.join(LONG)
@@ -179,7 +179,7 @@ def test_an_idle_thread_is_used_again() -> None:
     for _ in range(100):
         gate = Gate()
         gate.leave.set()
-        pool.submit(gate)
+        pool.submit(gate, IT)
         assert gate.entered.wait(LONG)
         assert gate.thread is not None
         threads.add(gate.thread)
@@ -188,13 +188,13 @@ def test_an_idle_thread_is_used_again() -> None:
 
 def test_jobs_that_come_together_do_not_wait_for_the_same_idle_thread() -> None:
     pool, first, second = Pool(most=8, idle=LONG), Gate(), Gate()
-    pool.submit(lambda: None)
+    pool.submit(lambda: None, IT)
     for _ in range(10_000):  # nothing tells that a thread is idle, so look inside
         if not pool._free:
             threading.Event().wait(0.001)
     assert pool._free == 1
-    pool.submit(first)
-    pool.submit(second)
+    pool.submit(first, IT)
+    pool.submit(second, IT)
     assert first.entered.wait(LONG)
     assert second.entered.wait(LONG)
     first.leave.set()
@@ -204,7 +204,7 @@ def test_jobs_that_come_together_do_not_wait_for_the_same_idle_thread() -> None:
 def test_no_job_is_lost_between_threads_that_come_and_go() -> None:
     pool, done = Pool(most=4, idle=0.0), threading.Semaphore(0)
     for _ in range(3000):
-        pool.submit(done.release)
+        pool.submit(done.release, IT)
     for _ in range(3000):
         assert done.acquire(timeout=LONG)
 
@@ -214,14 +214,14 @@ def test_where_no_thread_can_be_started_the_job_waits_for_one(
 ) -> None:
     """As from Python 3.12 on at the interpreter's exit; what rests on it goes on."""
     pool, gate, notes = Pool(most=8, idle=0.0), Gate(), list[int]()
-    pool.submit(gate)
+    pool.submit(gate, IT)
     assert gate.entered.wait(LONG)
 
     def refuse(thread: threading.Thread) -> None:
         raise RuntimeError("can't create new thread at interpreter shutdown")
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
-    pool.submit(noting(notes, 1))
+    pool.submit(noting(notes, 1), IT)
     monkeypatch.undo()
     assert notes == []
     gate.leave.set()
@@ -233,7 +233,7 @@ def test_where_no_thread_can_be_started_the_job_waits_for_one(
 
 def test_threads_do_not_hold_up_the_end_of_the_interpreter() -> None:
     gate = Gate()
-    Pool().submit(gate)
+    Pool().submit(gate, IT)
     assert gate.entered.wait(LONG)
     assert gate.thread is not None
     assert gate.thread.daemon
@@ -251,17 +251,18 @@ def test_a_job_knows_that_it_is_a_callback() -> None:
 
 FORKED = """
 import os, threading
-from actionkit import _delivery
+from actionkit import _blocked, _delivery
 
 entered, forever = threading.Event(), threading.Event()
-_delivery.Pool().submit(lambda: (entered.set(), forever.wait()))
+it = _blocked.Label('it', None, 'nothing')
+_delivery.Pool().submit(lambda: (entered.set(), forever.wait()), it)
 entered.wait()
 child = os.fork()
 if child == 0:
-    _delivery.after_fork()
+    _blocked.after_fork()
     pool, ran = _delivery.Pool(most=1), threading.Event()
-    pool.submit(forever.wait)
-    pool.submit(ran.set)  # once the watcher of this process has seen that the first blocks
+    pool.submit(forever.wait, it)
+    pool.submit(ran.set, it)  # once the watcher of this process has seen that the first blocks
     os._exit(0 if ran.wait(20) else 1)
 print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
