@@ -10,6 +10,8 @@ from typing import Any
 
 GRACE = 2.0
 """`Timeouts.cancel` of all clients of the soak, in seconds."""
+_AT_ONCE = 8
+"""Goals whose cancellation is asked for at the same time; the others wait for their turn."""
 PATIENCE = 30.0
 """The deadline of calls that are to come to an end by themselves, in seconds."""
 
@@ -89,9 +91,11 @@ class Record:
         """
         bound = self.began + self.timeout + GRACE
         if self.given_up is not None and self.kind != "stubborn":
-            # Confirmations that go on coming lengthen the wait for the others; packets that are
-            # lost, or a server that was stopped, hold some of them up for a moment.
-            longer = 0.03 * self.together + (0.0 if healthy else 2.0)
+            # Confirmations that go on coming lengthen the wait for the others. What is lost on the
+            # network comes three seconds later, so that of many they come in waves.
+            longer = 0.03 * self.together
+            if not healthy:
+                longer += 2.0 if self.together <= _AT_ONCE else 10.0
             bound = min(bound, self.given_up + GRACE + longer)
         return bound
 

@@ -92,7 +92,8 @@ def test_the_bound_of_a_call():
     assert DEADLINE.bound(healthy=True) == 103.0
     given_up = replace(RECORD, given_up=110.0)
     assert given_up.bound(healthy=True) == pytest.approx(112.03)
-    assert given_up.bound(healthy=False) == pytest.approx(120.03)
+    assert given_up.bound(healthy=False) == pytest.approx(114.03)
+    assert replace(given_up, together=20).bound(healthy=False) == pytest.approx(122.6)
     # A server that refuses: the goal runs on, and so does its call.
     assert replace(given_up, kind="stubborn").bound(healthy=True) == 132.0
 
