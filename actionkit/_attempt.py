@@ -91,7 +91,7 @@ class Attempt:
         self._applying = False
         self._in_outbox = False
         self._has_result = False
-        self._cancels = 0  # requests, less those of which the server said not to know the goal
+        self._cancels = 0  # requests sent, less those of which a server did not know the goal
         if resent:
             link.adopt(self)  # answers to the first request are this attempt's from now on
 
@@ -186,6 +186,9 @@ class Attempt:
         ours = self.cancel_is_ours
         self._apply(self.goal.result(state, result, self._now(), ours=ours))
 
+    def on_cancel_sent(self) -> None:
+        self._cancels += 1
+
     def on_cancel_answer(self, code: int, ours_is_canceling: bool) -> None:
         if ours_is_canceling:
             answer = fx.CancelAnswer.ACCEPTED
@@ -247,7 +250,6 @@ class Attempt:
         elif isinstance(effect, fx.AskResult):
             self._link.ask_result(self, anew=effect.anew)
         elif isinstance(effect, fx.AskCancel):
-            self._cancels += 1
             urgent = self._owner.urgent or self.goal.gave_up is GaveUp.DEADLINE
             self._link.ask_cancel(self, urgent=urgent)
         elif isinstance(effect, fx.WatchStatus):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -100,6 +101,16 @@ def runs_nothing(server: Server) -> bool:
     for goal_id in server.running():
         server.wait_for("canceled", goal_id=goal_id)
     return server.running() == set()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _ctrl_c() -> None:
+    """Let programs that tests start hear Ctrl-C, also where the tests run in the background.
+
+    A shell has what it starts there ignore it, and that is inherited.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -66,6 +66,7 @@ class Link:
             action_type.Impl,
             action_name=name,
             count_servers=lambda: self.presence.count,
+            on_cancel_sent=lambda key: self._sent[key].listener.on_cancel_sent(),
         )
         self._status = StatusWatch(runtime, self._entities, self._sent, self._take_status)
         self.lookout = Lookout(

@@ -39,6 +39,7 @@ class Requests:
         *,
         action_name: str,
         count_servers: Callable[[], int],
+        on_cancel_sent: Callable[[bytes], None],
     ) -> None:
         """Send nothing so far.
 
@@ -48,7 +49,9 @@ class Requests:
             impl: The action type's `Impl`.
             action_name: For the log.
             count_servers: Returns how many servers are in sight.
+            on_cancel_sent: Called with the id of a goal whose cancellation was just asked for.
         """
+        self._on_cancel_sent = on_cancel_sent
         self._runtime = runtime
         self._entities = entities
         self._impl = impl
@@ -227,6 +230,7 @@ class Requests:
 
     def _ask_cancel_now(self, key: bytes) -> None:
         self._register("cancel", key, self._send_cancel(key))
+        self._on_cancel_sent(key)
 
     def _send_cancel(self, key: bytes) -> int:
         if self.unheard_since is None:

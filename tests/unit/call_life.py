@@ -16,7 +16,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
 
-from actionkit import CancelReport, GoalState, Outcome, RetryBudget, RetryPolicy, Timeouts, Verdict
+from actionkit import (
+    CancelReport,
+    GoalState,
+    Outcome,
+    RetryBudget,
+    RetryPolicy,
+    Timeouts,
+    Verdict,
+)
 from actionkit import _call as call_module
 from actionkit._attempt import STATES, Attempt
 from actionkit._call import Call
@@ -124,6 +132,7 @@ class Link:
     def ask_cancel(self, listener: Attempt, *, urgent: bool) -> None:
         if listener.goal_id.bytes in self.listeners:
             self.life.goals[listener.goal_id.bytes].cancels_asked += 1
+            listener.on_cancel_sent()
 
     def stop_cancel(self, listener: Attempt) -> None:
         pass

@@ -263,6 +263,19 @@ def test_attempts_end_with_the_last_error_and_the_limit_that_ended_them() -> Non
     assert len({event.goal_id for event in life.outcome.timeline}) == 3
 
 
+def test_a_cancel_that_was_repeated_is_ours() -> None:
+    """The server did not know the goal when it was asked first."""
+    life = CallLife()
+    life.ready()
+    life.cancel()
+    life.cancel_answer(0, CancelAnswer.UNKNOWN_GOAL)
+    life.wait(1.0)  # it is asked again
+    life.cancel_answer(0, CancelAnswer.ACCEPTED)
+    life.result(0, GoalState.CANCELED)
+    assert life.done
+    assert life.call.future.cancelled()
+
+
 def test_a_goal_sent_again_with_its_id_is_told_as_two_attempts() -> None:
     life = lived([*UNANSWERED, *PAUSE, ("accepted", 0)])
     life.happens("result", 0, GoalState.SUCCEEDED)

@@ -37,6 +37,7 @@ class Thread(Clock):
         self.disable = self.sources.discard
         self.cancel_timer = self.queue.cancel
         self.window = CancelWindow()
+        self.cancelled: list[bytes] = []
 
     def cancel_window(self, action_name: str) -> CancelWindow:
         return self.window
@@ -65,6 +66,7 @@ def requests(thread: Thread, goal_source: Client) -> Requests:
         impl,
         action_name="/arm",
         count_servers=lambda: thread.servers,
+        on_cancel_sent=thread.cancelled.append,
     )
     made.send_goal(KEY, object())
     return made
@@ -92,6 +94,17 @@ def test_a_forgotten_goal_leaves_nothing_behind(requests: Requests, thread: Thre
     requests.ask_cancel(KEY)
     thread.advance(1.0)
     assert not any(requests.table_sizes().values())
+
+
+def test_each_cancel_request_is_told_of_also_those_that_are_repeated(
+    requests: Requests, thread: Thread
+) -> None:
+    """By these, less those in vain, one knows whether a cancellation was ours (C4.4)."""
+    requests.ask_cancel(KEY)
+    assert thread.cancelled == [KEY]
+    assert requests.cancel_answered(1, known=False) == KEY
+    thread.advance(0.6)
+    assert thread.cancelled == [KEY, KEY]
 
 
 def test_unheard_is_since_the_first_that_was_not_answered(
