@@ -118,9 +118,11 @@ class Link:
 
     def adopt(self, listener: GoalListener) -> None:
         """Tell this listener what comes for its goal id, instead of the one before."""
-        goal = self._sent.get(listener.goal_id.bytes)
+        key = listener.goal_id.bytes
+        goal = self._sent.get(key)
         if goal is not None:
             goal.listener = listener
+            self._requests.stop_cancel(key)  # it is wanted again
 
     def withdraw(self, listener: GoalListener) -> None:
         """Await and send nothing any more for the listener."""

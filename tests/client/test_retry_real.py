@@ -108,6 +108,19 @@ def test_an_unanswered_goal_is_sent_again_with_its_id(action_server, make_client
     assert set(executed(server).values()) == {1}
 
 
+def test_a_goal_that_is_sent_again_with_its_id_is_not_cancelled_any_more(
+    action_server, make_client
+):
+    """The cancellation of the first attempt is asked for until it is answered, or not wanted."""
+    server = action_server("slow_accept", delay=1.0, period=1.0)
+    client = make_client(timeouts=Timeouts(accept=0.4, cancel=0.3), retry=QUICK)
+    assert client.wait_for_server(10)
+    future = client.call_async({"order": 4}, timeout=30)
+    assert len(future.result(30).sequence) == 5
+    assert future.outcome().attempts > 1
+    assert set(executed(server).values()) == {1}
+
+
 def test_a_restarted_server_gets_the_goal_again(action_server, make_client):
     server = action_server("fibonacci", gate=1)
     client = make_client(retry=QUICK)
