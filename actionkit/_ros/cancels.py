@@ -35,11 +35,14 @@ class _Wanted:
     Attributes:
         urgent: Whether its caller has little time left.
         requests: How many were made since it was wanted last.
+        anew: Whether more has become known of it since the request on its way was sent, so that an
+            answer "unknown goal" says nothing of now.
         again: Fires when it is to be asked for again; `None` while it waits for its turn.
     """
 
     urgent: bool
     requests: int = 0
+    anew: bool = False
     again: TimerHandle | None = None
 
 
@@ -88,8 +91,10 @@ class CancelQueue:
         if wanted is None:
             wanted = self._wanted[key] = _Wanted(urgent)
         wanted.urgent |= urgent
-        if key not in self._unanswered:
-            wanted.requests = 0
+        wanted.requests = 0
+        if key in self._unanswered:
+            wanted.anew = True
+        else:
             self._queue(key, wanted)
 
     def answered(self, key: bytes, *, known: bool) -> None:
@@ -104,8 +109,11 @@ class CancelQueue:
             if known:
                 self._window.confirmed(self._timers.now())
             self._give_back(key)
+        wanted = self._wanted.get(key)
         if known:
             self.forget(key)
+        elif wanted is not None and wanted.anew:
+            self._queue(key, wanted)
 
     def forget(self, key: bytes) -> None:
         """Ask no more: the goal has ended, or nobody is there to be asked."""
@@ -147,6 +155,7 @@ class CancelQueue:
         )
         pause = _PAUSES[min(wanted.requests, len(_PAUSES) - 1)]
         wanted.requests += 1
+        wanted.anew = False
         wanted.again = self._timers.call_at(now + pause, partial(self._again, key))
         self._send(key)
 

@@ -95,6 +95,24 @@ def test_a_server_that_does_not_know_the_goal_is_asked_again(world: World) -> No
     assert len(world.sent) == 3
 
 
+def test_a_goal_that_was_accepted_while_a_request_was_on_its_way_is_asked_about_at_once(
+    world: World,
+) -> None:
+    queue = world.queue()
+    queue.ask(key(1))
+    world.clock.advance(0.125)
+    queue.ask(key(1))  # accepted: what is on its way may have come too early
+    assert world.times(key(1)) == [0.0]
+    world.clock.advance(0.125)
+    queue.answered(key(1), known=False)
+    assert world.times(key(1)) == [0.0, 0.25]
+    queue.answered(key(1), known=False)
+    world.clock.advance(0.25)
+    assert world.times(key(1)) == [0.0, 0.25]
+    world.clock.advance(0.25)
+    assert world.times(key(1)) == [0.0, 0.25, 0.75]
+
+
 def test_answers_that_do_not_come_hold_nobody_up_for_long(world: World) -> None:
     queue = world.queue()
     for number in range(WINDOW + 1):
