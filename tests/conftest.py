@@ -104,13 +104,15 @@ def runs_nothing(server: Server) -> bool:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _ctrl_c() -> None:
-    """Let programs that tests start hear Ctrl-C, also where the tests run in the background.
+def _signals() -> None:
+    """Let programs that tests start hear signals, also where the tests run in the background.
 
-    A shell has what it starts there ignore it, and that is inherited.
+    A shell has what it starts there ignore Ctrl-C, and `nohup` SIGHUP, and that is inherited.
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session", autouse=True)
