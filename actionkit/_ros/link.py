@@ -193,7 +193,7 @@ class Link:
                 continue
             # Where it is sent again (R5), it is no longer the earlier server that matters.
             servers = self.presence.servers
-            self._sent[key] = SentGoal(listener, servers, servers)
+            self._sent[key] = SentGoal(listener, self.runtime.now(), servers, servers)
             listener.on_sent()
 
     def _on_ready(self) -> None:

@@ -34,10 +34,12 @@ class SentGoal:
 
     Attributes:
         listener: Who is told of it.
+        sent_at: When it was sent.
         servers: The ids of the servers in sight that may have it.
         sent_to: Of all that may have it, or take it yet, in sight or not.
     """
 
     listener: GoalListener
+    sent_at: float
     servers: frozenset[bytes]
     sent_to: frozenset[bytes]

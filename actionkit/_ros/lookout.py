@@ -18,13 +18,15 @@ from actionkit._ros.entities import Entities
 from actionkit._ros.listener import GoalListener, SentGoal
 from actionkit._ros.liveness import Liveness
 from actionkit._ros.native import RCLError
-from actionkit._ros.presence import Presence
+from actionkit._ros.presence import UNNAMED, Presence
 from actionkit._ros.rollcall import RollCall
 from actionkit._ros.runtime import Runtime
 
 _NAMING = 0.5
 """Seconds until the graph knows the nodes of servers that it has just discovered."""
 _MATCHED_PERIOD = 1.0
+_IN_SIGHT_WITHIN = 0.5
+"""Seconds from when requests reach a new server until it is in sight here, on a busy machine."""
 
 
 class Lookout:
@@ -79,7 +81,7 @@ class Lookout:
             services_ready=self._services_ready,
             probe=ask,
             on_ready=self._on_ready,
-            on_lost=self._on_lost,
+            on_change=self._on_change,
             on_mismatch=self._on_mismatch,
             action_type=type_name,
         )
@@ -203,13 +205,31 @@ class Lookout:
         for goal in list(self._sent.values()):
             goal.listener.on_server_lost(f"its server answered nothing for {limit:g} s")
 
-    def _on_lost(self, gone: frozenset[bytes]) -> None:
+    def _on_change(self, came: frozenset[bytes], gone: frozenset[bytes]) -> None:
+        for goal in self._sent.values():
+            self._reconsider(goal, came)
+        if not gone:
+            return
         reason = "its action server is gone"
         for goal in list(self._sent.values()):
             self._lose(goal, gone, reason)
         if not self.presence.servers:
             for listener in self._queued():
                 listener.on_server_lost(reason)
+
+    def _reconsider(self, goal: SentGoal, came: frozenset[bytes]) -> None:
+        """Whether a goal may be on servers that were not known when it was sent.
+
+        A request finds a server before the server is in sight here; and it may have gone to one
+        that the graph did not show yet. Where it did not, the server itself says so when asked.
+        """
+        unnamed = UNNAMED & goal.servers
+        if unnamed or goal.sent_at > self._runtime.now() - _IN_SIGHT_WITHIN:
+            goal.servers |= came
+            goal.sent_to |= came
+        if unnamed and not unnamed & self.presence.servers:
+            goal.servers = goal.servers - UNNAMED | self.presence.servers
+            goal.sent_to |= self.presence.servers
 
     def _on_one(self) -> None:
         """Of several servers one answers, and it does not know a goal of ours."""

@@ -28,7 +28,8 @@ _NAMED_WITHIN = 10.0
 """Seconds until the graph shows a server of which there was an event; it takes milliseconds."""
 
 
-_UNNAMED = frozenset({b"unnamed"})
+UNNAMED = frozenset({b"unnamed"})
+"""Stands for a server that is there, and that the graph does not show yet."""
 
 
 class State(Enum):
@@ -50,7 +51,7 @@ class Presence:
         services_ready: Callable[[], bool],
         probe: Callable[[], object],
         on_ready: Callable[[], None],
-        on_lost: Callable[[frozenset[bytes]], None],
+        on_change: Callable[[frozenset[bytes], frozenset[bytes]], None],
         on_mismatch: Callable[[tuple[str, ...]], None],
         action_type: str,
     ) -> None:
@@ -63,7 +64,7 @@ class Presence:
             services_ready: Whether the endpoints of the action's services are matched.
             probe: Sends the harmless question; the answer is to be told by `answered`.
             on_ready: Called when goals can be sent, again for each new server.
-            on_lost: Called with the ids of servers that are gone.
+            on_change: Called with the ids of servers that have come, and of those that are gone.
             on_mismatch: Called with the types served while somebody waits in vain.
             action_type: The type that this side speaks.
         """
@@ -74,7 +75,7 @@ class Presence:
         self._services_ready = services_ready
         self._probe = probe
         self._on_ready = on_ready
-        self._on_lost = on_lost
+        self._on_change = on_change
         self._on_mismatch = on_mismatch
         self._action_type = action_type
         self._count = 0
@@ -108,18 +109,25 @@ class Presence:
         before = self.servers
         self._awaited = frozenset()
         self._compare()
-        if count and came > len(self.servers - before - _UNNAMED):
+        # One that had no name so far may be among those that have one now.
+        expected = came + len(before & UNNAMED)
+        if count and expected > len(self.servers - before - UNNAMED):
             # One came in the place of one that went, and the graph still shows that one. What is
             # sent now goes to the new one, and is not lost with the old.
-            self._awaited = self.servers - _UNNAMED
+            self._awaited = self.servers - UNNAMED
             self._awaited_until = self._timers.now() + _NAMED_WITHIN
             self._compare()
             if self.state is State.READY:
                 self._begin_settling()
         if count > 0 and self.state is State.ABSENT:
             self._begin_settling()
-        if len(self.servers) != count:
+        if not self._agrees:
             self._compare_later(_FIRST_STEP)
+
+    @property
+    def _agrees(self) -> bool:
+        """Whether the graph shows whom the middleware's event told of."""
+        return len(self.servers) == self._count and not self.servers & UNNAMED
 
     def answered(self) -> None:
         """The harmless question was answered."""
@@ -153,22 +161,21 @@ class Presence:
     def _compare(self) -> None:
         """Compare the servers there are with those there were."""
         before, self.servers = self.servers, self._present()
-        new = self.servers - before - _UNNAMED
+        new = self.servers - before - UNNAMED
         # A server that got its name only now is the one that had none.
-        named = _UNNAMED & before - self.servers if new else frozenset()
+        named = UNNAMED & before - self.servers if new else frozenset()
         if self.state is State.READY and len(new) > len(named):
             self._begin_settling()  # a new one does not know us yet (R4)
-        if self.servers >= before:
-            return
-        gone = before - self.servers - named
-        if gone:
-            self._on_lost(gone)
+        if self.servers != before:
+            gone = before - self.servers
+            # One that got its name is there under it.
+            self._on_change(self.servers - before, gone - UNNAMED if self.servers else gone)
 
     def _compare_later(self, step: float) -> None:
         """The event is ahead of the graph: look again until they agree, less and less often."""
 
         def compare() -> None:
-            if self._closed or len(self.servers) == self._count:
+            if self._closed or self._agrees:
                 return
             self._compare()
             self._compare_later(min(2 * step, _LAST_STEP))
@@ -182,13 +189,15 @@ class Presence:
         gids = frozenset(
             server.gid for server in listed or () if server.action_type == self._action_type
         )
+        if not gids:
+            # The event may be ahead of the graph, and a context that was shut down has none: a
+            # server that cannot be named is still a server.
+            return self.servers or UNNAMED
         if self._awaited:
             if gids <= self._awaited and self._timers.now() < self._awaited_until:
-                return gids | _UNNAMED
+                return gids | UNNAMED
             self._awaited = frozenset()
-        # The event may be ahead of the graph, and a context that was shut down has none: a
-        # server that cannot be named is still a server.
-        return gids or self.servers or _UNNAMED
+        return gids | UNNAMED if len(gids) < self._count else gids
 
     def _settle(self, step: float) -> None:
         if self._closed or self.state is not State.SETTLING:

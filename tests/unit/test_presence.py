@@ -29,7 +29,7 @@ class World:
             services_ready=lambda: self.services,
             probe=lambda: self.probes.append(self.clock.time),
             on_ready=lambda: self.told.append("ready"),
-            on_lost=lambda gone: self.told.append(("lost", gone)),
+            on_change=self._changed,
             on_mismatch=lambda types: self.told.append(("mismatch", types)),
             action_type=OURS,
         )
@@ -37,6 +37,10 @@ class World:
     def _list(self) -> list[ServerInfo] | None:
         self.looks += 1
         return self.graph
+
+    def _changed(self, _came: frozenset[bytes], gone: frozenset[bytes]) -> None:
+        if gone:
+            self.told.append(("lost", gone))
 
     def serve(self, *gids: bytes, action_type: str = OURS) -> None:
         """Let the graph show these servers."""
