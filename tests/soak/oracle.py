@@ -126,7 +126,7 @@ def _wrong(record: Record, journal: Journal) -> Iterable[str]:
     if record.error == "GoalCanceledError":
         yield "nobody else cancels goals here"
     if record.error in _TRANSIENT and journal.healthy:
-        yield f"nothing was done to its server: {record.text}"
+        yield f"nothing was done to its server: {record.text} {journal.story(record)}"
     if record.error == "ResultLostError" and not journal.may_miss_an_end:
         yield f"its server was there all the time: {record.text}"
     if record.error not in _KNOWN:
