@@ -44,7 +44,8 @@ class Journal:
 
     Attributes:
         events: All of its events, over restarts.
-        done: What was done to it: "kill", "terminate", "stop", "loss".
+        done: What was done to it: "kill", "terminate", "stop", "loss"; "lingers" where the one of
+            the round before is dead, and may still be in sight, so that goals are sent to it.
     """
 
     events: Sequence[ServerEvent]

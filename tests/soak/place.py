@@ -18,12 +18,14 @@ class Place:
         name: "local" or "network".
         domain: The id of the ROS domain.
         cable: The two hosts and what joins them; `None` where all is on this machine.
+        lingering: The actions whose servers of the round before may still be in sight, dead.
     """
 
     def __init__(self, domain: int, cable: Network | None) -> None:
         self.name = "local" if cable is None else "network"
         self.domain = domain
         self.cable = cable
+        self.lingering: frozenset[str] = frozenset()
 
     def enter(self) -> None:
         """Let processes that are started from now on belong here, whoever starts them."""

@@ -76,6 +76,10 @@ class Round:
             for kind, future in started.items():
                 self._servers[kind] = stack.enter_context(future.result())
             self._run(self._directory / "records.jsonl")
+        # Whoever was killed, or whose goodbye was lost, is in sight for 20 s more.
+        self._place.lingering = frozenset(
+            kind for kind in KINDS if self._done(kind) & {"kill", "loss"}
+        )
         return self.result
 
     def _start(self, kind: str) -> Server:
@@ -159,6 +163,7 @@ class Round:
 
     def _done(self, kind: str) -> set[str]:
         done = {fault.what for fault in self._plan.faults if fault.kind == kind}
+        done |= {"lingers"} if kind in self._place.lingering else set()
         return done | ({"loss"} if self._plan.loss else set())
 
     def _judge(self, found: list[Record]) -> None:
