@@ -9,10 +9,11 @@
 Importing this does not import rclpy; making a `Client` does.
 """
 
-from actionkit._budget import RetryBudget
-from actionkit._classify import classify_by_field, retry_aborted
+from actionkit._calls.budget import RetryBudget
+from actionkit._calls.classify import classify_by_field, retry_aborted
+from actionkit._calls.future import GoalFuture
 from actionkit._client import Client
-from actionkit._errors import (
+from actionkit._model.errors import (
     AcceptanceTimeoutError,
     ActionKitError,
     ActionTypeMismatchError,
@@ -31,15 +32,14 @@ from actionkit._errors import (
     ServerUnavailableError,
     TransientError,
 )
-from actionkit._future import GoalFuture
+from actionkit._model.settings import RetryPolicy, Timeouts
+from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome, Timeline, Verdict
 from actionkit._observers.json_lines import JsonLines
 from actionkit._observers.json_reader import LogFile, read_json_lines
 from actionkit._observers.json_schema import LoggedLine
 from actionkit._observers.protocol import CallInfo, Observer
 from actionkit._observers.rosout import Rosout
 from actionkit._observers.telemetry import OpenTelemetry
-from actionkit._settings import RetryPolicy, Timeouts
-from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome, Timeline, Verdict
 
 __version__ = "0.1.0"
 

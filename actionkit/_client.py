@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING, Any, Generic
 
 from typing_extensions import Never, Self
 
-from actionkit._action_type import ActionType, FeedbackT, GoalT, ResultT
-from actionkit._arguments import UNSET, Unset, check_type, refuse_unknown
-from actionkit._asking import Threads
-from actionkit._budget import RetryBudget, check_budget
-from actionkit._call import Call
-from actionkit._classify import Classify, check_classify
-from actionkit._delivery import Pool, in_callback
-from actionkit._feedback import callbacks_for
-from actionkit._fields import FieldError, FieldTypeError, to_message
-from actionkit._future import GoalFuture
+from actionkit._calls.budget import RetryBudget, check_budget
+from actionkit._calls.call import Call
+from actionkit._calls.classify import Classify, check_classify
+from actionkit._calls.feedback import callbacks_for
+from actionkit._calls.future import GoalFuture
+from actionkit._calls.request import Request
+from actionkit._messages.convert import FieldError, FieldTypeError, to_message
+from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
+from actionkit._model.arguments import UNSET, Unset, check_type, refuse_unknown
+from actionkit._model.settings import RetryPolicy, Timeouts, check_seconds
 from actionkit._observers.protocol import Observer, check_observers
-from actionkit._request import Request
-from actionkit._settings import RetryPolicy, Timeouts, check_seconds
+from actionkit._threads.asking import Threads
+from actionkit._threads.pool import Pool, in_callback
 
 if TYPE_CHECKING:
-    from actionkit._session import OnClose, Session
+    from actionkit._calls.session import OnClose, Session
 
 
 class Client(Generic[GoalT, ResultT, FeedbackT]):
@@ -339,7 +339,8 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
 def _transport() -> tuple[Any, Any]:
     """Import rclpy's room, late: `import actionkit` works, and is quick, without rclpy."""
     try:
-        from actionkit import _exit, _session
+        from actionkit._calls import exit as _exit
+        from actionkit._calls import session as _session
         from actionkit._ros import port
     except ImportError as error:
         raise ImportError(

@@ -16,8 +16,9 @@ from typing import Any
 
 import pytest
 
-from actionkit import Client, GoalFuture, GoalState, Outcome, _diagnostics
-from actionkit._stages import FIRST_NUDGE
+from actionkit import Client, GoalFuture, GoalState, Outcome
+from actionkit._goal.stages import FIRST_NUDGE
+from actionkit._threads import diagnostics as _diagnostics
 from actionkit.servers import Server, ServerEvent
 
 FORMS = ("blocking", "future", "await")

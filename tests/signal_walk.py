@@ -27,7 +27,7 @@ from typing import Any
 from test_msgs.action import Fibonacci
 
 from actionkit import ActionKitError, Client, ClientClosedError, GoalFuture, RetryPolicy
-from actionkit._delivery import in_callback
+from actionkit._threads.pool import in_callback
 
 HANG = 30.0
 """Seconds after which what stands still is taken for hung; each use takes milliseconds."""

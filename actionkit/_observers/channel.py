@@ -13,10 +13,10 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from actionkit._blocked import Label
-from actionkit._delivery import Pool
-from actionkit._diagnostics import is_interrupt, log_here, log_later, write_to_stderr
-from actionkit._waiting import Flag, taken_from
+from actionkit._threads.blocked import Label
+from actionkit._threads.diagnostics import is_interrupt, log_here, log_later, write_to_stderr
+from actionkit._threads.pool import Pool
+from actionkit._threads.waiting import Flag, taken_from
 
 MOST_FEEDBACK = 1_000
 """With so many waiting, feedback is left out."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from typing import Any
 
-from actionkit._diagnostics import dated, is_enabled_for
+from actionkit._model.values import GoalEvent, GoalState, Outcome
 from actionkit._observers.protocol import CallInfo
 from actionkit._observers.words import (
     LEVELS,
@@ -15,7 +15,7 @@ from actionkit._observers.words import (
     outcome_word,
     sentence,
 )
-from actionkit._values import GoalEvent, GoalState, Outcome
+from actionkit._threads.diagnostics import dated, is_enabled_for
 
 logger = logging.getLogger("actionkit.goal")
 logger.addHandler(logging.NullHandler())  # silent where the user has set up no logging

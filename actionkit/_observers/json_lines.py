@@ -11,10 +11,10 @@ from typing import Any
 
 from typing_extensions import Self
 
-from actionkit._fields import to_plain
+from actionkit._messages.convert import to_plain
+from actionkit._model.values import GoalEvent, GoalState, Outcome
 from actionkit._observers.json_schema import event_line, outcome_line
 from actionkit._observers.protocol import CallInfo
-from actionkit._values import GoalEvent, GoalState, Outcome
 
 
 class JsonLines:

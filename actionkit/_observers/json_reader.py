@@ -7,9 +7,9 @@ import uuid
 from dataclasses import dataclass
 from pathlib import Path
 
+from actionkit._model.timeline import Recorder
+from actionkit._model.values import Timeline
 from actionkit._observers.json_schema import LoggedLine, parse_line
-from actionkit._timeline import Recorder
-from actionkit._values import Timeline
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from actionkit._field_errors import shown
+from actionkit._model.field_errors import shown
+from actionkit._model.values import GoalEvent, GoalState, Outcome
 from actionkit._observers.protocol import CallInfo
 from actionkit._observers.words import outcome_word
-from actionkit._values import GoalEvent, GoalState, Outcome
 
 VERSION = 1
 """Of the schema. Fields may be added to it; what is there keeps its name and meaning."""

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from actionkit._values import GoalEvent
+from actionkit._model.values import GoalEvent
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ import inspect
 import logging
 from typing import Any
 
+from actionkit._model.values import GoalEvent, Outcome
 from actionkit._observers.protocol import CallInfo
 from actionkit._observers.words import level_of, level_of_outcome, outcome_sentence, sentence
-from actionkit._values import GoalEvent, Outcome
 
 
 class Rosout:

@@ -7,9 +7,9 @@ import uuid
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from actionkit._model.values import GoalEvent, GoalState, Outcome
 from actionkit._observers.protocol import CallInfo
 from actionkit._observers.words import outcome_word
-from actionkit._values import GoalEvent, GoalState, Outcome
 
 if TYPE_CHECKING:
     from opentelemetry.metrics import MeterProvider

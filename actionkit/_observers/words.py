@@ -6,8 +6,8 @@ import concurrent.futures
 import logging
 from typing import Any
 
-from actionkit._errors import ClientClosedError
-from actionkit._values import GoalEvent, GoalState, Outcome
+from actionkit._model.errors import ClientClosedError
+from actionkit._model.values import GoalEvent, GoalState, Outcome
 
 LEVELS = {
     GoalState.SENDING: logging.DEBUG,

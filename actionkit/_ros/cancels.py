@@ -17,8 +17,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from actionkit._clock import TimerHandle, Timers
 from actionkit._ros.outbox import CancelWindow
+from actionkit._threads.clock import TimerHandle, Timers
 
 ANSWERED_WITHIN = 0.5
 """Seconds after which an answer is not waited for any more before others are asked for. A server

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container
 
-from actionkit._clock import TimerHandle
 from actionkit._ros.native import EventSource, MessageSource
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.wire import feedback_goal_id
+from actionkit._threads.clock import TimerHandle
 
 _PAUSE = 0.002
 """Seconds; a goal may send a thousand a second."""

@@ -13,12 +13,12 @@ from action_msgs.srv import CancelGoal
 from actionkit._ros.entities import Entities
 from actionkit._ros.feedback import FeedbackWatch
 from actionkit._ros.listener import GoalListener, SentGoal
-from actionkit._ros.liveness import Liveness
-from actionkit._ros.lookout import Lookout
 from actionkit._ros.outbox import Outbox
-from actionkit._ros.presence import Presence
 from actionkit._ros.requests import Requests
 from actionkit._ros.runtime import Runtime
+from actionkit._ros.servers.liveness import Liveness
+from actionkit._ros.servers.monitor import Lookout
+from actionkit._ros.servers.readiness import Presence
 from actionkit._ros.status import StatusWatch
 
 _UNKNOWN = CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID

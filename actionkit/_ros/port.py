@@ -13,14 +13,14 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
-from actionkit._clock import TimerHandle
-from actionkit._errors import ActionTypeMismatchError
+from actionkit._model.errors import ActionTypeMismatchError
 from actionkit._ros import graph, runtimes
 from actionkit._ros.link import Link
 from actionkit._ros.names import Identity, resolve, type_name_of
 from actionkit._ros.native import RCLError, domain_of
 from actionkit._ros.wire import feedback_alone
-from actionkit._waiting import Flag
+from actionkit._threads.clock import TimerHandle
+from actionkit._threads.waiting import Flag
 
 
 class Port:

@@ -18,8 +18,8 @@ from unique_identifier_msgs.msg import UUID
 from actionkit._ros.cancels import CancelQueue
 from actionkit._ros.entities import Entities
 from actionkit._ros.native import Source
+from actionkit._ros.orphans import Strays
 from actionkit._ros.runtime import Runtime
-from actionkit._ros.strays import Strays
 
 _UUIDS = 64
 _QUESTIONS = 64

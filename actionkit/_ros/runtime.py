@@ -26,12 +26,12 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from actionkit._clock import TimerHandle, TimerQueue
-from actionkit._diagnostics import log_later, log_own_error
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.native import Source, Waiter, is_up
 from actionkit._ros.outbox import CancelWindow, Window
-from actionkit._waiting import Flag, taken_from
+from actionkit._threads.clock import TimerHandle, TimerQueue
+from actionkit._threads.diagnostics import log_later, log_own_error
+from actionkit._threads.waiting import Flag, taken_from
 
 _T = TypeVar("_T")
 _START_TIMEOUT = 30.0

@@ -12,11 +12,11 @@ from typing import Any
 
 from rclpy.exceptions import InvalidHandle
 
-from actionkit._clock import TimerHandle
 from actionkit._ros.entities import Entities, StatusSubscription
 from actionkit._ros.native import RCLError
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.wire import goal_states
+from actionkit._threads.clock import TimerHandle
 
 _PERIOD = 0.1
 """Seconds between two readings; the topic keeps only its latest message."""

@@ -10,9 +10,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from actionkit._calls.future import GoalFuture
 from actionkit._client import Client
-from actionkit._future import GoalFuture
-from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome
+from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit.cli._exits import Exit, exit_of
 from actionkit.cli._progress import Progress
 from actionkit.cli._reports import Now, Report, became

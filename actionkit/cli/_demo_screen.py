@@ -13,7 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.syntax import Syntax
 from rich.text import Text
 
-from actionkit._printable import printable
+from actionkit._model.printable import printable
 
 _WIDTH = 92
 """Wider text is hard to read."""

@@ -11,8 +11,8 @@ from actionkit.cli._findings import Finding, note, ok, problem
 from actionkit.cli.info import nothing_there
 
 if TYPE_CHECKING:
-    from actionkit._ros.roundtrip import RoundTrip
-    from actionkit._ros.survey import ActionSeen, Survey
+    from actionkit._ros.tools.roundtrip import RoundTrip
+    from actionkit._ros.tools.survey import ActionSeen, Survey
 
 _ROUND_TRIP = 5.0
 _SLOW = 0.1
@@ -112,7 +112,7 @@ def _one(action: ActionSeen) -> Iterator[Finding]:
 
 
 def _answers(name: str, servers: int) -> Iterator[Finding]:
-    from actionkit._ros.roundtrip import measure
+    from actionkit._ros.tools.roundtrip import measure
 
     yield from judged(name, servers, measure(name, _ROUND_TRIP))
 

@@ -10,9 +10,9 @@ from typing import Any
 import click
 import yaml
 
-from actionkit._field_errors import shown
-from actionkit._field_paths import message_class, slots_of, type_name
-from actionkit._fields import FieldProblem, to_message
+from actionkit._messages.convert import FieldProblem, to_message
+from actionkit._messages.paths import message_class, slots_of, type_name
+from actionkit._model.field_errors import shown
 
 _NOW = ("now", "auto")
 """The words for the present time, as `ros2` has them: one for stamps, one for headers."""

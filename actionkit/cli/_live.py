@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from rich.text import Text
 
-from actionkit._printable import printable
-from actionkit._values import Outcome
+from actionkit._model.printable import printable
+from actionkit._model.values import Outcome
 from actionkit.cli._exits import Exit
 from actionkit.cli._reports import Now, TextReport, described, not_shown
 

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
-from actionkit._printable import printable
-from actionkit._settings import MOST, MOST_TEXT
+from actionkit._model.printable import printable
+from actionkit._model.settings import MOST, MOST_TEXT
 
 HELP = {"help_option_names": ["-h", "--help"], "max_content_width": 92}
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -84,7 +84,7 @@ def complete_names(
 ) -> list[CompletionItem]:
     """Return the names of the actions in sight; nothing where that fails, whatever the reason."""
     try:
-        from actionkit._ros.survey import Survey
+        from actionkit._ros.tools.survey import Survey
         from actionkit.cli._stdout import keep_clean
 
         keep_clean()

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from enum import Enum
 from itertools import zip_longest
 
+from actionkit._model.timeline_text import timeline_text
+from actionkit._model.values import GoalEvent, GoalState
 from actionkit._observers.json_schema import LoggedLine
-from actionkit._timeline_text import timeline_text
-from actionkit._values import GoalEvent, GoalState
 
 
 class Phase(Enum):

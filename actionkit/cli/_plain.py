@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from actionkit._fields import to_plain
+from actionkit._messages.convert import to_plain
 
 
 class _Dumper(yaml.SafeDumper):

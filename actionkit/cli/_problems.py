@@ -10,7 +10,7 @@ from actionkit.cli._exits import Exit
 from actionkit.cli._stdout import keep_clean
 
 if TYPE_CHECKING:
-    from actionkit._ros.survey import Survey
+    from actionkit._ros.tools.survey import Survey
 
 
 class Problem(click.ClickException):
@@ -39,7 +39,7 @@ def open_survey() -> Survey:
     """
     keep_clean()
     try:
-        from actionkit._ros.survey import Survey
+        from actionkit._ros.tools.survey import Survey
     except Exception as error:  # also what a broken middleware raises
         raise no_ros(error) from error
     try:

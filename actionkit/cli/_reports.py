@@ -6,7 +6,7 @@ import uuid
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from actionkit._values import CancelReport, GoalEvent, GoalState, Outcome
+from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit.cli._exits import Exit
 from actionkit.cli._plain import as_json, as_yaml
 from actionkit.cli._say import say
@@ -177,7 +177,7 @@ class JsonReport:
         )
 
     def feedback(self, message: Any) -> None:
-        from actionkit._fields import to_plain
+        from actionkit._messages.convert import to_plain
 
         self._write("feedback", feedback=to_plain(message))
 
@@ -191,7 +191,7 @@ class JsonReport:
         self._write("canceling", cause=_CAUSES[code])
 
     def finished(self, outcome: Outcome[Any], code: Exit) -> None:
-        from actionkit._fields import to_plain
+        from actionkit._messages.convert import to_plain
 
         error = outcome.error
         self._write(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from actionkit._printable import printable
+from actionkit._model.printable import printable
 
 
 def say(text: str = "", *, err: bool = False, label: str = "") -> None:

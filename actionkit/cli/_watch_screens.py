@@ -11,7 +11,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 from typing_extensions import Self
 
-from actionkit._printable import printable
+from actionkit._model.printable import printable
 from actionkit.cli._goal_board import Board, Row
 from actionkit.cli._plain import as_json
 from actionkit.cli._say import say

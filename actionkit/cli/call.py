@@ -20,7 +20,7 @@ from actionkit.cli._options import (
 from actionkit.cli._problems import no_ros
 
 if TYPE_CHECKING:
-    from actionkit._classify import FieldClassifier
+    from actionkit._calls.classify import FieldClassifier
     from actionkit.cli._progress import Field
     from actionkit.cli._reports import Report
 
@@ -170,7 +170,7 @@ def command(
     except ValueError as error:
         raise click.UsageError(str(error)) from error
 
-    from actionkit._left_running import mute
+    from actionkit._calls.left_running import mute
     from actionkit.cli._calling import Calling
     from actionkit.cli._progress import Progress
 
@@ -224,7 +224,7 @@ def _classifier(
 ) -> FieldClassifier | None:
     if ok is None and transient is None:
         return None
-    from actionkit._classify import classify_by_field
+    from actionkit._calls.classify import classify_by_field
 
     paths, values = {}, {}
     for option, text in (("ok", ok), ("transient", transient)):

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import click
 
+from actionkit._model.timeline import Recorder
 from actionkit._observers.json_reader import read_json_lines
 from actionkit._observers.json_schema import LoggedLine
-from actionkit._timeline import Recorder
 from actionkit.cli._exits import Exit
 from actionkit.cli._say import say
 

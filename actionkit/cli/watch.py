@@ -56,7 +56,7 @@ def command(
     with open_survey() as survey:
         full = full_name(survey, name)
 
-        from actionkit._ros.watch import StatusReader
+        from actionkit._ros.tools.watch import StatusReader
         from actionkit.cli._goal_board import Board
 
         board = Board()

@@ -17,7 +17,7 @@ from test_msgs.action import Fibonacci, NestedMessage
 from test_msgs.msg import Builtins, MultiNested
 
 from actionkit import GoalEvent, GoalState
-from actionkit._fields import to_plain
+from actionkit._messages.convert import to_plain
 from actionkit.cli import _signals
 from actionkit.cli._calling import Calling
 from actionkit.cli._doctor_graph import judged

@@ -8,7 +8,8 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from actionkit import RetryPolicy, _blocked
+from actionkit import RetryPolicy
+from actionkit._threads import blocked as _blocked
 from actionkit.testing import EventLog
 
 LONG = 20.0  # the bound of a wait that is over soon when all is well

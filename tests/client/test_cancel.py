@@ -8,7 +8,8 @@ import time
 import pytest
 
 import actionkit as ak
-from actionkit import CancelReport, GoalState, Timeouts, _carrier
+from actionkit import CancelReport, GoalState, Timeouts
+from actionkit._calls import carrier as _carrier
 from tests.conftest import asked_to_cancel, cancels, is_accepted, runs_nothing
 
 

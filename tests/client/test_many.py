@@ -17,7 +17,7 @@ from test_msgs.action import Fibonacci
 
 from actionkit import Client, GoalState, RetryPolicy, Timeouts
 from actionkit._ros.outbox import WINDOW
-from actionkit._ros.presence import State
+from actionkit._ros.servers.readiness import State
 from tests.conftest import without_noise
 
 

@@ -25,14 +25,14 @@ from actionkit import (
     Timeouts,
     Verdict,
 )
-from actionkit import _call as call_module
-from actionkit._attempt import STATES, Attempt
-from actionkit._call import Call
-from actionkit._clock import TimerHandle, TimerQueue
-from actionkit._delivery import Pool
-from actionkit._effects import CancelAnswer
-from actionkit._request import Request
-from actionkit._surroundings import Surroundings
+from actionkit._calls import call as call_module
+from actionkit._calls.attempt import STATES, Attempt
+from actionkit._calls.call import Call
+from actionkit._calls.graph_snapshot import Surroundings
+from actionkit._calls.request import Request
+from actionkit._goal.effects import CancelAnswer
+from actionkit._threads.clock import TimerHandle, TimerQueue
+from actionkit._threads.pool import Pool
 
 CODES = {state: code for code, state in STATES.items()}
 ANSWERS = {

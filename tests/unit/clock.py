@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from actionkit._clock import TimerHandle, TimerQueue
+from actionkit._threads.clock import TimerHandle, TimerQueue
 
 
 class Clock:

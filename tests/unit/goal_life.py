@@ -6,7 +6,7 @@ import copy
 import math
 from typing import Any
 
-from actionkit._effects import (
+from actionkit._goal.effects import (
     Arm,
     AskCancel,
     CancelAnswer,
@@ -24,9 +24,9 @@ from actionkit._effects import (
     Timer,
     Withdraw,
 )
-from actionkit._goal import Goal, Stage
-from actionkit._settings import Timeouts
-from actionkit._values import CancelReport, GoalState
+from actionkit._goal.machine import Goal, Stage
+from actionkit._model.settings import Timeouts
+from actionkit._model.values import CancelReport, GoalState
 
 UNTIL_SENT = ("start", "server_ready", "sent")
 UNTIL_ACCEPTED = (*UNTIL_SENT, "accepted")

@@ -15,88 +15,41 @@ import actionkit
 
 ROOT = Path(actionkit.__file__).parent
 
-# From the bottom up: a module imports only from layers below its own.
-LAYERS: list[set[str]] = [
-    {"_printable"},
-    {
-        "_action_type",
-        "_arguments",
-        "_clock",
-        "_diagnostics",
-        "_errors",
-        "_field_errors",
+#: What each package, or module at the top, may import of the others.
+MAY_IMPORT: dict[str, set[str]] = {
+    "_model": set(),
+    "_threads": {"_model"},
+    "_messages": {"_model", "_threads"},
+    "_goal": {"_model"},
+    "_observers": {"_model", "_threads", "_messages"},
+    "_ros": {"_model", "_threads"},
+    "_calls": {"_model", "_threads", "_messages", "_goal", "_observers", "_ros"},
+    "_client": {"_model", "_threads", "_messages", "_observers", "_ros", "_calls"},
+    "": {"_model", "_observers", "_calls", "_client"},
+    "servers": {"_ros"},
+    "testing": {"servers"},
+    "cli": {
+        "",
+        "_model",
+        "_messages",
         "_observers",
-        "_surroundings",
-        "_timeline_text",
-        "_waiting",
+        "_ros",
+        "_calls",
+        "_client",
+        "servers",
+        "testing",
     },
-    {"_blocked", "_decode", "_left_running"},
-    {"_delivery", "_field_paths", "_field_types", "_settings", "_values"},
-    {"_asking", "_feedback"},
-    {"_feedback_tape"},
-    {
-        "_budget",
-        "_effects",
-        "_fields",
-        "_observers.channel",
-        "_observers.protocol",
-        "_observers.words",
-        "_timeline",
-    },
-    {
-        "_observers.goal_log",
-        "_observers.json_schema",
-        "_observers.rosout",
-        "_observers.telemetry",
-    },
-    {"_observers.audience", "_observers.json_lines", "_observers.json_reader"},
-    {"_classify", "_explain", "_future", "_retry", "_stages"},
-    {"_goal", "_judging", "_request", "_retrying"},
-    {"_attempt"},
-    {"_call"},
-    {"_carrier"},
-    {"_session"},
-    {"_exit"},
-    {"_client"},
-    {""},  # actionkit itself
-]
-ROS_LAYERS: list[set[str]] = [
-    {"_clock", "_diagnostics", "_errors", "_waiting"},
-    {"_ros.discovery", "_ros.graph", "_ros.listener", "_ros.native", "_ros.outbox", "_ros.wire"},
-    {
-        "_ros.cancels",
-        "_ros.entities",
-        "_ros.names",
-        "_ros.presence",
-        "_ros.runtime",
-        "_ros.strays",
-    },
-    {
-        "_ros.feedback",
-        "_ros.liveness",
-        "_ros.requests",
-        "_ros.rollcall",
-        "_ros.status",
-    },
-    {"_ros.lookout", "_ros.runtimes"},
-    {"_ros.link", "_ros.roundtrip", "_ros.survey", "_ros.watch"},
-    {"_ros.port"},
-    {"_carrier"},
-]
+    "__main__": {"cli"},
+}
 APART = ("cli", "servers", "testing", "__main__")
 """Programs and servers of their own, built on the library or beside it."""
 PURE = (
     "_goal",
-    "_stages",
-    "_effects",
-    "_timeline",
-    "_timeline_text",
+    "_model",
     "_observers.json_schema",
-    "_printable",
-    "_clock",
-    "_explain",
-    "_retry",
-    "_values",
+    "_threads.clock",
+    "_calls.explain",
+    "_calls.retry",
     "_ros.cancels",
     "_ros.outbox",
     "_ros.wire",
@@ -104,8 +57,8 @@ PURE = (
 ROS = ("rclpy", "action_msgs", "unique_identifier_msgs")
 LONGEST = 350
 LONGER = {
-    "_call.py": 425,  # the turns of a call; what decides them is elsewhere
-    "_goal.py": 625,  # one table of situations and events; half of it would tell half the story
+    "_calls/call.py": 425,  # the turns of a call; what decides them is elsewhere
+    "_goal/machine.py": 625,  # one table of situations and events; half of it would tell half the story
 }
 
 
@@ -172,55 +125,36 @@ def imports_package(name: str, package: str) -> bool:
 # --- one way -----------------------------------------------------------------------------------
 
 
-def test_every_module_has_its_layer() -> None:
-    known = set().union(*LAYERS, *ROS_LAYERS) | {"_ros"}
-    assert set(library()) == known, "a new module: give it a layer in this file"
+def package_of(name: str) -> str:
+    return name.split(".", maxsplit=1)[0]
 
 
-@pytest.mark.parametrize("layers", [LAYERS, ROS_LAYERS], ids=["library", "_ros"])
-def test_imports_run_one_way(layers: list[set[str]]) -> None:
-    height = {name: number for number, layer in enumerate(layers) for name in layer}
+def test_imports_between_packages_run_one_way() -> None:
+    assert {package_of(name) for name in modules()} == set(MAY_IMPORT)
     wrong = [
         f"{name} imports {other}"
-        for name in height
+        for name in modules()
         for other in own_imports(name)
-        if other in height and height[other] >= height[name]
+        if package_of(other) not in MAY_IMPORT[package_of(name)] | {package_of(name)}
     ]
     assert wrong == []
 
 
 def test_there_are_no_cycles() -> None:
-    left = {name: own_imports(name, top=True) & set(modules()) for name in modules()}
+    left = {name: own_imports(name) & set(modules()) for name in modules()}
     while free := [name for name, needed in left.items() if not needed & set(left)]:
         for name in free:
             del left[name]
     assert left == {}
 
 
-def test_the_room_of_rclpy_knows_nothing_of_calls() -> None:
-    for name in library():
-        if name.startswith("_ros"):
-            outside = {other for other in own_imports(name) if not other.startswith("_ros")}
-            assert outside <= {"_clock", "_diagnostics", "_errors", "_waiting"}, name
+def test_servers_use_nothing_of_the_client_but_what_every_node_needs() -> None:
+    used = {o for name in modules() if package_of(name) == "servers" for o in own_imports(name)}
+    assert {name for name in used if package_of(name) != "servers"} == {"_ros.discovery"}
 
 
-def test_what_is_built_on_the_library_is_not_imported_by_it() -> None:
-    for name in library():
-        assert not [other for other in own_imports(name) if is_apart(other)], name
-
-
-def test_nobody_imports_the_command_line() -> None:
-    for name in modules():
-        if name.split(".")[0] not in ("cli", "__main__"):
-            assert not [o for o in own_imports(name) if o.split(".")[0] == "cli"], name
-
-
-@pytest.mark.parametrize("package", ["servers", "testing"])
-def test_servers_and_test_tools_use_nothing_of_the_client(package: str) -> None:
-    for name in modules():
-        if name.split(".")[0] == package:
-            others = own_imports(name) - {"_ros.discovery"}  # every rclpy node needs that one
-            assert {other.split(".")[0] for other in others} <= {"servers", "testing"}, name
+def test_few_entries_at_the_top() -> None:
+    assert len([path for path in ROOT.iterdir() if path.name != "__pycache__"]) <= 16
 
 
 # --- what may be used where --------------------------------------------------------------------
@@ -257,12 +191,13 @@ def test_one_module_touches_the_private_parts_of_rclpy() -> None:
 
 @pytest.mark.parametrize("name", PURE)
 def test_pure_modules_know_no_threads_no_clock_and_no_middleware(name: str) -> None:
+    below = [module for module in library() if module == name or module.startswith(name + ".")]
     for module in ("threading", "time", "asyncio", "logging", *ROS):
-        assert not imports_package(name, module), module
+        assert not [one for one in below if imports_package(one, module)], module
 
 
 def test_one_module_touches_tenacity() -> None:
-    assert {name for name in library() if imports_package(name, "tenacity")} == {"_retry"}
+    assert {name for name in library() if imports_package(name, "tenacity")} == {"_calls.retry"}
 
 
 def test_one_module_touches_opentelemetry() -> None:
@@ -271,7 +206,10 @@ def test_one_module_touches_opentelemetry() -> None:
 
 
 def test_the_state_machine_knows_only_its_own_words() -> None:
-    assert own_imports("_goal", runtime=False) == {"_effects", "_settings", "_stages", "_values"}
+    for name in library():
+        if package_of(name) == "_goal":
+            others = {o for o in own_imports(name, runtime=False) if package_of(o) != "_goal"}
+            assert others <= {"_model.settings", "_model.values"}, name
 
 
 # --- sizes and costs ---------------------------------------------------------------------------

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from actionkit._asking import Asking, Threads, Unanswered, described, name_of
-from actionkit._clock import TimerHandle, TimerQueue
-from actionkit._delivery import in_callback
+from actionkit._threads.asking import Asking, Threads, Unanswered, described, name_of
+from actionkit._threads.clock import TimerHandle, TimerQueue
+from actionkit._threads.pool import in_callback
 
 LONG = 10.0  # the bound of a wait that is over at once when all is well
 

@@ -9,9 +9,17 @@ from collections.abc import Callable
 
 import pytest
 
-from actionkit import _blocked
-from actionkit._blocked import BLOCKED_AFTER, TOLD_AFTER, Label, Turn, Worker, look_at, name_of
-from actionkit._delivery import Pool, Strand
+from actionkit._threads import blocked as _blocked
+from actionkit._threads.blocked import (
+    BLOCKED_AFTER,
+    TOLD_AFTER,
+    Label,
+    Turn,
+    Worker,
+    look_at,
+    name_of,
+)
+from actionkit._threads.pool import Pool, Strand
 from tests.conftest import NEVER, all_is_logged
 
 LONG = 20.0

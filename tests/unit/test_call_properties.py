@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import GoalState, RetryBudget, RetryPolicy, Verdict
-from actionkit import _errors as errors
-from actionkit._effects import CancelAnswer
+from actionkit._goal.effects import CancelAnswer
+from actionkit._model import errors
 
 Event = tuple[Any, ...]
 

@@ -7,7 +7,7 @@ import time
 from types import SimpleNamespace
 from typing import Any
 
-from actionkit._carrier import LINGER, PortCarrier
+from actionkit._calls.carrier import LINGER, PortCarrier
 from tests.unit.clock import Clock
 
 

@@ -11,8 +11,8 @@ from test_msgs.action import Fibonacci, NestedMessage
 
 import actionkit
 from actionkit import GoalState, Outcome, Verdict, classify_by_field
-from actionkit._classify import asked, default_verdict, overruled
-from actionkit._effects import End, Ending, Fault
+from actionkit._calls.classify import asked, default_verdict, overruled
+from actionkit._goal.effects import End, Ending, Fault
 
 SUCCESS, TRANSIENT, PERMANENT = Verdict
 ABORTED = actionkit.GoalAbortedError("aborted")

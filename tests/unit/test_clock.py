@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit._clock import TimerGroup, TimerHandle, TimerQueue
+from actionkit._threads.clock import TimerGroup, TimerHandle, TimerQueue
 from tests.unit.clock import Clock
 
 ROOM = 64

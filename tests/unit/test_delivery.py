@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 import pytest
 
-from actionkit._blocked import Label
-from actionkit._delivery import Pool, Strand, in_callback
+from actionkit._threads.blocked import Label
+from actionkit._threads.pool import Pool, Strand, in_callback
 
 LONG = 10.0  # the bound of a wait that is over at once when all is well
 IT = Label("it", None, "the rest")
@@ -251,7 +251,7 @@ def test_a_job_knows_that_it_is_a_callback() -> None:
 
 FORKED = """
 import os, threading
-from actionkit import _blocked, _delivery
+from actionkit._threads import blocked as _blocked, pool as _delivery
 
 entered, forever = threading.Event(), threading.Event()
 it = _blocked.Label('it', None, 'nothing')

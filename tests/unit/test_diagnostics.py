@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from actionkit import _diagnostics as diagnostics
+from actionkit._threads import diagnostics
 from actionkit.testing import EventLog
 from tests.conftest import NEVER
 
@@ -199,7 +199,7 @@ def test_a_human_need_not_wait_for_a_handler_at_the_exit(monkeypatch: pytest.Mon
 
 FORKED = """
 import logging, os, threading, time
-from actionkit import _diagnostics as diagnostics
+from actionkit._threads import diagnostics
 
 entered, seen = threading.Event(), []
 class Handler(logging.Handler):

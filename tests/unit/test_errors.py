@@ -12,8 +12,9 @@ import pytest
 from test_msgs.action import Fibonacci
 
 import actionkit
-from actionkit import CancelReport, GoalEvent, GoalState, _errors
-from actionkit._field_errors import FieldError
+from actionkit import CancelReport, GoalEvent, GoalState
+from actionkit._model import errors as _errors
+from actionkit._model.field_errors import FieldError
 
 TREE: dict[str, tuple[str, ...]] = {
     "ActionKitError": ("Exception",),

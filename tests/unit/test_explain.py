@@ -14,11 +14,12 @@ from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
 from test_msgs.action import Fibonacci
 
 import actionkit
-from actionkit import CancelReport, GoalEvent, GoalState, Timeouts, Verdict, _explain
-from actionkit._effects import CancelAnswer, End, Ending, Fault, Known, Reached
-from actionkit._explain import Story, explain
-from actionkit._field_errors import FieldError
-from actionkit._surroundings import Surroundings
+from actionkit import CancelReport, GoalEvent, GoalState, Timeouts, Verdict
+from actionkit._calls import explain as _explain
+from actionkit._calls.explain import Story, explain
+from actionkit._calls.graph_snapshot import Surroundings
+from actionkit._goal.effects import CancelAnswer, End, Ending, Fault, Known, Reached
+from actionkit._model.field_errors import FieldError
 
 EVENT = GoalEvent(uuid.uuid4(), 1, GoalState.SENDING, 1.0, 2.0)
 GOAL_ID = uuid.uuid4()

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from actionkit._decode import DecodeOnce
-from actionkit._delivery import Pool, in_callback
-from actionkit._feedback import KEPT, Callbacks, LoopCallbacks, ThreadCallbacks, callbacks_for
-from actionkit._feedback_tape import FeedbackTape
+from actionkit._calls.feedback import KEPT, Callbacks, LoopCallbacks, ThreadCallbacks, callbacks_for
+from actionkit._calls.feedback_broadcast import FeedbackTape
+from actionkit._messages.lazy import DecodeOnce
+from actionkit._threads.pool import Pool, in_callback
 
 LONG = 10.0
 

@@ -6,8 +6,8 @@ import asyncio
 import threading
 from collections.abc import Callable
 
-from actionkit._feedback import KEPT
-from actionkit._feedback_tape import FeedbackStream, FeedbackTape
+from actionkit._calls.feedback import KEPT
+from actionkit._calls.feedback_broadcast import FeedbackStream, FeedbackTape
 
 LONG = 10.0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
 
-from actionkit._effects import (
+from actionkit._goal.effects import (
     AskCancel,
     AskResult,
     CancelAnswer,
@@ -20,9 +20,9 @@ from actionkit._effects import (
     Timer,
     Withdraw,
 )
-from actionkit._goal import DOUBT, Stage
-from actionkit._settings import LONGEST_GRACE
-from actionkit._values import CancelReport, GoalState
+from actionkit._goal.machine import DOUBT, Stage
+from actionkit._model.settings import LONGEST_GRACE
+from actionkit._model.values import CancelReport, GoalState
 
 # --- the deadline ------------------------------------------------------------------------------
 

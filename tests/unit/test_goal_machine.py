@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
 
-from actionkit._effects import (
+from actionkit._goal.effects import (
     Arm,
     AskCancel,
     AskResult,
@@ -25,8 +25,8 @@ from actionkit._effects import (
     WatchStatus,
     Withdraw,
 )
-from actionkit._goal import MAX_RESULT_NUDGE, Stage
-from actionkit._values import CancelReport, GoalState
+from actionkit._goal.machine import MAX_RESULT_NUDGE, Stage
+from actionkit._model.values import CancelReport, GoalState
 
 # --- what a server does of its own -------------------------------------------------------------
 

@@ -15,9 +15,9 @@ from hunting import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit._effects import AskCancel, CancelAnswer, End, Release, SendGoal, Timer
-from actionkit._goal import GaveUp, Stage
-from actionkit._values import CancelReport, GoalState
+from actionkit._goal.effects import AskCancel, CancelAnswer, End, Release, SendGoal, Timer
+from actionkit._goal.machine import GaveUp, Stage
+from actionkit._model.values import CancelReport, GoalState
 
 Event = tuple[Any, ...]
 

@@ -18,8 +18,8 @@ import pytest
 
 from actionkit._ros.entities import Entities
 from actionkit._ros.listener import GoalListener, SentGoal
-from actionkit._ros.lookout import Lookout
 from actionkit._ros.runtime import Runtime
+from actionkit._ros.servers.monitor import Lookout
 from tests.unit.clock import Clock
 
 TYPE = "test_msgs/action/Fibonacci"

@@ -16,16 +16,16 @@ import pytest
 
 import actionkit as ak
 from actionkit import CallInfo, GoalEvent, GoalState, Outcome, Rosout, Timeline
-from actionkit import _diagnostics as diagnostics
-from actionkit._blocked import Label, Work
-from actionkit._decode import DecodeOnce
-from actionkit._delivery import Pool
+from actionkit._messages.lazy import DecodeOnce
 from actionkit._observers import channel as channel_module
-from actionkit._observers.audience import Audience
 from actionkit._observers.channel import Channel
+from actionkit._observers.dispatcher import Audience
 from actionkit._observers.goal_log import GoalLog
 from actionkit._observers.protocol import check_observers
 from actionkit._observers.words import LEVELS, level_of, level_of_outcome, outcome_word
+from actionkit._threads import diagnostics
+from actionkit._threads.blocked import Label, Work
+from actionkit._threads.pool import Pool
 from actionkit.testing import EventLog
 
 LONG = 10.0
@@ -285,8 +285,8 @@ AT_EXIT = """
 import atexit, threading
 from actionkit._observers import channel as channels
 import time
-from actionkit._blocked import Label
-from actionkit._delivery import Pool
+from actionkit._threads.blocked import Label
+from actionkit._threads.pool import Pool
 channel = channels.Channel(Label("it", None, ""), Pool(), "/fibonacci")
 def at_exit():
     for number in range(3):
@@ -508,7 +508,7 @@ def test_nothing_is_made_where_nobody_listens(monkeypatch: pytest.MonkeyPatch) -
 
 SILENT = """
 import actionkit as ak, uuid, time
-from actionkit._observers.audience import Audience
+from actionkit._observers.dispatcher import Audience
 audience = Audience(action_name="/fibonacci")
 id = uuid.uuid4()
 call = audience.call_info(id, None, monotonic=0.0, wall=0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from actionkit._ros.graph import ServerInfo
-from actionkit._ros.presence import Presence, State
+from actionkit._ros.servers.readiness import Presence, State
 from tests.unit.clock import Clock
 
 OURS = "test_msgs/action/Fibonacci"

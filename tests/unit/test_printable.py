@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit._printable import on_one_line, printable
+from actionkit._model.printable import on_one_line, printable
 
 
 @pytest.mark.parametrize(

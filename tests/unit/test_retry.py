@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import RetryPolicy, ServerLostError
-from actionkit._effects import Fault, Known, Reached
-from actionkit._retry import GiveUp, Pause, Resend, Schedule, how_to_resend
+from actionkit._calls.retry import GiveUp, Pause, Resend, Schedule, how_to_resend
+from actionkit._goal.effects import Fault, Known, Reached
 
 # --- resend safety (contract C4.2) -------------------------------------------------------------
 

@@ -7,8 +7,8 @@ from itertools import count
 
 import pytest
 
-from actionkit._clock import TimerHandle, TimerQueue
-from actionkit._ros.rollcall import RollCall
+from actionkit._ros.servers.restarts import RollCall
+from actionkit._threads.clock import TimerHandle, TimerQueue
 
 
 class World:

@@ -10,7 +10,7 @@ import pytest
 import tenacity
 
 from actionkit import RetryBudget, RetryPolicy, Timeouts
-from actionkit._settings import MOST, check_seconds
+from actionkit._model.settings import MOST, check_seconds
 
 TIMEOUTS = [field.name for field in dataclasses.fields(Timeouts)]
 NO_SECONDS = ["1", True, b"", [1], object(), 1j]

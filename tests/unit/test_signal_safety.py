@@ -17,16 +17,16 @@ from typing import Any
 import pytest
 
 from actionkit import GoalState, Outcome, RetryBudget
-from actionkit._blocked import Label
-from actionkit._carrier import PortCarrier
-from actionkit._delivery import Pool
-from actionkit._effects import End
-from actionkit._feedback_tape import FeedbackTape
-from actionkit._future import GoalFuture
+from actionkit._calls.carrier import PortCarrier
+from actionkit._calls.feedback_broadcast import FeedbackTape
+from actionkit._calls.future import GoalFuture
+from actionkit._goal.effects import End
+from actionkit._model.timeline import Recorder
+from actionkit._model.values import Timeline
 from actionkit._observers.channel import Channel
-from actionkit._timeline import Recorder
-from actionkit._values import Timeline
-from actionkit._waiting import Flag, taken_from
+from actionkit._threads.blocked import Label
+from actionkit._threads.pool import Pool
+from actionkit._threads.waiting import Flag, taken_from
 
 BOUND = 20.0
 """Seconds for what takes microseconds."""

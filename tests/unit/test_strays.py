@@ -7,8 +7,8 @@ from itertools import count, pairwise
 
 import pytest
 
+from actionkit._ros.orphans import Strays
 from actionkit._ros.outbox import Window
-from actionkit._ros.strays import Strays
 from tests.conftest import all_is_logged
 from tests.unit.clock import Clock
 

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import GoalEvent, GoalState, Timeline
-from actionkit._timeline import Recorder
+from actionkit._model.timeline import Recorder
 
 GOALS = [uuid.UUID(int=number) for number in range(3)]
 MOST = 200

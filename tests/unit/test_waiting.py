@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from actionkit._waiting import slices
+from actionkit._threads.waiting import slices
 from tests.conftest import NEVER
 
 

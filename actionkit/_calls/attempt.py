@@ -1,0 +1,276 @@
+"""One goal on its way: carries out what its state machine asks for, and feeds it what comes.
+
+All of it happens on the communication thread.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from actionkit._goal.machine import Goal
+from actionkit._goal import effects as fx
+from actionkit._goal.stages import GaveUp, Stage
+from actionkit._model.settings import Timeouts
+from actionkit._model.values import GoalState
+from actionkit._threads.clock import TimerHandle
+
+STATES = {
+    1: GoalState.ACCEPTED,
+    2: GoalState.EXECUTING,
+    3: GoalState.CANCELING,
+    4: GoalState.SUCCEEDED,
+    5: GoalState.CANCELED,
+    6: GoalState.ABORTED,
+}
+"""The status codes of `action_msgs/msg/GoalStatus`; 0 means that the goal is not known."""
+
+_REJECTED = 1
+_UNKNOWN_GOAL_ID = 2
+_GOAL_TERMINATED = 3
+
+
+class AttemptOwner(Protocol):
+    """Who is told of the attempt's life."""
+
+    @property
+    def unwanted(self) -> bool: ...
+    @property
+    def urgent(self) -> bool: ...
+    def on_record(self, attempt: Attempt, state: GoalState, detail: str) -> None: ...
+    def on_feedback(self, attempt: Attempt, messages: list[bytes]) -> None: ...
+    def on_end(self, attempt: Attempt, ending: fx.Ending) -> None: ...
+    def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None: ...
+    def may_send(self, attempt: Attempt) -> bool: ...
+    def on_over(self, attempt: Attempt) -> None: ...
+
+
+class Attempt:
+    """Drives one `Goal` over one link."""
+
+    def __init__(
+        self,
+        link: Any,
+        goal_id: uuid.UUID,
+        goal_message: Any,
+        timeouts: Timeouts,
+        deadline: float | None,
+        owner: AttemptOwner,
+        *,
+        resent: bool,
+        on_out_of_sight: Callable[[Attempt], None],
+    ) -> None:
+        """Make an attempt that has not begun.
+
+        Args:
+            link: The `Link` to the servers.
+            goal_id: Our own id for it, so that the goal can be cancelled before it was ever
+                acknowledged (R5).
+            goal_message: The action's goal message; not changed by anybody any more.
+            timeouts: The caps on the phases.
+            deadline: Monotonic time at which the call's time is up, or `None`.
+            owner: Who is told, and asked whether the goal may be sent.
+            resent: Whether the same goal id was sent before.
+            on_out_of_sight: Called when nothing is left to watch for (`goal.stage` is OVER), or
+                can be for now, because the server is gone (LOST).
+        """
+        self.goal_id = goal_id
+        self.number = 1
+        """Which of its call's attempts it is; the owner counts."""
+        self.goal = Goal(timeouts, deadline, resent=resent)
+        self._link = link
+        self._liveness = timeouts.liveness
+        self._runtime = link.runtime
+        self._goal_message = goal_message
+        self._owner = owner
+        self._on_out_of_sight = on_out_of_sight
+        self._timers: dict[fx.Timer, TimerHandle] = {}
+        self._effects: deque[fx.Effect] = deque()
+        self._applying = False
+        self._in_outbox = False
+        self._has_result = False
+        self._cancels = 0  # requests sent, less those of which a server did not know the goal
+        if resent:
+            link.adopt(self)  # answers to the first request are this attempt's from now on
+
+    @property
+    def unwanted(self) -> bool:
+        """Whether the caller has cancelled: then the goal must not be sent any more."""
+        return self._owner.unwanted
+
+    @property
+    def cancel_is_ours(self) -> bool:
+        """Whether a cancel of ours may be why the goal was cancelled (C4.4)."""
+        return self._cancels > 0
+
+    # --- the caller's wishes ---------------------------------------------------------------
+
+    def start(self) -> None:
+        """Begin."""
+        self._apply(self.goal.start(self._now()))
+
+    def cancel(self) -> None:
+        """Cancel."""
+        self._apply(self.goal.cancel(self._now()))
+
+    def close(self, *, abandon: bool) -> None:
+        """End because the client closes."""
+        self._apply(self.goal.close(self._now(), abandon=abandon))
+
+    def end_grace(self) -> None:
+        """Wait no longer for a cancellation to be confirmed."""
+        self._apply(self.goal.timer(fx.Timer.CANCEL, self._now()))
+
+    def fail(self, reason: str, error: BaseException) -> None:
+        """End because this side broke."""
+        self._apply(self.goal.fail(reason, error, self._now()))
+
+    def supersede(self) -> None:
+        """Leave the goal to another attempt, which has the same id."""
+        self._apply(self.goal.supersede())
+        self._on_out_of_sight(self)
+
+    def drop(self) -> None:
+        """Watch the goal no more: what it was watched over is destroyed."""
+        self._apply([fx.Disarm(timer) for timer in fx.Timer])
+
+    def withdraw(self) -> None:
+        """End an attempt that has sent nothing, and tell nobody."""
+        self._apply([*self.goal.supersede(), fx.Withdraw()])
+        self._on_out_of_sight(self)
+
+    # --- what the link tells ---------------------------------------------------------------
+
+    def on_server_ready(self) -> None:
+        if self.goal.stage is Stage.AWAITING_SERVER and not self._owner.may_send(self):
+            # An earlier goal of the call may run (C4.2): the owner tells when it does not, and
+            # the link when a server is ready again.
+            self._link.hold(self)
+            return
+        back = self._link.sees_server_of(self)
+        self._apply((self.goal.server_back if back else self.goal.server_ready)(self._now()))
+
+    def on_type_mismatch(self, served: tuple[str, ...]) -> None:
+        self._apply(self.goal.type_mismatch(served, self._now()))
+
+    def on_sent(self) -> None:
+        self._apply(self.goal.sent(self._now()))
+
+    def on_send_failed(self, error: Exception) -> None:
+        self._apply(self.goal.send_failed(error, self._now()))
+
+    def on_accepted(self) -> None:
+        self._apply(self.goal.accepted(self._now()))
+
+    def on_rejected(self) -> None:
+        self._apply(self.goal.rejected(self._now()))
+
+    def on_feedback(self, messages: list[bytes]) -> None:
+        # First the states that it proves, so that acceptance is visible before feedback (C1.8).
+        self._apply(self.goal.feedback(self._now()))
+        self._owner.on_feedback(self, messages)
+
+    def on_status(self, status: int) -> None:
+        if status in STATES:
+            self._apply(self.goal.status(STATES[status], self._now()))
+
+    def on_result(self, status: int, result: Any, *, outdated: bool = False) -> None:
+        state = STATES.get(status)
+        if state is None and outdated:
+            return  # that the goal was not known then says nothing of now; it was asked again
+        if state is not None and not state.is_terminal:
+            return  # no server should answer with one; the nudge asks again
+        self._has_result = state is not None
+        ours = self.cancel_is_ours
+        self._apply(self.goal.result(state, result, self._now(), ours=ours))
+
+    def on_cancel_sent(self) -> None:
+        self._cancels += 1
+
+    def on_cancel_answer(self, code: int, ours_is_canceling: bool) -> None:
+        if ours_is_canceling:
+            answer = fx.CancelAnswer.ACCEPTED
+        elif code == _UNKNOWN_GOAL_ID:
+            answer = fx.CancelAnswer.UNKNOWN_GOAL
+            self._cancels = max(0, self._cancels - 1)  # some answer an earlier attempt's
+        elif code == _GOAL_TERMINATED:
+            answer = fx.CancelAnswer.TERMINATED
+        else:
+            # Code 0 with our id not in the list is how rclpy's servers refuse (R12).
+            answer = fx.CancelAnswer.REFUSED
+        self._apply(self.goal.cancel_answered(answer, self._now()))
+
+    def on_server_lost(self, reason: str) -> None:
+        self._apply(self.goal.server_lost(reason, self._now()))
+        if self.goal.stage is Stage.LOST:
+            self._link.stop_cancel(self)
+        self._on_out_of_sight(self)
+
+    # --- carrying out ----------------------------------------------------------------------
+
+    def _now(self) -> float:
+        return float(self._runtime.now())
+
+    def _apply(self, effects: list[fx.Effect]) -> None:
+        """Carry out effects in order, those after others that they themselves cause."""
+        self._effects.extend(effects)
+        if self._applying:
+            return
+        self._applying = True
+        try:
+            while self._effects:
+                self._carry_out(self._effects.popleft())
+        finally:
+            self._applying = False
+        waiting = self.goal.stage in (Stage.QUEUED, Stage.SENT) and not self.goal.settled
+        if self._in_outbox and not waiting:
+            # Whatever told it, an answer or the end of patience: the next may be sent.
+            self._in_outbox = False
+            self._link.leave_outbox(self)
+
+    def _carry_out(self, effect: fx.Effect) -> None:
+        if isinstance(effect, fx.Arm):
+            self._disarm(effect.timer)
+            self._timers[effect.timer] = self._runtime.call_at(
+                effect.at, lambda: self._fire(effect.timer)
+            )
+        elif isinstance(effect, fx.Disarm):
+            self._disarm(effect.timer)
+        elif isinstance(effect, fx.Record):
+            self._owner.on_record(self, effect.state, effect.detail)
+        elif isinstance(effect, fx.AwaitServer):
+            self._link.await_server(self)
+        elif isinstance(effect, fx.SendGoal):
+            self._in_outbox = True
+            self._link.send_goal(self, self._goal_message)
+            if self._liveness is not None:
+                self._link.liveness.start(self._liveness)
+        elif isinstance(effect, fx.AskResult):
+            self._link.ask_result(self, anew=effect.anew)
+        elif isinstance(effect, fx.AskCancel):
+            urgent = self._owner.urgent or self.goal.gave_up is GaveUp.DEADLINE
+            self._link.ask_cancel(self, urgent=urgent)
+        elif isinstance(effect, fx.WatchStatus):
+            self._link.watch_status()
+        elif isinstance(effect, fx.Settle):
+            self._owner.on_end(self, effect.ending)
+        elif isinstance(effect, fx.LateResult):
+            self._owner.on_late_result(self, effect.state, effect.result)
+        elif isinstance(effect, fx.Withdraw):
+            self._link.withdraw(self)
+        else:
+            self._link.forget(self, abandoned=self.goal.abandoned, finished=self._has_result)
+            self._on_out_of_sight(self)
+            self._owner.on_over(self)
+
+    def _fire(self, timer: fx.Timer) -> None:
+        self._timers.pop(timer, None)
+        confirmed_at = self._link.others_confirmed_at
+        self._apply(self.goal.timer(timer, self._now(), others_confirmed_at=confirmed_at))
+
+    def _disarm(self, timer: fx.Timer) -> None:
+        handle = self._timers.pop(timer, None)
+        if handle is not None:
+            self._runtime.timers.cancel(handle)

@@ -1,0 +1,106 @@
+"""A brake on retries, shared by the calls of a client or of several (contract C4.5)."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+
+from typing_extensions import final
+
+from actionkit._model.field_errors import shown
+from actionkit._model.settings import MOST, MOST_TEXT
+
+
+@final
+class RetryBudget:
+    """Lets callers retry only while most calls succeed, as gRPC's retry throttle does.
+
+    A transient failure takes one token, a success gives back `ratio` of one. Retries are
+    allowed while more than half of the tokens are there: when a server fails for everybody,
+    a fleet of callers soon stops hammering it, and each call still fails once by itself.
+
+    Safe to use from any thread; share one between clients to share the brake.
+    """
+
+    def __init__(self, capacity: float = 10.0, ratio: float = 0.1) -> None:
+        """Start with all tokens.
+
+        Args:
+            capacity: The most tokens, above 0.
+            ratio: The share of a token that a success gives back, above 0.
+
+        Raises:
+            TypeError: A value is no number.
+            ValueError: A value is not above 0, not finite, or above 1e9.
+        """
+        for name, value in (("capacity", capacity), ("ratio", ratio)):
+            if isinstance(value, bool) or not isinstance(value, (int, float)):
+                raise TypeError(f"RetryBudget.{name}={shown(value)} must be a number")
+            if not 0 < value < math.inf:
+                raise ValueError(f"RetryBudget.{name}={shown(value)} must be above 0 and finite")
+            if value > MOST:
+                raise ValueError(f"RetryBudget.{name}={shown(value)} must be {MOST_TEXT} or less")
+        self._capacity = float(capacity)
+        self._ratio = float(ratio)
+        self._tokens = self._capacity
+        self._changes: deque[float] = deque()
+        self._lock = threading.Lock()
+        """Nobody waits for it: whoever has it makes the changes of the others too."""
+
+    def __repr__(self) -> str:
+        state = "allows" if self.allows_retry else "forbids"
+        return f"<RetryBudget {self.tokens:g} of {self._capacity:g} tokens, {state} retries>"
+
+    @property
+    def capacity(self) -> float:
+        """The most tokens."""
+        return self._capacity
+
+    @property
+    def tokens(self) -> float:
+        """The tokens left."""
+        return self._tokens
+
+    @property
+    def allows_retry(self) -> bool:
+        """Whether a call may be tried again now."""
+        return self.tokens > self._capacity / 2
+
+    def on_success(self) -> None:
+        """Give back a share of a token."""
+        self._change(self._ratio)
+
+    def on_transient_failure(self) -> None:
+        """Take a token."""
+        self._change(-1.0)
+
+    def _change(self, by: float) -> None:
+        # A signal handler may come here while the thread that it interrupted has the lock.
+        self._changes.append(by)
+        while self._changes and self._lock.acquire(blocking=False):
+            try:
+                while self._changes:
+                    tokens = self._tokens + self._changes.popleft()
+                    self._tokens = min(self._capacity, max(0.0, tokens))
+            finally:
+                self._lock.release()
+
+
+def check_budget(value: object) -> None:
+    """Raise where `retry_budget=` is none.
+
+    Raises:
+        TypeError: It is no `RetryBudget`, or of a class derived from it: its methods would run on
+            the communication thread, where nothing of the user's may (R8).
+    """
+    if type(value) is RetryBudget:
+        return
+    if isinstance(value, RetryBudget):
+        raise TypeError(
+            f"retry_budget={value!r} is of type {type(value).__name__}, but must be a RetryBudget"
+            " itself: a class derived from it could hold up every client of the process"
+        )
+    raise TypeError(
+        f"retry_budget={value!r} must be a RetryBudget: retry_budget=RetryBudget(capacity=10.0)"
+    )

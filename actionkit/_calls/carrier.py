@@ -1,0 +1,184 @@
+"""What carries a client's calls: their attempts over one port, until none is left.
+
+Everything happens on the communication thread, but for the constructor and `begin`.
+"""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from actionkit._calls.attempt import Attempt
+from actionkit._calls.call import Call
+from actionkit._calls.graph_snapshot import Surroundings
+from actionkit._goal.stages import Stage
+from actionkit._model.settings import Timeouts
+from actionkit._ros.port import Port
+from actionkit._threads.clock import TimerHandle
+from actionkit._threads.waiting import Flag
+
+LINGER = 30.0
+"""Seconds that a closed client goes on watching for the late acceptance of a goal (C2.4)."""
+_DIED = "the communication thread of ActionKit died"
+
+
+class PortCarrier:
+    """The calls and attempts in flight over one port."""
+
+    def __init__(self, port: Port, on_freed: Callable[[], None]) -> None:
+        self.port = port
+        self.action_name = port.identity.action_name
+        self.type_name = port.identity.type_name
+        self.calls: set[Call] = set()
+        self.retired = Flag()
+        """Set when `retire` was heard, and the port freed where nothing was in flight."""
+        self._on_freed = on_freed
+        self._attempts: set[Attempt] = set()
+        self._retiring = False
+        self._linger: TimerHandle | None = None
+        self._closing = False
+        self.decode_feedback = port.decode_feedback
+        self.call_soon = port.call_soon
+        self.call_at = port.call_at
+        self.cancel_timer = port.cancel_timer
+        port.on_failure(self._broken)
+        port.link.on_strays_gone(self._free_if_done)
+
+    def begin(self, call: Call) -> None:
+        """Count a call among those in flight, and start it soon. From any thread."""
+        self.calls.add(call)
+        self.call_soon(partial(self._start, call))
+
+    def _start(self, call: Call) -> None:
+        failure = self.port.runtime.failure
+        if failure is not None:
+            call.fail(_DIED, failure)
+        elif self._closing:
+            call.close(abandon=True)  # it came behind the closing, and has sent nothing
+        elif self.port.freed.is_set():
+            call.refuse("the ROS context was shut down just when the call began")
+        else:
+            call.start()
+
+    # --- for calls -------------------------------------------------------------------------
+
+    def attempt(
+        self,
+        goal_id: uuid.UUID,
+        goal: Any,
+        timeouts: Timeouts,
+        deadline: float | None,
+        owner: Call,
+        *,
+        resent: bool,
+    ) -> Attempt:
+        """Make an attempt."""
+        made = Attempt(
+            self.port.link,
+            goal_id,
+            goal,
+            timeouts,
+            deadline,
+            owner,
+            resent=resent,
+            on_out_of_sight=self._out_of_sight,
+        )
+        self._attempts.add(made)
+        return made
+
+    def server_is_ready(self) -> bool:
+        """Whether goals can be sent now."""
+        return self.port.link.presence.ready
+
+    def surroundings(self) -> Surroundings:
+        """Look at the graph, for an error's text."""
+        return Surroundings(
+            self.port.actions(), self.port.identity.domain_id, self.port.middleware()
+        )
+
+    def finished(self, call: Call) -> None:
+        """Forget a call."""
+        self.calls.discard(call)
+        self._free_if_done()
+
+    def running(self) -> list[uuid.UUID]:
+        """Return the ids of the goals that may be running. From any thread.
+
+        Those are left out whose server is gone: their calls have said so.
+        """
+        return [each.goal_id for each in list(self._attempts) if each.goal.may_run]
+
+    # --- the end ---------------------------------------------------------------------------
+
+    def close_calls(self, *, abandon: bool) -> None:
+        """End every call by the client's policy, and take no more."""
+        self._closing = True
+        self.port.end_waits()
+        for call in list(self.calls):
+            call.close(abandon=abandon)
+
+    def end_calls(self) -> None:
+        """End the calls that are left, whose goals were not confirmed to have stopped in time."""
+        for call in list(self.calls):
+            call.end_grace()
+
+    def retire(self) -> None:
+        """Free the port as soon as nothing is left to watch for."""
+        first, self._retiring = not self._retiring, True
+        if first:
+            self.port.end_waits()
+        if self._done:
+            self.free()
+        elif first:
+            self._arm_linger()
+        self.retired.set()
+
+    def _arm_linger(self) -> None:
+        self._linger = self.call_at(time.monotonic() + LINGER, self._stop_lingering)
+
+    def _stop_lingering(self) -> None:
+        self._linger = None
+        if self.calls:
+            self._arm_linger()  # somebody holds their futures
+        else:
+            self.free()
+
+    def _out_of_sight(self, attempt: Attempt) -> None:
+        if attempt.goal.stage is Stage.OVER:
+            self._attempts.discard(attempt)
+        self._free_if_done()
+
+    @property
+    def _done(self) -> bool:
+        # A goal whose server is gone is watched only for as long as the client lives (C2.4).
+        watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)
+        return not self.calls and not watched and not self.port.link.cancels_strays
+
+    def _free_if_done(self) -> None:
+        if self._retiring and self._done:
+            self.call_soon(self.free)  # not from within the link's own callback
+
+    def free(self) -> None:
+        """Free the port, whatever is in flight."""
+        if not self.port.freed.is_set():
+            # The thread may live on, with other clients: nothing of ours may fire there, and no
+            # timer may keep us, with the whole client, in memory until it is due.
+            if self._linger is not None:
+                self.cancel_timer(self._linger)
+                self._linger = None
+            for attempt in list(self._attempts):
+                attempt.drop()
+            self.port.free()
+            self._on_freed()
+
+    def _broken(self, error: BaseException) -> None:
+        for call in list(self.calls):
+            call.fail(_DIED, error)
+        self.port.end_waits()
+        # Its entities died with it; nobody is left to free them.
+        self.port.freed.set()
+        self.retired.set()
+        self._on_freed()

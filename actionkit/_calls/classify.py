@@ -1,0 +1,237 @@
+"""What counts as success: by default, and by a field of the result (contract C3.3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from numbers import Real
+from typing import Any
+
+from actionkit._goal.effects import End, Ending, Fault
+from actionkit._messages.convert import FieldError, field_type, get_field
+from actionkit._model.arguments import check_function
+from actionkit._model.errors import ActionKitError
+from actionkit._model.values import GoalState, Outcome, Verdict
+from actionkit._threads.asking import described, name_of
+
+Classify = Callable[[Outcome[Any]], Verdict | None]
+
+
+def default_verdict(outcome: Outcome[Any]) -> Verdict:
+    """Return what an outcome counts as where nobody says otherwise."""
+    if outcome.error is None:
+        return Verdict.SUCCESS
+    transient = isinstance(outcome.error, ActionKitError) and outcome.error.transient
+    return Verdict.TRANSIENT if transient else Verdict.PERMANENT
+
+
+def label_of(classify: Classify) -> str:
+    """Return how error texts name the user's function."""
+    name = repr(classify) if isinstance(classify, FieldClassifier) else name_of(classify)
+    return f"`classify={name}`"
+
+
+def asked(classify: Classify, outcome: Outcome[Any]) -> Verdict | Fault:
+    """Return what the user's function says. Never raises; runs code of the user's."""
+    try:
+        verdict = classify(outcome)
+        if verdict is None:
+            return default_verdict(outcome)
+        if not isinstance(verdict, Verdict):
+            said = described(verdict)
+            return Fault(
+                f"{label_of(classify)} returned {said}, which is neither a Verdict nor None"
+            )
+        if verdict is Verdict.SUCCESS and outcome.error is not None and is_empty(outcome.result):
+            # A goal that failed is never a success with an empty result (C3.1, C3.3).
+            lack = "it has no result" if outcome.result is None else "its result is empty"
+            return Fault(
+                f"{label_of(classify)} called it a SUCCESS, though {lack}",
+                cause=outcome.error,
+                impossible=True,
+            )
+    except BaseException as error:  # noqa: BLE001  whatever it is, the call must end (C3.1)
+        return Fault(f"{label_of(classify)} raised {described(error)}", error)
+    return verdict
+
+
+def is_empty(result: Any) -> bool:
+    """Whether there is no result, or the one that rclpy sends where a server's callback raised."""
+    return result is None or bool(result == type(result)())
+
+
+def overruled(ending: Ending, verdict: Verdict | Fault) -> Ending:
+    """Return the ending as the verdict has it, or as it is where there is no proper verdict."""
+    succeeded = ending.end is End.SUCCEEDED
+    if isinstance(verdict, Fault):
+        unjudged = succeeded or verdict.impossible
+        return replace(ending, end=End.UNJUDGED if unjudged else ending.end, judge=verdict)
+    if verdict is Verdict.SUCCESS and not succeeded:
+        return replace(ending, end=End.SUCCEEDED)
+    if verdict is not Verdict.SUCCESS and succeeded:
+        return replace(ending, end=End.JUDGED, info=verdict)
+    return ending
+
+
+def retry_aborted() -> Classify:
+    """Return a `classify=` function that makes aborted goals transient failures: they are retried.
+
+        Client(..., classify=retry_aborted())
+
+    It has no opinion of all others. How often is tried again, and after what pauses, is said by
+    the `RetryPolicy`.
+    """
+    return _retry_aborted
+
+
+def _retry_aborted(outcome: Outcome[Any]) -> Verdict | None:
+    return Verdict.TRANSIENT if outcome.status is GoalState.ABORTED else None
+
+
+class FieldClassifier:
+    """Judges outcomes that carry a result by one of its fields. Made by `classify_by_field`."""
+
+    def __init__(self, path: str, values: dict[Verdict, frozenset[Any]]) -> None:
+        self._path = path
+        self._by_value = values
+        self._closed = bool(values[Verdict.SUCCESS])
+
+    def __repr__(self) -> str:
+        return f"<classify_by_field {self._path!r}>"
+
+    def check(self, result_class: type) -> None:
+        """Raise where the results of an action do not have the field, or never such values.
+
+        Raises:
+            ValueError: They do not; the error names the fields that there are.
+        """
+        try:
+            kind = field_type(result_class, self._path)
+        except FieldError as error:
+            raise ValueError(f"classify_by_field({self._path!r}): {error}") from error
+        if "/" in kind or kind.endswith("]") or kind.startswith("sequence"):
+            raise ValueError(
+                f"classify_by_field({self._path!r}): that is a {kind}, and has no single value;"
+                " name one of its fields or items"
+            )
+        wrong = [each for values in self._by_value.values() for each in values]
+        wrong = [each for each in wrong if not _may_equal(each, kind)]
+        if wrong:
+            raise ValueError(
+                f"classify_by_field({self._path!r}): that is a {kind}, and never equal to"
+                f" {', '.join(sorted(map(repr, wrong)))}"
+            )
+
+    def __call__(self, outcome: Outcome[Any]) -> Verdict | None:
+        """Judge an outcome; `None` where its error is to stand.
+
+        Raises:
+            ValueError: The goal succeeded, and its result does not have the element of an array
+                that the path names.
+        """
+        failed = outcome.error is not None
+        if outcome.result is None:
+            return None
+        try:
+            value = get_field(outcome.result, self._path)
+        except FieldError:
+            if failed:
+                return None  # servers send all sorts of results with an abort
+            raise
+        for verdict, values in self._by_value.items():
+            if value in values:
+                vain = verdict is Verdict.SUCCESS and failed and is_empty(outcome.result)
+                return None if vain else verdict
+        # `ok=` names all that is fine.
+        return Verdict.PERMANENT if self._closed and not failed else None
+
+
+def _may_equal(value: object, kind: str) -> bool:
+    """Whether a field of a ROS type can have a value: "102" is no number."""
+    if kind.startswith(("string", "wstring")):
+        return isinstance(value, str)
+    if kind == "boolean":
+        return value in (True, False)
+    if kind.startswith(("int", "uint", "float", "double")):
+        return isinstance(value, Real) and not isinstance(value, bool)
+    return True
+
+
+def classify_by_field(
+    path: str,
+    *,
+    transient: Collection[Any] = (),
+    permanent: Collection[Any] = (),
+    ok: Collection[Any] = (),
+) -> FieldClassifier:
+    """Return a `classify=` function that looks at one field of the result.
+
+        Client(..., classify=classify_by_field("error_code", transient={102}, ok={0}))
+
+    A goal that succeeded, but whose result does not have the element of an array that the path
+    names, is no success: the call ends with a `ClassifyError`. A goal that did not succeed keeps
+    its own error where its value is named nowhere. An `ok` value makes no success of one whose
+    result is empty, which is what servers send whose callback raised.
+
+    Args:
+        path: The field, such as `error_code`, `status.code` or `codes[0]`. A client refuses, when
+            it is made, one that its results do not have, and values that it never has.
+        transient: Values that make any outcome with a result a transient failure.
+        permanent: Values that make it a permanent failure.
+        ok: Values that make it a success, even of an aborted goal. Where given, a goal that
+            succeeded with a value named nowhere is a permanent failure.
+
+    Raises:
+        TypeError: `path` is no string, or what is given is no collection of values.
+        ValueError: `path` is empty, a value is NaN or stands in two of the sets, or none is given.
+    """
+    if not isinstance(path, str):
+        raise TypeError(f"classify_by_field: path={path!r} must be a string")
+    if not path:
+        raise ValueError("classify_by_field: path='' must name a field of the result")
+    sets = {
+        Verdict.SUCCESS: _values("ok", ok),
+        Verdict.TRANSIENT: _values("transient", transient),
+        Verdict.PERMANENT: _values("permanent", permanent),
+    }
+    if not any(sets.values()):
+        raise ValueError("classify_by_field: give values for transient=, permanent= or ok=")
+    good, passing, bad = sets.values()
+    twice = (good & passing) | (good & bad) | (passing & bad)
+    if twice:
+        values = ", ".join(sorted(repr(value) for value in twice))
+        raise ValueError(f"classify_by_field: {values} stands in more than one set")
+    return FieldClassifier(path, sets)
+
+
+def _values(name: str, given: object) -> frozenset[Any]:
+    if isinstance(given, (str, bytes)) or not isinstance(given, Collection):
+        raise TypeError(
+            f"classify_by_field: {name}={given!r} must be a collection of values, such as"
+            f" {name}={{{given!r}}}"
+        )
+    try:
+        values = frozenset(given)
+    except TypeError as error:
+        raise TypeError(
+            f"classify_by_field: {name}={given!r} must hold plain values, such as numbers and"
+            f" strings ({error})"
+        ) from error
+    if any(isinstance(value, float) and math.isnan(value) for value in values):
+        raise ValueError(f"classify_by_field: {name}={given!r} holds NaN, which equals no value")
+    return values
+
+
+def check_classify(classify: Classify | None, action_type: Any) -> None:
+    """Raise where `classify=` cannot judge the outcomes of an action.
+
+    Raises:
+        TypeError: It is no function, or a class or a coroutine function.
+        ValueError: It looks at a field that the action's results do not have.
+    """
+    if classify is None:
+        return
+    check_function("classify", classify, "a function (Outcome) -> Verdict or None")
+    if isinstance(classify, FieldClassifier):
+        classify.check(action_type.Result)

@@ -1,0 +1,84 @@
+"""Asking the user's `classify=` how an attempt's end counts, for no longer than there is time."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from actionkit._calls.classify import Classify, asked, default_verdict, label_of
+from actionkit._goal.effects import End, Ending, Fault
+from actionkit._model.values import Outcome, Verdict
+from actionkit._threads.asking import Asking, Clock, Threads, Unanswered
+from actionkit._threads.diagnostics import log_later
+
+_JUDGED = {End.SUCCEEDED, End.ABORTED, End.REJECTED}
+"""What a user may judge: what a server has said of a goal (C3.3)."""
+
+OnVerdict = Callable[[Ending, BaseException | None, Verdict | Fault], None]
+
+
+class Judging:
+    """Judges the endings of one call, one at a time. All of it on the communication thread."""
+
+    def __init__(self, clock: Clock, threads: Threads, classify: Classify | None) -> None:
+        """Make one that judges nothing so far.
+
+        Args:
+            clock: The communication thread.
+            threads: The client's, for questions.
+            classify: The user's function, which runs on a thread of its own; `None` for the
+                default.
+        """
+        self._classify = classify
+        self._asking = Asking(clock, threads)
+
+    @property
+    def under_way(self) -> bool:
+        """Whether the user's function is being asked."""
+        return self._asking.under_way
+
+    def begin(
+        self,
+        ending: Ending,
+        outcome: Outcome[Any],
+        now: float,
+        deadline: float | None,
+        on_verdict: OnVerdict,
+    ) -> None:
+        """Judge an ending.
+
+        Args:
+            ending: How the attempt ended.
+            outcome: The same, as the user sees it.
+            now: Monotonic seconds.
+            deadline: Monotonic time when the call's time is up, or `None`.
+            on_verdict: Is told the ending, its error, and the verdict or how the user's function
+                failed to give one, at once or later.
+        """
+        classify = self._classify
+        if classify is None or ending.end not in _JUDGED:
+            on_verdict(ending, outcome.error, default_verdict(outcome))
+            return
+        label = label_of(classify)
+
+        def answer(verdict: Verdict | Fault | Unanswered) -> None:
+            if isinstance(verdict, Unanswered):
+                verdict = Fault(f"{label} {verdict.why}")
+            if isinstance(verdict, Fault) and outcome.error is not None and not verdict.impossible:
+                # The goal's own error goes to the caller, and has no room for the traceback. Not
+                # on this thread: the log's handlers are the user's.
+                cause = verdict.cause
+                log_later(logging.ERROR, "%s", verdict.problem, exc_info=cause or False)
+            on_verdict(ending, outcome.error, verdict)
+
+        self._asking.ask(partial(asked, classify, outcome), now, deadline, answer)
+
+    def cut_short(self, at: float, why: str) -> None:
+        """Wait no longer for the user's function than until the monotonic time `at`."""
+        self._asking.end_by(at, f"was cut short: {why}")
+
+    def end(self, why: str) -> None:
+        """Wait no longer for the user's function."""
+        self._asking.end(f"was cut short: {why}")

@@ -1,0 +1,213 @@
+"""Feedback on its way to the user: callbacks, streams and the latest value (contract C1.7, C1.8).
+
+Messages travel as bytes and are decoded where they are used, so that feedback nobody looks at
+costs next to nothing, and a slow user costs the communication thread nothing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol
+
+from actionkit._messages.lazy import UndecodableError
+from actionkit._threads.blocked import Label
+from actionkit._threads.diagnostics import log_here
+from actionkit._threads.pool import Pool, Strand, in_callback
+from actionkit._threads.waiting import taken_from
+
+KEPT = 100
+"""Feedback messages that a slow callback or reader may be behind; then the newest win."""
+
+
+class Callbacks(Protocol):
+    """Hands feedback to a callback of the user's, in order."""
+
+    errors: int
+
+    def put(self, *decodes: Callable[[], Any]) -> None:
+        """Queue messages."""
+
+    def finish(self, then: Callable[[], None]) -> None:
+        """Call `then` once, when what is queued was handed over."""
+
+    def close(self) -> None:
+        """Hand over nothing more."""
+
+
+class ThreadCallbacks:
+    """Calls a plain function on a thread of the pool."""
+
+    def __init__(self, function: Callable[[Any], object], action_name: str, pool: Pool) -> None:
+        self.errors = 0
+        self._function = function
+        self._action_name = action_name
+        label = Label("on_feedback", function, "the further feedback of its goal")
+        self._strand = Strand(pool, KEPT, label)
+        self.finish = self._strand.finish
+        self.close = self._strand.close
+
+    def put(self, *decodes: Callable[[], Any]) -> None:
+        """Queue messages."""
+        self._strand.put(*(partial(self._call, decode) for decode in decodes))
+
+    def _call(self, decode: Callable[[], Any]) -> None:
+        try:
+            self._function(decode())
+        except UndecodableError:
+            return
+        except BaseException:  # noqa: BLE001  a user's error must not end the delivery (C1.8)
+            self.errors += 1
+            _log_error(self._action_name)
+
+
+@dataclass(frozen=True)
+class _Last:
+    """Stands behind the last message, to be called in its turn."""
+
+    then: Callable[[], None]
+
+
+class LoopCallbacks:
+    """Awaits a coroutine function on the caller's event loop."""
+
+    def __init__(
+        self,
+        function: Callable[[Any], Any],
+        action_name: str,
+        loop: asyncio.AbstractEventLoop,
+    ) -> None:
+        self.errors = 0
+        self._function = function
+        self._action_name = action_name
+        self._loop = loop
+        self._jobs: deque[Callable[[], Any] | _Last] = deque()
+        self._task: asyncio.Task[None] | None = None
+        self._running = threading.Lock()
+        """Nobody waits for it: whoever gets it sees to what is queued."""
+        self._closed = False
+
+    def put(self, *decodes: Callable[[], Any]) -> None:
+        """Queue messages."""
+        if self._closed:
+            return
+        self._jobs.extend(decodes)
+        for _ in range(len(self._jobs) - KEPT):
+            self._jobs.popleft()  # the oldest give way
+        if self._running.acquire(blocking=False):
+            self._run()
+        # Otherwise the task looks once more before it ends.
+
+    def finish(self, then: Callable[[], None]) -> None:
+        """Call `then` once, when what is queued was handed over."""
+        self._jobs.append(_Last(then))
+        if not self._running.acquire(blocking=False):
+            return
+        if len(self._jobs) > 1:
+            self._run()
+        else:
+            self._end()
+
+    def close(self) -> None:
+        """Hand over nothing more."""
+        self._closed = True
+        self._jobs.clear()
+
+    def _run(self) -> None:
+        try:
+            self._loop.call_soon_threadsafe(self._begin)
+        except RuntimeError:  # the loop was closed: nobody is left to tell
+            self._closed = True
+            self._end()
+
+    def _end(self) -> None:
+        """Leave out what is queued; nothing is running any more."""
+        for job in taken_from(self._jobs):
+            if isinstance(job, _Last):
+                job.then()
+        self._running.release()
+
+    def _begin(self) -> None:
+        self._task = self._loop.create_task(self._drain())  # kept: tasks are held weakly
+
+    async def _drain(self) -> None:
+        in_callback.set(True)
+        while (decode := self._next()) is not None:
+            try:
+                await self._function(decode())
+            except UndecodableError:
+                continue
+            except asyncio.CancelledError:
+                if _is_being_cancelled():
+                    self._closed = True  # the loop is shutting down
+                    self._end()
+                    raise
+                self._failed()
+            except Exception:  # noqa: BLE001  a user's error must not end the delivery
+                self._failed()
+
+    def _next(self) -> Callable[[], Any] | None:
+        """Return what is to be handed over next; `None` where nothing is running any more."""
+        while True:
+            for job in taken_from(self._jobs):
+                if not isinstance(job, _Last):
+                    return job
+                job.then()
+            self._running.release()
+            # Something may have been queued just before, in the belief that this goes on.
+            if not self._jobs or not self._running.acquire(blocking=False):
+                return None
+
+    def _failed(self) -> None:
+        self.errors += 1
+        _log_error(self._action_name)
+
+
+def _log_error(action_name: str) -> None:
+    log_here(logging.ERROR, "on_feedback of action %s raised", action_name, exc_info=True)
+
+
+def _is_being_cancelled() -> bool:
+    """Whether the running task was cancelled, and not just something that it called."""
+    task: Any = asyncio.current_task()
+    # Before Python 3.11 a task cannot tell; then it is taken to be cancelled.
+    return not hasattr(task, "cancelling") or task.cancelling() > 0
+
+
+def callbacks_for(
+    function: Callable[[Any], object] | None, action_name: str, pool: Pool
+) -> Callbacks | None:
+    """Return what hands feedback to `function`.
+
+    Args:
+        function: A plain function, which runs on a thread of ActionKit's, or a coroutine
+            function, which runs on the event loop of the caller.
+        action_name: For the log.
+        pool: Where a plain function runs.
+
+    Raises:
+        TypeError: `function` cannot be called, or is a coroutine function while no event loop
+            runs in the calling thread.
+    """
+    if function is None:
+        return None
+    if not callable(function):
+        raise TypeError(f"on_feedback={function!r} must be callable with the feedback message")
+    if not inspect.iscoroutinefunction(function) and not inspect.iscoroutinefunction(
+        getattr(function, "__call__", None)  # noqa: B004  an object with `async def __call__`
+    ):
+        return ThreadCallbacks(function, action_name, pool)
+    try:
+        loop = asyncio.get_running_loop()
+    except RuntimeError:
+        raise TypeError(
+            f"on_feedback={function!r} is a coroutine function, but no event loop is running in"
+            " this thread: pass a plain function, or call from inside a coroutine"
+        ) from None
+    return LoopCallbacks(function, action_name, loop)

@@ -1,0 +1,336 @@
+"""The handle on one call: a `concurrent.futures.Future` that can also be awaited (C1.4)."""
+
+from __future__ import annotations
+
+import _thread
+import asyncio
+import concurrent.futures
+import contextlib
+import logging
+import os
+import sys
+import uuid
+from collections import deque
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Generic, Protocol, cast
+
+from actionkit._calls.feedback_broadcast import FeedbackStream, FeedbackTape
+from actionkit._goal.effects import End
+from actionkit._model.action_type import FeedbackT, ResultT
+from actionkit._model.timeline import Recorder
+from actionkit._model.values import GoalState, Outcome, Timeline
+from actionkit._threads.blocked import Label
+from actionkit._threads.diagnostics import is_interrupt, log_here
+from actionkit._threads.pool import Pool
+from actionkit._threads.waiting import Flag, taken_from, wake_future
+
+if sys.version_info >= (3, 11):
+    LocalTimeout = TimeoutError
+else:
+
+    class LocalTimeout(TimeoutError, concurrent.futures.TimeoutError):
+        """A local wait ran out. The two bases are one class from Python 3.11 on."""
+
+
+class CallView(Protocol):
+    """What a future asks of its call."""
+
+    goal_id: uuid.UUID
+    state: GoalState
+    timeline: Recorder
+    cancel_grace: float
+
+    def request_cancel(self) -> None:
+        """Cancel soon. From any thread; never blocks."""
+
+
+@dataclass
+class _Over:
+    """What is left of a call that is over, which the future would else keep alive, and it this.
+
+    Without the circle a result is freed when its user lets go of it, not at some later collection.
+    """
+
+    goal_id: uuid.UUID
+    state: GoalState
+    timeline: Recorder
+    cancel_grace: float
+
+    def request_cancel(self) -> None:
+        """Do nothing: it is too late."""
+
+
+class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]):
+    """The result of a call, in the future.
+
+    Works with `concurrent.futures.wait`, `as_completed` and `add_done_callback`, and can be
+    awaited from any running asyncio loop. Made by `Client.call_async` only.
+
+    In a signal handler use the methods here: `wait` and `as_completed` may have been what the
+    handler interrupted, and would then wait for themselves.
+    """
+
+    def __init__(self, call: CallView, tape: FeedbackTape[FeedbackT], pool: Pool) -> None:
+        super().__init__()
+        self._call = call
+        self._tape = tape
+        self._pool = pool
+        self._outcome: Outcome[ResultT] | None = None
+        self._cancelled = False
+        self._over = Flag()
+        self._pid = os.getpid()
+        self._user_callbacks: deque[Callable[[Any], object]] = deque()
+        self._waiters_async: deque[Callable[[], None]] = deque()
+
+    def __repr__(self) -> str:
+        return f"<GoalFuture {self.goal_id} {self.state}{' done' if self.done() else ''}>"
+
+    # --- live views ------------------------------------------------------------------------
+
+    @property
+    def goal_id(self) -> uuid.UUID:
+        """The id of the goal being tried; each attempt has its own."""
+        return self._call.goal_id
+
+    @property
+    def state(self) -> GoalState:
+        """The last known state of the goal."""
+        return self._call.state
+
+    @property
+    def timeline(self) -> Timeline:
+        """The events so far, oldest first."""
+        return self._call.timeline.events()
+
+    @property
+    def latest_feedback(self) -> FeedbackT | None:
+        """The newest feedback message, or `None`."""
+        return self._tape.latest
+
+    def feedback(self) -> FeedbackStream[FeedbackT]:
+        """Return an iterable, plain and asynchronous, over feedback from now on.
+
+        It ends when the goal ends. A reader that falls far behind misses the oldest messages.
+        """
+        return self._tape.stream()
+
+    # --- waiting ---------------------------------------------------------------------------
+
+    def result(self, timeout: float | None = None) -> ResultT:
+        """Wait for the goal and return the action's result.
+
+        Args:
+            timeout: Seconds of this local wait, `None` for no limit. When they run out the
+                goal is left alone (contract C1.6).
+
+        Raises:
+            TimeoutError: The local wait ran out.
+            concurrent.futures.CancelledError: The goal was cancelled through this future.
+            ActionKitError: The call failed; see the classes of contract C3.
+        """
+        error = self._error(timeout)
+        if error is not None:
+            raise error
+        assert self._outcome is not None
+        return cast("ResultT", self._outcome.result)
+
+    def exception(self, timeout: float | None = None) -> BaseException | None:
+        """Wait for the goal and return what `result` would raise, or `None`.
+
+        Args:
+            timeout: As for `result`.
+
+        Raises:
+            TimeoutError: The local wait ran out.
+            concurrent.futures.CancelledError: The goal was cancelled through this future.
+        """
+        error = self._error(timeout)
+        if error is not None and self._cancelled:
+            raise error
+        return error
+
+    def outcome(self, timeout: float | None = None) -> Outcome[ResultT]:
+        """Wait for the goal and return the whole story; a failure is told, not raised.
+
+        Args:
+            timeout: As for `result`.
+
+        Raises:
+            TimeoutError: The local wait ran out.
+        """
+        self._error(timeout)
+        assert self._outcome is not None
+        return self._outcome
+
+    def _error(self, timeout: float | None) -> BaseException | None:
+        self._check_process()
+        if not self._over.wait(timeout):
+            raise LocalTimeout(
+                f"the goal is still {self.state} after the local wait; it was not cancelled"
+            )
+        assert self._outcome is not None
+        return self._outcome.error
+
+    def done(self) -> bool:
+        """Whether the call is over."""
+        return self._over.is_set()
+
+    def cancelled(self) -> bool:
+        """Whether the call is over because the goal was cancelled through this future."""
+        return self._cancelled and self.done()
+
+    def __await__(self) -> Generator[Any, None, ResultT]:
+        """Wait on the running event loop, without polling.
+
+        Cancelling the awaiting task cancels the goal on the server, waits for that to be
+        confirmed, `Timeouts.cancel` seconds at most, and lets the cancellation go on.
+        """
+        return self._wait_async().__await__()
+
+    async def _wait_async(self) -> ResultT:
+        try:
+            await self._settled()
+        except asyncio.CancelledError:
+            self.cancel()
+            # A second cancellation of the task ends this wait at once.
+            await _within(self._settled(), self._call.cancel_grace)
+            raise
+        if self.cancelled():
+            raise asyncio.CancelledError(f"goal {self.goal_id} was cancelled")
+        return self.result(0)
+
+    async def _settled(self) -> None:
+        """Return when the future is done."""
+        self._check_process()
+        loop = asyncio.get_running_loop()
+        woken: asyncio.Future[None] = loop.create_future()
+
+        def wake() -> None:
+            wake_future(loop, woken)
+
+        self._waiters_async.append(wake)
+        try:
+            if not self.done():  # or it may have ended before `wake` could be seen
+                await woken
+        finally:
+            with contextlib.suppress(ValueError):  # it was taken out by `settle`
+                self._waiters_async.remove(wake)
+
+    # --- control ---------------------------------------------------------------------------
+
+    def cancel(self) -> bool:
+        """Ask for the goal to be cancelled; never blocks, safe at any time (contract C1.5).
+
+        A goal that was not sent yet is never sent. Otherwise the server is asked, and the
+        future ends with what became of the goal: `CancelledError` where it was cancelled, the
+        result where it succeeded all the same. Where the server refuses, the goal runs on and
+        so does the future. Without an answer it ends after `Timeouts.cancel` seconds with a
+        `DeadlineExceededError` whose phase is `"cancel"`.
+
+        Returns:
+            Whether the request was made: `False` when the call is over.
+        """
+        self._check_process()
+        if self.done():
+            return self.cancelled()
+        self._call.request_cancel()
+        return True
+
+    def running(self) -> bool:
+        """Whether the goal was sent and the call is not over."""
+        return not self.done() and self.state is not GoalState.SENDING
+
+    def add_done_callback(self, fn: Callable[[Any], object]) -> None:
+        """Call `fn` with this future when it is done, on a thread of ActionKit's.
+
+        At once and on this thread where it is done already. What `fn` raises is logged.
+        """
+        if self.done():
+            self._call_back(fn)
+            return
+        self._user_callbacks.append(fn)
+        if self.done():  # it ended before `fn` could be seen
+            for late in taken_from(self._user_callbacks):
+                self._call_back(late)
+
+    def _call_back(self, fn: Callable[[Any], object]) -> None:
+        try:
+            fn(self)
+        except BaseException as error:  # a user's error must not end the delivery
+            if is_interrupt(error):
+                raise
+            log_here(
+                logging.ERROR, "a done callback of goal %s raised", self.goal_id, exc_info=True
+            )
+
+    # --- for the call only -----------------------------------------------------------------
+
+    def settle(self, outcome: Outcome[ResultT], end: End) -> None:
+        """End the call. On the communication thread, once. Never blocks."""
+        self._outcome = outcome
+        self._cancelled = end is End.CANCELLED_BY_CALLER
+        call = self._call
+        self._call = _Over(call.goal_id, call.state, call.timeline, call.cancel_grace)
+        told = self._tell_at_once()
+        self._over.set()
+        if not told:
+            self._tell_elsewhere()
+        for wake in taken_from(self._waiters_async):
+            wake()
+        for callback in taken_from(self._user_callbacks):
+            label = Label("done callback", callback, "a thread, but no other callback")
+            self._pool.submit(partial(self._call_back, callback), label)
+
+    def wait_until_over(self, seconds: float) -> bool:
+        """Wait so long at most; return whether the call is over."""
+        return self._over.wait(seconds)
+
+    # What follows is for `concurrent.futures.wait` and `as_completed` alone. They take locks, in
+    # the main thread too, where a signal handler may run meanwhile and wait for another goal: so
+    # the communication thread never waits for these locks, and nothing else rests on them.
+
+    def _tell_at_once(self) -> bool:
+        """Tell the base class where that needs no waiting; return whether it was told."""
+        if not self._condition.acquire(blocking=False):
+            return False
+        try:
+            if not self._waiters:  # these have locks too
+                self._tell()
+                return True
+            return False
+        finally:
+            self._condition.release()
+
+    def _tell_elsewhere(self) -> None:
+        try:
+            # Not a `threading.Thread`: starting one takes a lock, too.
+            _thread.start_new_thread(self._tell, ())
+        except RuntimeError:  # there are too many
+            self._tell()
+
+    def _tell(self) -> None:
+        outcome = self._outcome
+        assert outcome is not None
+        if self._cancelled:
+            super().cancel()
+            self.set_running_or_notify_cancel()
+        elif outcome.error is not None:
+            self.set_exception(outcome.error)
+        else:
+            self.set_result(cast("ResultT", outcome.result))
+
+    def _check_process(self) -> None:
+        if os.getpid() != self._pid:
+            raise RuntimeError(
+                "this GoalFuture belongs to the process that was forked; its goal cannot be"
+                " followed here (contract C1.12)"
+            )
+
+
+async def _within(settled: Any, seconds: float) -> None:
+    try:
+        await asyncio.wait_for(settled, seconds)
+    except asyncio.TimeoutError:
+        return

@@ -1,0 +1,61 @@
+"""Says which goals may still be running, where the time to make sure of it is over."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import uuid
+
+from actionkit._threads.diagnostics import log_later, write_to_stderr
+
+_log = logging.getLogger("actionkit")
+_NAMED = 10
+"""How many goals are named; the log of the goals, and their errors, name all."""
+
+
+_muted = False
+
+
+def mute() -> None:
+    """Say nothing from now on: the command line tells itself what became of its goal."""
+    global _muted  # noqa: PLW0603  one process, one command
+    _muted = True
+
+
+def tell_of_goals_left(goals: list[tuple[str, uuid.UUID]], seconds: float | None = None) -> None:
+    """Warn of goals that were given up on and are not known to have stopped.
+
+    In the log and on standard error: a robot may be moving that nobody watches any more.
+
+    Args:
+        goals: The action and the id of each.
+        seconds: For how long their cancellation is still asked for, where it is.
+    """
+    if not goals or _muted:
+        return
+    named = ", ".join(f"{action} {goal_id}" for action, goal_id in goals[:_NAMED])
+    more = f" and {len(goals) - _NAMED} more" if len(goals) > _NAMED else ""
+    after = "" if seconds is None else f" It goes on asking for {seconds:g} s."
+    text = (
+        f"{len(goals)} goal{'s' if len(goals) > 1 else ''} MAY STILL BE RUNNING: ActionKit asked"
+        f" to cancel {named}{more}, and the server has not confirmed it.{after}"
+        " Stop the robot by other means if it must not move."
+    )
+    if _log.hasHandlers():  # without any, logging would write it to standard error itself
+        log_later(logging.WARNING, text)
+    if not _logs_to_stderr():
+        write_to_stderr(f"actionkit: {text}")
+
+
+def _logs_to_stderr() -> bool:
+    """Whether a handler of the user's writes warnings of the logger to standard error."""
+    if not _log.isEnabledFor(logging.WARNING):
+        return False
+    logger: logging.Logger | None = _log
+    while logger is not None:
+        for handler in logger.handlers:
+            on_stderr = getattr(handler, "stream", 0) in (sys.stderr, sys.__stderr__)
+            if on_stderr and handler.level <= logging.WARNING:
+                return True
+        logger = logger.parent if logger.propagate else None
+    return False

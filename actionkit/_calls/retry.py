@@ -1,0 +1,177 @@
+"""Whether, when and how a call that failed is tried again: pure decisions (contract C4)."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, auto
+from numbers import Real
+from typing import Any
+
+import tenacity
+
+from actionkit._goal.effects import Fault, Known, Reached
+from actionkit._model.settings import MOST, RetryPolicy
+from actionkit._threads.asking import described, name_of
+
+
+class Resend(Enum):
+    """How to try again."""
+
+    NO = auto()
+    SAME_ID = auto()
+    """The same goal again to the same server, which takes an id only once (R5)."""
+    NEW_ID = auto()
+    NEW_ID_ONCE_STOPPED = auto()
+    """A new goal, when a server that is in sight has said that it does not know the old one."""
+
+
+def how_to_resend(reached: Reached, known: Known, resend: str) -> Resend:
+    """Decide about a goal that may have reached the server (contract C4.2).
+
+    Args:
+        reached: How far it got.
+        known: What is known of it now.
+        resend: `RetryPolicy.resend`.
+    """
+    if reached in (Reached.NEVER_SENT, Reached.REJECTED):
+        return Resend.NEW_ID
+    if resend == "always":
+        return Resend.NEW_ID
+    if resend == "never_accepted":
+        return Resend.NO  # an unanswered goal may have been accepted, an accepted one was
+    if known is Known.STOPPED:
+        return Resend.NEW_ID
+    if known is Known.SERVER_GONE:
+        return Resend.NEW_ID_ONCE_STOPPED
+    if known is Known.UNKNOWN_TO_SERVER and reached is Reached.UNANSWERED:
+        return Resend.SAME_ID
+    return Resend.NO
+
+
+@dataclass(frozen=True)
+class Pause:
+    """Try again after so many seconds."""
+
+    seconds: float
+
+
+@dataclass(frozen=True)
+class GiveUp:
+    """Do not try again, and why, in words for the error's text."""
+
+    reason: str
+
+
+class Schedule:
+    """The pauses of one call, by the strategies of tenacity."""
+
+    def __init__(self, policy: RetryPolicy, began: float) -> None:
+        """Begin with no attempt made.
+
+        Args:
+            policy: The user's wishes.
+            began: Monotonic time of the call.
+        """
+        self._policy = policy
+        self._stop: Callable[[Any], object] = tenacity.stop_after_attempt(policy.attempts)
+        self._wait: Callable[[Any], Any] = tenacity.wait_exponential(
+            multiplier=policy.initial, exp_base=policy.factor, max=policy.max_pause
+        )
+        # Not `or`: to ask whether it is true would run code of the user's, on the thread.
+        if policy.stop is not None:
+            self._stop = policy.stop
+        if policy.wait is not None:
+            self._wait = policy.wait
+        self._state = tenacity.RetryCallState(tenacity.Retrying(), None, (), {})
+        self._state.start_time = began
+        self._asked = "wait" if policy.stop is None else "stop"
+
+    @property
+    def asked(self) -> str:
+        """How error texts name the strategy that was asked last."""
+        return f"`RetryPolicy.{self._asked}={name_of(getattr(self._policy, self._asked))}`"
+
+    def ask(self, error: BaseException, attempts: int, now: float) -> float | GiveUp | Fault:
+        """Return the seconds of the next pause, by the strategies. Never raises.
+
+        It runs code of the user's where the policy has strategies of theirs.
+
+        Args:
+            error: How the last attempt failed; tenacity's strategies may look at it.
+            attempts: Attempts made so far.
+            now: Monotonic seconds.
+        """
+        try:
+            return self._ask(error, attempts, now)
+        except BaseException as problem:  # noqa: BLE001  whatever it is, the call must end (C2.1)
+            return Fault(f"{self.asked} raised {described(problem)}", problem)
+
+    def _ask(self, error: BaseException, attempts: int, now: float) -> float | GiveUp | Fault:
+        policy, state = self._policy, self._state
+        state.attempt_number = attempts
+        state.set_exception((type(error), error, error.__traceback__))
+        state.outcome_timestamp = now
+        self._asked = "stop"
+        stop = self._stop(state)
+        if not isinstance(stop, bool):
+            return Fault(
+                f"{self.asked} returned {described(stop)}, which is neither True nor False"
+            )
+        if stop:
+            return GiveUp(self._used_up(attempts))
+        self._asked = "wait"
+        if policy.wait is None and policy.initial == 0:
+            return 0.0  # all pauses are; tenacity's power of the factor overflows in the end
+        said = self._wait(state)
+        if not _is_pause(said):
+            return Fault(
+                f"{self.asked} returned {described(said)}, which is no number of seconds from 0 to"
+                f" {MOST:g}"
+            )
+        seconds = float(said)
+        if policy.wait is None:
+            seconds *= 1 + policy.jitter * random.uniform(-1, 1)
+            seconds = min(seconds, policy.max_pause)
+        return seconds
+
+    def _used_up(self, attempts: int) -> str:
+        if self._policy.stop is not None:
+            return f"the retry policy's stop strategy ended it after {attempts} attempts"
+        if attempts == 1:
+            return "the retry policy allows one attempt"
+        return f"all {attempts} attempts of the retry policy are used up"
+
+    def plan(self, seconds: float, now: float, deadline: float | None) -> Pause | GiveUp:
+        """Return the pause of so many seconds, or `GiveUp` where it would cross the deadline.
+
+        Args:
+            seconds: What `ask` returned.
+            now: Monotonic seconds.
+            deadline: When the call's time is up, or `None`.
+        """
+        if deadline is not None and now + seconds >= deadline:
+            return GiveUp(f"a pause of {seconds:.2g} s would have crossed the deadline")
+        self._state.idle_for += seconds
+        return Pause(seconds)
+
+
+def _is_pause(value: Any) -> bool:
+    """Whether that is a number of seconds that can be waited for."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return False
+    number: Any = value
+    return bool(0 <= number <= MOST)  # NaN is not
+
+
+class JudgedFailure(Exception):
+    """Stands, towards tenacity's strategies, for a success that was judged a failure."""
+
+
+@dataclass(frozen=True)
+class Retry:
+    """Try again after so many seconds, with the same goal id or a new one."""
+
+    seconds: float
+    same_id: bool

@@ -1,0 +1,1 @@
+"""The life of one goal: a pure state machine."""

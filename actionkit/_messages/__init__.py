@@ -1,0 +1,1 @@
+"""Plain Python values to ROS messages and back, checked field by field."""

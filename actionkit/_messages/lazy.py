@@ -1,0 +1,43 @@
+"""Messages that travel as bytes and are decoded where they are used, once."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+from actionkit._threads.diagnostics import log_here
+
+
+class UndecodableError(Exception):
+    """A message whose bytes are not those of its type. Those who look at it leave it out."""
+
+
+class DecodeOnce:
+    """Decodes a message at most once, for all who look at it."""
+
+    __slots__ = ("_pending", "_value")
+
+    def __init__(self, decode: Callable[[bytes], Any], message: bytes) -> None:
+        self._pending: tuple[Callable[[bytes], Any], bytes] | None = (decode, message)
+        self._value: Any = None
+
+    def __call__(self) -> Any:
+        """Return the message.
+
+        Raises:
+            UndecodableError: It cannot be decoded, which is logged once.
+        """
+        pending = self._pending
+        if pending is not None:
+            # Two threads may both decode: the second value is as good as the first.
+            decode, message = pending
+            try:
+                self._value = decode(message)
+            except Exception as error:  # noqa: BLE001  whatever the middleware makes of bad bytes
+                self._value = UndecodableError(str(error))
+                log_here(logging.WARNING, "feedback is left out: %s", error)
+            self._pending = None
+        if isinstance(self._value, UndecodableError):
+            raise self._value
+        return self._value

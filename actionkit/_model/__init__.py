@@ -1,0 +1,1 @@
+"""What users hold and set: states, outcomes, errors, settings."""

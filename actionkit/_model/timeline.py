@@ -1,0 +1,53 @@
+"""Writes down the story of a call, in the order seen and bounded in memory (contract C6.1)."""
+
+from __future__ import annotations
+
+import uuid
+
+from actionkit._model.values import GoalEvent, GoalState, Timeline
+
+_MOST = 200
+"""Events kept; a call that retries for days keeps its beginning and its end."""
+
+
+class Recorder:
+    """The timeline of one call as it grows. Written by one thread, read by any."""
+
+    def __init__(self) -> None:
+        self._events: tuple[GoalEvent, ...] = ()
+        self._counted: uuid.UUID | None = None
+        self._count = 0
+
+    def count_feedback(self, goal_id: uuid.UUID, messages: int) -> range:
+        """Count feedback messages of this goal; return their numbers, from 1."""
+        if goal_id != self._counted:
+            self._counted, self._count = goal_id, 0
+        self._count += messages
+        return range(self._count - messages + 1, self._count + 1)
+
+    def add(self, event: GoalEvent) -> None:
+        """Append an event. Of a goal's feedback only the first and the last are kept."""
+        kept = self._events
+        if event.state is GoalState.FEEDBACK:
+            kept = _without_the_last_of_two(kept, event.goal_id)
+        if len(kept) >= _MOST:
+            kept = kept[: _MOST // 2] + kept[_MOST // 2 + 1 :]
+        self._events = (*kept, event)
+
+    def events(self) -> Timeline:
+        """Return what is kept, oldest first."""
+        return Timeline(self._events)
+
+
+def _without_the_last_of_two(
+    events: tuple[GoalEvent, ...], goal_id: uuid.UUID
+) -> tuple[GoalEvent, ...]:
+    """Return the events without the goal's last feedback, where its first is there too."""
+    places = [
+        place
+        for place, event in enumerate(events)
+        if event.state is GoalState.FEEDBACK and event.goal_id == goal_id
+    ]
+    if len(places) < 2:
+        return events
+    return events[: places[-1]] + events[places[-1] + 1 :]

@@ -1,0 +1,123 @@
+"""All who are told what happens to the goals of one client."""
+
+from __future__ import annotations
+
+import contextvars
+import uuid
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from actionkit._messages.lazy import UndecodableError
+from actionkit._model.values import GoalEvent, GoalState, Outcome
+from actionkit._observers.channel import Channel, Job
+from actionkit._observers.goal_log import GoalLog
+from actionkit._observers.protocol import CallInfo, Observer
+from actionkit._threads.blocked import Label
+from actionkit._threads.pool import Pool
+
+
+class Seat:
+    """One observer, and the channel to it."""
+
+    def __init__(self, observer: Observer, channel: Channel) -> None:
+        self.channel = channel
+        self._on_event = observer.on_event
+        self._on_feedback: Callable[..., object] | None = getattr(observer, "on_feedback", None)
+        self._on_outcome: Callable[..., object] | None = getattr(observer, "on_outcome", None)
+
+    def event(self, event: GoalEvent, call: CallInfo, decode: Callable[[], Any] | None) -> None:
+        """Tell of a transition, soon."""
+        if decode is not None and self._on_feedback is not None:
+            job: Job = partial(self._feedback, self._on_feedback, event, decode, call)
+        else:
+            job = partial(self._on_event, event, call)
+        self.channel.put(job, feedback=event.state is GoalState.FEEDBACK)
+
+    def _feedback(
+        self,
+        hook: Callable[..., object],
+        event: GoalEvent,
+        decode: Callable[[], Any],
+        call: CallInfo,
+    ) -> None:
+        try:
+            message = decode()
+        except UndecodableError:  # not the observer's fault: it is told of the event alone
+            self._on_event(event, call)
+            return
+        hook(event, message, call)
+
+    def outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
+        """Tell of the end of a call, soon."""
+        if self._on_outcome is not None:
+            self.channel.put(partial(self._on_outcome, outcome, call))
+
+
+class Audience:
+    """The log and the observers of one client. Costs next to nothing where nobody listens."""
+
+    def __init__(
+        self,
+        observers: tuple[Observer, ...] = (),
+        *,
+        action_name: str = "",
+        action_type: str = "",
+        node_name: str = "",
+    ) -> None:
+        """Seat the observers, which were checked. The names are those of `CallInfo`."""
+        self._names = (action_name, action_type, node_name)
+        # A thread for each, where need be: none of them waits for another.
+        most = 1 + len(observers)
+        self._pool = Pool(action_name, name="actionkit-observers", most=most, limit=most)
+        self._log = GoalLog()
+        log_label = Label(f"a handler of {self._log!r}", None, "the client's other records")
+        log_channel = Channel(log_label, self._pool, action_name, ends_on_error=False)
+        self._log_seat = Seat(self._log, log_channel)
+        self._seats = [Seat(observer, self._channel_to(observer)) for observer in observers]
+
+    def _channel_to(self, observer: Observer) -> Channel:
+        label = Label(f"observer {observer!r}", None, "the client's other events for it")
+        return Channel(label, self._pool, self._names[0])
+
+    def call_info(
+        self, call_id: uuid.UUID, goal: Any, *, monotonic: float, wall: float
+    ) -> CallInfo:
+        """Return what all are told of a call. On the caller's thread, for its context."""
+        context = contextvars.copy_context() if self._seats else None
+        return CallInfo(call_id, *self._names, monotonic, wall, goal, context)
+
+    @property
+    def hears_feedback(self) -> bool:
+        """Whether anybody wants to be told of each feedback message."""
+        return bool(self._seats) or self._log.wants_feedback()
+
+    def event(
+        self, event: GoalEvent, call: CallInfo, decode: Callable[[], Any] | None = None
+    ) -> None:
+        """Tell all of a transition. Never blocks.
+
+        Args:
+            event: It.
+            call: Whose it is.
+            decode: Returns the feedback message where it is one.
+        """
+        if self._log.wants(event):
+            self._log_seat.event(event, call, None)
+        for seat in self._seats:
+            seat.event(event, call, decode)
+
+    def outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
+        """Tell all of the end of a call. Never blocks."""
+        if self._log.wants_outcome(outcome):
+            self._log_seat.outcome(outcome, call)
+        for seat in self._seats:
+            seat.outcome(outcome, call)
+
+    def flush(self, until: float) -> None:
+        """Wait until all have been told, or until that monotonic time."""
+        for seat in (self._log_seat, *self._seats):
+            seat.channel.flush(until)
+
+
+NOBODY = Audience()

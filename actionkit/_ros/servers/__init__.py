@@ -1,0 +1,1 @@
+"""Which servers of an action are there, and whether they are alive."""

@@ -1,0 +1,1 @@
+"""Questions to the ROS graph for the command line."""

@@ -1,0 +1,134 @@
+"""All goals of an action, everybody's, as its servers tell of them on the status topic."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from action_msgs.msg import GoalStatus, GoalStatusArray
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.exceptions import InvalidHandle
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+
+from actionkit._ros import graph, runtimes
+from actionkit._ros.native import MessageSource, RCLError
+from actionkit._threads.clock import TimerHandle
+
+_log = logging.getLogger("actionkit")
+_DEPTH = 100
+"""More than the topic's usual 1: each state is wanted, not just the last."""
+_PERIOD = 0.25
+"""Seconds between two looks at the graph for servers."""
+_JOIN = 5.0
+_NAMES = {
+    GoalStatus.STATUS_ACCEPTED: "ACCEPTED",
+    GoalStatus.STATUS_EXECUTING: "EXECUTING",
+    GoalStatus.STATUS_CANCELING: "CANCELING",
+    GoalStatus.STATUS_SUCCEEDED: "SUCCEEDED",
+    GoalStatus.STATUS_CANCELED: "CANCELED",
+    GoalStatus.STATUS_ABORTED: "ABORTED",
+}
+
+
+@dataclass(frozen=True)
+class GoalSeen:
+    """One goal as a server's status message has it.
+
+    Attributes:
+        goal_id: 32 hexadecimal digits.
+        state: The name of a `GoalState`.
+        accepted: When the server accepted it, in seconds since the epoch of its clock.
+    """
+
+    goal_id: str
+    state: str
+    accepted: float
+
+
+class StatusReader:
+    """Reads the status topic of an action, whatever its type. Give it back by `close`."""
+
+    def __init__(
+        self,
+        action_name: str,
+        on_goals: Callable[[list[GoalSeen]], None],
+        on_servers: Callable[[tuple[str, ...]], None],
+    ) -> None:
+        """Begin to read.
+
+        Args:
+            action_name: The full name of the action.
+            on_goals: Called with all goals that a server remembers, whenever one changes, on
+                another thread.
+            on_servers: Called with the names of the servers' nodes when they change.
+        """
+        self._name = action_name
+        self._on_goals = on_goals
+        self._on_servers = on_servers
+        self._servers: tuple[str, ...] = ()
+        self._timer: TimerHandle | None = None
+        self._runtime = runtimes.acquire(None, self)
+        self._runtime.run(self._begin)
+
+    def close(self) -> None:
+        """Read no more."""
+        self._runtime.run(self._end)
+        runtimes.release(self._runtime, self)
+        self._runtime.join_if_stopping(_JOIN)
+
+    def _begin(self) -> None:
+        self._subscription = self._runtime.node.create_subscription(
+            GoalStatusArray,
+            f"{self._name}/_action/status",
+            _unused,
+            QoSProfile(
+                depth=_DEPTH,
+                reliability=ReliabilityPolicy.RELIABLE,
+                durability=DurabilityPolicy.TRANSIENT_LOCAL,
+            ),
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+        )
+        self._source = MessageSource(self._subscription, self._take)
+        self._runtime.enable(self._source)
+        self._look()
+
+    def _end(self) -> None:
+        if self._timer is not None:
+            self._runtime.timers.cancel(self._timer)
+        self._runtime.disable(self._source)
+        self._runtime.node.destroy_subscription(self._subscription)
+
+    def _take(self) -> None:
+        for message in self._source.take():
+            try:
+                array = deserialize_message(message, GoalStatusArray)
+            except RuntimeError as error:  # what rclpy makes of bytes that are no such message
+                _log.debug("a status message of %s is left out: %s", self._name, error)
+                continue
+            self._on_goals([_seen(entry) for entry in array.status_list])
+
+    def _look(self) -> None:
+        self._timer = self._runtime.call_at(self._runtime.now() + _PERIOD, self._look)
+        try:
+            infos = graph.servers(self._runtime.node, self._name)
+        except (RCLError, InvalidHandle):  # the context was shut down (R10)
+            return
+        servers = tuple(sorted(info.node or "(a node not known yet)" for info in infos))
+        if servers != self._servers:
+            self._servers = servers
+            self._on_servers(servers)
+
+
+def _seen(entry: GoalStatus) -> GoalSeen:
+    info = entry.goal_info
+    goal_id = bytes(info.goal_id.uuid).hex()
+    accepted = info.stamp.sec + info.stamp.nanosec * 1e-9
+    return GoalSeen(goal_id, _NAMES.get(entry.status, f"UNKNOWN ({entry.status})"), accepted)
+
+
+def _unused(_: Any) -> None:
+    """Stand in for a callback: nothing here is spun."""

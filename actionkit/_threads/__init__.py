@@ -1,0 +1,1 @@
+"""Time, waiting, and the threads on which the user's functions run."""

@@ -1,0 +1,261 @@
+"""Where the user's callables run: never on the communication thread (R8).
+
+Each client has pools of its own: one for feedback and done callbacks, one for its observers and
+the log. So nothing of one client's waits for another's, and no callback for a log handler. Each
+goal has a strand in its pool: its feedback callbacks run one after the other, in order.
+
+The threads of a pool come when there is work and go when there is none. They are daemons, so
+that none holds up the interpreter's exit (R19).
+"""
+
+from __future__ import annotations
+
+import contextvars
+import logging
+import queue
+import threading
+from collections import deque
+from collections.abc import Callable
+
+from actionkit._threads.blocked import Label, Turn, Work, Worker, watcher
+from actionkit._threads.diagnostics import log_later, log_own_error
+
+MOST_THREADS = 8
+"""Threads of a client for its callbacks; one that is blocked does not count."""
+MOST_BLOCKED = 64
+"""Threads of a client for its callbacks in all, those that are blocked included."""
+_IDLE_SECONDS = 1.0
+
+in_callback: contextvars.ContextVar[bool] = contextvars.ContextVar("in_callback", default=False)
+"""Whether the caller is inside a callback that ActionKit called."""
+
+Job = Callable[[], None]
+
+
+class Pool:
+    """Runs work on up to a few daemon threads of its own. Jobs must not raise.
+
+    A thread that is blocked by what it runs is replaced by another, up to a limit.
+    """
+
+    def __init__(
+        self,
+        owner: str = "",
+        *,
+        name: str = "actionkit-callbacks",
+        most: int = MOST_THREADS,
+        limit: int = MOST_BLOCKED,
+        idle: float = _IDLE_SECONDS,
+    ) -> None:
+        """Make one without threads.
+
+        Args:
+            owner: The name of the client's action, for the log.
+            name: The name of the threads.
+            most: How many threads there are at most, but for those that are blocked.
+            limit: How many there are at most in any case.
+            idle: Seconds that a thread waits for more work before it ends.
+        """
+        self._owner = owner
+        self._name = name
+        self._most = most
+        self._limit = limit
+        self._idle_seconds = idle
+        self._waiting: queue.SimpleQueue[Work] = queue.SimpleQueue()
+        self._lock = threading.Lock()
+        self._threads = 0
+        self._blocked = 0
+        self._free = 0  # threads that wait for work, less work that waits for a thread
+        self._told_of_limit = False
+
+    def submit(self, job: Job, label: Label) -> None:
+        """Run one job soon. Never blocks.
+
+        Args:
+            job: What to run.
+            label: What is said of it where it does not return.
+        """
+        self.run(_Single(job, label))
+
+    def run(self, work: Work) -> None:
+        """Run all steps of `work` soon, one after the other on one thread. Never blocks."""
+        with self._lock:
+            self._free -= 1
+            start = self._needs_a_thread()
+        self._waiting.put(work)
+        if start:
+            self._start()
+
+    def _needs_a_thread(self) -> bool:
+        """Whether to start one for what waits; if so, it is counted. Under the lock."""
+        if self._free >= 0 or self._threads - self._blocked >= self._most:
+            return False
+        if self._threads >= self._limit:
+            if not self._told_of_limit:
+                self._told_of_limit = True
+                log_later(
+                    logging.WARNING,
+                    "%d callbacks of a client of action %r do not return, and there are no more"
+                    " threads for it: its other callbacks wait until one of these returns",
+                    self._blocked,
+                    self._owner,
+                )
+            return False
+        self._threads += 1
+        self._free += 1
+        return True
+
+    def _start(self) -> None:
+        try:
+            threading.Thread(target=self._work, name=self._name, daemon=True).start()
+        except RuntimeError:
+            # No more threads; from Python 3.12 on there are none at the interpreter's exit. The
+            # work waits for one that is there. What rests on it must not break on it.
+            with self._lock:
+                self._threads -= 1
+                self._free -= 1
+
+    # --- on a thread of the pool -----------------------------------------------------------
+
+    def _work(self) -> None:
+        in_callback.set(True)
+        worker = Worker(self._owner, self._replace)
+        watcher.add(worker)
+        try:
+            while (work := self._next()) is not None:
+                self._carry_out(worker, work)
+                del work  # or an idle thread would keep the last goal alive
+                if not self._stays():
+                    return
+        finally:
+            watcher.remove(worker)
+
+    def _next(self) -> Work | None:
+        """Wait for work; `None` where the thread is to end, and is counted out."""
+        while True:
+            try:
+                return self._waiting.get(timeout=self._idle_seconds)
+            except queue.Empty:
+                with self._lock:
+                    if self._free <= 0:
+                        continue  # some is on its way
+                    self._threads -= 1
+                    self._free -= 1
+                    return None
+
+    def _carry_out(self, worker: Worker, work: Work) -> None:
+        more = True
+        while more:
+            worker.begin(work)
+            try:
+                more = work.step()
+            except BaseException:  # noqa: BLE001  a thread of the pool is not to be lost
+                log_own_error()
+            worker.end()
+            if worker.replaced is not None:
+                self._take_back(worker)
+
+    def _stays(self) -> bool:
+        """Count the thread as free, or out where others took its place while it was blocked."""
+        with self._lock:
+            if self._threads - self._blocked > self._most:
+                self._threads -= 1
+                return False
+            self._free += 1
+            return True
+
+    # --- threads that are blocked ----------------------------------------------------------
+
+    def _replace(self, worker: Worker, turn: Turn) -> None:
+        """Let another thread take the place of one that is blocked. On the watcher's thread."""
+        with self._lock:
+            worker.replaced = turn
+            if worker.turn is not turn:  # looked at after `replaced` was set: see `_carry_out`
+                worker.replaced = None
+                return
+            self._blocked += 1
+            start = self._needs_a_thread()
+        if start:
+            self._start()
+
+    def _take_back(self, worker: Worker) -> None:
+        with self._lock:
+            if worker.replaced is not None:
+                worker.replaced = None
+                self._blocked -= 1
+
+
+class _Single:
+    """Work of one job."""
+
+    __slots__ = ("_job", "label")
+
+    def __init__(self, job: Job, label: Label) -> None:
+        self._job: Job | None = job
+        self.label = label
+
+    def step(self) -> bool:
+        """Run it, once."""
+        job, self._job = self._job, None
+        if job is not None:
+            job()
+        return False
+
+
+class Strand:
+    """A bounded queue of jobs that run one after the other on a pool."""
+
+    def __init__(self, pool: Pool, most: int, label: Label) -> None:
+        """Make an empty one.
+
+        Args:
+            pool: Where the jobs run.
+            most: How many may wait.
+            label: What is said of one that does not return.
+        """
+        self.label = label
+        self._pool = pool
+        self._most = most
+        self._lock = threading.Lock()
+        self._jobs: deque[Job] = deque()
+        self._running = False
+        self._closed = False
+        self.dropped = 0
+
+    def put(self, *jobs: Job) -> None:
+        """Queue jobs. Where the queue is full the oldest give way: the newest win."""
+        with self._lock:
+            if self._closed:
+                return
+            self._jobs.extend(jobs)
+            while len(self._jobs) > self._most:
+                self._jobs.popleft()
+                self.dropped += 1
+            if self._running:
+                return
+            self._running = True
+        self._pool.run(self)
+
+    def finish(self, then: Job) -> None:
+        """Call `then` once, when what is queued has run; at once where nothing is."""
+        with self._lock:
+            if self._running and not self._closed:
+                self._jobs.append(then)
+                return
+        then()
+
+    def close(self) -> None:
+        """Run nothing more. What is running now runs on."""
+        with self._lock:
+            self._closed = True
+            self._jobs.clear()
+
+    def step(self) -> bool:
+        """Run the next job. For the pool only."""
+        with self._lock:
+            if not self._jobs:
+                self._running = False
+                return False
+            job = self._jobs.popleft()
+        job()
+        return True
