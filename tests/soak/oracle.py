@@ -83,6 +83,12 @@ class Journal:
         how = f"{record.error or 'success'} {record.cancel}".rstrip()
         return f"{record.kind}({record.order}): {how}, {', '.join(times)}; server: {events}"
 
+    def served_until(self, when: float) -> float:
+        """When it last cancelled a goal before that: for so long it was worth waiting for it."""
+        kinds = ("cancel_accepted", "canceled")
+        times = [e.monotonic for e in self.events if e.event in kinds and e.monotonic <= when]
+        return max(times, default=0.0)
+
     @property
     def healthy(self) -> bool:
         return not self.done
@@ -129,7 +135,7 @@ def _wrong(record: Record, journal: Journal) -> Iterable[str]:
     if record.error in _TRANSIENT and journal.healthy:
         yield f"nothing was done to its server: {record.text} {journal.story(record)}"
     if record.error == "ResultLostError" and not journal.may_miss_an_end:
-        yield f"its server was there all the time: {record.text}"
+        yield f"its server was there all the time: {record.text} {journal.story(record)}"
     if record.error not in _KNOWN:
         yield record.text
     if record.error == "DeadlineExceededError" and record.given_up is None:

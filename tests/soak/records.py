@@ -8,10 +8,14 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from actionkit._settings import LONGEST_GRACE
+
 GRACE = 2.0
 """`Timeouts.cancel` of all clients of the soak, in seconds."""
 _AT_ONCE = 8
 """Goals whose cancellation is asked for at the same time; the others wait for their turn."""
+_LOST_COMES = 3.5
+"""Seconds until what was lost on the network is there, with Fast DDS."""
 PATIENCE = 30.0
 """The deadline of calls that are to come to an end by themselves, in seconds."""
 
@@ -83,11 +87,13 @@ class Record:
     late: Sequence[int] | None = None
     text: str = ""
 
-    def bound(self, *, healthy: bool) -> float:
+    def bound(self, *, healthy: bool, served_until: float = 0.0) -> float:
         """When it has to have ended, as promised.
 
         Args:
             healthy: Whether nothing was done to its server, or to the network.
+            served_until: When a server that packets to and from were lost on the way of last
+                cancelled a goal before this call ended.
         """
         bound = self.began + self.timeout + GRACE
         if self.given_up is not None and self.kind != "stubborn":
@@ -96,7 +102,8 @@ class Record:
             longer = 0.03 * self.together
             if not healthy:
                 longer += 2.0 if self.together <= _AT_ONCE else 10.0
-            bound = min(bound, self.given_up + GRACE + longer)
+            heard = min(served_until + _LOST_COMES, self.given_up + LONGEST_GRACE)
+            bound = min(bound, max(self.given_up + longer, heard) + GRACE)
         return bound
 
 

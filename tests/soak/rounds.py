@@ -177,7 +177,8 @@ class Round:
             self.result.outcomes[(record.error or "success") + cancel] += 1
             if record.ended is None:
                 continue
-            late = record.ended - record.bound(healthy=journal.healthy)
+            served = journal.served_until(record.ended) if self._plan.loss else 0.0
+            late = record.ended - record.bound(healthy=journal.healthy, served_until=served)
             self.result.late = max(self.result.late, late)
             if late > _LATE:
                 self._found("late", f"{late:.1f} s beyond its bound: {journal.story(record)}")

@@ -94,6 +94,9 @@ def test_the_bound_of_a_call():
     assert given_up.bound(healthy=True) == pytest.approx(112.03)
     assert given_up.bound(healthy=False) == pytest.approx(114.03)
     assert replace(given_up, together=20).bound(healthy=False) == pytest.approx(122.6)
+    # On a network that loses packets it is worth waiting while others are cancelled.
+    assert given_up.bound(healthy=False, served_until=115.0) == pytest.approx(120.5)
+    assert given_up.bound(healthy=False, served_until=300.0) == 132.0
     # A server that refuses: the goal runs on, and so does its call.
     assert replace(given_up, kind="stubborn").bound(healthy=True) == 132.0
 
