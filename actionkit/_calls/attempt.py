@@ -10,8 +10,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from actionkit._goal.machine import Goal
 from actionkit._goal import effects as fx
+from actionkit._goal.machine import Goal
 from actionkit._goal.stages import GaveUp, Stage
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState

@@ -80,6 +80,7 @@ class Goal:
         self._gave_up_at = 0.0
         self._cancel_accepted = False
         self._refusals = 0  # since we gave it up last, or since the server last cancelled it
+        self._refused_at = 0.0  # when it was the first of them
         self._forgiven: GaveUp | None = None  # a giving up that the server refused to follow
         self._was_sent = resent
         self.abandoned = False
@@ -87,6 +88,7 @@ class Goal:
         self._broke = False
         self._nudge_after = FIRST_NUDGE
         self._told: GoalState | None = None  # a terminal state that came without the result
+        self._missed_at: float | None = None  # when its server first did not know it any more
 
     @property
     def in_flight(self) -> bool:
@@ -237,7 +239,7 @@ class Goal:
             return effects
         if self.state is GoalState.ACCEPTED:
             effects.append(self._enter(GoalState.EXECUTING))
-        return effects + self._seen_running(now) + self._arm_stall(now)
+        return effects + self._arm_stall(now)
 
     def status(self, state: GoalState, now: float) -> list[Effect]:
         """The server's status topic shows the goal in `state`."""
@@ -257,7 +259,7 @@ class Goal:
             return effects
         if RANK[state] > RANK.get(self.state, 0):
             effects.append(self._enter(state))
-        return effects + self._seen_running(now)
+        return effects
 
     def result(
         self, status: GoalState | None, result: Any, now: float, *, ours: bool = True
@@ -273,8 +275,10 @@ class Goal:
         if not self.in_flight:
             return []
         if status is None:
-            if self.stage in (Stage.ACCEPTED, Stage.LOST):
-                return self._result_lost(now, "its server no longer knows the goal")
+            if self.stage is Stage.ACCEPTED:
+                return self._missed(now)
+            if self.stage is Stage.LOST:
+                return self._over()
             # It may be taken yet (R6); but a server that has denied it has no more to say.
             return self.rejected(now) if self._denied else self._unknown_so_far()
         new = self._unproven and self.stage is not Stage.LOST
@@ -342,28 +346,27 @@ class Goal:
 
     @property
     def _may_be_refused(self) -> bool:
-        """Whether a refusal matters: a goal that is given up on, and neither ends nor has ended."""
-        waits = self.gave_up is not None and not self.settled
-        return waits and not self._cancel_accepted and self._told is None
+        """Whether a refusal matters: nobody wants the goal, and it neither ends nor has ended."""
+        return self._unwanted and not self._cancel_accepted and self._told is None
 
     def _was_refused(self, now: float) -> list[Effect]:
-        """The server will not cancel the goal, or the goal has just ended (R12)."""
-        self._refusals += 1
-        if self._refusals > 1:
-            return self._runs_on(now)  # it had not ended when it refused the first time
-        self._nudge_after = DOUBT
-        return [WatchStatus(), self._arm_nudge(now)]
+        """The server will not cancel the goal, or it has just ended, or is being accepted (R12).
 
-    def _seen_running(self, now: float) -> list[Effect]:
-        """After a refusal: then it was meant, and did not just come too late."""
-        if self._refusals != 1 or not self._may_be_refused:
-            return []
+        rclpy's servers answer all three in the same words. So it is asked again after a moment.
+        """
+        if self._refusals == 0:
+            self._refusals = 1
+            self._refused_at = now
+            self._nudge_after = DOUBT
+            return [WatchStatus(), self._arm_nudge(now)]
+        if now < self._refused_at + DOUBT:
+            return []  # to what was asked before
         self._refusals += 1
         return self._runs_on(now)
 
     def _runs_on(self, now: float) -> list[Effect]:
         """A refusal is believed. What it means depends on who is left to wait for the goal."""
-        if self.gave_up not in (GaveUp.CANCELLED, GaveUp.UNANSWERED):
+        if self.settled or self.gave_up not in (GaveUp.CANCELLED, GaveUp.UNANSWERED):
             return []  # a success in the time that is left is not thrown away (C2.3)
         if self._deadline is not None and now >= self._deadline:
             self.gave_up = GaveUp.DEADLINE
@@ -417,6 +420,19 @@ class Goal:
             return effects + self._settle_given_up() + self._release()
         return effects + self._settle(End.RESULT_LOST, info=self._told, why=why) + self._release()
 
+    def _missed(self, now: float) -> list[Effect]:
+        """The server does not know a goal that it has accepted: believed when it says so again.
+
+        While one thread of an rclpy server accepts a goal, another answers as if there were none.
+        """
+        if self._missed_at is None:
+            self._missed_at = now
+            self._nudge_after = DOUBT
+            return [self._arm_nudge(now)]
+        if now < self._missed_at + DOUBT:
+            return []  # to what was asked before
+        return self._result_lost(now, "its server no longer knows the goal")
+
     def timer(
         self, timer: Timer, now: float, *, others_confirmed_at: float = -math.inf
     ) -> list[Effect]:
@@ -452,7 +468,8 @@ class Goal:
             self._gave_up_at + self._timeouts.cancel + LONGEST_GRACE,
             math.inf if self._deadline is None else self._deadline + self._timeouts.cancel,
         )
-        if later > now and self.gave_up is not GaveUp.DEADLINE:
+        asked = self._unknown_to_server  # it had its turn, and would gain nothing by waiting
+        if later > now and self.gave_up is not GaveUp.DEADLINE and not asked:
             return [Arm(Timer.CANCEL, later)]
         effects = self._runs_on(now) if self._refusals else []
         if self.gave_up is None:
@@ -472,7 +489,8 @@ class Goal:
         effects: list[Effect] = [WatchStatus()]
         if self._refusals == 1 and self._unwanted:
             effects.append(AskCancel())
-        if self._told or self.stage is not Stage.ACCEPTED or self._nudge_after >= RARELY:
+        missed = self._missed_at is not None
+        if missed or self._told or self.stage is not Stage.ACCEPTED or self._nudge_after >= RARELY:
             # A goal that merely takes long is seen in the status topic, and not asked about.
             effects.append(AskResult())
         longest = MAX_NUDGE if self._told is None else MAX_RESULT_NUDGE

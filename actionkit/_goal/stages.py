@@ -18,9 +18,9 @@ NOBODY_WAITS = 4.0
 """Pause, the fourth, after which nobody asks any more for the result of a goal that has ended and
 whose caller is gone."""
 DOUBT = 0.3
-"""Seconds until a server that refused to cancel is asked once more, unless the goal is seen running
-before. It refuses in the same words where the goal has just ended (R12); then the second answer, or
-the result, says so."""
+"""Seconds until a server that refused to cancel a goal, or does not know one that it has accepted,
+is asked once more. rclpy's servers say both of a goal that they are just accepting, too, and refuse
+in the same words where it has just ended (R12); then the second answer, or the result, says so."""
 
 
 class Stage(Enum):

@@ -188,7 +188,7 @@ def test_an_expired_result_is_lost_not_empty(form, action_server, make_client):
             lost = answer.error
             break
     assert isinstance(lost, ak.ResultLostError)
-    assert lost.status is None
+    assert lost.status in (None, GoalState.SUCCEEDED)  # the status topic may still show it
     assert "result_timeout" in str(lost)
 
 

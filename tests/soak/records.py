@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from actionkit._settings import LONGEST_GRACE
+from actionkit._model.settings import LONGEST_GRACE
 
 GRACE = 2.0
 """`Timeouts.cancel` of all clients of the soak, in seconds."""

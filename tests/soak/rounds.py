@@ -177,7 +177,7 @@ class Round:
             self.result.outcomes[(record.error or "success") + cancel] += 1
             if record.ended is None:
                 continue
-            served = journal.served_until(record.ended) if self._plan.loss else 0.0
+            served = 0.0 if journal.healthy else journal.served_until(record.ended)
             late = record.ended - record.bound(healthy=journal.healthy, served_until=served)
             self.result.late = max(self.result.late, late)
             if late > _LATE:

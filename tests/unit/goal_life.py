@@ -25,6 +25,7 @@ from actionkit._goal.effects import (
     Withdraw,
 )
 from actionkit._goal.machine import Goal, Stage
+from actionkit._goal.stages import DOUBT
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState
 
@@ -55,6 +56,8 @@ class Life:
         self.cancel_asked = self.cancel_accepted = False
         self.denied = self.rejected = self.unknown = self.stopped = False
         self.refused = self.refused_lately = False
+        self.missed = False
+        self.missed_at: float | None = None
         self.resent = resent
         self.sent = False
         # What the caller may be told of the goal, from what was told so far alone.
@@ -132,7 +135,9 @@ class Life:
             self.denied |= no
         if event == "result" and in_flight:
             self.stopped |= args[0] is not None
-            self.unknown |= args[0] is None
+            sure = args[0] is None and self._sure_of_unknown(before)
+            self.unknown |= sure
+            self.missed |= sure and before is Stage.ACCEPTED
         if event == "status" and in_flight:
             self.stopped |= args[0].is_terminal
         if event == "cancel_answered" and in_flight:
@@ -166,7 +171,7 @@ class Life:
         elif in_flight and unknown:
             if before not in (Stage.ACCEPTED, Stage.LOST):
                 self.known = Known.UNKNOWN_TO_SERVER
-            elif before is Stage.LOST or event == "result":
+            elif before is Stage.LOST or (event == "result" and self.missed):
                 self.known = Known.STOPPED
         elif in_flight and event in ("accepted", "feedback", "status", "result", "cancel_answered"):
             # Whatever a server says of a goal proves that it took it.
@@ -176,6 +181,15 @@ class Life:
                 self.known = Known.STOPPED if ended else Known.NOTHING
         elif event == "server_lost" and in_flight and self.known is not Known.STOPPED:
             self.known = Known.SERVER_GONE
+
+    def _sure_of_unknown(self, before: Stage) -> bool:
+        """Whether a server that does not know a goal means it; an accepted one, only if twice."""
+        if before is not Stage.ACCEPTED:
+            return True
+        if self.missed_at is None:
+            self.missed_at = self.now
+            return False
+        return self.now >= self.missed_at + DOUBT
 
     def _require(self, holds: bool, promise: str) -> None:
         if not holds:

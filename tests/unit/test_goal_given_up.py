@@ -94,6 +94,7 @@ def test_a_success_that_was_refused_a_cancel_is_not_thrown_away(refusals: int) -
     life.wait_until(3.0)
     for _ in range(refusals):
         life.tell("cancel_answered", CancelAnswer.REFUSED)
+        life.wait_until(life.now + DOUBT)
     life.wait_until(4.9)
     life.tell("result", GoalState.SUCCEEDED, 1)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.CONFIRMED)
@@ -304,6 +305,15 @@ def test_the_grace_goes_on_while_other_cancellations_are_confirmed(
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
 
 
+def test_a_goal_that_had_its_turn_does_not_wait_for_others() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT, "cancel")
+    life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
+    life.others_confirmed_at = 1e6
+    life.wait_until(2.0)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
+
+
 def test_the_grace_has_an_end_though_others_are_confirmed_for_ever() -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED, "cancel")
@@ -332,6 +342,7 @@ def test_a_refused_cancel_leaves_the_goal_to_its_caller() -> None:
     life = Life(60.0)
     life.see(*UNTIL_ACCEPTED, "cancel")
     life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.wait_until(DOUBT)
     effects = life.tell("cancel_answered", CancelAnswer.REFUSED)
     assert effects[0] == Disarm(Timer.CANCEL)
     assert isinstance(effects[1], Record)
@@ -343,14 +354,38 @@ def test_a_refused_cancel_leaves_the_goal_to_its_caller() -> None:
 
 
 @pytest.mark.parametrize("seen", [("feedback",), ("status", GoalState.EXECUTING)])
-def test_a_goal_that_is_seen_running_was_refused_its_cancel(seen: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("until", [UNTIL_SENT, UNTIL_ACCEPTED])
+def test_a_goal_that_is_just_being_accepted_is_not_refused_its_cancel(
+    until: tuple[str, ...], seen: tuple[str, ...]
+) -> None:
+    """rclpy's servers refuse in the same words while they accept a goal, and then run it (R12)."""
     life = Life(60.0)
-    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.see(*until, "cancel")
     life.tell("cancel_answered", CancelAnswer.REFUSED)
-    effects = life.tell(*seen)
-    assert any(isinstance(each, Record) and "refused" in each.detail for each in effects)
-    life.wait_until(50.0)
-    assert life.all.count(AskCancel()) == 1
+    life.tell("result", None, None)  # for the same moment they do not know it
+    life.tell("cancel_answered", CancelAnswer.REFUSED)  # what was asked at once comes too early
+    life.tell(*seen)
+    asked = life.all.count(AskCancel())
+    life.wait_until(DOUBT)
+    assert life.all.count(AskCancel()) == asked + 1
+    life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    life.tell("result", GoalState.CANCELED, None)
+    assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.CONFIRMED)
+
+
+def test_a_refusal_is_asked_about_once_more_when_nobody_waits_any_more() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_SENT)
+    life.wait_until(10.0)
+    assert life.end is End.DEADLINE
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    asked = life.all.count(AskCancel())
+    life.wait_until(10.0 + DOUBT)
+    assert life.all.count(AskCancel()) == asked + 1
+    life.tell("cancel_answered", CancelAnswer.REFUSED)  # now it is believed
+    life.wait_until(30.0)
+    assert life.all.count(AskCancel()) == asked + 1
 
 
 def test_a_refusal_that_nothing_contradicts_counts_when_the_grace_ends() -> None:
@@ -374,6 +409,8 @@ def test_a_goal_unknown_to_a_cancel_is_asked_for_its_result() -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED, "cancel")
     assert life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL) == [AskResult()]
+    life.tell("result", None, None)
+    life.wait_until(DOUBT)
     life.tell("result", None, None)
     assert (life.end, life.report) == (End.RESULT_LOST, CancelReport.NOT_NEEDED)
 

@@ -26,6 +26,7 @@ from actionkit._goal.effects import (
     Withdraw,
 )
 from actionkit._goal.machine import MAX_RESULT_NUDGE, Stage
+from actionkit._goal.stages import DOUBT
 from actionkit._model.values import CancelReport, GoalState
 
 # --- what a server does of its own -------------------------------------------------------------
@@ -328,8 +329,15 @@ def test_a_result_that_follows_its_status_late_is_taken() -> None:
 
 
 def test_a_result_that_is_unknown_after_acceptance_is_lost() -> None:
+    """It is asked for once more: a server that is just accepting the goal says so, too (R12)."""
     life = Life()
     life.see(*UNTIL_ACCEPTED)
+    asked = life.all.count(AskResult())
+    life.tell("result", None, None)
+    life.tell("result", None, None)  # to what was asked before
+    assert life.end is None
+    life.wait_until(DOUBT)
+    assert life.all.count(AskResult()) == asked + 1
     life.tell("result", None, None)
     assert (life.end, life.ending.info) == (End.RESULT_LOST, None)  # type: ignore[union-attr]
 
