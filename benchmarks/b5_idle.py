@@ -125,7 +125,7 @@ def _reaction(report: Report, scale: Scale) -> None:
         )
     report.verdicts.append(
         Verdict(
-            "reaction to a server that appears (C7.4)",
+            "reaction to a server that appears",
             1e3 * middle(samples[OURS[0]], "reaction"),
             20.0,
             "ms",
