@@ -1,7 +1,14 @@
-"""How far property tests look for an order of events that breaks a promise.
+"""How much the tests try where more is always better.
 
-With ACTIONKIT_HUNT=60 in the environment they try 60 times as many: for whoever changes the
-state machine, and has some minutes.
+Property tests look for an order of events that breaks a promise.
+
+`ACTIONKIT_HUNT` in the environment multiplies what they try. Without it they try a fifth, which is
+for whoever is at work on something else: `tests/unit` then takes half a minute. The whole suite of
+`.ci/run` has it at 1. Who changes the state machine, or the calls around it, and has some minutes,
+sets it to 60.
+
+Some tests with real processes do the same thing many times, because what they look for goes wrong
+now and then only. `ACTIONKIT_REPEAT=4` in the environment has them do it four times as often.
 """
 
 from __future__ import annotations
@@ -10,9 +17,19 @@ import os
 
 from hypothesis import settings
 
-_TIMES = int(os.environ.get("ACTIONKIT_HUNT", "1"))
+_TIMES = float(os.environ.get("ACTIONKIT_HUNT", "0.2"))
+REPEAT = int(os.environ.get("ACTIONKIT_REPEAT", "1"))
+"""By this a test multiplies how often it does the same thing."""
 
 
 def examples(usual: int) -> settings:
-    """Return settings for a test of orders that usually tries so many."""
-    return settings(max_examples=usual * _TIMES, deadline=None)
+    """Return settings for a test that tries so many orders at `ACTIONKIT_HUNT=1`."""
+    return settings(max_examples=max(1, round(usual * _TIMES)), deadline=None)
+
+
+def steps(usual: int) -> int:
+    """Return how many events long all orders are tried: one less below `ACTIONKIT_HUNT=1`.
+
+    Each further event makes three to four times as many situations.
+    """
+    return usual if _TIMES >= 1 else usual - 1

@@ -19,6 +19,10 @@ from actionkit import Client, GoalState, RetryPolicy, Timeouts
 from actionkit._ros.outbox import WINDOW
 from actionkit._ros.servers.readiness import State
 from tests.conftest import without_noise
+from tests.hunting import REPEAT
+
+_FRESH = 40 * REPEAT
+"""Processes. Were one goal in nine lost, 40 of them would show it in 99 of 100 runs."""
 
 
 class Ignorant:
@@ -110,7 +114,9 @@ with Client(Fibonacci, "fibonacci") as client:
 
 
 @pytest.mark.heavy
-def test_100_fresh_processes_that_send_at_once(action_server, ros_domain):
+@pytest.mark.timeout(240 * REPEAT)
+def test_fresh_processes_that_send_at_once(action_server, ros_domain):
+    """Of plain rclpy's goals that are sent so, one in nine loses its acknowledgement (R4)."""
     server = action_server("fibonacci", journal="goals")
 
     def fresh(_: int) -> list:
@@ -126,9 +132,9 @@ def test_100_fresh_processes_that_send_at_once(action_server, ros_domain):
         return json.loads(done.stdout.splitlines()[-1])  # Fast DDS may have complained before
 
     with concurrent.futures.ThreadPoolExecutor(4) as pool:
-        answers = list(pool.map(fresh, range(100)))
+        answers = list(pool.map(fresh, range(_FRESH)))
     assert all(sequence == [0, 1, 1, 2, 3, 5, 8, 13] for _, sequence in answers)
-    server.wait_for("succeeded", count=100)
+    server.wait_for("succeeded", count=_FRESH)
     runs = executed(server)
     assert set(runs) == {goal_id for goal_id, _ in answers}
     assert set(runs.values()) == {1}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
@@ -18,6 +19,7 @@ from actionkit.servers._events import TERMINAL
 from tests.conftest import NEVER, Script
 
 _ROOT = Path(__file__).parents[2]
+_numbers = itertools.count()
 
 #: How each way of giving up is to end the program; 0 where nothing else is said.
 CODES = {"ctrl_c": -2, "term_exit": 3}
@@ -50,7 +52,7 @@ class Crowd:
         """
         self.way = way
         self.n = n
-        self._report = directory / f"{way}-{n}-{time.monotonic_ns()}.json"
+        self._report = directory / f"{way}-{n}-{next(_numbers)}.json"
         command = ["-m", "tests.faults.crowd_client", way, str(n), str(self._report)]
         process = subprocess.Popen(
             [sys.executable, *command, json.dumps(settings)],

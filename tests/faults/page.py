@@ -32,7 +32,7 @@ OTHER_TYPE = "Another type on the name"
 #: The phases in which an outage strikes: a goal can end, and its result be lost on the way.
 OUTAGE_PHASES = (ENDS, ACCEPTED, FEEDBACK, BEFORE_ACCEPT)
 OTHER_PHASES = (ACCEPTED, FEEDBACK, BEFORE_ACCEPT)
-MANY = "200 goals, 10 at a time"
+MANY = "100 goals, 10 at a time"
 ONE_GOAL = "one goal"
 
 #: What is done, by fault, in the order of the page.
@@ -67,7 +67,7 @@ While the server is stopped (SIGSTOP) a goal is given up on. When the server goe
 cancelled, though its call has long ended.""",
     GIVEN_UP_OUTAGE: "The same, with the link between two hosts down, and up again.",
     LOSS: """
-Two hosts; each drops 30 % of the packets that come in, at random. 200 goals, 10 at a time, with
+Two hosts; each drops 30 % of the packets that come in, at random. 100 goals, 10 at a time, with
 one client; the row is about all of them. DDS asks for what was lost every 3 s, which makes this
 slow; here it does so ten times a second (`tests/faults/heartbeats.xml`).""",
     TWINS: """

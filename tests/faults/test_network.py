@@ -25,8 +25,9 @@ from tests.faults.lab import (
     settle,
 )
 from tests.faults.table import Case, Row
+from tests.hunting import REPEAT
 
-_MANY = 200
+_MANY = 100
 _AT_A_TIME = 10
 
 
@@ -79,7 +80,8 @@ def test_goals_are_given_up_on_during_an_outage(field, record):
 
 
 @pytest.mark.timeout(170)
-def test_a_third_of_all_packets_is_lost(field, record, monkeypatch):
+@pytest.mark.parametrize("_", range(REPEAT))
+def test_a_third_of_all_packets_is_lost(_, field, record, monkeypatch):
     network.skip_where_nothing_can_be_lost(field.cable)
     profiles = Path(__file__).parent / "heartbeats.xml"
     monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(profiles))

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
-from hunting import examples
+from hunting import examples, steps
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -130,7 +130,7 @@ def test_every_order_of_the_first_events(limits: dict[str, float | None]) -> Non
     seen = {life.situation()}
     frontier = [life]
     reached: set[tuple[Stage, End | None]] = set()
-    for _ in range(7):
+    for _ in range(steps(7)):
         found = []
         for each in frontier:
             for twin in next_lives(each):
