@@ -5,10 +5,13 @@ from __future__ import annotations
 import select
 import subprocess
 import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from actionkit.servers import _quiet
 from actionkit.servers._quiet import await_quiet
 
 SPINS = """
@@ -34,7 +37,11 @@ def test_a_process_that_runs_is_not_quiet() -> None:
         process.stdin.close()
 
 
-def test_a_process_that_is_gone_is_quiet() -> None:
+def test_a_process_that_is_gone_is_quiet_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     process = subprocess.Popen([sys.executable, "-c", ""])
     process.wait()
+    waits: list[float] = []
+    clock = SimpleNamespace(monotonic=time.monotonic, sleep=waits.append)
+    monkeypatch.setattr(_quiet, "time", clock)
     await_quiet(process.pid)
+    assert waits == []
