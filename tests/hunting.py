@@ -28,8 +28,8 @@ def examples(usual: int) -> settings:
 
 
 def steps(usual: int) -> int:
-    """Return how many events long all orders are tried: one less below `ACTIONKIT_HUNT=1`.
+    """Return how many events long all orders are tried, where it is so many at `ACTIONKIT_HUNT=1`.
 
-    Each further event makes three to four times as many situations.
+    Each further event makes three to four times as many situations, so one more or less is much.
     """
-    return usual if _TIMES >= 1 else usual - 1
+    return usual + (_TIMES >= 10) - (_TIMES < 1)

@@ -1,0 +1,19 @@
+"""Unit tests use no middleware, so that they are quick, and can run anywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_middleware() -> Iterator[None]:
+    """Let no test here start a ROS context, which the client, a server or a node would need."""
+
+    def init(*_: object, **__: object) -> None:
+        raise AssertionError("this belongs outside of tests/unit: it uses rclpy's middleware")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rclpy.context.Context.init", init)
+        yield
