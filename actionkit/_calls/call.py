@@ -13,22 +13,22 @@ from functools import partial
 from typing import Any, Protocol
 
 from actionkit._calls.attempt import Attempt
-from actionkit._calls.classify import overruled
-from actionkit._calls.classify_runner import Judging
+from actionkit._calls.classify import apply_verdict
+from actionkit._calls.classify_runner import ClassifyRunner
 from actionkit._calls.explain import Story, explain
-from actionkit._calls.feedback_broadcast import FeedbackTape
+from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.future import GoalFuture
-from actionkit._calls.graph_snapshot import Surroundings
+from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.request import Request
-from actionkit._calls.retry import GiveUp, JudgedFailure, Retry
+from actionkit._calls.retry import GiveUp, RejectedByClassifier, Retry
 from actionkit._calls.retrying import Retrying
 from actionkit._goal import effects as fx
 from actionkit._goal.stages import Stage
-from actionkit._messages.lazy import DecodeOnce
+from actionkit._messages.lazy import LazyMessage
 from actionkit._model.settings import Timeouts
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome, Verdict
-from actionkit._observers.dispatcher import NOBODY, Audience
+from actionkit._observers.dispatcher import NO_OBSERVERS, ObserverDispatcher
 from actionkit._threads.clock import TimerHandle
 
 _LAST_FEEDBACK_GRACE = 0.05
@@ -63,7 +63,7 @@ class Carrier(Protocol):
     ) -> Attempt: ...
     def server_is_ready(self) -> bool: ...
     def decode_feedback(self, message: bytes) -> Any: ...
-    def surroundings(self) -> Surroundings: ...
+    def graph_snapshot(self) -> GraphSnapshot: ...
     def call_soon(self, callback: Callable[[], None]) -> None: ...
     def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle: ...
     def cancel_timer(self, handle: TimerHandle) -> None: ...
@@ -74,7 +74,9 @@ class Carrier(Protocol):
 class Call:
     """Carries a request through to the settling of its future."""
 
-    def __init__(self, carrier: Carrier, request: Request, audience: Audience = NOBODY) -> None:
+    def __init__(
+        self, carrier: Carrier, request: Request, audience: ObserverDispatcher = NO_OBSERVERS
+    ) -> None:
         """Take note of a request; its time runs from now."""
         self.goal_id = uuid.uuid4()
         self.state = GoalState.SENDING
@@ -90,8 +92,8 @@ class Call:
         self._deadline = None if request.timeout is None else self._began + request.timeout
         threads = request.questions
         self._retrying = Retrying(carrier, threads, request.retry, request.budget, self._began)
-        self._judging = Judging(carrier, threads, request.classify)
-        self._tape: FeedbackTape[Any] = FeedbackTape()
+        self._judging = ClassifyRunner(carrier, threads, request.classify)
+        self._tape: FeedbackBroadcast[Any] = FeedbackBroadcast()
         self.future: GoalFuture[Any, Any] = GoalFuture(self, self._tape, request.pool)
         self._attempt: Attempt | None = None
         self._previous: Attempt | None = None
@@ -265,7 +267,7 @@ class Call:
         """Pass feedback on, undecoded."""
         if self._settled or attempt is not self._attempt:
             return
-        handful = [DecodeOnce(self._carrier.decode_feedback, message) for message in messages]
+        handful = [LazyMessage(self._carrier.decode_feedback, message) for message in messages]
         goal_id = attempt.goal_id
         numbers = self.timeline.count_feedback(goal_id, len(handful))
         each = self._audience.hears_feedback
@@ -305,7 +307,7 @@ class Call:
             return  # cancelled or closed meanwhile
         if verdict is Verdict.SUCCESS:
             self._request.budget.on_success()
-        ending = overruled(ending, verdict)
+        ending = apply_verdict(ending, verdict)
         if verdict is not Verdict.TRANSIENT or ending.end in _NEVER_AGAIN:
             self._end(ending)
             return
@@ -313,7 +315,7 @@ class Call:
         if self.unwanted or self._closing:
             self._end(replace(ending, note="its caller no longer wants it"))
             return
-        cause = error or JudgedFailure()
+        cause = error or RejectedByClassifier()
         clock, planned = time.monotonic, partial(self._planned, ending)
         self._retrying.begin(ending, cause, self._attempts, clock, self._deadline, planned)
 
@@ -396,7 +398,7 @@ class Call:
             elapsed=time.monotonic() - self._began,
             timeout=self._request.timeout,
             timeouts=self._request.timeouts,
-            surroundings=self._carrier.surroundings,
+            surroundings=self._carrier.graph_snapshot,
         )
         callbacks = self._request.callbacks
         return Outcome(

@@ -13,7 +13,7 @@ from typing import Any
 
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.call import Call
-from actionkit._calls.graph_snapshot import Surroundings
+from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._goal.stages import Stage
 from actionkit._model.settings import Timeouts
 from actionkit._ros.port import Port
@@ -93,9 +93,9 @@ class PortCarrier:
         """Whether goals can be sent now."""
         return self.port.link.presence.ready
 
-    def surroundings(self) -> Surroundings:
+    def graph_snapshot(self) -> GraphSnapshot:
         """Look at the graph, for an error's text."""
-        return Surroundings(
+        return GraphSnapshot(
             self.port.actions(), self.port.identity.domain_id, self.port.middleware()
         )
 

@@ -32,7 +32,7 @@ def label_of(classify: Classify) -> str:
     return f"`classify={name}`"
 
 
-def asked(classify: Classify, outcome: Outcome[Any]) -> Verdict | Fault:
+def call_classifier(classify: Classify, outcome: Outcome[Any]) -> Verdict | Fault:
     """Return what the user's function says. Never raises; runs code of the user's."""
     try:
         verdict = classify(outcome)
@@ -61,7 +61,7 @@ def is_empty(result: Any) -> bool:
     return result is None or bool(result == type(result)())
 
 
-def overruled(ending: Ending, verdict: Verdict | Fault) -> Ending:
+def apply_verdict(ending: Ending, verdict: Verdict | Fault) -> Ending:
     """Return the ending as the verdict has it, or as it is where there is no proper verdict."""
     succeeded = ending.end is End.SUCCEEDED
     if isinstance(verdict, Fault):

@@ -7,19 +7,19 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from actionkit._calls.classify import Classify, asked, default_verdict, label_of
+from actionkit._calls.classify import Classify, call_classifier, default_verdict, label_of
 from actionkit._goal.effects import End, Ending, Fault
 from actionkit._model.values import Outcome, Verdict
 from actionkit._threads.asking import Asking, Clock, Threads, Unanswered
 from actionkit._threads.diagnostics import log_later
 
-_JUDGED = {End.SUCCEEDED, End.ABORTED, End.REJECTED}
+_CLASSIFIED = {End.SUCCEEDED, End.ABORTED, End.REJECTED}
 """What a user may judge: what a server has said of a goal (C3.3)."""
 
 OnVerdict = Callable[[Ending, BaseException | None, Verdict | Fault], None]
 
 
-class Judging:
+class ClassifyRunner:
     """Judges the endings of one call, one at a time. All of it on the communication thread."""
 
     def __init__(self, clock: Clock, threads: Threads, classify: Classify | None) -> None:
@@ -58,7 +58,7 @@ class Judging:
                 failed to give one, at once or later.
         """
         classify = self._classify
-        if classify is None or ending.end not in _JUDGED:
+        if classify is None or ending.end not in _CLASSIFIED:
             on_verdict(ending, outcome.error, default_verdict(outcome))
             return
         label = label_of(classify)
@@ -73,7 +73,7 @@ class Judging:
                 log_later(logging.ERROR, "%s", verdict.problem, exc_info=cause or False)
             on_verdict(ending, outcome.error, verdict)
 
-        self._asking.ask(partial(asked, classify, outcome), now, deadline, answer)
+        self._asking.ask(partial(call_classifier, classify, outcome), now, deadline, answer)
 
     def cut_short(self, at: float, why: str) -> None:
         """Wait no longer for the user's function than until the monotonic time `at`."""

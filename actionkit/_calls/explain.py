@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from actionkit._calls.graph_snapshot import Surroundings, seen_instead
+from actionkit._calls.graph_snapshot import GraphSnapshot, seen_instead
 from actionkit._goal.effects import End, Ending
 from actionkit._model import errors
 from actionkit._model.settings import Timeouts
@@ -32,7 +32,7 @@ class Story:
     elapsed: float
     timeout: float | None
     timeouts: Timeouts
-    surroundings: Callable[[], Surroundings]
+    surroundings: Callable[[], GraphSnapshot]
 
 
 def explain(ending: Ending, story: Story) -> BaseException | None:

@@ -15,7 +15,7 @@ from actionkit._model.action_type import FeedbackT
 from actionkit._threads.waiting import Flag, taken_from, wake_future
 
 
-class FeedbackTape(Generic[FeedbackT]):
+class FeedbackBroadcast(Generic[FeedbackT]):
     """The feedback of one call as it comes, for any number of readers.
 
     `put` and `end` are called by one thread, which waits for none of the readers.

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, Protocol, cast
 
-from actionkit._calls.feedback_broadcast import FeedbackStream, FeedbackTape
+from actionkit._calls.feedback_broadcast import FeedbackBroadcast, FeedbackStream
 from actionkit._goal.effects import End
 from actionkit._model.action_type import FeedbackT, ResultT
 from actionkit._model.timeline import Recorder
@@ -72,10 +72,10 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
     handler interrupted, and would then wait for themselves.
     """
 
-    def __init__(self, call: CallView, tape: FeedbackTape[FeedbackT], pool: Pool) -> None:
+    def __init__(self, call: CallView, feedback: FeedbackBroadcast[FeedbackT], pool: Pool) -> None:
         super().__init__()
         self._call = call
-        self._tape = tape
+        self._feedback = feedback
         self._pool = pool
         self._outcome: Outcome[ResultT] | None = None
         self._cancelled = False
@@ -107,14 +107,14 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
     @property
     def latest_feedback(self) -> FeedbackT | None:
         """The newest feedback message, or `None`."""
-        return self._tape.latest
+        return self._feedback.latest
 
     def feedback(self) -> FeedbackStream[FeedbackT]:
         """Return an iterable, plain and asynchronous, over feedback from now on.
 
         It ends when the goal ends. A reader that falls far behind misses the oldest messages.
         """
-        return self._tape.stream()
+        return self._feedback.stream()
 
     # --- waiting ---------------------------------------------------------------------------
 

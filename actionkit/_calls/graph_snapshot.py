@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class GraphSnapshot:
     """What the graph shows around a call.
 
     Attributes:
@@ -21,7 +21,7 @@ class Surroundings:
     middleware: str
 
 
-def seen_instead(around: Surroundings, action_name: str, type_name: str) -> str:
+def seen_instead(around: GraphSnapshot, action_name: str, type_name: str) -> str:
     """Say which servers are there, and where to look for the one that is not (C3.2)."""
     parts = []
     actions = around.actions or {}

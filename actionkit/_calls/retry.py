@@ -165,7 +165,7 @@ def _is_pause(value: Any) -> bool:
     return bool(0 <= number <= MOST)  # NaN is not
 
 
-class JudgedFailure(Exception):
+class RejectedByClassifier(Exception):
     """Stands, towards tenacity's strategies, for a success that was judged a failure."""
 
 

@@ -22,7 +22,7 @@ from actionkit._calls.left_running import tell_of_goals_left
 from actionkit._calls.request import Request
 from actionkit._model.errors import ClientClosedError
 from actionkit._model.settings import LONGEST_GRACE
-from actionkit._observers.dispatcher import Audience
+from actionkit._observers.dispatcher import ObserverDispatcher
 from actionkit._observers.protocol import Observer
 from actionkit._ros.port import Port
 
@@ -73,7 +73,7 @@ class Session:
         self._carriers = [PortCarrier(open_port(), self._on_freed)]
         identity = self._carriers[0].port.identity
         self.action_name = identity.action_name
-        self._audience = Audience(
+        self._dispatcher = ObserverDispatcher(
             observers,
             action_name=identity.action_name,
             action_type=identity.type_name,
@@ -108,7 +108,7 @@ class Session:
             ClientClosedError: The session was closed.
             RuntimeError: This process was forked from the session's.
         """
-        return Call(self._current(), request, self._audience)
+        return Call(self._current(), request, self._dispatcher)
 
     def begin(self, call: Call) -> None:
         """Begin a call that was prepared. Calls begin in this order (contract C1.12).
@@ -216,7 +216,7 @@ class Session:
         left = self.running()
         self._told_left += left
         tell_of_goals_left([(self.action_name, goal_id) for goal_id in left], LINGER)
-        self._audience.flush(time.monotonic() + TELLING)
+        self._dispatcher.flush(time.monotonic() + TELLING)
 
     def begin_close(self) -> None:
         """Take no more calls, and begin to end those in flight."""

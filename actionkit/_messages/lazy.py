@@ -13,7 +13,7 @@ class UndecodableError(Exception):
     """A message whose bytes are not those of its type. Those who look at it leave it out."""
 
 
-class DecodeOnce:
+class LazyMessage:
     """Decodes a message at most once, for all who look at it."""
 
     __slots__ = ("_pending", "_value")

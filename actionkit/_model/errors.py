@@ -1,4 +1,4 @@
-"""The errors of ActionKit, one class for each way in which a call can fail (contract C3).
+"""The errors of ActionKit, one class for each way in which a call can fail.
 
 ActionKitError
 ├─ TransientError                 trying again may help
@@ -22,12 +22,10 @@ ActionKitError
 from __future__ import annotations
 
 import pickle
-from typing import TYPE_CHECKING, Any, ClassVar
+import uuid
+from typing import Any, ClassVar
 
-if TYPE_CHECKING:
-    import uuid
-
-    from actionkit._model.values import CancelReport, GoalEvent, GoalState
+from actionkit._model.values import CancelReport, GoalEvent, GoalState
 
 
 def _rebuild(cls: type[ActionKitError], message: str, state: dict[str, Any]) -> ActionKitError:
@@ -58,7 +56,7 @@ class ActionKitError(Exception):
         attempts: How many goals were sent on behalf of the call.
         timeline: The call's events, oldest first, as far as they were kept.
         elapsed: Seconds from the call to this error, or `None`.
-        transient: Whether trying again may help (contract C4.1).
+        transient: Whether trying again may help.
         result: The action's result message, where the server sent one and `classify=`, an abort
             or a cancellation made it a failure.
         cancel: What became of a goal that was given up on; `None` where none was.
@@ -167,7 +165,7 @@ class GoalAbortedError(PermanentError):
 
 
 class GoalCanceledError(PermanentError):
-    """Somebody else cancelled the goal. It is never retried (contract C4.4).
+    """Somebody else cancelled the goal. It is never retried.
 
     Attributes:
         result: The action's result message as the server sent it with the cancellation.
@@ -202,7 +200,7 @@ class ClassifyError(PermanentError):
 
 
 class DeadlineExceededError(ActionKitError, TimeoutError):
-    """The time given to the whole call ran out (contract C2.3).
+    """The time given to the whole call ran out.
 
     Not raised when a local wait such as `future.result(timeout=1)` runs out: that is a plain
     `TimeoutError` and leaves the goal alone.

@@ -52,7 +52,7 @@ def check_seconds(name: str, value: object, *, optional: bool = True) -> float |
 
 @dataclass(frozen=True)
 class Timeouts:
-    """Caps on the phases of a call, in seconds; `None` means no limit (contract C2.2).
+    """Caps on the phases of a call, in seconds; `None` means no limit.
 
     Attributes:
         server: Until a server is seen.
@@ -94,7 +94,7 @@ class Timeouts:
 
 @dataclass(frozen=True)
 class RetryPolicy:
-    """When a call that failed for a transient reason is tried again (contract C4.1).
+    """When a call that failed for a transient reason is tried again.
 
     Attributes:
         attempts: The most goals sent for one call, the first included.
@@ -102,8 +102,9 @@ class RetryPolicy:
         factor: What each pause is multiplied by to give the next.
         max_pause: The longest pause, in seconds.
         jitter: The share of each pause that is random, 0 to 1.
-        resend: What must be known of a goal that may have reached the server before another
-            is sent: `"never_accepted"`, `"confirmed_stopped"` or `"always"` (contract C4.2).
+        resend: Whether a goal that may have reached the server is followed by another:
+            `"never_accepted"` only where no server accepted it, `"confirmed_stopped"` also where
+            it is known to run no more, `"always"` even where it may still run.
         stop: A tenacity stop strategy, in place of `attempts`.
         wait: A tenacity wait strategy, in place of the pauses.
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import uuid
 from dataclasses import dataclass
+from datetime import datetime, timezone
 from enum import Enum
 from typing import Generic
 
 from actionkit._model.action_type import ResultT
-from actionkit._model.timeline_text import timeline_text
+from actionkit._model.printable import on_one_line
 
 
 class GoalState(str, Enum):
-    """The states of a goal, in the field's own words (contract C6.1)."""
+    """The states of a goal, with the names that ROS 2 actions have for them."""
 
     SENDING = "SENDING"
     """Not handed to the middleware yet: waiting for a server, or for its turn."""
@@ -49,7 +50,7 @@ _TERMINAL = frozenset(
 
 
 class CancelReport(str, Enum):
-    """What is known of a goal that its caller gave up on (contract C2.3)."""
+    """What is known of a goal that its caller gave up on."""
 
     CONFIRMED = "CONFIRMED"
     """A terminal state was seen: the goal runs no more."""
@@ -65,7 +66,7 @@ class CancelReport(str, Enum):
 
 
 class Verdict(str, Enum):
-    """What a `classify=` function says of an outcome (contract C3.3)."""
+    """What a `classify=` function says of an outcome."""
 
     SUCCESS = "SUCCESS"
     TRANSIENT = "TRANSIENT"
@@ -77,7 +78,7 @@ class Verdict(str, Enum):
 
 @dataclass(frozen=True)
 class GoalEvent:
-    """One transition in the life of a goal (contract C6.1).
+    """One transition in the life of a goal.
 
     Attributes:
         goal_id: The goal's id; each attempt of a call has its own.
@@ -97,7 +98,7 @@ class GoalEvent:
 
 
 class Timeline(tuple[GoalEvent, ...]):
-    """The events of a call, oldest first; printed, a text for a bug report (contract C6.1).
+    """The events of a call, oldest first; printed, a text for a bug report.
 
     Of each goal's feedback the first and the last are kept, and of a call that retries for days
     its beginning and its end.
@@ -106,12 +107,49 @@ class Timeline(tuple[GoalEvent, ...]):
     __slots__ = ()
 
     def __str__(self) -> str:
-        return timeline_text(self)
+        """Return a line for each event: elapsed milliseconds, attempt, state, detail.
+
+        The first line also says when that was, and the first one of each goal the goal's id, which
+        is the one that the server's log has.
+        """
+        if not self:
+            return "(no events)"
+        began = self[0].monotonic
+        elapsed = [f"{(event.monotonic - began) * 1000:.1f}" for event in self]
+        width = max(map(len, elapsed))
+        lines: list[str] = []
+        goal_id = None
+        for event, milliseconds in zip(self, elapsed, strict=True):
+            said = _said(event, goal_id, first=not lines)
+            # 9 is the length of SUCCEEDED, the longest of the states.
+            line = f"{milliseconds:>{width}} ms  #{event.attempt}  {event.state!s:<9}"
+            lines.append(f"{line}  {said}".rstrip())
+            goal_id = event.goal_id
+        return "\n".join(lines)
+
+
+def _said(event: GoalEvent, goal_before: uuid.UUID | None, *, first: bool) -> str:
+    """Return what a line says behind the state."""
+    parts = [on_one_line(event.detail)] if event.detail else []
+    if event.goal_id != goal_before:
+        parts.append(f"goal {event.goal_id}")
+    if first:
+        parts.append(f"at {date_text(event.wall)}")
+    return ", ".join(parts)
+
+
+def date_text(wall: float) -> str:
+    """Return seconds since the epoch as a date, in UTC and to the millisecond."""
+    try:
+        date = datetime.fromtimestamp(wall, timezone.utc)
+    except (OverflowError, OSError, ValueError):  # a number that no date has
+        return f"{wall} s since 1970"
+    return date.strftime("%Y-%m-%d %H:%M:%S.") + f"{date.microsecond // 1000:03} UTC"
 
 
 @dataclass(frozen=True)
 class Outcome(Generic[ResultT]):
-    """How a call ended: the whole story, without raising (contract C1.7).
+    """How a call ended, with all that is known of it. Reading it raises nothing.
 
     Attributes:
         status: The last known state of the last goal.
@@ -120,7 +158,7 @@ class Outcome(Generic[ResultT]):
         attempts: How many goals were sent.
         timeline: The call's events, oldest first; `print` it to read it.
         goal_id: The id of the last goal.
-        cancel: What became of a goal that the caller gave up on; `None` where he did not.
+        cancel: What became of a goal that the caller gave up on; `None` where nobody gave up.
         callback_errors: How many times a callback of the user's raised.
         feedback_count: How many feedback messages of the goal were received.
         elapsed: Seconds from the call to its end.

@@ -17,7 +17,7 @@ from actionkit._threads.blocked import Label
 from actionkit._threads.pool import Pool
 
 
-class Seat:
+class Subscription:
     """One observer, and the channel to it."""
 
     def __init__(self, observer: Observer, channel: Channel) -> None:
@@ -54,7 +54,7 @@ class Seat:
             self.channel.put(partial(self._on_outcome, outcome, call))
 
 
-class Audience:
+class ObserverDispatcher:
     """The log and the observers of one client. Costs next to nothing where nobody listens."""
 
     def __init__(
@@ -65,7 +65,7 @@ class Audience:
         action_type: str = "",
         node_name: str = "",
     ) -> None:
-        """Seat the observers, which were checked. The names are those of `CallInfo`."""
+        """Subscription the observers, which were checked. The names are those of `CallInfo`."""
         self._names = (action_name, action_type, node_name)
         # A thread for each, where need be: none of them waits for another.
         most = 1 + len(observers)
@@ -73,8 +73,10 @@ class Audience:
         self._log = GoalLog()
         log_label = Label(f"a handler of {self._log!r}", None, "the client's other records")
         log_channel = Channel(log_label, self._pool, action_name, ends_on_error=False)
-        self._log_seat = Seat(self._log, log_channel)
-        self._seats = [Seat(observer, self._channel_to(observer)) for observer in observers]
+        self._log_subscription = Subscription(self._log, log_channel)
+        self._subscriptions = [
+            Subscription(observer, self._channel_to(observer)) for observer in observers
+        ]
 
     def _channel_to(self, observer: Observer) -> Channel:
         label = Label(f"observer {observer!r}", None, "the client's other events for it")
@@ -84,13 +86,13 @@ class Audience:
         self, call_id: uuid.UUID, goal: Any, *, monotonic: float, wall: float
     ) -> CallInfo:
         """Return what all are told of a call. On the caller's thread, for its context."""
-        context = contextvars.copy_context() if self._seats else None
+        context = contextvars.copy_context() if self._subscriptions else None
         return CallInfo(call_id, *self._names, monotonic, wall, goal, context)
 
     @property
     def hears_feedback(self) -> bool:
         """Whether anybody wants to be told of each feedback message."""
-        return bool(self._seats) or self._log.wants_feedback()
+        return bool(self._subscriptions) or self._log.wants_feedback()
 
     def event(
         self, event: GoalEvent, call: CallInfo, decode: Callable[[], Any] | None = None
@@ -103,21 +105,21 @@ class Audience:
             decode: Returns the feedback message where it is one.
         """
         if self._log.wants(event):
-            self._log_seat.event(event, call, None)
-        for seat in self._seats:
-            seat.event(event, call, decode)
+            self._log_subscription.event(event, call, None)
+        for subscription in self._subscriptions:
+            subscription.event(event, call, decode)
 
     def outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
         """Tell all of the end of a call. Never blocks."""
         if self._log.wants_outcome(outcome):
-            self._log_seat.outcome(outcome, call)
-        for seat in self._seats:
-            seat.outcome(outcome, call)
+            self._log_subscription.outcome(outcome, call)
+        for subscription in self._subscriptions:
+            subscription.outcome(outcome, call)
 
     def flush(self, until: float) -> None:
         """Wait until all have been told, or until that monotonic time."""
-        for seat in (self._log_seat, *self._seats):
-            seat.channel.flush(until)
+        for subscription in (self._log_subscription, *self._subscriptions):
+            subscription.channel.flush(until)
 
 
-NOBODY = Audience()
+NO_OBSERVERS = ObserverDispatcher()

@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from itertools import zip_longest
 
-from actionkit._model.timeline_text import timeline_text
-from actionkit._model.values import GoalEvent, GoalState
+from actionkit._model.values import GoalEvent, GoalState, Timeline
 from actionkit._observers.json_schema import LoggedLine
 
 
@@ -176,7 +175,7 @@ def _row(lines: Sequence[LoggedLine], shift: float, end_of_all: float) -> Row:
 def _lane(events: list[GoalEvent], shift: float, until: float) -> Lane:
     """Return the lane of one attempt, whose last phase lasts until `until`."""
     kept = _without_middle_feedback(events)
-    lane = Lane(events[0].attempt, str(events[0].goal_id), text=timeline_text(kept))
+    lane = Lane(events[0].attempt, str(events[0].goal_id), text=str(Timeline(kept)))
     phase, since = None, 0.0
     for event in events:
         at = event.monotonic + shift

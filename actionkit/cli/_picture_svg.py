@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Sequence
 from xml.sax.saxutils import escape
 
-from actionkit._model.timeline_text import date_text
+from actionkit._model.values import date_text
 from actionkit._observers.json_schema import LoggedLine
 from actionkit.cli._picture_layout import Bar, Lane, Phase, Picture, Row, Sign, lay_out
 from actionkit.cli._picture_scale import axis_for

@@ -28,7 +28,7 @@ from actionkit import (
 from actionkit._calls import call as call_module
 from actionkit._calls.attempt import STATES, Attempt
 from actionkit._calls.call import Call
-from actionkit._calls.graph_snapshot import Surroundings
+from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.request import Request
 from actionkit._goal.effects import CancelAnswer
 from actionkit._threads.clock import TimerHandle, TimerQueue
@@ -276,8 +276,8 @@ class CallLife:
     def decode_feedback(self, message: bytes) -> Any:
         return message
 
-    def surroundings(self) -> Surroundings:
-        return Surroundings({}, 0, "none")
+    def graph_snapshot(self) -> GraphSnapshot:
+        return GraphSnapshot({}, 0, "none")
 
     def begin(self, call: Call) -> None:
         self.call_soon(call.start)

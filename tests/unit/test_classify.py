@@ -11,7 +11,7 @@ from test_msgs.action import Fibonacci, NestedMessage
 
 import actionkit
 from actionkit import GoalState, Outcome, Verdict, classify_by_field
-from actionkit._calls.classify import asked, default_verdict, overruled
+from actionkit._calls.classify import apply_verdict, call_classifier, default_verdict
 from actionkit._goal.effects import End, Ending, Fault
 
 SUCCESS, TRANSIENT, PERMANENT = Verdict
@@ -137,7 +137,7 @@ def test_a_text_or_a_truth_can_be_looked_at_too() -> None:
 
 
 def test_an_element_that_the_result_does_not_have_makes_no_success() -> None:
-    said = asked(BY_FIELD, outcome())
+    said = call_classifier(BY_FIELD, outcome())
     assert isinstance(said, Fault)
     assert "`classify=<classify_by_field 'sequence[0]'>` raised" in said.problem
     assert "there is no element 0" in said.problem
@@ -227,14 +227,16 @@ def test_any_collection_of_values_will_do() -> None:
 
 @pytest.mark.parametrize("verdict", Verdict)
 def test_what_the_function_says_counts(verdict: Verdict) -> None:
-    assert asked(lambda _: verdict, outcome()) is verdict
-    assert asked(lambda _: verdict, outcome(1, error=ABORTED)) is verdict
+    assert call_classifier(lambda _: verdict, outcome()) is verdict
+    assert call_classifier(lambda _: verdict, outcome(1, error=ABORTED)) is verdict
 
 
 def test_none_is_no_opinion() -> None:
-    assert asked(lambda _: None, outcome()) is SUCCESS
-    assert asked(lambda _: None, outcome(error=ABORTED)) is PERMANENT
-    assert asked(lambda _: None, outcome(error=actionkit.ServerLostError("x"))) is TRANSIENT
+    assert call_classifier(lambda _: None, outcome()) is SUCCESS
+    assert call_classifier(lambda _: None, outcome(error=ABORTED)) is PERMANENT
+    assert (
+        call_classifier(lambda _: None, outcome(error=actionkit.ServerLostError("x"))) is TRANSIENT
+    )
 
 
 class Unprintable(Exception):
@@ -260,7 +262,7 @@ def test_a_function_that_raises_gives_no_verdict(error: BaseException, told: str
         raise error
 
     for judged in (outcome(), outcome(error=ABORTED)):
-        said = asked(judge, judged)
+        said = call_classifier(judge, judged)
         assert isinstance(said, Fault)
         assert said.problem.startswith("`classify=")
         assert "judge` raised" in said.problem
@@ -271,7 +273,7 @@ def test_a_function_that_raises_gives_no_verdict(error: BaseException, told: str
 
 @pytest.mark.parametrize("wrong", [True, "SUCCESS", 1, Verdict, Unprintable()], ids=type)
 def test_a_function_that_returns_nonsense_gives_no_verdict(wrong: Any) -> None:
-    said = asked(lambda _: wrong, outcome())
+    said = call_classifier(lambda _: wrong, outcome())
     assert isinstance(said, Fault)
     assert "neither a Verdict nor None" in said.problem
     assert said.cause is None
@@ -281,13 +283,13 @@ def test_a_function_that_returns_nonsense_gives_no_verdict(wrong: Any) -> None:
 def test_a_goal_that_failed_with_an_empty_result_is_never_a_success(result: Any) -> None:
     error = actionkit.GoalRejectedError("rejected")
     failed = outcome(error=error, result=result)
-    said = asked(lambda _: SUCCESS, failed)
+    said = call_classifier(lambda _: SUCCESS, failed)
     assert isinstance(said, Fault)
     assert said.impossible
     assert said.cause is error
     assert "called it a SUCCESS" in said.problem
-    assert asked(lambda _: TRANSIENT, failed) is TRANSIENT
-    assert asked(lambda _: SUCCESS, outcome(result=Fibonacci.Result())) is SUCCESS
+    assert call_classifier(lambda _: TRANSIENT, failed) is TRANSIENT
+    assert call_classifier(lambda _: SUCCESS, outcome(result=Fibonacci.Result())) is SUCCESS
 
 
 def test_retry_aborted() -> None:
@@ -305,7 +307,7 @@ SUCCEEDED = Ending(End.SUCCEEDED, GoalState.SUCCEEDED, result=1)
 
 @pytest.mark.parametrize("verdict", [TRANSIENT, PERMANENT])
 def test_a_success_judged_a_failure(verdict: Verdict) -> None:
-    ending = overruled(SUCCEEDED, verdict)
+    ending = apply_verdict(SUCCEEDED, verdict)
     assert (ending.end, ending.info) == (End.JUDGED, verdict)
     assert (ending.status, ending.result) == (GoalState.SUCCEEDED, 1)
 
@@ -313,7 +315,7 @@ def test_a_success_judged_a_failure(verdict: Verdict) -> None:
 @pytest.mark.parametrize("end", [End.ABORTED, End.REJECTED])
 def test_a_failure_judged_a_success(end: End) -> None:
     ending = Ending(end, GoalState[end.name], result=2, info="why")
-    judged = overruled(ending, SUCCESS)
+    judged = apply_verdict(ending, SUCCESS)
     assert (judged.end, judged.status, judged.result) == (End.SUCCEEDED, ending.status, 2)
 
 
@@ -321,18 +323,18 @@ def test_a_failure_judged_a_success(end: End) -> None:
 @pytest.mark.parametrize("verdict", [TRANSIENT, PERMANENT])
 def test_a_failure_judged_a_failure_keeps_its_own_error(end: End, verdict: Verdict) -> None:
     ending = Ending(end, GoalState[end.name], result=2)
-    assert overruled(ending, verdict) is ending
+    assert apply_verdict(ending, verdict) is ending
 
 
 def test_a_success_judged_a_success_is_left_alone() -> None:
-    assert overruled(SUCCEEDED, SUCCESS) is SUCCEEDED
+    assert apply_verdict(SUCCEEDED, SUCCESS) is SUCCEEDED
 
 
 @pytest.mark.parametrize("impossible", [False, True])
 @pytest.mark.parametrize("end", [End.SUCCEEDED, End.ABORTED, End.REJECTED])
 def test_without_a_verdict_nothing_is_a_success(end: End, impossible: bool) -> None:
     fault = Fault("it broke", impossible=impossible)
-    judged = overruled(Ending(end, GoalState[end.name], result=2), fault)
+    judged = apply_verdict(Ending(end, GoalState[end.name], result=2), fault)
     stands = end is not End.SUCCEEDED and not impossible
     assert judged.end is (end if stands else End.UNJUDGED)
     assert (judged.judge, judged.result) == (fault, 2)

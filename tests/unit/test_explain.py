@@ -17,7 +17,7 @@ import actionkit
 from actionkit import CancelReport, GoalEvent, GoalState, Timeouts, Verdict
 from actionkit._calls import explain as _explain
 from actionkit._calls.explain import Story, explain
-from actionkit._calls.graph_snapshot import Surroundings
+from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._goal.effects import CancelAnswer, End, Ending, Fault, Known, Reached
 from actionkit._model.field_errors import FieldError
 
@@ -32,7 +32,7 @@ STORY = Story(
     elapsed=4.2,
     timeout=4.0,
     timeouts=Timeouts(feedback=3.0),
-    surroundings=lambda: Surroundings({}, 7, "rmw_fastrtps_cpp"),
+    surroundings=lambda: GraphSnapshot({}, 7, "rmw_fastrtps_cpp"),
 )
 ABORTED = Fibonacci.Result(sequence=[1])
 NEVER_SENT = (Reached.NEVER_SENT, Known.STOPPED)
@@ -327,7 +327,7 @@ def test_a_strategy_that_fails_after_a_success_that_was_judged_transient() -> No
 
 
 def no_server(actions: dict[str, tuple[str, ...]] | None) -> str:
-    around = Surroundings(actions, 7, "rmw_fastrtps_cpp")
+    around = GraphSnapshot(actions, 7, "rmw_fastrtps_cpp")
     return str(explained(ENDINGS[End.NO_SERVER][0], surroundings=lambda: around))
 
 

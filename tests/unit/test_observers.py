@@ -16,10 +16,10 @@ import pytest
 
 import actionkit as ak
 from actionkit import CallInfo, GoalEvent, GoalState, Outcome, Rosout, Timeline
-from actionkit._messages.lazy import DecodeOnce
+from actionkit._messages.lazy import LazyMessage
 from actionkit._observers import channel as channel_module
 from actionkit._observers.channel import Channel
-from actionkit._observers.dispatcher import Audience
+from actionkit._observers.dispatcher import ObserverDispatcher
 from actionkit._observers.goal_log import GoalLog
 from actionkit._observers.protocol import check_observers
 from actionkit._observers.words import LEVELS, level_of, level_of_outcome, outcome_word
@@ -302,12 +302,12 @@ def test_an_event_of_the_exit_itself_is_told() -> None:
     assert (done.stdout, done.stderr) == ("0\n1\n2\n", "")
 
 
-# --- the audience ------------------------------------------------------------------------------
+# --- the dispatcher ------------------------------------------------------------------------------
 
 
 def test_all_are_told_all_in_order() -> None:
     first, second = Noting(), OnlyEvents()
-    audience = Audience((first, second), action_name="/fibonacci")
+    dispatcher = ObserverDispatcher((first, second), action_name="/fibonacci")
     events = [event(GoalState.SENDING), event(GoalState.FEEDBACK), event(GoalState.SUCCEEDED)]
     decoded: list[object] = []
 
@@ -316,10 +316,10 @@ def test_all_are_told_all_in_order() -> None:
         return "the message"
 
     for each in events:
-        audience.event(each, CALL, decode if each.state is GoalState.FEEDBACK else None)
+        dispatcher.event(each, CALL, decode if each.state is GoalState.FEEDBACK else None)
     end = outcome()
-    audience.outcome(end, CALL)
-    audience.flush(soon())
+    dispatcher.outcome(end, CALL)
+    dispatcher.flush(soon())
     assert first.told == [
         ("event", events[0], CALL),
         ("feedback", events[1], "the message", CALL),
@@ -336,15 +336,15 @@ def test_feedback_that_cannot_be_decoded_is_an_event_without_its_message(
 ) -> None:
     """It is no fault of the observer's, who must not be dropped for it."""
     first, second = Noting(), OnlyEvents()
-    audience = Audience((first, second), action_name="/fibonacci")
+    dispatcher = ObserverDispatcher((first, second), action_name="/fibonacci")
     events = [event(GoalState.FEEDBACK), event(GoalState.SUCCEEDED)]
 
     def decode(_: bytes) -> Any:
         raise RuntimeError("cut off")
 
-    audience.event(events[0], CALL, DecodeOnce(decode, b""))
-    audience.event(events[1], CALL)
-    audience.flush(soon())
+    dispatcher.event(events[0], CALL, LazyMessage(decode, b""))
+    dispatcher.event(events[1], CALL)
+    dispatcher.flush(soon())
     assert first.told == [("event", each, CALL) for each in events]
     assert second.told == events
     assert [record.levelname for record in caplog.records] == ["WARNING"]
@@ -363,20 +363,20 @@ def test_one_that_blocks_or_raises_harms_nobody_else(caplog: pytest.LogCaptureFi
             raised.append("")
             raise SystemExit("not even this")
 
-    audience = Audience((Blocking(), Raising(), good), action_name="/fibonacci")
+    dispatcher = ObserverDispatcher((Blocking(), Raising(), good), action_name="/fibonacci")
     for _ in range(3):
-        audience.event(event(GoalState.SENT), CALL)
+        dispatcher.event(event(GoalState.SENT), CALL)
     assert len(good.wait_for(3)) == 3
     gate.leave.set()
-    audience.flush(soon())
+    dispatcher.flush(soon())
     assert len(raised) == 1
     assert len([r for r in caplog.records if "Raising" in r.getMessage()]) == 1
 
 
 def test_the_callers_context_is_kept_for_those_who_look() -> None:
     begun = {"monotonic": 1.0, "wall": 2.0}
-    assert Audience().call_info(GOAL, None, **begun).context is None
-    assert Audience((Noting(),)).call_info(GOAL, None, **begun).context is not None
+    assert ObserverDispatcher().call_info(GOAL, None, **begun).context is None
+    assert ObserverDispatcher((Noting(),)).call_info(GOAL, None, **begun).context is not None
 
 
 class Asynchronous:
@@ -499,23 +499,23 @@ def test_the_level_of_an_outcome(error: BaseException | None, level: int, word: 
 def test_nothing_is_made_where_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
     put = []
     monkeypatch.setattr(channel_module.Channel, "put", lambda *args, **named: put.append(args))
-    audience = Audience(action_name="/fibonacci")
+    dispatcher = ObserverDispatcher(action_name="/fibonacci")
     for state in (GoalState.SENDING, GoalState.ACCEPTED, GoalState.FEEDBACK, GoalState.SUCCEEDED):
-        audience.event(event(state), CALL)
-    audience.outcome(outcome(), CALL)
+        dispatcher.event(event(state), CALL)
+    dispatcher.outcome(outcome(), CALL)
     assert put == []  # the root logger lets through warnings, and these are none
 
 
 SILENT = """
 import actionkit as ak, uuid, time
-from actionkit._observers.dispatcher import Audience
-audience = Audience(action_name="/fibonacci")
+from actionkit._observers.dispatcher import ObserverDispatcher
+dispatcher = ObserverDispatcher(action_name="/fibonacci")
 id = uuid.uuid4()
-call = audience.call_info(id, None, monotonic=0.0, wall=0.0)
-audience.event(ak.GoalEvent(id, 1, ak.GoalState.ABORTED, 1.0, 1.0), call)
-audience.outcome(ak.Outcome(ak.GoalState.ABORTED, None, ak.GoalAbortedError("no"), 1,
+call = dispatcher.call_info(id, None, monotonic=0.0, wall=0.0)
+dispatcher.event(ak.GoalEvent(id, 1, ak.GoalState.ABORTED, 1.0, 1.0), call)
+dispatcher.outcome(ak.Outcome(ak.GoalState.ABORTED, None, ak.GoalAbortedError("no"), 1,
     ak.Timeline(), id, None), call)
-audience.flush(time.monotonic() + 10)
+dispatcher.flush(time.monotonic() + 10)
 """
 
 

@@ -18,7 +18,7 @@ import pytest
 
 from actionkit import GoalState, Outcome, RetryBudget
 from actionkit._calls.carrier import PortCarrier
-from actionkit._calls.feedback_broadcast import FeedbackTape
+from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.future import GoalFuture
 from actionkit._goal.effects import End
 from actionkit._model.timeline import Recorder
@@ -110,7 +110,7 @@ def a_future() -> GoalFuture[Any, Any]:
         cancel_grace=1.0,
         request_cancel=lambda: None,
     )
-    return GoalFuture(call, FeedbackTape(), Pool())
+    return GoalFuture(call, FeedbackBroadcast(), Pool())
 
 
 def outcome(error: Exception | None = None) -> Outcome[Any]:

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from actionkit._calls.feedback import KEPT, Callbacks, LoopCallbacks, ThreadCallbacks, callbacks_for
-from actionkit._calls.feedback_broadcast import FeedbackTape
-from actionkit._messages.lazy import DecodeOnce
+from actionkit._calls.feedback_broadcast import FeedbackBroadcast
+from actionkit._messages.lazy import LazyMessage
 from actionkit._threads.pool import Pool, in_callback
 
 LONG = 10.0
@@ -30,7 +30,7 @@ def test_a_message_is_decoded_once_and_only_when_looked_at() -> None:
         decoded.append(message)
         return message.decode()
 
-    look = DecodeOnce(decode, b"far")
+    look = LazyMessage(decode, b"far")
     assert decoded == []
     assert [look(), look()] == ["far", "far"]
     assert decoded == [b"far"]
@@ -287,38 +287,38 @@ def test_no_callback_and_no_callable() -> None:
 # --- messages that cannot be decoded -----------------------------------------------------------
 
 
-def broken(number: int) -> DecodeOnce:
+def broken(number: int) -> LazyMessage:
     """Return a message that is cut off."""
 
     def decode(_: bytes) -> Any:
         raise RuntimeError(f"message {number} is cut off")
 
-    return DecodeOnce(decode, b"")
+    return LazyMessage(decode, b"")
 
 
 def test_a_message_that_cannot_be_decoded_is_left_out(caplog: pytest.LogCaptureFixture) -> None:
     seen = list[int]()
     callbacks = ThreadCallbacks(seen.append, "/fibonacci", Pool())
-    tape: FeedbackTape[int] = FeedbackTape()
-    stream = tape.stream()
+    broadcast: FeedbackBroadcast[int] = FeedbackBroadcast()
+    stream = broadcast.stream()
     for one in (message(1), broken(2), message(3)):
         callbacks.put(one)
-        tape.put(one)
-    tape.end()
+        broadcast.put(one)
+    broadcast.end()
     assert handed_over(callbacks)
     assert (seen, callbacks.errors) == ([1, 3], 0)
     assert list(stream) == [1, 3]
-    assert tape.latest == 3
+    assert broadcast.latest == 3
     assert "message 2 is cut off" in caplog.text
     assert "raised" not in caplog.text  # nothing of the user's did
 
 
 def test_it_is_told_once_however_many_look(caplog: pytest.LogCaptureFixture) -> None:
-    tape: FeedbackTape[int] = FeedbackTape()
-    streams = [tape.stream(), tape.stream()]
-    tape.put(broken(1))
-    assert tape.latest is None
-    tape.end()
+    broadcast: FeedbackBroadcast[int] = FeedbackBroadcast()
+    streams = [broadcast.stream(), broadcast.stream()]
+    broadcast.put(broken(1))
+    assert broadcast.latest is None
+    broadcast.end()
     assert [list(stream) for stream in streams] == [[], []]
     assert len(caplog.records) == 1
 
@@ -330,13 +330,13 @@ def test_on_an_event_loop_it_is_left_out_too(caplog: pytest.LogCaptureFixture) -
         async def note(number: int) -> None:
             seen.append(number)
 
-        tape: FeedbackTape[int] = FeedbackTape()
-        stream = tape.stream()
+        broadcast: FeedbackBroadcast[int] = FeedbackBroadcast()
+        stream = broadcast.stream()
         callbacks = LoopCallbacks(note, "/fibonacci", asyncio.get_running_loop())
         for one in (message(1), broken(2), message(3)):
             callbacks.put(one)
-            tape.put(one)
-        tape.end()
+            broadcast.put(one)
+        broadcast.end()
         await handed_over_async(callbacks)
         assert [number async for number in stream] == [1, 3]
         return callbacks.errors

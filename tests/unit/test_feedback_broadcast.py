@@ -1,4 +1,4 @@
-"""The tape of a call's feedback, and its readers, blocking and on event loops (contract C1.7)."""
+"""The feedback of a call for its readers, blocking and on event loops (C1.7)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 
 from actionkit._calls.feedback import KEPT
-from actionkit._calls.feedback_broadcast import FeedbackStream, FeedbackTape
+from actionkit._calls.feedback_broadcast import FeedbackBroadcast, FeedbackStream
 
 LONG = 10.0
 
@@ -16,11 +16,11 @@ def message(number: int) -> Callable[[], int]:
     return lambda: number
 
 
-def tape_of(*numbers: int) -> FeedbackTape[int]:
-    tape: FeedbackTape[int] = FeedbackTape()
+def broadcast_of(*numbers: int) -> FeedbackBroadcast[int]:
+    broadcast: FeedbackBroadcast[int] = FeedbackBroadcast()
     for number in numbers:
-        tape.put(message(number))
-    return tape
+        broadcast.put(message(number))
+    return broadcast
 
 
 class Reader(threading.Thread):
@@ -49,50 +49,50 @@ async def read(stream: FeedbackStream[int]) -> list[int]:
 
 
 def test_the_latest_and_the_count() -> None:
-    tape = tape_of()
-    assert (tape.latest, tape.count) == (None, 0)
-    tape = tape_of(1, 2)
-    tape.end()
-    assert (tape.latest, tape.count) == (2, 2)
+    broadcast = broadcast_of()
+    assert (broadcast.latest, broadcast.count) == (None, 0)
+    broadcast = broadcast_of(1, 2)
+    broadcast.end()
+    assert (broadcast.latest, broadcast.count) == (2, 2)
 
 
 def test_readers_get_what_comes_from_the_newest_so_far_until_the_end() -> None:
-    tape = tape_of(1, 2)
-    readers = [Reader(tape.stream()) for _ in range(3)]
-    tape.put(message(3))
-    late = Reader(tape.stream())
-    tape.put(message(4))
-    tape.end()
+    broadcast = broadcast_of(1, 2)
+    readers = [Reader(broadcast.stream()) for _ in range(3)]
+    broadcast.put(message(3))
+    late = Reader(broadcast.stream())
+    broadcast.put(message(4))
+    broadcast.end()
     assert [reader.result() for reader in readers] == [[2, 3, 4]] * 3
     assert late.result() == [3, 4]
-    assert Reader(tape.stream()).result() == [4]
+    assert Reader(broadcast.stream()).result() == [4]
 
 
 def test_a_reader_that_waits_is_woken() -> None:
-    tape = tape_of()
-    reader = Reader(tape.stream())
-    tape.put(message(1))
+    broadcast = broadcast_of()
+    reader = Reader(broadcast.stream())
+    broadcast.put(message(1))
     assert reader.first.wait(LONG)
-    tape.end()
+    broadcast.end()
     assert reader.result() == [1]
 
 
 def test_a_reader_that_is_far_behind_misses_the_oldest() -> None:
-    tape = tape_of()
-    stream = tape.stream()
+    broadcast = broadcast_of()
+    stream = broadcast.stream()
     for number in range(3 * KEPT):
-        tape.put(message(number))
-    tape.end()
+        broadcast.put(message(number))
+    broadcast.end()
     assert Reader(stream).result() == list(range(2 * KEPT, 3 * KEPT))
 
 
 def test_messages_are_decoded_by_whoever_reads_them() -> None:
     threads: list[int] = []
-    tape = tape_of()
-    stream = tape.stream()
-    tape.put(lambda: threads.append(threading.get_ident()) or 1)
+    broadcast = broadcast_of()
+    stream = broadcast.stream()
+    broadcast.put(lambda: threads.append(threading.get_ident()) or 1)
     assert threads == []
-    tape.end()
+    broadcast.end()
     reader = Reader(stream)
     assert reader.result() == [1]
     assert threads == [reader.ident]
@@ -100,27 +100,29 @@ def test_messages_are_decoded_by_whoever_reads_them() -> None:
 
 def test_streams_on_an_event_loop() -> None:
     async def main() -> None:
-        tape = tape_of(1)
-        readers = [asyncio.create_task(read(tape.stream())) for _ in range(3)]
+        broadcast = broadcast_of(1)
+        readers = [asyncio.create_task(read(broadcast.stream())) for _ in range(3)]
         await asyncio.sleep(0)  # they wait now
-        feeder = threading.Thread(target=lambda: [tape.put(message(n)) for n in range(2, KEPT)])
+        feeder = threading.Thread(
+            target=lambda: [broadcast.put(message(n)) for n in range(2, KEPT)]
+        )
         feeder.start()
         await asyncio.get_running_loop().run_in_executor(None, feeder.join)
-        tape.end()
+        broadcast.end()
         for reader in readers:
             assert await asyncio.wait_for(reader, LONG) == list(range(1, KEPT))
-        assert await asyncio.wait_for(read(tape.stream()), LONG) == [KEPT - 1]
+        assert await asyncio.wait_for(read(broadcast.stream()), LONG) == [KEPT - 1]
 
     asyncio.run(main())
 
 
 def test_a_stream_on_an_event_loop_is_bounded_too() -> None:
     async def main() -> None:
-        tape = tape_of()
-        stream = tape.stream()
+        broadcast = broadcast_of()
+        stream = broadcast.stream()
         for number in range(3 * KEPT):
-            tape.put(message(number))
-        tape.end()
+            broadcast.put(message(number))
+        broadcast.end()
         assert await read(stream) == list(range(2 * KEPT, 3 * KEPT))
 
     asyncio.run(main())
@@ -128,41 +130,41 @@ def test_a_stream_on_an_event_loop_is_bounded_too() -> None:
 
 def test_the_end_wakes_a_reader_on_an_event_loop() -> None:
     async def main() -> None:
-        tape = tape_of()
-        reader = asyncio.create_task(read(tape.stream()))
+        broadcast = broadcast_of()
+        reader = asyncio.create_task(read(broadcast.stream()))
         await asyncio.sleep(0)
-        threading.Thread(target=tape.end).start()
+        threading.Thread(target=broadcast.end).start()
         assert await asyncio.wait_for(reader, LONG) == []
 
     asyncio.run(main())
 
 
 def test_a_reader_whose_loop_was_closed_troubles_nobody() -> None:
-    tape = tape_of()
-    stream = tape.stream()
+    broadcast = broadcast_of()
+    stream = broadcast.stream()
     loop = asyncio.new_event_loop()
     task = loop.create_task(read(stream))
     loop.run_until_complete(asyncio.sleep(0))
     task.cancel()
     loop.run_until_complete(asyncio.wait([task]))
     loop.close()
-    tape.put(message(1))
-    tape.end()
-    assert tape.latest == 1
+    broadcast.put(message(1))
+    broadcast.end()
+    assert broadcast.latest == 1
 
 
 def test_a_reader_that_was_cancelled_can_go_on() -> None:
     async def main() -> None:
         troubles: list[object] = []
         asyncio.get_running_loop().set_exception_handler(lambda _, what: troubles.append(what))
-        tape = tape_of()
-        stream = tape.stream()
+        broadcast = broadcast_of()
+        stream = broadcast.stream()
         reader = asyncio.create_task(read(stream))
         await asyncio.sleep(0)
         reader.cancel()
         await asyncio.wait([reader])
-        tape.put(message(1))
-        tape.end()
+        broadcast.put(message(1))
+        broadcast.end()
         assert await asyncio.wait_for(read(stream), LONG) == [1]
         await asyncio.sleep(0)
         assert troubles == []
