@@ -20,7 +20,7 @@ from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
 from actionkit._model.arguments import UNSET, Unset, check_type, refuse_unknown
 from actionkit._model.settings import RetryPolicy, Timeouts, check_seconds
 from actionkit._observers.protocol import Observer, check_observers
-from actionkit._threads.asking import Threads
+from actionkit._threads.function_runner import function_pool
 from actionkit._threads.pool import Pool, in_callback
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         self._action_type = action
         self._identity = self._session.port.identity
         self._pool = Pool(self.action_name)
-        self._questions = Threads()
+        self._function_pool = function_pool(self.action_name)
         # A client that is dropped without close() must not keep a thread, or goals, alive.
         self._finalizer = weakref.finalize(self, self._session.drop)
         self._finalizer.atexit = False  # the session sees to the interpreter's exit itself
@@ -245,7 +245,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 classify=self._classify if classify is None else classify,
                 callbacks=callbacks,
                 pool=self._pool,
-                questions=self._questions,
+                function_pool=self._function_pool,
             )
         )
 

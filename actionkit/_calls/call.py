@@ -21,7 +21,7 @@ from actionkit._calls.future import GoalFuture
 from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.request import Request
 from actionkit._calls.retry import GiveUp, RejectedByClassifier, Retry
-from actionkit._calls.retrying import Retrying
+from actionkit._calls.retry_runner import RetryRunner
 from actionkit._goal import effects as fx
 from actionkit._goal.stages import Stage
 from actionkit._messages.lazy import LazyMessage
@@ -90,8 +90,8 @@ class Call:
             self.goal_id, request.goal, monotonic=self._began, wall=time.time()
         )
         self._deadline = None if request.timeout is None else self._began + request.timeout
-        threads = request.questions
-        self._retrying = Retrying(carrier, threads, request.retry, request.budget, self._began)
+        threads = request.function_pool
+        self._retrying = RetryRunner(carrier, threads, request.retry, request.budget, self._began)
         self._judging = ClassifyRunner(carrier, threads, request.classify)
         self._tape: FeedbackBroadcast[Any] = FeedbackBroadcast()
         self.future: GoalFuture[Any, Any] = GoalFuture(self, self._tape, request.pool)

@@ -13,7 +13,7 @@ from actionkit._messages.convert import FieldError, field_type, get_field
 from actionkit._model.arguments import check_function
 from actionkit._model.errors import ActionKitError
 from actionkit._model.values import GoalState, Outcome, Verdict
-from actionkit._threads.asking import described, name_of
+from actionkit._threads.function_runner import described, name_of
 
 Classify = Callable[[Outcome[Any]], Verdict | None]
 

@@ -1,4 +1,4 @@
-"""Asking the user's `classify=` how an attempt's end counts, for no longer than there is time."""
+"""Asks the user's `classify=` how the end of an attempt counts, in a limited time."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from typing import Any
 from actionkit._calls.classify import Classify, call_classifier, default_verdict, label_of
 from actionkit._goal.effects import End, Ending, Fault
 from actionkit._model.values import Outcome, Verdict
-from actionkit._threads.asking import Asking, Clock, Threads, Unanswered
 from actionkit._threads.diagnostics import log_later
+from actionkit._threads.function_runner import Clock, FunctionRunner, NoAnswer
+from actionkit._threads.pool import Pool
 
 _CLASSIFIED = {End.SUCCEEDED, End.ABORTED, End.REJECTED}
-"""What a user may judge: what a server has said of a goal (C3.3)."""
+"""The endings that `classify=` is asked about: those that a server reported (C3.3)."""
 
 OnVerdict = Callable[[Ending, BaseException | None, Verdict | Fault], None]
 
 
 class ClassifyRunner:
-    """Judges the endings of one call, one at a time. All of it on the communication thread."""
+    """Classifies the endings of one call, one at a time. All of it on the communication thread."""
 
-    def __init__(self, clock: Clock, threads: Threads, classify: Classify | None) -> None:
-        """Make one that judges nothing so far.
+    def __init__(self, clock: Clock, pool: Pool, classify: Classify | None) -> None:
+        """Classify nothing so far.
 
         Args:
             clock: The communication thread.
-            threads: The client's, for questions.
-            classify: The user's function, which runs on a thread of its own; `None` for the
-                default.
+            pool: Where the user's function runs.
+            classify: The user's function; `None` for the default.
         """
         self._classify = classify
-        self._asking = Asking(clock, threads)
+        self._runner = FunctionRunner(clock, pool)
 
     @property
     def under_way(self) -> bool:
         """Whether the user's function is being asked."""
-        return self._asking.under_way
+        return self._runner.under_way
 
     def begin(
         self,
@@ -47,15 +47,15 @@ class ClassifyRunner:
         deadline: float | None,
         on_verdict: OnVerdict,
     ) -> None:
-        """Judge an ending.
+        """Classify an ending.
 
         Args:
             ending: How the attempt ended.
             outcome: The same, as the user sees it.
             now: Monotonic seconds.
             deadline: Monotonic time when the call's time is up, or `None`.
-            on_verdict: Is told the ending, its error, and the verdict or how the user's function
-                failed to give one, at once or later.
+            on_verdict: Called with the ending, its error, and the verdict or how the user's
+                function failed to give one; at once or later.
         """
         classify = self._classify
         if classify is None or ending.end not in _CLASSIFIED:
@@ -63,8 +63,8 @@ class ClassifyRunner:
             return
         label = label_of(classify)
 
-        def answer(verdict: Verdict | Fault | Unanswered) -> None:
-            if isinstance(verdict, Unanswered):
+        def answer(verdict: Verdict | Fault | NoAnswer) -> None:
+            if isinstance(verdict, NoAnswer):
                 verdict = Fault(f"{label} {verdict.why}")
             if isinstance(verdict, Fault) and outcome.error is not None and not verdict.impossible:
                 # The goal's own error goes to the caller, and has no room for the traceback. Not
@@ -73,12 +73,12 @@ class ClassifyRunner:
                 log_later(logging.ERROR, "%s", verdict.problem, exc_info=cause or False)
             on_verdict(ending, outcome.error, verdict)
 
-        self._asking.ask(partial(call_classifier, classify, outcome), now, deadline, answer)
+        self._runner.run(partial(call_classifier, classify, outcome), now, deadline, answer)
 
     def cut_short(self, at: float, why: str) -> None:
         """Wait no longer for the user's function than until the monotonic time `at`."""
-        self._asking.end_by(at, f"was cut short: {why}")
+        self._runner.end_by(at, f"was cut short: {why}")
 
     def end(self, why: str) -> None:
         """Wait no longer for the user's function."""
-        self._asking.end(f"was cut short: {why}")
+        self._runner.end(f"was cut short: {why}")

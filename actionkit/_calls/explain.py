@@ -17,7 +17,7 @@ from actionkit._goal.effects import End, Ending
 from actionkit._model import errors
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState, Timeline, Verdict
-from actionkit._threads.asking import LONGEST_ANSWER
+from actionkit._threads.function_runner import LONGEST_ANSWER
 
 
 @dataclass(frozen=True)

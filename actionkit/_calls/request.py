@@ -1,4 +1,4 @@
-"""What the user asked for with one call."""
+"""What a user asks for with one call."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from actionkit._calls.budget import RetryBudget
 from actionkit._calls.classify import Classify
 from actionkit._calls.feedback import Callbacks
 from actionkit._model.settings import RetryPolicy, Timeouts
-from actionkit._threads.asking import Threads
 from actionkit._threads.pool import Pool
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the user asked for.
+    """The checked arguments of one call, with what its client was made with.
 
     Attributes:
         goal: The validated goal message, shared with nobody; `None` where it was invalid.
@@ -25,9 +24,9 @@ class Request:
         retry: When to try again.
         budget: The brake on retries.
         classify: What counts as success, or `None` for the default.
-        callbacks: Who gets the feedback, or `None`.
+        callbacks: What hands over the feedback, or `None`.
         pool: Where done callbacks run.
-        questions: Where `classify` and the strategies of `retry` run.
+        function_pool: Where `classify` and the strategies of `retry` run.
     """
 
     goal: Any
@@ -39,4 +38,4 @@ class Request:
     classify: Classify | None
     callbacks: Callbacks | None
     pool: Pool
-    questions: Threads
+    function_pool: Pool

@@ -13,7 +13,7 @@ import tenacity
 
 from actionkit._goal.effects import Fault, Known, Reached
 from actionkit._model.settings import MOST, RetryPolicy
-from actionkit._threads.asking import described, name_of
+from actionkit._threads.function_runner import described, name_of
 
 
 class Resend(Enum):
@@ -51,10 +51,11 @@ def how_to_resend(reached: Reached, known: Known, resend: str) -> Resend:
 
 
 @dataclass(frozen=True)
-class Pause:
-    """Try again after so many seconds."""
+class Retry:
+    """Try again after so many seconds, with the same goal id or a new one."""
 
     seconds: float
+    same_id: bool
 
 
 @dataclass(frozen=True)
@@ -86,14 +87,14 @@ class Schedule:
             self._wait = policy.wait
         self._state = tenacity.RetryCallState(tenacity.Retrying(), None, (), {})
         self._state.start_time = began
-        self._asked = "wait" if policy.stop is None else "stop"
+        self._called = "wait" if policy.stop is None else "stop"
 
     @property
-    def asked(self) -> str:
-        """How error texts name the strategy that was asked last."""
-        return f"`RetryPolicy.{self._asked}={name_of(getattr(self._policy, self._asked))}`"
+    def strategy(self) -> str:
+        """How error texts name the strategy that was called last."""
+        return f"`RetryPolicy.{self._called}={name_of(getattr(self._policy, self._called))}`"
 
-    def ask(self, error: BaseException, attempts: int, now: float) -> float | GiveUp | Fault:
+    def next_pause(self, error: BaseException, attempts: int, now: float) -> float | GiveUp | Fault:
         """Return the seconds of the next pause, by the strategies. Never raises.
 
         It runs code of the user's where the policy has strategies of theirs.
@@ -104,36 +105,39 @@ class Schedule:
             now: Monotonic seconds.
         """
         try:
-            return self._ask(error, attempts, now)
+            return self._next_pause(error, attempts, now)
         except BaseException as problem:  # noqa: BLE001  whatever it is, the call must end (C2.1)
-            return Fault(f"{self.asked} raised {described(problem)}", problem)
+            return Fault(f"{self.strategy} raised {described(problem)}", problem)
 
-    def _ask(self, error: BaseException, attempts: int, now: float) -> float | GiveUp | Fault:
+    def _next_pause(
+        self, error: BaseException, attempts: int, now: float
+    ) -> float | GiveUp | Fault:
         policy, state = self._policy, self._state
         state.attempt_number = attempts
         state.set_exception((type(error), error, error.__traceback__))
         state.outcome_timestamp = now
-        self._asked = "stop"
+        self._called = "stop"
         stop = self._stop(state)
         if not isinstance(stop, bool):
             return Fault(
-                f"{self.asked} returned {described(stop)}, which is neither True nor False"
+                f"{self.strategy} returned {described(stop)}, which is neither True nor False"
             )
         if stop:
             return GiveUp(self._used_up(attempts))
-        self._asked = "wait"
+        self._called = "wait"
         if policy.wait is None and policy.initial == 0:
             return 0.0  # all pauses are; tenacity's power of the factor overflows in the end
         said = self._wait(state)
         if not _is_pause(said):
             return Fault(
-                f"{self.asked} returned {described(said)}, which is no number of seconds from 0 to"
-                f" {MOST:g}"
+                f"{self.strategy} returned {described(said)}, which is no number of seconds from 0"
+                f" to {MOST:g}"
             )
         seconds = float(said)
         if policy.wait is None:
             seconds *= 1 + policy.jitter * random.uniform(-1, 1)
             seconds = min(seconds, policy.max_pause)
+        state.idle_for += seconds
         return seconds
 
     def _used_up(self, attempts: int) -> str:
@@ -142,19 +146,6 @@ class Schedule:
         if attempts == 1:
             return "the retry policy allows one attempt"
         return f"all {attempts} attempts of the retry policy are used up"
-
-    def plan(self, seconds: float, now: float, deadline: float | None) -> Pause | GiveUp:
-        """Return the pause of so many seconds, or `GiveUp` where it would cross the deadline.
-
-        Args:
-            seconds: What `ask` returned.
-            now: Monotonic seconds.
-            deadline: When the call's time is up, or `None`.
-        """
-        if deadline is not None and now + seconds >= deadline:
-            return GiveUp(f"a pause of {seconds:.2g} s would have crossed the deadline")
-        self._state.idle_for += seconds
-        return Pause(seconds)
 
 
 def _is_pause(value: Any) -> bool:
@@ -166,12 +157,4 @@ def _is_pause(value: Any) -> bool:
 
 
 class RejectedByClassifier(Exception):
-    """Stands, towards tenacity's strategies, for a success that was judged a failure."""
-
-
-@dataclass(frozen=True)
-class Retry:
-    """Try again after so many seconds, with the same goal id or a new one."""
-
-    seconds: float
-    same_id: bool
+    """The error that tenacity's strategies see where `classify=` made a failure of a success."""

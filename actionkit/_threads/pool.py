@@ -46,6 +46,7 @@ class Pool:
         most: int = MOST_THREADS,
         limit: int = MOST_BLOCKED,
         idle: float = _IDLE_SECONDS,
+        watched: bool = True,
     ) -> None:
         """Make one without threads.
 
@@ -55,12 +56,14 @@ class Pool:
             most: How many threads there are at most, but for those that are blocked.
             limit: How many there are at most in any case.
             idle: Seconds that a thread waits for more work before it ends.
+            watched: Whether a thread that is blocked is replaced, and named in the log.
         """
         self._owner = owner
         self._name = name
         self._most = most
         self._limit = limit
         self._idle_seconds = idle
+        self._watched = watched
         self._waiting: queue.SimpleQueue[Work] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._threads = 0
@@ -68,23 +71,30 @@ class Pool:
         self._free = 0  # threads that wait for work, less work that waits for a thread
         self._told_of_limit = False
 
-    def submit(self, job: Job, label: Label) -> None:
+    def submit(self, job: Job, label: Label) -> str:
         """Run one job soon. Never blocks.
 
         Args:
             job: What to run.
             label: What is said of it where it does not return.
-        """
-        self.run(_Single(job, label))
 
-    def run(self, work: Work) -> None:
-        """Run all steps of `work` soon, one after the other on one thread. Never blocks."""
+        Returns:
+            `""`, or why no thread could be started for it. It runs all the same where another
+            thread of the pool is free in time.
+        """
+        return self.run(_Single(job, label))
+
+    def run(self, work: Work) -> str:
+        """Run all steps of `work` soon, one after the other on one thread. Never blocks.
+
+        Returns:
+            As `submit`.
+        """
         with self._lock:
             self._free -= 1
             start = self._needs_a_thread()
         self._waiting.put(work)
-        if start:
-            self._start()
+        return self._start() if start else ""
 
     def _needs_a_thread(self) -> bool:
         """Whether to start one for what waits; if so, it is counted. Under the lock."""
@@ -105,22 +115,25 @@ class Pool:
         self._free += 1
         return True
 
-    def _start(self) -> None:
+    def _start(self) -> str:
         try:
             threading.Thread(target=self._work, name=self._name, daemon=True).start()
-        except RuntimeError:
+        except RuntimeError as error:
             # No more threads; from Python 3.12 on there are none at the interpreter's exit. The
             # work waits for one that is there. What rests on it must not break on it.
             with self._lock:
                 self._threads -= 1
                 self._free -= 1
+            return str(error)
+        return ""
 
     # --- on a thread of the pool -----------------------------------------------------------
 
     def _work(self) -> None:
         in_callback.set(True)
         worker = Worker(self._owner, self._replace)
-        watcher.add(worker)
+        if self._watched:
+            watcher.add(worker)
         try:
             while (work := self._next()) is not None:
                 self._carry_out(worker, work)

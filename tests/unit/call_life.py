@@ -194,7 +194,7 @@ class CallLife:
                     classify=self._classify if judged else None,
                     callbacks=callbacks,
                     pool=Pool(),
-                    questions=self,  # type: ignore[arg-type]
+                    function_pool=self,  # type: ignore[arg-type]
                 ),
             )
         self.deadline = None if timeout is None else self.clock + timeout
@@ -263,12 +263,9 @@ class CallLife:
     def cancel_timer(self, handle: TimerHandle) -> None:
         self.timers.cancel(handle)
 
-    def run(self, job: Callable[[], None]) -> str:
+    def submit(self, job: Callable[[], None], label: object) -> str:
         self.jobs.append(job)
         return ""
-
-    def withdraw(self, job: Callable[[], None]) -> bool:
-        return False  # it runs: whether its answer still counts is the call's affair
 
     def server_is_ready(self) -> bool:
         return self.link.ready

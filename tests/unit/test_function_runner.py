@@ -1,4 +1,4 @@
-"""Asking functions of the user's off the communication thread, for a limited time."""
+"""Running functions of the user's off the communication thread, for a limited time."""
 
 from __future__ import annotations
 
@@ -8,10 +8,19 @@ from typing import Any
 
 import pytest
 
-from actionkit._threads.asking import Asking, Threads, Unanswered, described, name_of
+from actionkit._threads import blocked
+from actionkit._threads.blocked import Label
 from actionkit._threads.clock import TimerHandle, TimerQueue
-from actionkit._threads.pool import in_callback
+from actionkit._threads.function_runner import (
+    FunctionRunner,
+    NoAnswer,
+    described,
+    function_pool,
+    name_of,
+)
+from actionkit._threads.pool import Pool
 
+IT = Label("it", None, "the rest")
 LONG = 10.0  # the bound of a wait that is over at once when all is well
 
 
@@ -36,10 +45,10 @@ def refuse(thread: threading.Thread) -> None:
 # --- the threads -------------------------------------------------------------------------------
 
 
-def test_each_job_that_runs_has_a_thread_for_itself() -> None:
-    threads, gates = Threads(), [Gate() for _ in range(20)]
+def test_each_function_that_runs_has_a_thread_for_itself() -> None:
+    pool, gates = function_pool("/arm"), [Gate() for _ in range(20)]
     for gate in gates:
-        assert threads.run(gate) == ""
+        assert pool.submit(gate, IT) == ""
     assert all(gate.entered.wait(LONG) for gate in gates)
     assert len({gate.thread for gate in gates}) == 20
     for gate in gates:
@@ -49,84 +58,29 @@ def test_each_job_that_runs_has_a_thread_for_itself() -> None:
         gate.leave.set()
 
 
-def test_an_idle_thread_is_used_again_and_ends_when_it_stays_idle() -> None:
-    threads, used = Threads(idle=0.2), set[threading.Thread]()
-    for _ in range(50):
-        gate = Gate()
-        gate.leave.set()
-        threads.run(gate)
-        assert gate.entered.wait(LONG)
-        assert gate.thread is not None
-        used.add(gate.thread)
-    assert len(used) < 10  # on a busy machine one may not be idle again when the next job comes
-    for thread in used:
-        thread.join(LONG)
-        assert not thread.is_alive()
-    assert (threads._threads, threads._idle) == (0, 0)
-
-
-def test_beyond_the_most_a_job_waits_for_its_turn() -> None:
-    threads, gates = Threads(most=2), [Gate() for _ in range(3)]
-    for gate in gates:
-        threads.run(gate)
-    assert gates[0].entered.wait(LONG)
-    assert gates[1].entered.wait(LONG)
-    assert not gates[2].entered.is_set()
-    gates[1].leave.set()
-    assert gates[2].entered.wait(LONG)
-    assert gates[2].thread is gates[1].thread
-    gates[0].leave.set()
-    gates[2].leave.set()
-
-
-def test_no_job_is_lost_between_threads_that_come_and_go() -> None:
-    threads, done = Threads(most=4, idle=0.0), threading.Semaphore(0)
-    for _ in range(3000):
-        threads.run(done.release)
-    for _ in range(3000):
-        assert done.acquire(timeout=LONG)
-
-
-def test_a_job_that_is_withdrawn_in_time_does_not_run() -> None:
-    threads, gate, waiting, last = Threads(most=1), Gate(), Gate(), Gate()
-    for job in (gate, waiting, last):
-        threads.run(job)
+def test_nobody_warns_of_a_function_that_does_not_return(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error of its call tells of it."""
+    watched: list[object] = []
+    monkeypatch.setattr(blocked.watcher, "add", watched.append)
+    pool, gate = function_pool("/arm"), Gate()
+    pool.submit(gate, IT)
     assert gate.entered.wait(LONG)
-    assert threads.withdraw(waiting)
-    assert not threads.withdraw(waiting)
-    assert not threads.withdraw(gate)  # it runs
     gate.leave.set()
-    assert last.entered.wait(LONG)
-    assert not waiting.entered.is_set()
-    last.leave.set()
+    assert watched == []
 
 
-def test_where_no_thread_can_be_started_the_job_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_no_thread_can_be_started_the_pool_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     """As from Python 3.12 on at the interpreter's exit."""
-    threads, gate = Threads(), Gate()
+    pool, gate = function_pool("/arm"), Gate()
     monkeypatch.setattr(threading.Thread, "start", refuse)
-    assert "can't create new thread" in threads.run(gate)
+    assert "can't create new thread" in pool.submit(lambda: None, IT)
     monkeypatch.undo()
-    assert threads.run(gate) == ""
+    assert pool.submit(gate, IT) == ""
     assert gate.entered.wait(LONG)
     gate.leave.set()
 
 
-def test_a_job_knows_that_it_is_a_callback() -> None:
-    """So that `Client.call` in it raises at once."""
-    seen: list[bool] = []
-    done = threading.Event()
-
-    def job() -> None:
-        seen.append(in_callback.get())
-        done.set()
-
-    Threads().run(job)
-    assert done.wait(LONG)
-    assert seen == [True]
-
-
-# --- questions ---------------------------------------------------------------------------------
+# --- functions ---------------------------------------------------------------------------------
 
 
 class Thread:
@@ -160,11 +114,11 @@ class Thread:
 
 def test_an_answer_is_brought_back_to_the_thread() -> None:
     thread = Thread()
-    asking = Asking(thread, Threads())
-    asking.ask(threading.current_thread, 0.0, None, thread.answers.append)
-    assert asking.under_way
+    runner = FunctionRunner(thread, function_pool("/arm"))
+    runner.run(threading.current_thread, 0.0, None, thread.answers.append)
+    assert runner.under_way
     thread.turn()
-    assert not asking.under_way
+    assert not runner.under_way
     assert thread.answers != [threading.current_thread()]
     assert len(thread.timers) == 0
 
@@ -182,13 +136,13 @@ def test_an_answer_is_waited_for_until_the_deadline_or_for_ten_seconds(
     deadline: float | None, latest: float, why: str
 ) -> None:
     thread, gate = Thread(), Gate()
-    asking = Asking(thread, Threads())
-    asking.ask(gate, 5.0, deadline, thread.answers.append)
+    runner = FunctionRunner(thread, function_pool("/arm"))
+    runner.run(gate, 5.0, deadline, thread.answers.append)
     assert gate.entered.wait(LONG)
     thread.wait_until(latest - 0.01)
     assert thread.answers == []
     thread.wait_until(latest)
-    assert thread.answers == [Unanswered(why)]
+    assert thread.answers == [NoAnswer(why)]
     gate.leave.set()
     thread.turn()  # the answer, too late
     assert len(thread.answers) == 1
@@ -196,50 +150,64 @@ def test_an_answer_is_waited_for_until_the_deadline_or_for_ten_seconds(
 
 def test_the_wait_can_be_made_shorter_and_never_longer() -> None:
     thread, gate = Thread(), Gate()
-    asking = Asking(thread, Threads())
-    asking.end_by(1.0, "nothing is asked")
-    asking.ask(gate, 0.0, 8.0, thread.answers.append)
-    asking.end_by(9.0, "later")
-    asking.end_by(2.0, "sooner")
-    asking.end_by(3.0, "later")
+    runner = FunctionRunner(thread, function_pool("/arm"))
+    runner.end_by(1.0, "nothing is asked")
+    runner.run(gate, 0.0, 8.0, thread.answers.append)
+    runner.end_by(9.0, "later")
+    runner.end_by(2.0, "sooner")
+    runner.end_by(3.0, "later")
     assert len(thread.timers) == 1
     thread.wait_until(2.0)
-    assert thread.answers == [Unanswered("sooner")]
+    assert thread.answers == [NoAnswer("sooner")]
     gate.leave.set()
 
 
-def test_a_question_that_is_dropped_is_not_answered() -> None:
+def test_the_answer_of_a_function_that_was_dropped_does_not_count() -> None:
     thread, gate = Thread(), Gate()
-    asking = Asking(thread, Threads())
-    asking.ask(gate, 0.0, None, thread.answers.append)
+    runner = FunctionRunner(thread, function_pool("/arm"))
+    runner.run(gate, 0.0, None, thread.answers.append)
     assert gate.entered.wait(LONG)
-    asking.drop()
-    assert not asking.under_way
+    runner.drop()
+    assert not runner.under_way
     assert len(thread.timers) == 0
     gate.leave.set()
     thread.turn()
     assert thread.answers == []
 
 
-def test_a_new_question_takes_the_place_of_the_last() -> None:
+def test_a_new_function_takes_the_place_of_the_last() -> None:
     thread, gate = Thread(), Gate()
-    asking = Asking(thread, Threads())
-    asking.ask(gate, 0.0, None, lambda _: thread.answers.append("first"))
+    runner = FunctionRunner(thread, function_pool("/arm"))
+    runner.run(gate, 0.0, None, lambda _: thread.answers.append("first"))
     assert gate.entered.wait(LONG)
-    asking.ask(lambda: "two", 0.0, None, thread.answers.append)
+    runner.run(lambda: "two", 0.0, None, thread.answers.append)
     thread.turn()
     gate.leave.set()
     thread.turn()
     assert thread.answers == ["two"]
 
 
-def test_where_nobody_can_be_asked_that_is_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_function_that_is_dropped_in_time_does_not_run() -> None:
+    thread, gate = Thread(), Gate()
+    pool = Pool(most=1, limit=1, idle=0.01)
+    pool.submit(gate, IT)
+    assert gate.entered.wait(LONG)
+    runner, ran = FunctionRunner(thread, pool), list[int]()
+    runner.run(lambda: ran.append(1), 0.0, None, thread.answers.append)
+    runner.drop()
+    gate.leave.set()
+    assert gate.thread is not None
+    gate.thread.join(LONG)
+    assert ran == []
+
+
+def test_where_no_thread_can_be_started_that_is_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(threading.Thread, "start", refuse)
     thread = Thread()
-    Asking(thread, Threads()).ask(lambda: 1, 0.0, None, thread.answers.append)
-    assert thread.answers == []  # not before `ask` has returned
+    FunctionRunner(thread, function_pool("/arm")).run(lambda: 1, 0.0, None, thread.answers.append)
+    assert thread.answers == []  # not before `run` has returned
     thread.turn()
-    assert isinstance(thread.answers[0], Unanswered)
+    assert isinstance(thread.answers[0], NoAnswer)
     assert "could not be asked" in thread.answers[0].why
     assert "can't create new thread" in thread.answers[0].why
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any, get_args, get_type_hints
 
@@ -13,9 +14,11 @@ import tenacity
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit import RetryPolicy, ServerLostError
-from actionkit._calls.retry import GiveUp, Pause, Resend, Schedule, how_to_resend
-from actionkit._goal.effects import Fault, Known, Reached
+from actionkit import GoalState, RetryBudget, RetryPolicy, ServerLostError
+from actionkit._calls.retry import GiveUp, Resend, Retry, Schedule, how_to_resend
+from actionkit._calls.retry_runner import RetryRunner
+from actionkit._goal.effects import End, Ending, Fault, Known, Reached
+from actionkit._threads.clock import TimerHandle
 
 # --- resend safety (contract C4.2) -------------------------------------------------------------
 
@@ -66,36 +69,54 @@ def test_only_at_least_once_sends_again_what_may_be_running(reached: Reached) ->
 ERROR = ServerLostError("gone")
 
 
-def planned(
-    schedule: Schedule, error: Exception, attempts: int, now: float, deadline: float | None
-) -> Any:
-    """Return the plan after a failure, where asking the strategies takes no time."""
-    said = schedule.ask(error, attempts, now)
-    return said if isinstance(said, (GiveUp, Fault)) else schedule.plan(said, now, deadline)
-
-
-def pauses(policy: RetryPolicy, attempts: int, deadline: float | None = None) -> list[Any]:
+def pauses(policy: RetryPolicy, attempts: int) -> list[Any]:
     """Return what the schedule says after each attempt; attempts take no time, pauses do."""
     schedule, now, said = Schedule(policy, 0.0), 0.0, []
     for number in range(1, attempts + 1):
-        said.append(planned(schedule, ERROR, number, now, deadline))
-        if isinstance(said[-1], Pause):
-            now += said[-1].seconds
+        said.append(schedule.next_pause(ERROR, number, now))
+        if isinstance(said[-1], float):
+            now += said[-1]
     return said
+
+
+class Inline:
+    """A communication thread and a pool that run everything at once."""
+
+    def submit(self, job: Callable[[], None], label: object) -> str:
+        job()
+        return ""
+
+    def call_soon(self, callback: Callable[[], None]) -> None:
+        callback()
+
+    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
+        return TimerHandle(at, callback)
+
+    def cancel_timer(self, handle: TimerHandle) -> None: ...
+
+
+def plan_of(policy: RetryPolicy, attempts: int, now: float, deadline: float | None) -> Any:
+    """Return what is decided after a goal that was never sent."""
+    plans: list[Any] = []
+    inline: Any = Inline()
+    runner = RetryRunner(inline, inline, policy, RetryBudget(), 0.0)
+    ending = Ending(End.NO_SERVER, GoalState.SENDING)
+    runner.begin(ending, ERROR, attempts, lambda: now, deadline, plans.append)
+    return plans[0]
 
 
 def test_each_pause_is_longer_up_to_the_longest() -> None:
     policy = RetryPolicy(attempts=7, initial=0.5, factor=3.0, max_pause=10.0, jitter=0.0)
     said = pauses(policy, 7)
-    assert said[:6] == [Pause(0.5), Pause(1.5), Pause(4.5), Pause(10.0), Pause(10.0), Pause(10.0)]
+    assert said[:6] == [0.5, 1.5, 4.5, 10.0, 10.0, 10.0]
     assert isinstance(said[6], GiveUp)
 
 
 def test_the_pauses_of_the_default_policy() -> None:
     for _ in range(50):
         first, second, end = pauses(RetryPolicy(), 3)
-        assert 0.16 <= first.seconds <= 0.24
-        assert 0.32 <= second.seconds <= 0.48
+        assert 0.16 <= first <= 0.24
+        assert 0.32 <= second <= 0.48
         assert isinstance(end, GiveUp)
 
 
@@ -110,19 +131,19 @@ def test_a_pause_keeps_to_its_share_of_chance_and_to_the_longest(
     initial: float, factor: float, most: float, jitter: float, attempt: int
 ) -> None:
     policy = RetryPolicy(5000, initial, factor, most, jitter)
-    said = planned(Schedule(policy, 0.0), ERROR, attempt, 0.0, None)
+    said = Schedule(policy, 0.0).next_pause(ERROR, attempt, 0.0)
     try:
         plain = min(initial * factor ** (attempt - 1), most)
     except OverflowError:
         plain = most if initial else 0.0
-    assert isinstance(said, Pause)
-    assert plain * (1 - jitter) - 1e-9 <= said.seconds <= plain * (1 + jitter) + 1e-9
-    assert said.seconds <= most + 1e-9  # "the longest pause, in seconds"
+    assert isinstance(said, float)
+    assert plain * (1 - jitter) - 1e-9 <= said <= plain * (1 + jitter) + 1e-9
+    assert said <= most + 1e-9  # "the longest pause, in seconds"
 
 
 def test_chance_makes_pauses_differ() -> None:
     policy = RetryPolicy(initial=1.0, jitter=0.5)
-    seconds = {planned(Schedule(policy, 0.0), ERROR, 1, 0.0, None).seconds for _ in range(50)}
+    seconds = {Schedule(policy, 0.0).next_pause(ERROR, 1, 0.0) for _ in range(50)}
     assert len(seconds) > 10
     assert min(seconds) < 0.9
     assert max(seconds) > 1.1
@@ -131,7 +152,7 @@ def test_chance_makes_pauses_differ() -> None:
 @pytest.mark.parametrize("attempts", [1, 2, 5])
 def test_attempts_include_the_first(attempts: int) -> None:
     said = pauses(RetryPolicy(attempts=attempts), attempts)
-    assert [type(each) for each in said] == [Pause] * (attempts - 1) + [GiveUp]
+    assert [type(each) for each in said] == [float] * (attempts - 1) + [GiveUp]
 
 
 def test_a_policy_of_one_attempt_never_pauses() -> None:
@@ -139,14 +160,16 @@ def test_a_policy_of_one_attempt_never_pauses() -> None:
 
 
 @pytest.mark.parametrize(
+    "policy", [RetryPolicy(initial=2.0, jitter=0.0), RetryPolicy(wait=tenacity.wait_fixed(2.0))]
+)
+@pytest.mark.parametrize(
     ("deadline", "begun"), [(None, True), (12.5, True), (12.0, False), (11.0, False), (10.0, False)]
 )
 def test_a_pause_that_would_cross_the_deadline_is_not_begun(
-    deadline: float | None, begun: bool
+    policy: RetryPolicy, deadline: float | None, begun: bool
 ) -> None:
-    schedule = Schedule(RetryPolicy(initial=2.0, jitter=0.0), 0.0)
-    said = planned(schedule, ERROR, 1, 10.0, deadline)
-    assert isinstance(said, Pause if begun else GiveUp)
+    said = plan_of(policy, 1, 10.0, deadline)
+    assert isinstance(said, Retry if begun else GiveUp)
     if isinstance(said, GiveUp):
         assert "2 s" in said.reason
         assert "deadline" in said.reason
@@ -157,25 +180,23 @@ def test_a_pause_that_would_cross_the_deadline_is_not_begun(
 
 def test_a_stop_strategy_stands_in_place_of_attempts() -> None:
     policy = RetryPolicy(attempts=2, stop=tenacity.stop_after_attempt(4), jitter=0.0)
-    assert [type(each) for each in pauses(policy, 4)] == [Pause, Pause, Pause, GiveUp]
+    assert [type(each) for each in pauses(policy, 4)] == [float, float, float, GiveUp]
     never = RetryPolicy(attempts=1, stop=tenacity.stop_never)
-    assert {type(each) for each in pauses(never, 30)} == {Pause}
+    assert {type(each) for each in pauses(never, 30)} == {float}
 
 
 def test_a_stop_strategy_sees_the_time_since_the_call_began() -> None:
     policy = RetryPolicy(stop=tenacity.stop_after_delay(10.0))
     schedule = Schedule(policy, 100.0)
-    assert isinstance(planned(schedule, ERROR, 1, 109.9, None), Pause)
-    assert isinstance(planned(schedule, ERROR, 2, 110.0, None), GiveUp)
+    assert isinstance(schedule.next_pause(ERROR, 1, 109.9), float)
+    assert isinstance(schedule.next_pause(ERROR, 2, 110.0), GiveUp)
 
 
 def test_a_wait_strategy_stands_in_place_of_the_pauses_and_of_chance() -> None:
     policy = RetryPolicy(attempts=5, jitter=1.0, wait=tenacity.wait_fixed(1.25))
-    assert pauses(policy, 4) == 4 * [Pause(1.25)]
+    assert pauses(policy, 4) == 4 * [1.25]
     policy = RetryPolicy(attempts=9, wait=tenacity.wait_chain(*map(tenacity.wait_fixed, (1, 2))))
-    assert pauses(policy, 4) == [Pause(1), Pause(2), Pause(2), Pause(2)]
-    policy = RetryPolicy(wait=tenacity.wait_fixed(5.0))
-    assert isinstance(planned(Schedule(policy, 0.0), ERROR, 1, 0.0, 5.0), GiveUp)
+    assert pauses(policy, 4) == [1.0, 2.0, 2.0, 2.0]
 
 
 def test_strategies_see_the_error_and_the_pauses_so_far() -> None:
@@ -189,8 +210,8 @@ def test_strategies_see_the_error_and_the_pauses_so_far() -> None:
 
     schedule = Schedule(RetryPolicy(stop=stop, wait=tenacity.wait_fixed(2.0)), 5.0)
     other = ServerLostError("again")
-    planned(schedule, ERROR, 1, 6.0, None)
-    planned(schedule, other, 2, 9.0, None)
+    schedule.next_pause(ERROR, 1, 6.0)
+    schedule.next_pause(other, 2, 9.0)
     assert seen == [(ERROR, 1, 0.0, 1.0), (other, 2, 2.0, 4.0)]
 
 
@@ -198,7 +219,7 @@ def test_strategies_may_be_combined() -> None:
     stop = tenacity.stop_after_attempt(3) | tenacity.stop_after_delay(1.0)
     wait = tenacity.wait_fixed(0.25) + tenacity.wait_fixed(0.5)
     policy = RetryPolicy(stop=stop, wait=wait)
-    assert pauses(policy, 3)[:2] == [Pause(0.75), Pause(0.75)]
+    assert pauses(policy, 3)[:2] == [0.75, 0.75]
     assert isinstance(pauses(policy, 3)[2], GiveUp)
 
 
@@ -229,8 +250,8 @@ def test_a_wait_strategy_that_returns_no_time(value: Any) -> None:
 @pytest.mark.parametrize("value", [0, 2, 0.5, Fraction(1, 4), numpy.float32(1.5), numpy.int64(3)])
 def test_a_wait_strategy_may_return_any_kind_of_number(value: Any) -> None:
     said = pauses(RetryPolicy(wait=lambda _: value), 1)[0]
-    assert said == Pause(float(value))
-    assert type(said.seconds) is float
+    assert said == float(value)
+    assert type(said) is float
 
 
 @pytest.mark.parametrize("error", [ValueError("no"), KeyboardInterrupt(), SystemExit(1)])
@@ -281,7 +302,7 @@ def test_a_strategy_is_asked_whatever_it_says_of_itself(name: str) -> None:
 def test_the_reason_names_the_limit_that_ended_the_retries(
     policy: RetryPolicy, attempt: int, deadline: float | None, words: tuple[str, ...]
 ) -> None:
-    said = planned(Schedule(policy, 0.0), ERROR, attempt, 0.0, deadline)
+    said = plan_of(policy, attempt, 0.0, deadline)
     assert isinstance(said, GiveUp)
     for word in words:
         assert word in said.reason
