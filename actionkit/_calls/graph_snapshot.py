@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
+
+from actionkit._model.similar_names import similar_names
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,7 @@ def seen_instead(around: GraphSnapshot, action_name: str, type_name: str) -> str
             "A server of this name and type is visible, but has not answered this client yet: it"
             " is just starting, or this machine or the server is too busy. Allow it more time."
         )
-    close = difflib.get_close_matches(action_name, actions, n=3, cutoff=0.6)
-    tail = action_name.rsplit("/", 1)[-1]
-    close += [n for n in sorted(actions) if n.rsplit("/", 1)[-1] == tail and n not in close]
+    close = similar_names(action_name, sorted(actions))
     if close:
         parts.append("Served under a similar name: " + _listed(close, actions) + ".")
     same = [n for n, types in sorted(actions.items()) if type_name in types]

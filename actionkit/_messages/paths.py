@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import re
 from collections.abc import Mapping, Sequence
@@ -10,6 +9,7 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from actionkit._model.field_errors import FieldError, shown
+from actionkit._model.similar_names import similar_names
 
 if TYPE_CHECKING:
     from rosidl_parser.definition import AbstractType
@@ -101,7 +101,7 @@ def unknown_field(
         ros_type: the message's type.
         given: the value it was to have, as text, where there is one.
     """
-    near = difflib.get_close_matches(str(name), fields, n=1)
+    near = similar_names(str(name), fields)
     hint = f"; did you mean {near[0]!r}?" if near else "."
     valid = f"Its fields are: {', '.join(fields)}" if fields else "It has no fields"
     return FieldError(path, name, f"{shown(name)}{given} is no field of {ros_type}{hint} {valid}")

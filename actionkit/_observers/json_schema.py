@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from actionkit._messages.json_text import to_json
 from actionkit._model.field_errors import shown
 from actionkit._model.values import GoalEvent, GoalState, Outcome
 from actionkit._observers.protocol import CallInfo
@@ -23,11 +23,11 @@ def event_line(event: GoalEvent, call: CallInfo, **messages: Mapping[str, Any] |
     """Return the line of an event.
 
     Args:
-        event: It.
-        call: Whose it is.
+        event: The event.
+        call: The call that it belongs to.
         messages: `goal=` or `feedback=`, the message as plain data; `None` is left out.
     """
-    return _line(
+    return to_json(
         {
             **_head("event", call),
             "goal_id": str(event.goal_id),
@@ -38,13 +38,14 @@ def event_line(event: GoalEvent, call: CallInfo, **messages: Mapping[str, Any] |
             "elapsed_ms": call.elapsed_ms(event),
             "detail": event.detail,
             **{name: plain for name, plain in messages.items() if plain is not None},
-        }
+        },
+        compact_ascii=True,
     )
 
 
 def outcome_line(outcome: Outcome[Any], call: CallInfo, result: Mapping[str, Any] | None) -> str:
     """Return the line of a call's end, with its result as plain data."""
-    return _line(
+    return to_json(
         {
             **_head("outcome", call),
             "goal_id": str(outcome.goal_id),
@@ -60,7 +61,8 @@ def outcome_line(outcome: Outcome[Any], call: CallInfo, result: Mapping[str, Any
             "feedback_count": outcome.feedback_count,
             "callback_errors": outcome.callback_errors,
             **({} if result is None else {"result": result}),
-        }
+        },
+        compact_ascii=True,
     )
 
 
@@ -74,24 +76,6 @@ def _head(kind: str, call: CallInfo) -> dict[str, Any]:
         "action_type": call.action_type,
         "node_name": call.node_name,
     }
-
-
-def _line(fields: dict[str, Any]) -> str:
-    try:
-        return json.dumps(fields, allow_nan=False, separators=(",", ":"))
-    except ValueError:  # JSON knows neither nan nor the infinities; most lines have none
-        return json.dumps(_finite(fields), allow_nan=False, separators=(",", ":"))
-
-
-def _finite(value: Any) -> Any:
-    """Return the value with "nan", "inf" and "-inf" as words, which `float()` takes back."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    if isinstance(value, dict):
-        return {name: _finite(item) for name, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return value
 
 
 @dataclass(frozen=True)

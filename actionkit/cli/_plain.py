@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import textwrap
 from typing import Any
@@ -32,21 +31,3 @@ def as_yaml(message: Any, indent: str = "    ") -> str:
         return f"{indent}{{}}\n"
     text = yaml.dump(plain, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=math.inf)
     return textwrap.indent(text, indent)
-
-
-def as_json(record: dict[str, Any]) -> str:
-    """Return a record as one line of JSON, without a newline.
-
-    JSON has no numbers for nan and the infinities: they become "NaN", "Infinity", "-Infinity".
-    """
-    return json.dumps(_finite(record), ensure_ascii=False, allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float) and not math.isfinite(value):
-        return "NaN" if math.isnan(value) else f"{'-' if value < 0 else ''}Infinity"
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    return value

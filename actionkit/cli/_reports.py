@@ -6,9 +6,10 @@ import uuid
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from actionkit._messages.json_text import to_json
 from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit.cli._exits import Exit
-from actionkit.cli._plain import as_json, as_yaml
+from actionkit.cli._plain import as_yaml
 from actionkit.cli._say import say
 
 _CAUSES = {
@@ -156,7 +157,7 @@ class JsonReport:
         self._began: float | None = None
 
     def _write(self, kind: str, **details: Any) -> None:
-        say(as_json({"event": kind, **details}))
+        say(to_json({"event": kind, **details}))
 
     def begin(self) -> None:
         """Nothing is known so far."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import importlib.util
 import re
@@ -13,6 +12,7 @@ from typing import Any
 
 import click
 
+from actionkit._model.similar_names import similar_names
 from actionkit.cli._exits import Exit
 from actionkit.cli._problems import Problem
 
@@ -80,12 +80,7 @@ def _broken(package: str, error: Exception) -> Problem:
 
 def _bad(problem: str, text: str) -> click.BadParameter:
     known = installed()
-    # By the last name too, because the package is what is mostly mistaken.
-    by_tail = {name.rsplit("/", 1)[-1]: name for name in reversed(known)}
-    near = difflib.get_close_matches(text, known, n=3, cutoff=0.7)
-    for tail in difflib.get_close_matches(text.rsplit("/", 1)[-1], by_tail, n=2, cutoff=0.8):
-        if by_tail[tail] not in near:
-            near.append(by_tail[tail])
+    near = similar_names(text, known, alike=0.7)  # all names have "/action/" in common
     if near:
         hint = f"Did you mean {' or '.join(near)}?"
     elif known:

@@ -11,9 +11,9 @@ from rich.table import Table as RichTable
 from rich.text import Text
 from typing_extensions import Self
 
+from actionkit._messages.json_text import to_json
 from actionkit._model.printable import printable
 from actionkit.cli._goal_board import Board, Row
-from actionkit.cli._plain import as_json
 from actionkit.cli._say import say
 
 _STYLES = {
@@ -71,7 +71,7 @@ class JsonLines(Lines):
 
     def servers(self, board: Board) -> None:
         record = {"event": "servers", "time": time.time(), "servers": board.servers}
-        say(as_json(record))
+        say(to_json(record))
 
     def goal(self, row: Row, board: Board) -> None:
         record = {
@@ -82,7 +82,7 @@ class JsonLines(Lines):
             "before": row.before or None,
             "accepted": row.accepted,
         }
-        say(as_json(record))
+        say(to_json(record))
 
 
 class Table:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import click
 
-from actionkit.cli import _plain
+from actionkit._messages.json_text import to_json
 from actionkit.cli._doctor_machine import machine
 from actionkit.cli._doctor_settings import settings
 from actionkit.cli._exits import Exit
@@ -77,7 +77,7 @@ def _findings(name: str | None, wait: float) -> Iterator[Finding]:
 def _show(finding: Finding, as_json: bool) -> None:
     if as_json:
         record = {"level": finding.level, "topic": finding.topic, "text": finding.text}
-        say(_plain.as_json({**record, "remedy": finding.remedy or None}))
+        say(to_json({**record, "remedy": finding.remedy or None}))
         sys.stdout.flush()
         return
     label = click.style(f"{finding.level:<7}", fg=_STYLES[finding.level])

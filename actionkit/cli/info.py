@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import TYPE_CHECKING
 
 import click
 
-from actionkit.cli import _plain
+from actionkit._messages.json_text import to_json
+from actionkit._model.similar_names import similar_names
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option, json_option, name_argument, wait_option
 from actionkit.cli._problems import full_name, open_survey
@@ -44,7 +44,7 @@ def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool
     clients = action.clients if action else ()
     if as_json:
         say(
-            _plain.as_json(
+            to_json(
                 {
                     "name": full,
                     "clients": [{"node": e.node, "type": e.action_type} for e in clients],
@@ -65,9 +65,7 @@ def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool
 def nothing_there(name: str, actions: dict[str, ActionSeen]) -> str:
     """Return a sentence on an action without a server, with the names that come near."""
     served = [action.name for action in actions.values() if action.servers]
-    near = difflib.get_close_matches(name, served, n=3, cutoff=0.6)
-    tail = name.rsplit("/", 1)[-1]
-    near += [other for other in served if other.rsplit("/", 1)[-1] == tail and other not in near]
+    near = similar_names(name, served)
     hint = f" Did you mean {' or '.join(near)}?" if near else ""
     more = "" if hint else " `actionkit list` shows the actions in sight, `actionkit doctor` more."
     return f"Action {name!r} has no server in sight.{hint}{more}"

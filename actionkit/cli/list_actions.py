@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from actionkit.cli import _plain
+from actionkit._messages.json_text import to_json
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option, json_option, wait_option
 from actionkit.cli._problems import open_survey
@@ -32,7 +32,7 @@ def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -
     if as_json:
         for action in actions.values():
             say(
-                _plain.as_json(
+                to_json(
                     {
                         "name": action.name,
                         "types": action.types,

@@ -25,7 +25,7 @@ from actionkit.cli._exits import Exit
 from actionkit.cli._findings import Finding
 from actionkit.cli._goal_board import Board
 from actionkit.cli._goals import MOST_TEXT, MOST_YAML, fill_now, parse
-from actionkit.cli._plain import as_json, as_yaml
+from actionkit.cli._plain import as_yaml
 from actionkit.cli._progress import Field, Progress, chosen, found
 
 # --- progress ----------------------------------------------------------------------------------
@@ -267,16 +267,6 @@ def test_what_is_shown_can_be_given(order: int, numbers: list[float]) -> None:
 def test_arrays_of_numbers_are_one_line_each() -> None:
     assert as_yaml(Fibonacci.Result(sequence=list(range(100)))).count("\n") == 1
     assert as_yaml(Fibonacci.Result()) == "    sequence: []\n"
-
-
-def test_json_has_no_numbers_that_json_does_not_know() -> None:
-    line = as_json({"a": math.nan, "b": [math.inf, {"c": -math.inf}], "d": 1.5})
-    assert json.loads(line, parse_constant=pytest.fail) == {
-        "a": "NaN",
-        "b": ["Infinity", {"c": "-Infinity"}],
-        "d": 1.5,
-    }
-    assert "\n" not in as_json({"text": "two\nlines"})
 
 
 # --- the board of `watch` ----------------------------------------------------------------------

@@ -132,7 +132,7 @@ def test_the_line_of_an_outcome() -> None:
 def test_numbers_that_json_does_not_have() -> None:
     strange = {"x": [float("nan"), float("inf"), {"y": float("-inf")}], "z": 1.5}
     line = json.loads(event_line(event(), CALL, feedback=strange), parse_constant=pytest.fail)
-    assert line["feedback"] == {"x": ["nan", "inf", {"y": "-inf"}], "z": 1.5}
+    assert line["feedback"] == {"x": ["NaN", "Infinity", {"y": "-Infinity"}], "z": 1.5}
 
 
 GOOD: dict[str, Any] = json.loads(event_line(event(), CALL))

@@ -1,0 +1,33 @@
+"""The names that somebody may have meant, for a hint "did you mean"."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+_LAST_PART_ALIKE = 0.8
+"""The share of the last parts that must be alike: more, because they are short."""
+_MOST = 5
+"""More names than that are no hint."""
+
+
+def similar_names(name: str, known: Iterable[str], *, alike: float = 0.6) -> list[str]:
+    """Return the known names that are like `name` as a whole or in the part behind the last `/`.
+
+    It is mostly the namespace or the package that is wrong.
+
+    Args:
+        name: What somebody asked for.
+        known: What there is.
+        alike: The share of the whole names that must be alike; 0.6 is the default of `difflib`.
+    """
+    names = list(known)
+    similar = difflib.get_close_matches(name, names, n=3, cutoff=alike)
+    tails = {_tail(each) for each in names}
+    near = difflib.get_close_matches(_tail(name), tails, n=3, cutoff=_LAST_PART_ALIKE)
+    similar += [each for each in names if _tail(each) in near and each not in similar]
+    return similar[:_MOST]
+
+
+def _tail(name: str) -> str:
+    return name.rsplit("/", 1)[-1]
