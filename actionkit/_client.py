@@ -1,4 +1,4 @@
-"""The client: the thin, typed shell over a session."""
+"""The client: typed methods that check their arguments and hand over to a session."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         with Client(Fibonacci, "fibonacci") as client:
             result = client.call(Fibonacci.Goal(order=10), timeout=10.0)
 
-    No `rclpy.init()`, node, executor or thread is asked of the user; where there are any,
-    none of them is spun, shut down or blocked (contract C1.1). Safe to use from any thread, from
-    any callback of any executor (contract C1.2), and in a signal handler, whatever it interrupted.
+    It needs no `rclpy.init()`, node, executor or thread of yours; where there are any, it spins,
+    shuts down and blocks none of them. Safe to use from any thread, from any callback of any
+    executor, and in a signal handler, whatever that interrupted.
     """
 
     def __init__(
@@ -66,10 +66,10 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 raises, does not answer or returns anything else, a goal that succeeded ends in a
                 `ClassifyError`, and one that failed keeps its own error. Ready-made:
                 `classify_by_field`, `retry_aborted`.
-            observers: Who is told of every transition of every goal: an `Observer` of yours,
-                `JsonLines`, `Rosout`, `OpenTelemetry` (contract C6.2).
+            observers: What is called with every transition of every goal: `JsonLines`, `Rosout`,
+                `OpenTelemetry` or an `Observer` of yours.
             on_close: What closing does to goals in flight: `"cancel"` or `"abandon"`.
-            retry_budget: A brake on retries to share with other clients; left out, the client
+            retry_budget: A limit on retries to share with other clients; left out, the client
                 has one of its own.
 
         Raises:
@@ -83,7 +83,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         if retry_budget is not None:
             check_budget(retry_budget)
         check_classify(classify, action_type)
-        told = check_observers(observers)
+        checked = check_observers(observers)
         if on_close not in ("cancel", "abandon"):
             raise ValueError(f"on_close={on_close!r} must be 'cancel' or 'abandon'")
         port, session = _transport()
@@ -92,7 +92,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         self._classify = classify
         self._budget = RetryBudget() if retry_budget is None else retry_budget
         self._session: Session = session.Session(
-            lambda: port.Port(action_type, action_name, node), on_close, timeouts.cancel, told
+            lambda: port.Port(action_type, action_name, node), on_close, timeouts.cancel, checked
         )
         action: Any = action_type  # pyright knows no properties of a class object
         self._goal_type: Any = action.Goal
@@ -101,7 +101,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         self._pool = Pool(self.action_name)
         self._function_pool = function_pool(self.action_name)
         # A client that is dropped without close() must not keep a thread, or goals, alive.
-        self._finalizer = weakref.finalize(self, self._session.drop)
+        self._finalizer = weakref.finalize(self, self._session.release)
         self._finalizer.atexit = False  # the session sees to the interpreter's exit itself
 
     def __repr__(self) -> str:
@@ -120,12 +120,12 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
 
     @property
     def retry_budget(self) -> RetryBudget:
-        """The brake on retries (contract C4.5); its state is readable."""
+        """The limit on retries; its state is readable."""
         return self._budget
 
     @property
     def pending(self) -> int:
-        """How many calls of this client are in flight (contract C1.11)."""
+        """How many calls of this client are in flight."""
         return self._session.pending
 
     # --- the two calls ---------------------------------------------------------------------
@@ -143,7 +143,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         """Send a goal and wait for its result.
 
         Ctrl-C cancels the goal on the server, waits `timeouts.cancel` seconds at most for
-        that, and raises `KeyboardInterrupt` (contract C2.5); a second one does not wait.
+        that, and raises `KeyboardInterrupt`; a second one does not wait.
 
         Args:
             goal: The action's goal message, or a mapping of its field names.
@@ -158,7 +158,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             The action's result message.
 
         Raises:
-            ActionKitError: The call failed; see the classes of contract C3.
+            ActionKitError: The call failed; each subclass is one way to fail.
             concurrent.futures.CancelledError: `cancel_all()` cancelled the call.
             RuntimeError: Called from one of ActionKit's own callbacks, or after a fork.
             TypeError, ValueError: An argument is wrong.
@@ -166,7 +166,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         if in_callback.get():
             raise RuntimeError(
                 "Client.call() would wait inside a callback that ActionKit itself is waiting"
-                " for: use call_async() here (contract C1.9)"
+                " for: use call_async() here"
             )
         call = self._prepare(goal, on_feedback, timeout, retry, classify, unknown)
         future: GoalFuture[ResultT, FeedbackT] = call.future
@@ -175,7 +175,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             return future.result()
         finally:
             if not future.done():
-                # Ctrl-C, or whatever else a signal handler of the user's raised here.
+                # Ctrl-C, or an error that a signal handler of the user's raised here.
                 call.request_cancel(urgent=True)
                 self._session.await_cancel(future)
 
@@ -298,7 +298,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         return self._session.cancel_all()
 
     def close(self) -> None:
-        """End every goal in flight as `on_close` says, and free all that is held (C1.10).
+        """End every goal in flight as `on_close` says, and free all that is held.
 
         Returns within `timeouts.cancel` seconds of the server's latest confirmation and about a
         second (many goals are cancelled a few at a time), and 60 s later at the most. A warning
@@ -337,7 +337,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
 
 
 def _transport() -> tuple[Any, Any]:
-    """Import rclpy's room, late: `import actionkit` works, and is quick, without rclpy."""
+    """Import what needs rclpy, late: `import actionkit` works, and is quick, without rclpy."""
     try:
         from actionkit._calls import exit as _exit
         from actionkit._calls import session as _session

@@ -1,4 +1,4 @@
-"""A brake on retries, shared by the calls of a client or of several (contract C4.5)."""
+"""A limit on retries, shared by the calls of a client or of several (C4.5)."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What carries a client's calls: their attempts over one port, until none is left.
+"""The calls and attempts that one port carries, until none is left and the port can be freed.
 
-Everything happens on the communication thread, but for the constructor and `begin`.
+Everything happens on the communication thread, but for the constructor, `begin` and `running`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from actionkit._threads.clock import TimerHandle
 from actionkit._threads.waiting import Flag
 
 LINGER = 30.0
-"""Seconds that a closed client goes on watching for the late acceptance of a goal (C2.4)."""
+"""Seconds that a closed client goes on watching for the late acceptance of a goal (C2.4). A server
+that is busy in a callback answers only after that, and few callbacks take longer."""
 _DIED = "the communication thread of ActionKit died"
 
 
@@ -33,18 +34,18 @@ class PortCarrier:
         self.action_name = port.identity.action_name
         self.type_name = port.identity.type_name
         self.calls: set[Call] = set()
-        self.retired = Flag()
-        """Set when `retire` was heard, and the port freed where nothing was in flight."""
+        self.released = Flag()
+        """Set when `release` has run, and has freed the port if nothing was in flight."""
         self._on_freed = on_freed
         self._attempts: set[Attempt] = set()
-        self._retiring = False
-        self._linger: TimerHandle | None = None
+        self._releasing = False
+        self._linger_timer: TimerHandle | None = None
         self._closing = False
         self.decode_feedback = port.decode_feedback
         self.call_soon = port.call_soon
         self.call_at = port.call_at
         self.cancel_timer = port.cancel_timer
-        port.on_failure(self._broken)
+        port.on_failure(self._on_failure)
         port.link.on_strays_gone(self._free_if_done)
 
     def begin(self, call: Call) -> None:
@@ -57,7 +58,7 @@ class PortCarrier:
         if failure is not None:
             call.fail(_DIED, failure)
         elif self._closing:
-            call.close(abandon=True)  # it came behind the closing, and has sent nothing
+            call.close(abandon=True)  # it came after the closing, and has sent nothing
         elif self.port.freed.is_set():
             call.refuse("the ROS context was shut down just when the call began")
         else:
@@ -75,7 +76,7 @@ class PortCarrier:
         *,
         resent: bool,
     ) -> Attempt:
-        """Make an attempt."""
+        """Make an attempt, and watch it until its goal is over."""
         made = Attempt(
             self.port.link,
             goal_id,
@@ -94,20 +95,20 @@ class PortCarrier:
         return self.port.link.presence.ready
 
     def graph_snapshot(self) -> GraphSnapshot:
-        """Look at the graph, for an error's text."""
+        """Return what the graph shows now, for an error's text."""
         return GraphSnapshot(
             self.port.actions(), self.port.identity.domain_id, self.port.middleware()
         )
 
     def finished(self, call: Call) -> None:
-        """Forget a call."""
+        """Count a call out: its future is about to end."""
         self.calls.discard(call)
         self._free_if_done()
 
     def running(self) -> list[uuid.UUID]:
         """Return the ids of the goals that may be running. From any thread.
 
-        Those are left out whose server is gone: their calls have said so.
+        Not of those whose server is gone: the errors of their calls have said so.
         """
         return [each.goal_id for each in list(self._attempts) if each.goal.may_run]
 
@@ -120,29 +121,29 @@ class PortCarrier:
         for call in list(self.calls):
             call.close(abandon=abandon)
 
-    def end_calls(self) -> None:
-        """End the calls that are left, whose goals were not confirmed to have stopped in time."""
+    def end_grace(self) -> None:
+        """Wait no longer for cancellations to be confirmed: end the calls that are left."""
         for call in list(self.calls):
             call.end_grace()
 
-    def retire(self) -> None:
-        """Free the port as soon as nothing is left to watch for."""
-        first, self._retiring = not self._retiring, True
+    def release(self) -> None:
+        """Free the port as soon as no goal has to be watched any more."""
+        first, self._releasing = not self._releasing, True
         if first:
             self.port.end_waits()
         if self._done:
             self.free()
         elif first:
             self._arm_linger()
-        self.retired.set()
+        self.released.set()
 
     def _arm_linger(self) -> None:
-        self._linger = self.call_at(time.monotonic() + LINGER, self._stop_lingering)
+        self._linger_timer = self.call_at(time.monotonic() + LINGER, self._stop_lingering)
 
     def _stop_lingering(self) -> None:
-        self._linger = None
+        self._linger_timer = None
         if self.calls:
-            self._arm_linger()  # somebody holds their futures
+            self._arm_linger()  # somebody may wait for their futures
         else:
             self.free()
 
@@ -158,27 +159,27 @@ class PortCarrier:
         return not self.calls and not watched and not self.port.link.cancels_strays
 
     def _free_if_done(self) -> None:
-        if self._retiring and self._done:
+        if self._releasing and self._done:
             self.call_soon(self.free)  # not from within the link's own callback
 
     def free(self) -> None:
-        """Free the port, whatever is in flight."""
+        """Free the port now, whatever is in flight. Does nothing the second time."""
         if not self.port.freed.is_set():
-            # The thread may live on, with other clients: nothing of ours may fire there, and no
-            # timer may keep us, with the whole client, in memory until it is due.
-            if self._linger is not None:
-                self.cancel_timer(self._linger)
-                self._linger = None
+            # The thread may live on, with other clients. A timer that is left there would keep this
+            # carrier, and with it the whole client, in memory until it is due.
+            if self._linger_timer is not None:
+                self.cancel_timer(self._linger_timer)
+                self._linger_timer = None
             for attempt in list(self._attempts):
                 attempt.drop()
             self.port.free()
             self._on_freed()
 
-    def _broken(self, error: BaseException) -> None:
+    def _on_failure(self, error: BaseException) -> None:
         for call in list(self.calls):
             call.fail(_DIED, error)
         self.port.end_waits()
-        # Its entities died with it; nobody is left to free them.
+        # The entities died with the thread; nobody is left to free them.
         self.port.freed.set()
-        self.retired.set()
+        self.released.set()
         self._on_freed()

@@ -1,4 +1,4 @@
-"""The ends that come to a whole process: the interpreter's exit, and a fork."""
+"""What is done for all clients of a process: at the interpreter's exit, and after a fork."""
 
 from __future__ import annotations
 
@@ -8,8 +8,15 @@ import time
 import uuid
 from functools import cache
 
-from actionkit._calls.left_running import tell_of_goals_left
-from actionkit._calls.session import FREEING, MARGIN, TELLING, Session, await_ends, live
+from actionkit._calls.left_running import warn_of_goals_left
+from actionkit._calls.session import (
+    FREEING_TIMEOUT,
+    MARGIN,
+    OBSERVERS_TIMEOUT,
+    Session,
+    await_ends,
+    open_sessions,
+)
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._observers import channel as channels
 from actionkit._ros import runtimes
@@ -17,42 +24,42 @@ from actionkit._threads import blocked as _blocked
 from actionkit._threads import diagnostics as _diagnostics
 
 _inherited: list[Session] = []
-"""Kept for ever: to free what they hold here would break the parent's."""
+"""The sessions of the parent process, kept for ever: freed here, they would break the parent's."""
 
 
 def close_all() -> None:
-    """End everything at the interpreter's exit, within a bound and in silence (C1.10).
+    """End everything at the interpreter's exit, within a bound and without a word (C1.10).
 
-    Not in silence where goals may still be running: that is what a human has to know.
+    Only goals that may still be running are warned of.
     """
-    sessions = list(live)
+    sessions = list(open_sessions)
     grace = max((s.cancel_grace for s in sessions), default=0.0) + MARGIN
-    if any(session.in_a_hurry for session in sessions):
+    if any(session.was_interrupted for session in sessions):
         grace = 0.0
     began = time.monotonic()
     try:
         for session in sessions:
-            session.begin_close()
+            session.close_calls()
         futures = [future for session in sessions for future in session.futures()]
         await_ends(futures, grace)
         for session in sessions:
-            session.end_calls()
+            session.end_grace()
         for session in sessions:
-            session.retire()
+            session.release_and_wait()
         _await_freed(sessions, began, grace)
-        tell_of_goals_left(_left_running(sessions))
+        warn_of_goals_left(_left_running(sessions))
         for session in sessions:
-            session.stop_watching()
+            session.free()
         # The middleware's own exit handlers crash under a thread that still uses it.
-        runtimes.join_ending(FREEING)
-        channels.flush_all(time.monotonic() + TELLING)
-        _diagnostics.flush(time.monotonic() + TELLING)
+        runtimes.join_ending(FREEING_TIMEOUT)
+        channels.flush_all(time.monotonic() + OBSERVERS_TIMEOUT)
+        _diagnostics.flush(time.monotonic() + OBSERVERS_TIMEOUT)
     except KeyboardInterrupt:  # a human who does not want to wait for it
-        tell_of_goals_left(_left_running(sessions))
+        warn_of_goals_left(_left_running(sessions))
 
 
 def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
-    """Wait until no goal is watched any more, as long as servers go on confirming cancellations."""
+    """Wait until all ports are freed, for as long as servers go on confirming cancellations."""
     while True:
         confirmed_at = max((session.confirmed_at for session in sessions), default=began)
         until = min(max(began, confirmed_at), began + LONGEST_GRACE) + grace
@@ -65,9 +72,9 @@ def _left_running(sessions: list[Session]) -> list[tuple[str, uuid.UUID]]:
 
 
 def forget_inherited() -> None:
-    """In a forked child: what the parent's sessions hold is not ours to free (R20)."""
-    _inherited.extend(live)
-    live.clear()
+    """In a forked child: leave alone what the parent's sessions hold (R20)."""
+    _inherited.extend(open_sessions)
+    open_sessions.clear()
     runtimes.forget_inherited()
     _blocked.after_fork()
     channels.after_fork()
@@ -76,6 +83,6 @@ def forget_inherited() -> None:
 
 @cache
 def arm() -> None:
-    """See to both from now on."""
+    """Register both for this process, once."""
     atexit.register(close_all)
     os.register_at_fork(after_in_child=forget_inherited)

@@ -1,4 +1,4 @@
-"""The handle on one call: a `concurrent.futures.Future` that can also be awaited (C1.4)."""
+"""The handle on one call: a `concurrent.futures.Future` that can also be awaited."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ else:
 
 
 class CallView(Protocol):
-    """What a future asks of its call."""
+    """What a future needs of its call."""
 
     goal_id: uuid.UUID
     state: GoalState
@@ -48,9 +48,10 @@ class CallView(Protocol):
 
 @dataclass
 class _Over:
-    """What is left of a call that is over, which the future would else keep alive, and it this.
+    """The few facts of a call that is over, so that its future need not hold the call itself.
 
-    Without the circle a result is freed when its user lets go of it, not at some later collection.
+    The two would refer to each other, and a result would not be freed when the last reference to
+    the future goes, but only at some later garbage collection.
     """
 
     goal_id: uuid.UUID
@@ -63,7 +64,7 @@ class _Over:
 
 
 class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]):
-    """The result of a call, in the future.
+    """The result that a call will have.
 
     Works with `concurrent.futures.wait`, `as_completed` and `add_done_callback`, and can be
     awaited from any running asyncio loop. Made by `Client.call_async` only.
@@ -123,12 +124,12 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
 
         Args:
             timeout: Seconds of this local wait, `None` for no limit. When they run out the
-                goal is left alone (contract C1.6).
+                goal is left alone.
 
         Raises:
             TimeoutError: The local wait ran out.
             concurrent.futures.CancelledError: The goal was cancelled through this future.
-            ActionKitError: The call failed; see the classes of contract C3.
+            ActionKitError: The call failed; each subclass is one way to fail.
         """
         error = self._error(timeout)
         if error is not None:
@@ -152,7 +153,7 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         return error
 
     def outcome(self, timeout: float | None = None) -> Outcome[ResultT]:
-        """Wait for the goal and return the whole story; a failure is told, not raised.
+        """Wait for the goal and return all that is known of it; a failure is not raised.
 
         Args:
             timeout: As for `result`.
@@ -221,7 +222,7 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
     # --- control ---------------------------------------------------------------------------
 
     def cancel(self) -> bool:
-        """Ask for the goal to be cancelled; never blocks, safe at any time (contract C1.5).
+        """Ask for the goal to be cancelled; never blocks, safe at any time.
 
         A goal that was not sent yet is never sent. Otherwise the server is asked, and the
         future ends with what became of the goal: `CancelledError` where it was cancelled, the
@@ -273,10 +274,10 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         self._cancelled = end is End.CANCELLED_BY_CALLER
         call = self._call
         self._call = _Over(call.goal_id, call.state, call.timeline, call.cancel_grace)
-        told = self._tell_at_once()
+        notified = self._notify_base_at_once()
         self._over.set()
-        if not told:
-            self._tell_elsewhere()
+        if not notified:
+            self._notify_base_in_thread()
         for wake in taken_from(self._waiters_async):
             wake()
         for callback in taken_from(self._user_callbacks):
@@ -291,26 +292,26 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
     # the main thread too, where a signal handler may run meanwhile and wait for another goal: so
     # the communication thread never waits for these locks, and nothing else rests on them.
 
-    def _tell_at_once(self) -> bool:
-        """Tell the base class where that needs no waiting; return whether it was told."""
+    def _notify_base_at_once(self) -> bool:
+        """End the future of the base class if that needs no waiting; return whether it did."""
         if not self._condition.acquire(blocking=False):
             return False
         try:
             if not self._waiters:  # these have locks too
-                self._tell()
+                self._notify_base()
                 return True
             return False
         finally:
             self._condition.release()
 
-    def _tell_elsewhere(self) -> None:
+    def _notify_base_in_thread(self) -> None:
         try:
             # Not a `threading.Thread`: starting one takes a lock, too.
-            _thread.start_new_thread(self._tell, ())
+            _thread.start_new_thread(self._notify_base, ())
         except RuntimeError:  # there are too many
-            self._tell()
+            self._notify_base()
 
-    def _tell(self) -> None:
+    def _notify_base(self) -> None:
         outcome = self._outcome
         assert outcome is not None
         if self._cancelled:
@@ -325,7 +326,7 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         if os.getpid() != self._pid:
             raise RuntimeError(
                 "this GoalFuture belongs to the process that was forked; its goal cannot be"
-                " followed here (contract C1.12)"
+                " followed here"
             )
 
 

@@ -1,4 +1,4 @@
-"""Says which goals may still be running, where the time to make sure of it is over."""
+"""Warns of goals that may still be running when nothing is left to make sure of it."""
 
 from __future__ import annotations
 
@@ -10,26 +10,25 @@ from actionkit._threads.diagnostics import log_later, write_to_stderr
 
 _log = logging.getLogger("actionkit")
 _NAMED = 10
-"""How many goals are named; the log of the goals, and their errors, name all."""
-
+"""How many goals are named, so that the text stays readable; the log of the goals names all."""
 
 _muted = False
 
 
 def mute() -> None:
-    """Say nothing from now on: the command line tells itself what became of its goal."""
-    global _muted  # noqa: PLW0603  one process, one command
+    """Warn of nothing from now on: the command line itself reports what became of its goal."""
+    global _muted  # noqa: PLW0603  a process runs one command
     _muted = True
 
 
-def tell_of_goals_left(goals: list[tuple[str, uuid.UUID]], seconds: float | None = None) -> None:
+def warn_of_goals_left(goals: list[tuple[str, uuid.UUID]], seconds: float | None = None) -> None:
     """Warn of goals that were given up on and are not known to have stopped.
 
-    In the log and on standard error: a robot may be moving that nobody watches any more.
+    In the log and on standard error, because a robot may be moving that nobody watches any more.
 
     Args:
         goals: The action and the id of each.
-        seconds: For how long their cancellation is still asked for, where it is.
+        seconds: How long they are still asked to cancel, if they are.
     """
     if not goals or _muted:
         return

@@ -1,7 +1,7 @@
-"""One client's life: its carriers, and its end, however that comes.
+"""The calls of one client, on one port or on several in turn, and their end.
 
 A session outlives its client by as much as its goals need: one that was given up on is watched
-until it is known to run no more (contract C2.4).
+until it is known to run no more (C2.4).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any, Literal
 from actionkit._calls.call import Call
 from actionkit._calls.carrier import LINGER, PortCarrier
 from actionkit._calls.future import GoalFuture
-from actionkit._calls.left_running import tell_of_goals_left
+from actionkit._calls.left_running import warn_of_goals_left
 from actionkit._calls.request import Request
 from actionkit._model.errors import ClientClosedError
 from actionkit._model.settings import LONGEST_GRACE
@@ -28,19 +28,23 @@ from actionkit._ros.port import Port
 
 OnClose = Literal["cancel", "abandon"]
 MARGIN = 0.5
-"""Seconds that closing may take beyond the wait for cancellations."""
-_HURRY = 2.0
-"""Seconds; who interrupts a wait for cancellations does not want another one after it."""
-TELLING = 1.0
-"""Seconds that closing, and the interpreter's exit, wait for slow observers."""
-_TURN = 2.0
-"""Seconds to wait for another thread that opens a port; a second one does no harm."""
-FREEING = 5.0
+"""Seconds that closing may take beyond the wait for cancellations: the communication thread needs
+milliseconds to end the calls, and a busy machine some more."""
+_INTERRUPTED_FOR = 2.0
+"""Seconds after Ctrl-C ended a wait for cancellations in which no other is begun. The exit of the
+`with` block and of the interpreter follow within that time."""
+OBSERVERS_TIMEOUT = 1.0
+"""Seconds that closing, and the interpreter's exit, wait for slow observers: enough to write a few
+thousand lines to a file, and not so long that a blocked observer is noticed as a hang."""
+_OPENING_TIMEOUT = 2.0
+"""Seconds to wait for another thread that opens a port, which takes tenths; a second port does no
+harm."""
+FREEING_TIMEOUT = 5.0
 """Seconds that the freeing of entities may take; it takes milliseconds on an idle machine."""
 
 
 class Session:
-    """Carries the calls of one client. Any thread may use it."""
+    """The calls of one client. Any thread may use it."""
 
     def __init__(
         self,
@@ -52,22 +56,22 @@ class Session:
         """Open the first port.
 
         Args:
-            open_port: Opens a port; called again where a port became unusable.
+            open_port: Opens a port; called again when a port became unusable.
             on_close: What closing does to goals in flight.
             cancel_grace: `Timeouts.cancel`.
-            observers: Who is told what happens to the goals.
+            observers: The observers of the goals, already checked.
         """
         self.cancel_grace = cancel_grace
         self._open_port = open_port
         self._on_close = on_close
-        self.interrupted_at = -math.inf
-        """Monotonic time at which a human did not want to wait any longer."""
-        self._told_left: list[uuid.UUID] = []
+        self._interrupted_at = -math.inf
+        """Monotonic time at which Ctrl-C ended a wait for cancellations."""
+        self._warned_of: list[uuid.UUID] = []
         self._pid = os.getpid()
         self._opening = threading.RLock()
-        """So that threads which come at the same time open one port anew, and not one each.
+        """Held while a port is opened in place of another: threads that come together share it.
 
-        The communication thread never waits for it, and nobody waits for it for long.
+        The communication thread never waits for it, and other threads for a limited time.
         """
         self._closed = False
         self._carriers = [PortCarrier(open_port(), self._on_freed)]
@@ -79,7 +83,7 @@ class Session:
             action_type=identity.type_name,
             node_name=identity.label,
         )
-        live.add(self)
+        open_sessions.add(self)
 
     @property
     def closed(self) -> bool:
@@ -111,9 +115,9 @@ class Session:
         return Call(self._current(), request, self._dispatcher)
 
     def begin(self, call: Call) -> None:
-        """Begin a call that was prepared. Calls begin in this order (contract C1.12).
+        """Begin a call that was prepared. Calls begin in this order.
 
-        One that is begun just behind the closing ends at once, and sends nothing.
+        One that is begun just after the closing ends at once, and sends nothing.
 
         Raises:
             ClientClosedError: The session was closed.
@@ -136,23 +140,23 @@ class Session:
             self.check()
             if until is not None and until <= time.monotonic():
                 return False
-            # The port was given up. Wait on, over the next.
+            # The port became unusable. Wait on, over the next one.
             timeout = None if until is None else until - time.monotonic()
         return True
 
     def _current(self) -> PortCarrier:
         self.check()
         carrier = self._carriers[-1]
-        return carrier if carrier.port.usable else self._renewed()
+        return carrier if carrier.port.usable else self._reopened()
 
-    def _renewed(self) -> PortCarrier:
-        turn = self._opening.acquire(timeout=_TURN)
+    def _reopened(self) -> PortCarrier:
+        acquired = self._opening.acquire(timeout=_OPENING_TIMEOUT)
         try:
             carrier = self._carriers[-1]
             if not carrier.port.usable:
-                # The context was shut down under us (R10), or the thread died (R8). Goals in
-                # flight stay where they are; new ones go another way.
-                carrier.call_soon(carrier.retire)
+                # The context was shut down (R10), or the communication thread died (R8). Goals
+                # in flight stay on the old port; new ones go over the new one.
+                carrier.call_soon(carrier.release)
                 carrier = PortCarrier(self._open_port(), self._on_freed)
                 self._carriers.append(carrier)
                 for old in list(self._carriers):
@@ -160,11 +164,11 @@ class Session:
                         with contextlib.suppress(ValueError):  # others do the same
                             self._carriers.remove(old)
                 if self._closed:
-                    carrier.call_soon(carrier.retire)  # it may have been too late for `drop`
+                    carrier.call_soon(carrier.release)  # `release` may not have seen it
                     self.check()
             return carrier
         finally:
-            if turn:
+            if acquired:
                 self._opening.release()
 
     def check(self) -> None:
@@ -178,7 +182,7 @@ class Session:
             raise RuntimeError(
                 f"this Client was made in process {self._pid} and cannot be used in process"
                 f" {os.getpid()}, which was forked from it: the middleware's threads are not here."
-                " Start processes with the 'spawn' method, or before the first Client (C1.12)"
+                " Start processes with the 'spawn' method, or before the first Client"
             )
         if self._closed:
             raise ClientClosedError(
@@ -198,38 +202,38 @@ class Session:
     # --- the end ---------------------------------------------------------------------------
 
     @property
-    def in_a_hurry(self) -> bool:
-        """Whether a human has just interrupted the wait for cancellations."""
-        return time.monotonic() - self.interrupted_at < _HURRY
+    def was_interrupted(self) -> bool:
+        """Whether Ctrl-C has just ended a wait for cancellations, so that none is waited for now."""
+        return time.monotonic() - self._interrupted_at < _INTERRUPTED_FOR
 
     def close(self) -> None:
-        """End every call by policy, within a bound, and free what is held."""
+        """End every call by the policy `on_close`, within a bound, and free what is held."""
         if os.getpid() != self._pid:
-            return  # the parent's: nothing here is ours to free
-        self.begin_close()
+            return  # everything here belongs to the process that was forked
+        self.close_calls()
         try:
-            if not self.in_a_hurry:
+            if not self.was_interrupted:
                 self._await_ends(self.futures(), self.cancel_grace + MARGIN)
-            self.end_calls()
+            self.end_grace()
         finally:
-            self.retire()
+            self.release_and_wait()
         left = self.running()
-        self._told_left += left
-        tell_of_goals_left([(self.action_name, goal_id) for goal_id in left], LINGER)
-        self._dispatcher.flush(time.monotonic() + TELLING)
+        self._warned_of += left
+        warn_of_goals_left([(self.action_name, goal_id) for goal_id in left], LINGER)
+        self._dispatcher.flush(time.monotonic() + OBSERVERS_TIMEOUT)
 
-    def begin_close(self) -> None:
-        """Take no more calls, and begin to end those in flight."""
+    def close_calls(self) -> None:
+        """Take no more calls, and begin to end those in flight by the policy `on_close`."""
         self._closed = True
         abandon = self._on_close == "abandon"
         for carrier in list(self._carriers):
             carrier.call_soon(lambda c=carrier: c.close_calls(abandon=abandon))  # type: ignore[misc]
 
-    def end_calls(self) -> None:
-        """End what is left: nothing was confirmed for so long that it is not waited for."""
+    def end_grace(self) -> None:
+        """Wait no longer for cancellations to be confirmed: end the calls that are left."""
         if left := self.futures():
             for carrier in list(self._carriers):
-                carrier.call_soon(carrier.end_calls)
+                carrier.call_soon(carrier.end_grace)
             await_ends(left, MARGIN)
 
     def await_cancel(self, future: GoalFuture[Any, Any]) -> None:
@@ -240,7 +244,7 @@ class Session:
         try:
             await_ends(futures, grace)
         except KeyboardInterrupt:
-            self.interrupted_at = time.monotonic()
+            self._interrupted_at = time.monotonic()
             raise
 
     def futures(self) -> list[GoalFuture[Any, Any]]:
@@ -248,51 +252,54 @@ class Session:
         return [call.future for call in self._calls()]
 
     def running(self) -> list[uuid.UUID]:
-        """Return the ids of the goals that may be running, less those that were told of."""
+        """Return the ids of the goals that may be running, but for those that were warned of."""
         goals = [goal_id for carrier in list(self._carriers) for goal_id in carrier.running()]
-        return [goal_id for goal_id in goals if goal_id not in self._told_left]
+        return [goal_id for goal_id in goals if goal_id not in self._warned_of]
 
     def _calls(self) -> list[Call]:
         return [call for carrier in list(self._carriers) for call in list(carrier.calls)]
 
-    def retire(self) -> None:
-        """Free what is held: now, or as soon as no goal needs it."""
-        self.drop()
-        until = time.monotonic() + FREEING
+    def release_and_wait(self) -> None:
+        """Release, and wait until what no goal needs is freed."""
+        self.release()
+        until = time.monotonic() + FREEING_TIMEOUT
         for carrier in list(self._carriers):
-            carrier.retired.wait(max(0.0, until - time.monotonic()))
+            carrier.released.wait(max(0.0, until - time.monotonic()))
             if carrier.port.freed.is_set():
                 carrier.port.join(max(0.0, until - time.monotonic()))
 
-    def drop(self) -> None:
-        """The client is gone: free what is held when the last call is over. Never blocks."""
+    def release(self) -> None:
+        """Free each port as soon as no goal needs it. Never blocks.
+
+        A client that is garbage collected without `close()` does only this.
+        """
         if os.getpid() != self._pid:
             return
         self._closed = True
         for carrier in list(self._carriers):
-            carrier.call_soon(carrier.retire)
+            carrier.call_soon(carrier.release)
 
     @property
     def confirmed_at(self) -> float:
-        """Monotonic time at which a server last answered to a cancellation."""
+        """Monotonic time at which a server last answered a cancel request."""
         return max(carrier.port.link.others_confirmed_at for carrier in list(self._carriers))
 
     def await_freed(self, until: float) -> bool:
-        """Wait until no goal is watched any more; return whether it is so."""
+        """Wait until every port is freed, so no goal is watched; return whether it is so."""
         return all(
             carrier.port.freed.wait(max(0.0, until - time.monotonic()))
             for carrier in list(self._carriers)
         )
 
-    def stop_watching(self) -> None:
-        """Free what is held, whatever is watched."""
+    def free(self) -> None:
+        """Free every port now, whatever goals need it."""
         for carrier in list(self._carriers):
             carrier.call_soon(carrier.free)
-            carrier.port.freed.wait(FREEING)
+            carrier.port.freed.wait(FREEING_TIMEOUT)
 
     def _on_freed(self) -> None:
         if self._closed and all(c.port.freed.is_set() for c in list(self._carriers)):
-            live.discard(self)
+            open_sessions.discard(self)
 
 
 def await_ends(futures: list[GoalFuture[Any, Any]], grace: float) -> None:
@@ -307,5 +314,5 @@ def await_ends(futures: list[GoalFuture[Any, Any]], grace: float) -> None:
         futures = [future for future in futures if not future.done()]
 
 
-live: set[Session] = set()
-"""Sessions that hold something. Kept here for the interpreter's exit."""
+open_sessions: set[Session] = set()
+"""Sessions with a port that is not freed, for the interpreter's exit."""

@@ -1,1 +1,1 @@
-"""Who is told of every goal's transitions: the log, and observers (contract C6.2)."""
+"""The log and the observers of every goal's transitions."""

@@ -18,7 +18,7 @@ from actionkit._observers.protocol import CallInfo
 
 
 class JsonLines:
-    """An observer that appends a line of JSON for each event to a file (contract C6.2).
+    """An observer that appends a line of JSON for each event to a file.
 
         with JsonLines("goals.jsonl") as log, Client(Fibonacci, "fibonacci", observers=[log]):
             ...

@@ -12,7 +12,7 @@ from actionkit._observers.words import level_of, level_of_outcome, outcome_sente
 
 
 class Rosout:
-    """An observer that writes to the logger of a node of yours, and so to /rosout (contract C6.2).
+    """An observer that writes to the logger of a node of yours, and so to /rosout.
 
         Client(NavigateToPose, "navigate_to_pose", node=node, observers=[Rosout(node)])
 

@@ -46,7 +46,7 @@ class _Open:
 
 
 class OpenTelemetry:
-    """An observer that makes spans and metrics of every call (contract C6.2).
+    """An observer that makes spans and metrics of every call.
 
     A span for each call, child of the caller's, with a child for each attempt; transitions are
     events on the attempts' spans. Metrics: `actionkit.calls` by outcome, `actionkit.call.duration`

@@ -46,8 +46,8 @@ class World(Clock):
 
 def test_it_stays_while_goals_are_cancelled_on_a_second_server() -> None:
     world = World()
-    world.carrier.retire()
-    assert world.carrier.retired.is_set()  # whoever closes does not wait for it
+    world.carrier.release()
+    assert world.carrier.released.is_set()  # whoever closes does not wait for it
     assert not world.freed.is_set()
     world.link.cancels_strays = False
     world.link.tell()
@@ -56,7 +56,7 @@ def test_it_stays_while_goals_are_cancelled_on_a_second_server() -> None:
 
 def test_but_not_for_ever() -> None:
     world = World()
-    world.carrier.retire()
+    world.carrier.release()
     world.link.tell()
     assert not world.freed.is_set()
     world.advance(LINGER + 1)
@@ -68,14 +68,14 @@ def test_nothing_keeps_it_otherwise() -> None:
     world.link.cancels_strays = False
     world.link.tell()  # while it is in use
     assert not world.freed.is_set()
-    world.carrier.retire()
+    world.carrier.release()
     assert world.freed.is_set()
 
 
 def test_what_was_freed_is_held_by_no_timer() -> None:
     """Else each closed client stays in memory for as long as its timer runs."""
     world = World()
-    world.carrier.retire()
+    world.carrier.release()
     assert len(world.queue) == 1
     world.link.cancels_strays = False
     world.link.tell()
@@ -86,6 +86,6 @@ def test_what_was_freed_is_held_by_no_timer() -> None:
 def test_what_is_freed_at_once_arms_no_timer() -> None:
     world = World()
     world.link.cancels_strays = False
-    world.carrier.retire()
+    world.carrier.release()
     assert world.freed.is_set()
     assert len(world.queue) == 0

@@ -262,7 +262,7 @@ def test_a_call_that_comes_to_a_port_that_is_gone_does_not_hang() -> None:
     port = Port()
     carrier = PortCarrier(port, lambda: None)  # type: ignore[arg-type]
     call = Begun()
-    carrier.retire()
+    carrier.release()
     assert port.freed.is_set()
     carrier.begin(call)  # type: ignore[arg-type]
     port.turn()
