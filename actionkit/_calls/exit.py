@@ -18,7 +18,7 @@ from actionkit._calls.session import (
     open_sessions,
 )
 from actionkit._model.settings import LONGEST_GRACE
-from actionkit._observers import channel as channels
+from actionkit._observers import observer_queue
 from actionkit._ros import runtimes
 from actionkit._threads import blocked as _blocked
 from actionkit._threads import diagnostics as _diagnostics
@@ -52,7 +52,7 @@ def close_all() -> None:
             session.free()
         # The middleware's own exit handlers crash under a thread that still uses it.
         runtimes.join_ending(FREEING_TIMEOUT)
-        channels.flush_all(time.monotonic() + OBSERVERS_TIMEOUT)
+        observer_queue.flush_all(time.monotonic() + OBSERVERS_TIMEOUT)
         _diagnostics.flush(time.monotonic() + OBSERVERS_TIMEOUT)
     except KeyboardInterrupt:  # a human who does not want to wait for it
         warn_of_goals_left(_left_running(sessions))
@@ -77,7 +77,7 @@ def forget_inherited() -> None:
     open_sessions.clear()
     runtimes.forget_inherited()
     _blocked.after_fork()
-    channels.after_fork()
+    observer_queue.after_fork()
     _diagnostics.after_fork()
 
 

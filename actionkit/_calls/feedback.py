@@ -19,7 +19,8 @@ from typing import Any, Protocol
 from actionkit._messages.lazy import UndecodableError
 from actionkit._threads.blocked import Label
 from actionkit._threads.diagnostics import log_here
-from actionkit._threads.pool import Pool, Strand, in_callback
+from actionkit._threads.pool import Pool, in_callback
+from actionkit._threads.serial_queue import SerialQueue
 from actionkit._threads.waiting import taken_from
 
 KEPT = 100
@@ -49,13 +50,13 @@ class ThreadCallbacks:
         self._function = function
         self._action_name = action_name
         label = Label("on_feedback", function, "the further feedback of its goal")
-        self._strand = Strand(pool, KEPT, label)
-        self.finish = self._strand.finish
-        self.close = self._strand.close
+        self._queue = SerialQueue(pool, label, KEPT)
+        self.finish = self._queue.finish
+        self.close = self._queue.close
 
     def put(self, *decodes: Callable[[], Any]) -> None:
         """Queue messages."""
-        self._strand.put(*(partial(self._call, decode) for decode in decodes))
+        self._queue.put(*(partial(self._call, decode) for decode in decodes))
 
     def _call(self, decode: Callable[[], Any]) -> None:
         try:

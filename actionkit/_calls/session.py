@@ -203,7 +203,7 @@ class Session:
 
     @property
     def was_interrupted(self) -> bool:
-        """Whether Ctrl-C has just ended a wait for cancellations, so that none is waited for now."""
+        """Whether Ctrl-C has just ended a wait for cancellations: then none is begun."""
         return time.monotonic() - self._interrupted_at < _INTERRUPTED_FOR
 
     def close(self) -> None:

@@ -1,10 +1,10 @@
-"""Where the user's callables run: never on the communication thread (R8).
+"""Daemon threads that run the user's callables, never the communication thread (R8).
 
 Each client has pools of its own: one for feedback and done callbacks, one for its observers and
-the log. So nothing of one client's waits for another's, and no callback for a log handler. Each
-goal has a strand in its pool: its feedback callbacks run one after the other, in order.
+the log, one for `classify=` and retry strategies. So no callable waits for one of another client,
+and no callback for a log handler.
 
-The threads of a pool come when there is work and go when there is none. They are daemons, so
+The threads of a pool start when there is work and end when there is none. They are daemons, so
 that none holds up the interpreter's exit (R19).
 """
 
@@ -14,28 +14,30 @@ import contextvars
 import logging
 import queue
 import threading
-from collections import deque
 from collections.abc import Callable
 
 from actionkit._threads.blocked import Label, Turn, Work, Worker, watcher
 from actionkit._threads.diagnostics import log_later, log_own_error
 
 MOST_THREADS = 8
-"""Threads of a client for its callbacks; one that is blocked does not count."""
+"""Threads of a client for its callbacks; one that is blocked does not count. Callbacks that wait
+for nothing keep no more than that busy, with Python's one lock for all."""
 MOST_BLOCKED = 64
-"""Threads of a client for its callbacks in all, those that are blocked included."""
+"""Threads of a client for its callbacks in all, those that are blocked included: so many megabytes
+of stack at the most, and more blocked callbacks than a program has that works."""
 _IDLE_SECONDS = 1.0
+"""Seconds until an idle thread ends: longer than between two feedback messages of most servers."""
 
 in_callback: contextvars.ContextVar[bool] = contextvars.ContextVar("in_callback", default=False)
 """Whether the caller is inside a callback that ActionKit called."""
 
-Job = Callable[[], None]
+Job = Callable[[], object]
 
 
 class Pool:
-    """Runs work on up to a few daemon threads of its own. Jobs must not raise.
+    """A few daemon threads. Jobs must not raise.
 
-    A thread that is blocked by what it runs is replaced by another, up to a limit.
+    A thread that is blocked by its job is replaced by another, up to a limit.
     """
 
     def __init__(
@@ -69,7 +71,7 @@ class Pool:
         self._threads = 0
         self._blocked = 0
         self._free = 0  # threads that wait for work, less work that waits for a thread
-        self._told_of_limit = False
+        self._warned_of_limit = False
 
     def submit(self, job: Job, label: Label) -> str:
         """Run one job soon. Never blocks.
@@ -101,8 +103,8 @@ class Pool:
         if self._free >= 0 or self._threads - self._blocked >= self._most:
             return False
         if self._threads >= self._limit:
-            if not self._told_of_limit:
-                self._told_of_limit = True
+            if not self._warned_of_limit:
+                self._warned_of_limit = True
                 log_later(
                     logging.WARNING,
                     "%d callbacks of a client of action %r do not return, and there are no more"
@@ -213,62 +215,3 @@ class _Single:
         if job is not None:
             job()
         return False
-
-
-class Strand:
-    """A bounded queue of jobs that run one after the other on a pool."""
-
-    def __init__(self, pool: Pool, most: int, label: Label) -> None:
-        """Make an empty one.
-
-        Args:
-            pool: Where the jobs run.
-            most: How many may wait.
-            label: What is said of one that does not return.
-        """
-        self.label = label
-        self._pool = pool
-        self._most = most
-        self._lock = threading.Lock()
-        self._jobs: deque[Job] = deque()
-        self._running = False
-        self._closed = False
-        self.dropped = 0
-
-    def put(self, *jobs: Job) -> None:
-        """Queue jobs. Where the queue is full the oldest give way: the newest win."""
-        with self._lock:
-            if self._closed:
-                return
-            self._jobs.extend(jobs)
-            while len(self._jobs) > self._most:
-                self._jobs.popleft()
-                self.dropped += 1
-            if self._running:
-                return
-            self._running = True
-        self._pool.run(self)
-
-    def finish(self, then: Job) -> None:
-        """Call `then` once, when what is queued has run; at once where nothing is."""
-        with self._lock:
-            if self._running and not self._closed:
-                self._jobs.append(then)
-                return
-        then()
-
-    def close(self) -> None:
-        """Run nothing more. What is running now runs on."""
-        with self._lock:
-            self._closed = True
-            self._jobs.clear()
-
-    def step(self) -> bool:
-        """Run the next job. For the pool only."""
-        with self._lock:
-            if not self._jobs:
-                self._running = False
-                return False
-            job = self._jobs.popleft()
-        job()
-        return True

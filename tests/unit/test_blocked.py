@@ -19,7 +19,8 @@ from actionkit._threads.blocked import (
     look_at,
     name_of,
 )
-from actionkit._threads.pool import Pool, Strand
+from actionkit._threads.pool import Pool
+from actionkit._threads.serial_queue import SerialQueue
 from tests.conftest import NEVER, all_is_logged
 
 LONG = 20.0
@@ -184,13 +185,13 @@ def test_blocked_threads_are_replaced_up_to_a_limit(caplog: pytest.LogCaptureFix
     gates = blocked_in(pool, 5)
     for gate in gates:  # two, two more after a second, and so on
         assert gate.entered.wait(LONG)
-    strand, notes = Strand(pool, 10, IT), list[int]()
-    strand.put(lambda: notes.append(1))
-    assert comes_true(lambda: pool._told_of_limit)  # when all of them have blocked for a second
+    queue, notes = SerialQueue(pool, IT, 10), list[int]()
+    queue.put(lambda: notes.append(1))
+    assert comes_true(lambda: pool._warned_of_limit)  # when all of them have blocked for a second
     assert notes == []
     gates[0].leave.set()
     done = threading.Event()
-    strand.finish(done.set)
+    queue.finish(done.set)
     assert done.wait(LONG)
     assert notes == [1]
     let_go(gates)
@@ -223,19 +224,19 @@ def end_of(pool: Pool) -> None:
     assert comes_true(lambda: not pool._threads)
 
 
-def test_a_job_is_followed_by_the_next_of_its_strand_however_long_it_took() -> None:
+def test_a_job_is_followed_by_the_next_of_its_queue_however_long_it_took() -> None:
     pool = Pool("/fibonacci", most=1)
-    strand, gate, notes = Strand(pool, 10, IT), Gate(), list[int]()
-    strand.put(gate)
+    queue, gate, notes = SerialQueue(pool, IT, 10), Gate(), list[int]()
+    queue.put(gate)
     assert gate.entered.wait(LONG)
     for number in range(3):
-        strand.put(lambda n=number: notes.append(n))  # type: ignore[misc]
+        queue.put(lambda n=number: notes.append(n))  # type: ignore[misc]
     other = threading.Event()
     pool.submit(other.set, IT)
     assert other.wait(LONG)  # on a thread that took the place of the first
     assert notes == []
     done = threading.Event()
-    strand.finish(done.set)
+    queue.finish(done.set)
     gate.leave.set()
     assert done.wait(LONG)
     assert notes == [0, 1, 2]

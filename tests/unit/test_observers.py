@@ -17,10 +17,10 @@ import pytest
 import actionkit as ak
 from actionkit import CallInfo, GoalEvent, GoalState, Outcome, Rosout, Timeline
 from actionkit._messages.lazy import LazyMessage
-from actionkit._observers import channel as channel_module
-from actionkit._observers.channel import Channel
+from actionkit._observers import observer_queue
 from actionkit._observers.dispatcher import ObserverDispatcher
 from actionkit._observers.goal_log import GoalLog
+from actionkit._observers.observer_queue import ObserverQueue
 from actionkit._observers.protocol import check_observers
 from actionkit._observers.words import LEVELS, level_of, level_of_outcome, outcome_word
 from actionkit._threads import diagnostics
@@ -87,20 +87,20 @@ class NoThreads(Pool):
         self.asked.append(work)
 
 
-def channel_to(name: str, pool: Pool | None = None, *, ends_on_error: bool = True) -> Channel:
+def queue_for(name: str, pool: Pool | None = None, *, ends_on_error: bool = True) -> ObserverQueue:
     label = Label(name, None, "the rest")
-    return Channel(label, pool or Pool(), "/fibonacci", ends_on_error=ends_on_error)
+    return ObserverQueue(label, pool or Pool(), "/fibonacci", ends_on_error=ends_on_error)
 
 
 def soon() -> float:
     return time.monotonic() + LONG
 
 
-# --- the channel -------------------------------------------------------------------------------
+# --- the queue -------------------------------------------------------------------------------
 
 
 def test_jobs_run_in_order_and_one_at_a_time_from_any_threads() -> None:
-    channel, alone = channel_to("it"), threading.Lock()
+    queue, alone = queue_for("it"), threading.Lock()
     notes: list[tuple[int, int]] = []
     overlaps = []
 
@@ -112,14 +112,14 @@ def test_jobs_run_in_order_and_one_at_a_time_from_any_threads() -> None:
         alone.release()
 
     def putter(who: int) -> Callable[[], None]:
-        return lambda: [channel.put(lambda n=n: job(who, n)) for n in range(500)] and None
+        return lambda: [queue.put_event(lambda n=n: job(who, n)) for n in range(500)] and None
 
     threads = [threading.Thread(target=putter(who)) for who in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert channel.flush(soon())
+    assert queue.flush(soon())
     assert overlaps == []
     assert len(notes) == 2000
     for who in range(4):
@@ -127,28 +127,28 @@ def test_jobs_run_in_order_and_one_at_a_time_from_any_threads() -> None:
 
 
 def test_flushing_waits_for_no_longer_than_it_is_told() -> None:
-    channel, gate = channel_to("it"), Gate()
-    channel.put(gate)
+    queue, gate = queue_for("it"), Gate()
+    queue.put_event(gate)
     assert gate.entered.wait(LONG)
-    assert not channel.flush(time.monotonic() + 0.05)
-    assert not channel.flush(time.monotonic() + 0.05, here=True)  # another thread is at it
+    assert not queue.flush(time.monotonic() + 0.05)
+    assert not queue.flush(time.monotonic() + 0.05, here=True)  # another thread is at it
     gate.leave.set()
-    assert channel.flush(soon())
+    assert queue.flush(soon())
 
 
-def test_a_job_that_raises_closes_the_channel_with_one_warning(
+def test_a_job_that_raises_closes_the_queue_with_one_warning(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    channel, notes = channel_to("observer X"), list[int]()
+    queue, notes = queue_for("observer X"), list[int]()
     gate = Gate()
-    channel.put(gate)
-    channel.put(lambda: 1 / 0)
-    channel.put(lambda: 1 / 0)
-    channel.put(lambda: notes.append(1))
+    queue.put_event(gate)
+    queue.put_event(lambda: 1 / 0)
+    queue.put_event(lambda: 1 / 0)
+    queue.put_event(lambda: notes.append(1))
     gate.leave.set()
-    assert channel.flush(soon())
-    channel.put(lambda: notes.append(2))
-    assert channel.flush(soon())
+    assert queue.flush(soon())
+    queue.put_event(lambda: notes.append(2))
+    assert queue.flush(soon())
     assert notes == []
     (record,) = caplog.records
     assert record.levelname == "WARNING"
@@ -162,38 +162,38 @@ def test_a_job_that_raises_closes_the_channel_with_one_warning(
 def test_where_too_much_waits_feedback_goes_first_and_is_told_of_once(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(channel_module, "MOST_FEEDBACK", 3)
-    monkeypatch.setattr(channel_module, "MOST", 6)
-    channel, gate, notes = channel_to("observer X"), Gate(), list[str]()
-    channel.put(gate)
+    monkeypatch.setattr(observer_queue, "MOST_FEEDBACK", 3)
+    monkeypatch.setattr(observer_queue, "MOST", 6)
+    queue, gate, notes = queue_for("observer X"), Gate(), list[str]()
+    queue.put_event(gate)
     assert gate.entered.wait(LONG)
     for number in range(5):
-        channel.put(lambda n=number: notes.append(f"feedback {n}"), feedback=True)
+        queue.put_event(lambda n=number: notes.append(f"feedback {n}"), feedback=True)
     for number in range(5):
-        channel.put(lambda n=number: notes.append(f"event {n}"))
+        queue.put_event(lambda n=number: notes.append(f"event {n}"))
     gate.leave.set()
-    assert channel.flush(soon())
+    assert queue.flush(soon())
     assert notes == ["feedback 0", "feedback 1", "feedback 2", "event 0", "event 1", "event 2"]
     (record,) = caplog.records
     assert "observer X of action '/fibonacci' is too slow" in record.getMessage()
 
 
 def test_at_exit_what_no_thread_came_for_is_told_here() -> None:
-    channel, notes = channel_to("it", NoThreads()), list[int]()
+    queue, notes = queue_for("it", NoThreads()), list[int]()
     for number in range(3):
-        channel.put(lambda n=number: notes.append(n))
-    assert not channel.flush(time.monotonic() + 0.02)
-    channel_module.flush_all(soon())
+        queue.put_event(lambda n=number: notes.append(n))
+    assert not queue.flush(time.monotonic() + 0.02)
+    observer_queue.flush_all(soon())
     assert notes == [0, 1, 2]
-    assert channel not in channel_module._busy
+    assert queue not in observer_queue._busy
 
 
 def test_a_thread_that_comes_late_leaves_the_order_alone() -> None:
     pool = NoThreads()
-    channel, gate, notes = channel_to("it", pool), Gate(), list[int]()
-    channel.put(gate)
-    channel.put(lambda: notes.append(1))
-    flushing = threading.Thread(target=lambda: channel.flush(soon(), here=True))
+    queue, gate, notes = queue_for("it", pool), Gate(), list[int]()
+    queue.put_event(gate)
+    queue.put_event(lambda: notes.append(1))
+    flushing = threading.Thread(target=lambda: queue.flush(soon(), here=True))
     flushing.start()
     assert gate.entered.wait(LONG)
     (late,) = pool.asked
@@ -205,29 +205,29 @@ def test_a_thread_that_comes_late_leaves_the_order_alone() -> None:
 
 
 def test_at_exit_a_human_need_not_wait_for_an_observer() -> None:
-    channel, notes = channel_to("it", NoThreads()), list[int]()
+    queue, notes = queue_for("it", NoThreads()), list[int]()
 
     def interrupted() -> None:
         raise KeyboardInterrupt
 
-    channel.put(interrupted)
-    channel.put(lambda: notes.append(1))
+    queue.put_event(interrupted)
+    queue.put_event(lambda: notes.append(1))
     with pytest.raises(KeyboardInterrupt):
-        channel.flush(soon(), here=True)
+        queue.flush(soon(), here=True)
     assert notes == []
-    assert channel.flush(soon(), here=True)  # and it is in good order
+    assert queue.flush(soon(), here=True)  # and it is in good order
     assert notes == [1]
 
 
 def test_what_is_not_told_at_exit_is_told_of(
     caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    observer, log, gate = channel_to("X"), channel_to("the log", ends_on_error=False), Gate()
-    for channel in (observer, log):
-        channel.put(gate)
+    observer, log, gate = queue_for("X"), queue_for("the log", ends_on_error=False), Gate()
+    for queue in (observer, log):
+        queue.put_event(gate)
         assert gate.entered.wait(LONG)
         gate.entered.clear()
-    channel_module.flush_all(time.monotonic() + 0.02)
+    observer_queue.flush_all(time.monotonic() + 0.02)
     assert diagnostics.flush(soon())
     text = "at exit, {} of action '/fibonacci' had not been told everything"
     assert [r.getMessage() for r in caplog.records] == [text.format("X")]
@@ -241,19 +241,19 @@ def test_what_is_not_told_at_exit_is_told_of(
 def test_the_log_goes_on_after_an_error_and_warns_once_a_minute(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    channel, notes = channel_to("the log", ends_on_error=False), list[int]()
+    queue, notes = queue_for("the log", ends_on_error=False), list[int]()
 
     def job(number: int) -> None:
         notes.append(number)
         raise SystemExit("not even this")
 
     for number in range(5):
-        channel.put(lambda n=number: job(n))
-    assert channel.flush(soon())
+        queue.put_event(lambda n=number: job(n))
+    assert queue.flush(soon())
     assert notes == [0, 1, 2, 3, 4]
-    monkeypatch.setattr(channel, "_quiet_until", 0.0)  # as a minute later
-    channel.put(lambda: job(5))
-    assert channel.flush(soon())
+    monkeypatch.setattr(queue, "_quiet_until", 0.0)  # as a minute later
+    queue.put_event(lambda: job(5))
+    assert queue.flush(soon())
     said = [r.getMessage().partition(", and")[0] for r in caplog.records]
     raised = "the log of action '/fibonacci' raised"
     assert said == [f"{raised} (1 times so far)", f"{raised} (6 times so far)"]
@@ -269,12 +269,12 @@ def test_a_warning_that_cannot_be_written_ends_nothing(
         raise ValueError("from the handler")
 
     handler.emit = emit  # type: ignore[method-assign]
-    channel, notes = channel_to("the log", ends_on_error=False), list[int]()
+    queue, notes = queue_for("the log", ends_on_error=False), list[int]()
     logging.getLogger("actionkit").addHandler(handler)
     try:
         for number in range(3):
-            channel.put(lambda n=number: notes.append(n) or 1 / 0)
-        assert channel.flush(soon())
+            queue.put_event(lambda n=number: notes.append(n) or 1 / 0)
+        assert queue.flush(soon())
     finally:
         logging.getLogger("actionkit").removeHandler(handler)
     assert notes == [0, 1, 2]
@@ -283,15 +283,15 @@ def test_a_warning_that_cannot_be_written_ends_nothing(
 
 AT_EXIT = """
 import atexit, threading
-from actionkit._observers import channel as channels
+from actionkit._observers import observer_queue
 import time
 from actionkit._threads.blocked import Label
 from actionkit._threads.pool import Pool
-channel = channels.Channel(Label("it", None, ""), Pool(), "/fibonacci")
+queue = observer_queue.ObserverQueue(Label("it", None, ""), Pool(), "/fibonacci")
 def at_exit():
     for number in range(3):
-        channel.put(lambda n=number: print(n, flush=True))
-    channels.flush_all(time.monotonic() + 10)
+        queue.put_event(lambda n=number: print(n, flush=True))
+    observer_queue.flush_all(time.monotonic() + 10)
 atexit.register(at_exit)
 """
 
@@ -498,7 +498,7 @@ def test_the_level_of_an_outcome(error: BaseException | None, level: int, word: 
 
 def test_nothing_is_made_where_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
     put = []
-    monkeypatch.setattr(channel_module.Channel, "put", lambda *args, **named: put.append(args))
+    monkeypatch.setattr(ObserverQueue, "put_event", lambda *args, **named: put.append(args))
     dispatcher = ObserverDispatcher(action_name="/fibonacci")
     for state in (GoalState.SENDING, GoalState.ACCEPTED, GoalState.FEEDBACK, GoalState.SUCCEEDED):
         dispatcher.event(event(state), CALL)

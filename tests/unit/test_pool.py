@@ -1,4 +1,4 @@
-"""Where the user's callables run: in order, apart from each other, and on few threads."""
+"""Threads for the user's callables: few, apart from each other, and gone when idle."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from actionkit._threads.blocked import Label
-from actionkit._threads.pool import Pool, Strand, in_callback
+from actionkit._threads.pool import Pool
 
 LONG = 10.0  # the bound of a wait that is over at once when all is well
 IT = Label("it", None, "the rest")
@@ -30,114 +30,8 @@ class Gate:
         assert self.leave.wait(LONG)
 
 
-def finished(strand: Strand) -> bool:
-    """Wait until what is queued has run."""
-    done = threading.Event()
-    strand.finish(done.set)
-    return done.wait(LONG)
-
-
 def noting(notes: list[int], number: int) -> Callable[[], None]:
     return lambda: notes.append(number)
-
-
-# --- strands -----------------------------------------------------------------------------------
-
-
-def test_a_strand_runs_its_jobs_in_order() -> None:
-    strand, notes = Strand(Pool(), 10_000, IT), list[int]()
-    for number in range(5000):
-        strand.put(noting(notes, number))
-    assert finished(strand)
-    assert notes == list(range(5000))
-    assert strand.dropped == 0
-
-
-def test_a_strand_runs_one_job_at_a_time() -> None:
-    strand, alone, overlaps = Strand(Pool(), 1000, IT), threading.Lock(), list[int]()
-
-    def job() -> None:
-        if not alone.acquire(blocking=False):
-            overlaps.append(1)
-            return
-        alone.release()
-
-    putters = [
-        threading.Thread(target=lambda: [strand.put(job) for _ in range(100)]) for _ in range(5)
-    ]
-    for putter in putters:
-        putter.start()
-    for putter in putters:
-        putter.join()
-    assert finished(strand)
-    assert overlaps == []
-
-
-def test_where_the_queue_is_full_the_newest_win() -> None:
-    strand, gate, notes = Strand(Pool(), 3, IT), Gate(), list[int]()
-    strand.put(gate)
-    assert gate.entered.wait(LONG)
-    for number in range(10):
-        strand.put(noting(notes, number))
-    gate.leave.set()
-    assert finished(strand)
-    assert notes == [7, 8, 9]
-    assert strand.dropped == 7
-
-
-def test_finish_waits_for_what_is_queued_and_for_what_runs() -> None:
-    strand, gate, notes = Strand(Pool(), 10, IT), Gate(), list[int]()
-    done = threading.Event()
-    strand.put(gate)
-    strand.put(noting(notes, 1))
-    assert gate.entered.wait(LONG)
-    strand.put(noting(notes, 2))
-    strand.finish(done.set)
-    assert notes == []
-    gate.leave.set()
-    assert done.wait(LONG)
-    assert notes == [1, 2]
-
-
-def test_finish_is_at_once_where_nothing_is_queued() -> None:
-    strand, notes = Strand(Pool(), 10, IT), list[int]()
-    strand.finish(noting(notes, 1))
-    assert notes == [1]
-
-
-def test_a_closed_strand_runs_nothing_more() -> None:
-    strand, gate, notes = Strand(Pool(idle=0.01), 10, IT), Gate(), list[int]()
-    strand.put(gate)
-    strand.put(noting(notes, 1))
-    assert gate.entered.wait(LONG)
-    strand.close()
-    strand.put(noting(notes, 2))
-    strand.finish(noting(notes, 3))  # nobody waits for the job that still runs
-    assert notes == [3]
-    gate.leave.set()
-    assert gate.thread is not None
-    gate.thread.join(LONG)
-    assert notes == [3]
-
-
-def test_a_strand_can_be_used_again_after_it_ran_dry() -> None:
-    strand, notes = Strand(Pool(), 10, IT), list[int]()
-    for number in range(50):
-        strand.put(noting(notes, number))
-        assert finished(strand)
-    assert notes == list(range(50))
-
-
-def test_a_blocked_strand_does_not_block_the_others() -> None:
-    pool, gate, notes = Pool(), Gate(), list[int]()
-    blocked, free = Strand(pool, 10, IT), Strand(pool, 10, IT)
-    blocked.put(gate)
-    assert gate.entered.wait(LONG)
-    for number in range(10):
-        free.put(noting(notes, number))
-    assert finished(free)
-    assert notes == list(range(10))
-    gate.leave.set()
 
 
 # --- the pool ----------------------------------------------------------------------------------
@@ -239,14 +133,6 @@ def test_threads_do_not_hold_up_the_end_of_the_interpreter() -> None:
     assert gate.thread.daemon
     assert gate.thread.name.startswith("actionkit")
     gate.leave.set()
-
-
-def test_a_job_knows_that_it_is_a_callback() -> None:
-    strand, seen = Strand(Pool(), 10, IT), list[bool]()
-    strand.put(lambda: seen.append(in_callback.get()))
-    assert finished(strand)
-    assert seen == [True]
-    assert not in_callback.get()
 
 
 FORKED = """

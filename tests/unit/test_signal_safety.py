@@ -23,7 +23,7 @@ from actionkit._calls.future import GoalFuture
 from actionkit._goal.effects import End
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import Timeline
-from actionkit._observers.channel import Channel
+from actionkit._observers.observer_queue import ObserverQueue
 from actionkit._threads.blocked import Label
 from actionkit._threads.pool import Pool
 from actionkit._threads.waiting import Flag, taken_from
@@ -189,12 +189,12 @@ def test_a_budget_is_used_while_its_lock_is_held() -> None:
 
 
 def test_an_observer_is_told_while_somebody_waits_for_it() -> None:
-    channel = Channel(Label("observer", print, "nothing"), Pool(), "/arm")
+    queue = ObserverQueue(Label("observer", print, "nothing"), Pool(), "/arm")
     told, go_on = Flag(), Flag()
-    channel.put(lambda: go_on.wait(BOUND))
-    flushing = threading.Thread(target=channel.flush, args=(time.monotonic() + BOUND,), daemon=True)
+    queue.put(lambda: go_on.wait(BOUND))
+    flushing = threading.Thread(target=queue.flush, args=(time.monotonic() + BOUND,), daemon=True)
     flushing.start()
-    elsewhere(channel.put, told.set)
+    elsewhere(queue.put, told.set)
     go_on.set()
     assert told.wait(BOUND)
     flushing.join(BOUND)
