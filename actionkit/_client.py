@@ -15,9 +15,10 @@ from actionkit._calls.classify import Classify, check_classify
 from actionkit._calls.feedback import callbacks_for
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.request import Request
-from actionkit._messages.convert import FieldError, FieldTypeError, to_message
+from actionkit._messages.convert import to_message
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
 from actionkit._model.arguments import UNSET, Unset, check_type, refuse_unknown
+from actionkit._model.field_errors import FieldError, FieldTypeError
 from actionkit._model.settings import RetryPolicy, Timeouts, check_seconds
 from actionkit._observers.protocol import Observer, check_observers
 from actionkit._threads.function_runner import function_pool
@@ -233,7 +234,11 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             check_type("retry", retry, RetryPolicy)
         check_classify(classify, self._action_type)
         callbacks = callbacks_for(on_feedback, self.action_name, self._pool)
-        message, invalid = self._validated(goal)
+        message = invalid = None
+        try:
+            message = to_message(self._goal_type, goal)
+        except (FieldError, FieldTypeError) as error:
+            invalid = error
         return self._session.prepare(
             Request(
                 goal=message,
@@ -248,12 +253,6 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 function_pool=self._function_pool,
             )
         )
-
-    def _validated(self, goal: object) -> tuple[Any, Exception | None]:
-        try:
-            return to_message(self._goal_type, goal), None
-        except (FieldError, FieldTypeError) as error:
-            return None, error
 
     # --- the servers -----------------------------------------------------------------------
 
@@ -308,7 +307,6 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         self._session.close()
 
     def __enter__(self) -> Self:
-        """Return the client."""
         return self
 
     def __exit__(
@@ -317,11 +315,9 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         exc: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Close the client."""
         self.close()
 
     async def __aenter__(self) -> Self:
-        """Return the client."""
         return self
 
     async def __aexit__(

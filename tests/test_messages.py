@@ -39,16 +39,9 @@ from test_msgs.msg import (
 )
 
 from actionkit._messages import convert
-from actionkit._messages.convert import (
-    FieldError,
-    FieldProblem,
-    FieldTypeError,
-    field_type,
-    get_field,
-    to_message,
-    to_plain,
-    type_name,
-)
+from actionkit._messages.convert import to_message, to_plain
+from actionkit._messages.paths import field_type, get_field, type_name
+from actionkit._model.field_errors import FieldError, FieldProblem, FieldTypeError
 
 # rosidl loads its IDL parser with the first type support, and that an old lark
 pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")

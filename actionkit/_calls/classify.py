@@ -1,4 +1,4 @@
-"""What counts as success: by default, and by a field of the result (contract C3.3)."""
+"""What counts as success: by default, and by a field of the result (C3.3)."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from numbers import Real
 from typing import Any
 
 from actionkit._goal.effects import End, Ending, Fault
-from actionkit._messages.convert import FieldError, field_type, get_field
+from actionkit._messages.paths import field_type, get_field
 from actionkit._model.arguments import check_function
 from actionkit._model.errors import ActionKitError
+from actionkit._model.field_errors import FieldError
 from actionkit._model.values import GoalState, Outcome, Verdict
 from actionkit._threads.function_runner import described, name_of
 
@@ -33,7 +34,7 @@ def label_of(classify: Classify) -> str:
 
 
 def call_classifier(classify: Classify, outcome: Outcome[Any]) -> Verdict | Fault:
-    """Return what the user's function says. Never raises; runs code of the user's."""
+    """Return the verdict of the user's function. Never raises; runs code of the user's."""
     try:
         verdict = classify(outcome)
         if verdict is None:
@@ -62,7 +63,7 @@ def is_empty(result: Any) -> bool:
 
 
 def apply_verdict(ending: Ending, verdict: Verdict | Fault) -> Ending:
-    """Return the ending as the verdict has it, or as it is where there is no proper verdict."""
+    """Return the ending with the verdict applied; unchanged where the verdict changes nothing."""
     succeeded = ending.end is End.SUCCEEDED
     if isinstance(verdict, Fault):
         unjudged = succeeded or verdict.impossible

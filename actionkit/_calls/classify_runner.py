@@ -24,13 +24,6 @@ class ClassifyRunner:
     """Classifies the endings of one call, one at a time. All of it on the communication thread."""
 
     def __init__(self, clock: Clock, pool: Pool, classify: Classify | None) -> None:
-        """Classify nothing so far.
-
-        Args:
-            clock: The communication thread.
-            pool: Where the user's function runs.
-            classify: The user's function; `None` for the default.
-        """
         self._classify = classify
         self._runner = FunctionRunner(clock, pool)
 

@@ -1,7 +1,8 @@
-"""Feedback on its way to the user: callbacks, streams and the latest value (contract C1.7, C1.8).
+"""Hands feedback to the callback of a call, on a thread or on an event loop (C1.7, C1.8).
 
-Messages travel as bytes and are decoded where they are used, so that feedback nobody looks at
-costs next to nothing, and a slow user costs the communication thread nothing.
+Messages come as functions that decode them, and are called where the message is used. So feedback
+that nobody looks at costs next to nothing, and slow callbacks do not hold up the communication
+thread.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
 
@@ -24,13 +24,15 @@ from actionkit._threads.serial_queue import SerialQueue
 from actionkit._threads.waiting import taken_from
 
 KEPT = 100
-"""Feedback messages that a slow callback or reader may be behind; then the newest win."""
+"""Feedback messages that a slow callback or reader may be behind; then the oldest are left out. It
+is some seconds of feedback: older messages say nothing of what the robot does now."""
 
 
 class Callbacks(Protocol):
     """Hands feedback to a callback of the user's, in order."""
 
     errors: int
+    """How many times the callback has raised."""
 
     def put(self, *decodes: Callable[[], Any]) -> None:
         """Queue messages."""
@@ -63,16 +65,9 @@ class ThreadCallbacks:
             self._function(decode())
         except UndecodableError:
             return
-        except BaseException:  # noqa: BLE001  a user's error must not end the delivery (C1.8)
+        except BaseException:  # noqa: BLE001  further feedback is handed over all the same (C1.8)
             self.errors += 1
             _log_error(self._action_name)
-
-
-@dataclass(frozen=True)
-class _Last:
-    """Stands behind the last message, to be called in its turn."""
-
-    then: Callable[[], None]
 
 
 class LoopCallbacks:
@@ -88,51 +83,54 @@ class LoopCallbacks:
         self._function = function
         self._action_name = action_name
         self._loop = loop
-        self._jobs: deque[Callable[[], Any] | _Last] = deque()
+        self._messages: deque[Callable[[], Any]] = deque()
+        self._finishes: deque[Callable[[], None]] = deque()
         self._task: asyncio.Task[None] | None = None
         self._running = threading.Lock()
-        """Nobody waits for it: whoever gets it sees to what is queued."""
+        """Held while a task is running. Nobody waits for it: the task looks for more at its end."""
         self._closed = False
 
     def put(self, *decodes: Callable[[], Any]) -> None:
         """Queue messages."""
         if self._closed:
             return
-        self._jobs.extend(decodes)
-        for _ in range(len(self._jobs) - KEPT):
-            self._jobs.popleft()  # the oldest give way
+        self._messages.extend(decodes)
+        for _ in range(len(self._messages) - KEPT):
+            self._messages.popleft()  # the oldest
         if self._running.acquire(blocking=False):
             self._run()
-        # Otherwise the task looks once more before it ends.
 
     def finish(self, then: Callable[[], None]) -> None:
         """Call `then` once, when what is queued was handed over."""
-        self._jobs.append(_Last(then))
-        if not self._running.acquire(blocking=False):
-            return
-        if len(self._jobs) > 1:
-            self._run()
-        else:
-            self._end()
+        self._finishes.append(then)
+        if self._running.acquire(blocking=False):
+            if self._messages:
+                self._run()
+            else:
+                self._end()
 
     def close(self) -> None:
         """Hand over nothing more."""
         self._closed = True
-        self._jobs.clear()
+        self._messages.clear()
+        self._finishes.clear()
 
     def _run(self) -> None:
         try:
             self._loop.call_soon_threadsafe(self._begin)
-        except RuntimeError:  # the loop was closed: nobody is left to tell
+        except RuntimeError:  # the loop was closed, so no callback can run
             self._closed = True
             self._end()
 
     def _end(self) -> None:
-        """Leave out what is queued; nothing is running any more."""
-        for job in taken_from(self._jobs):
-            if isinstance(job, _Last):
-                job.then()
+        """Leave out what is queued, and run no task any more."""
+        self._messages.clear()
+        self._call_finishes()
         self._running.release()
+
+    def _call_finishes(self) -> None:
+        for then in taken_from(self._finishes):
+            then()
 
     def _begin(self) -> None:
         self._task = self._loop.create_task(self._drain())  # kept: tasks are held weakly
@@ -150,19 +148,19 @@ class LoopCallbacks:
                     self._end()
                     raise
                 self._failed()
-            except Exception:  # noqa: BLE001  a user's error must not end the delivery
+            except Exception:  # noqa: BLE001  further feedback is handed over all the same
                 self._failed()
 
     def _next(self) -> Callable[[], Any] | None:
-        """Return what is to be handed over next; `None` where nothing is running any more."""
+        """Return the next message to hand over; `None` where the task is to end."""
         while True:
-            for job in taken_from(self._jobs):
-                if not isinstance(job, _Last):
-                    return job
-                job.then()
+            for decode in taken_from(self._messages):
+                return decode
+            self._call_finishes()
             self._running.release()
-            # Something may have been queued just before, in the belief that this goes on.
-            if not self._jobs or not self._running.acquire(blocking=False):
+            # Something may have been queued just before, while the lock was held.
+            queued = self._messages or self._finishes
+            if not queued or not self._running.acquire(blocking=False):
                 return None
 
     def _failed(self) -> None:

@@ -259,7 +259,7 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
     def _call_back(self, fn: Callable[[Any], object]) -> None:
         try:
             fn(self)
-        except BaseException as error:  # a user's error must not end the delivery
+        except BaseException as error:  # the other callbacks are called all the same
             if is_interrupt(error):
                 raise
             log_here(

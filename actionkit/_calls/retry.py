@@ -1,4 +1,4 @@
-"""Whether, when and how a call that failed is tried again: pure decisions (contract C4)."""
+"""Whether, when and how a call that failed is tried again: pure decisions (C4)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Resend(Enum):
 
 
 def how_to_resend(reached: Reached, known: Known, resend: str) -> Resend:
-    """Decide about a goal that may have reached the server (contract C4.2).
+    """Decide about a goal that may have reached the server (C4.2).
 
     Args:
         reached: How far it got.
@@ -69,18 +69,13 @@ class Schedule:
     """The pauses of one call, by the strategies of tenacity."""
 
     def __init__(self, policy: RetryPolicy, began: float) -> None:
-        """Begin with no attempt made.
-
-        Args:
-            policy: The user's wishes.
-            began: Monotonic time of the call.
-        """
+        """Begin with no attempt made, for a call of that monotonic time."""
         self._policy = policy
         self._stop: Callable[[Any], object] = tenacity.stop_after_attempt(policy.attempts)
         self._wait: Callable[[Any], Any] = tenacity.wait_exponential(
             multiplier=policy.initial, exp_base=policy.factor, max=policy.max_pause
         )
-        # Not `or`: to ask whether it is true would run code of the user's, on the thread.
+        # Not `or`: the truth of a strategy is code of the user's, and this the wrong thread for it.
         if policy.stop is not None:
             self._stop = policy.stop
         if policy.wait is not None:
@@ -104,36 +99,28 @@ class Schedule:
             attempts: Attempts made so far.
             now: Monotonic seconds.
         """
-        try:
-            return self._next_pause(error, attempts, now)
-        except BaseException as problem:  # noqa: BLE001  whatever it is, the call must end (C2.1)
-            return Fault(f"{self.strategy} raised {described(problem)}", problem)
-
-    def _next_pause(
-        self, error: BaseException, attempts: int, now: float
-    ) -> float | GiveUp | Fault:
         policy, state = self._policy, self._state
         state.attempt_number = attempts
         state.set_exception((type(error), error, error.__traceback__))
         state.outcome_timestamp = now
-        self._called = "stop"
-        stop = self._stop(state)
-        if not isinstance(stop, bool):
-            return Fault(
-                f"{self.strategy} returned {described(stop)}, which is neither True nor False"
-            )
-        if stop:
-            return GiveUp(self._used_up(attempts))
-        self._called = "wait"
-        if policy.wait is None and policy.initial == 0:
-            return 0.0  # all pauses are; tenacity's power of the factor overflows in the end
-        said = self._wait(state)
-        if not _is_pause(said):
-            return Fault(
-                f"{self.strategy} returned {described(said)}, which is no number of seconds from 0"
-                f" to {MOST:g}"
-            )
-        seconds = float(said)
+        try:
+            self._called = "stop"
+            stop = self._stop(state)
+            if not isinstance(stop, bool):
+                wrong = f"{described(stop)}, which is neither True nor False"
+                return Fault(f"{self.strategy} returned {wrong}")
+            if stop:
+                return GiveUp(self._used_up(attempts))
+            self._called = "wait"
+            if policy.wait is None and policy.initial == 0:
+                return 0.0  # all pauses are; tenacity's power of the factor overflows in the end
+            pause = self._wait(state)
+            if not _is_pause(pause):
+                wrong = f"{described(pause)}, which is no number of seconds from 0 to {MOST:g}"
+                return Fault(f"{self.strategy} returned {wrong}")
+            seconds = float(pause)
+        except BaseException as problem:  # noqa: BLE001  whatever it is, the call must end (C2.1)
+            return Fault(f"{self.strategy} raised {described(problem)}", problem)
         if policy.wait is None:
             seconds *= 1 + policy.jitter * random.uniform(-1, 1)
             seconds = min(seconds, policy.max_pause)

@@ -24,15 +24,7 @@ class RetryRunner:
     def __init__(
         self, clock: Clock, pool: Pool, policy: RetryPolicy, budget: RetryBudget, began: float
     ) -> None:
-        """Begin with no attempt made.
-
-        Args:
-            clock: The communication thread.
-            pool: Where strategies of the user's run.
-            policy: When to try again.
-            budget: The brake on retries.
-            began: Monotonic time of the call.
-        """
+        """Begin with no attempt made, for a call of the monotonic time `began`."""
         self._policy = policy
         self._budget = budget
         self._began = began

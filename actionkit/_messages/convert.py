@@ -13,8 +13,6 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from actionkit._messages.paths import (
-    field_type,
-    get_field,
     is_message_class,
     message_class,
     slots_of,
@@ -46,17 +44,6 @@ from actionkit._model.field_errors import (
 
 if TYPE_CHECKING:
     from rosidl_parser.definition import AbstractNestedType, AbstractType
-
-__all__ = [
-    "FieldError",
-    "FieldProblem",
-    "FieldTypeError",
-    "field_type",
-    "get_field",
-    "to_message",
-    "to_plain",
-    "type_name",
-]
 
 MessageT = TypeVar("MessageT")
 

@@ -155,23 +155,11 @@ class GoalRejectedError(PermanentError):
 
 
 class GoalAbortedError(PermanentError):
-    """The server gave up on the goal.
-
-    Attributes:
-        result: The action's result message as the server sent it with the abort.
-    """
-
-    result: Any = None
+    """The server gave up on the goal; `result` is what it sent with the abort."""
 
 
 class GoalCanceledError(PermanentError):
-    """Somebody else cancelled the goal. It is never retried.
-
-    Attributes:
-        result: The action's result message as the server sent it with the cancellation.
-    """
-
-    result: Any = None
+    """Somebody else cancelled the goal; `result` is what the server sent then. Never retried."""
 
 
 class ResultLostError(PermanentError):
@@ -191,12 +179,7 @@ class ClassifyError(PermanentError):
     within 10 seconds where that is later or there is none, or within `timeouts.cancel` once the
     call was cancelled or its client closed. Or it called a goal a success that failed without a
     result. `__cause__` is what the function raised, or the error of that failed goal.
-
-    Attributes:
-        result: The action's result message, where the server sent one.
     """
-
-    result: Any = None
 
 
 class DeadlineExceededError(ActionKitError, TimeoutError):

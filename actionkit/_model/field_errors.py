@@ -38,7 +38,7 @@ class FieldProblem(Exception):
 
     def __reduce__(self) -> tuple[type[FieldProblem], tuple[str, object, str]]:
         # The refused value is anything at all, a lambda for instance; the error must still travel
-        # between processes (contract C3.2).
+        # between processes (C3.2).
         value = self.value
         try:
             pickle.dumps(value)

@@ -1,4 +1,4 @@
-"""Writes down the story of a call, in the order seen and bounded in memory (contract C6.1)."""
+"""Writes down the story of a call, in the order seen and bounded in memory (C6.1)."""
 
 from __future__ import annotations
 

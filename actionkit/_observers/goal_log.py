@@ -1,4 +1,4 @@
-"""Each transition as one record of the standard library's logging (contract C6.2)."""
+"""Each transition as one record of the standard library's logging (C6.2)."""
 
 from __future__ import annotations
 

@@ -91,7 +91,6 @@ class JsonLines:
             self._close()
 
     def __enter__(self) -> Self:
-        """Return the observer."""
         return self
 
     def __exit__(
@@ -100,7 +99,6 @@ class JsonLines:
         exc: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Close the file."""
         self.close()
 
     def __del__(self, close: Callable[[int], None] = os.close) -> None:

@@ -1,4 +1,4 @@
-"""One queue of timers on the monotonic clock (contract C2.1)."""
+"""Timers on the monotonic clock (C2.1)."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from collections.abc import Callable
 from typing import Protocol
 
 _SLACK = 64
+"""Cancelled timers that are kept in any case, so that a short queue is not made anew for each."""
 
 
 class TimerHandle:
-    """One armed timer."""
+    """A timer, by which to cancel it."""
 
     __slots__ = ("at", "callback")
 
@@ -21,7 +22,7 @@ class TimerHandle:
 
 
 class Timers(Protocol):
-    """A thread's clock and timers, for those who do not need to know which thread it is."""
+    """The clock and the timers of a thread."""
 
     def now(self) -> float: ...
     def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle: ...
@@ -59,7 +60,7 @@ class TimerQueue:
         self._live -= 1
         if len(self._heap) > 2 * self._live + _SLACK:
             # Deadlines lie minutes ahead of calls that take milliseconds: without this the
-            # heap would hold every call of the last minutes (contract C7.5).
+            # heap would hold every call of the last minutes (C7.5).
             self._heap = [entry for entry in self._heap if entry[2].callback is not None]
             heapq.heapify(self._heap)
 
@@ -90,12 +91,6 @@ class TimerGroup:
     """
 
     def __init__(self, timers: Timers, cancel: Callable[[TimerHandle], None]) -> None:
-        """Have no timer so far.
-
-        Args:
-            timers: Whose clock to use.
-            cancel: Cancels a timer of theirs.
-        """
         self._timers = timers
         self._cancel = cancel
         self._armed: set[TimerHandle] = set()

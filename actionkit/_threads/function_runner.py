@@ -63,12 +63,6 @@ class FunctionRunner:
     """Runs the functions of one call, one at a time. Used on the communication thread only."""
 
     def __init__(self, clock: Clock, pool: Pool) -> None:
-        """Run nothing so far.
-
-        Args:
-            clock: The communication thread.
-            pool: Where the functions run.
-        """
         self._clock = clock
         self._pool = pool
         self._job: Job | None = None

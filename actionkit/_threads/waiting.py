@@ -1,4 +1,4 @@
-"""Waits that hear Ctrl-C, whenever it comes, and waking that waits for nobody (contract C2.5).
+"""Waits that hear Ctrl-C, whenever it comes, and waking that waits for nobody (C2.5).
 
 CPython only takes note of a signal when it comes; its handler, and with it KeyboardInterrupt, runs
 between two bytecodes of the main thread. A signal that this thread takes wakes it from a wait. One

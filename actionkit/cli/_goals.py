@@ -10,9 +10,9 @@ from typing import Any
 import click
 import yaml
 
-from actionkit._messages.convert import FieldProblem, to_message
+from actionkit._messages.convert import to_message
 from actionkit._messages.paths import message_class, slots_of, type_name
-from actionkit._model.field_errors import shown
+from actionkit._model.field_errors import FieldProblem, shown
 
 _NOW = ("now", "auto")
 """The words for the present time, as `ros2` has them: one for stamps, one for headers."""

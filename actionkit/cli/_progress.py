@@ -7,8 +7,8 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from actionkit._messages.convert import FieldError
 from actionkit._messages.paths import field_type, get_field, message_class, slots_of
+from actionkit._model.field_errors import FieldError
 
 _PERCENT = re.compile(r"percent|percentage|pct")
 _SHARE = re.compile(r"(^|_)(progress|fraction|completion|completed_ratio|ratio)$")
