@@ -1,4 +1,4 @@
-"""What the graph shows around a call that found no server, and how an error tells of it (C3.2)."""
+"""What the ROS graph shows when a call finds no server, and how the error tells it (C3.2)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from actionkit._model.similar_names import similar_names
 
 @dataclass(frozen=True)
 class GraphSnapshot:
-    """What the graph shows around a call.
+    """The served actions, and the settings that decide which of them can be seen.
 
     Attributes:
         actions: Every served action name with its types; `None` where the graph is gone.
@@ -22,10 +22,10 @@ class GraphSnapshot:
     middleware: str
 
 
-def seen_instead(around: GraphSnapshot, action_name: str, type_name: str) -> str:
-    """Say which servers are there, and where to look for the one that is not (C3.2)."""
+def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
+    """Return sentences on the servers that are there, and on where to look for the missing one."""
     parts = []
-    actions = around.actions or {}
+    actions = graph.actions or {}
     if type_name in actions.get(action_name, ()):
         return (
             "A server of this name and type is visible, but has not answered this client yet: it"
@@ -38,13 +38,13 @@ def seen_instead(around: GraphSnapshot, action_name: str, type_name: str) -> str
     same = [name for name in same if name not in close]
     if same:
         parts.append("Served with the same type under another name: " + _listed(same) + ".")
-    if around.actions is None:
+    if graph.actions is None:
         parts.append("The ROS context was shut down, so the graph cannot be asked.")
     elif not actions:
         parts.append("No action server at all is visible.")
     parts.append(
         f"Check that the server runs, and in the same domain (here ROS_DOMAIN_ID="
-        f"{around.domain_id}, {around.middleware})."
+        f"{graph.domain_id}, {graph.middleware})."
     )
     return " ".join(parts)
 

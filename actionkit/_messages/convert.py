@@ -1,7 +1,7 @@
 """Between plain Python values and ROS messages, both ways; the only place that does it.
 
 Message classes are handed in, so nothing of ROS is loaded by importing this. How a class is to be
-filled is worked out once per class, from its own description (``SLOT_TYPES``), and kept.
+filled is worked out once per class, from its own description (`SLOT_TYPES`), and kept.
 """
 
 from __future__ import annotations
@@ -54,18 +54,18 @@ def to_message(cls: type[MessageT], value: MessageT | Mapping[str, Any]) -> Mess
     """Build a new, fully checked message that shares nothing mutable with what it was built from.
 
     Args:
-        cls: the message class, such as ``Fibonacci.Goal``.
-        value: a message of that class, or a mapping of field names to values. Values may be nested
-            mappings, messages, lists, tuples, ``array.array``, numpy arrays and scalars; bytes for
-            ``uint8[]`` and ``byte[]``; an int where a float is asked for. Fields that are left out
+        cls: The message class, such as `Fibonacci.Goal`.
+        value: A message of that class, or a mapping of field names to values. Values may be nested
+            mappings, messages, lists, tuples, `array.array`, numpy arrays and scalars; bytes for
+            `uint8[]` and `byte[]`; an int where a float is asked for. Fields that are left out
             keep their defaults.
 
     Returns:
         A message that can be serialised; it equals `value` where that was a message.
 
     Raises:
-        FieldTypeError: a value, or the whole, is of the wrong type; None and bools for numbers too.
-        FieldError: a number out of range, a wrong length, a string that ROS cannot carry, or a
+        FieldTypeError: A value, or the whole, is of the wrong type; None and bools for numbers too.
+        FieldError: A number out of range, a wrong length, a string that ROS cannot carry, or a
             field that does not exist.
         TypeError: `cls` is not a message class.
     """
@@ -80,13 +80,13 @@ def to_message(cls: type[MessageT], value: MessageT | Mapping[str, Any]) -> Mess
 def to_plain(message: object, *, max_items: int | None = None) -> dict[str, Any]:
     """Turn a message into nested dicts and lists of plain Python values, fit for YAML and JSON.
 
-    Times stay ``{sec, nanosec}``, a ``byte`` becomes an int, arrays become lists, nan and the
+    Times stay `{sec, nanosec}`, a `byte` becomes an int, arrays become lists, nan and the
     infinities stay floats. It never fails on a message that `to_message` would refuse: logs must be
     able to show those too.
 
     Args:
-        message: any ROS message.
-        max_items: for logs: cut each array after so many elements, and say in a last element, a
+        message: Any ROS message.
+        max_items: For logs: cut each array after so many elements, and say in a last element, a
             str, how many more there were. The outcome is then no longer fit for `to_message`.
 
     Returns:
@@ -148,8 +148,8 @@ def _field_converter(slot: AbstractType, text: str) -> Converter:
     """Make the converter for one field.
 
     Args:
-        slot: the field's type as rosidl describes it.
-        text: the same as ROS writes it.
+        slot: The field's type as rosidl describes it.
+        text: The same as ROS writes it.
     """
     from rosidl_parser.definition import AbstractNestedType
 

@@ -10,11 +10,11 @@ from actionkit._threads.diagnostics import log_here
 
 
 class UndecodableError(Exception):
-    """A message whose bytes are not those of its type. Those who look at it leave it out."""
+    """A message whose bytes are not those of its type. It is left out wherever it is used."""
 
 
 class LazyMessage:
-    """Decodes a message at most once, for all who look at it."""
+    """A serialised message that is decoded at most once, when it is first used."""
 
     __slots__ = ("_pending", "_value")
 

@@ -18,14 +18,14 @@ _PATH_PART = re.compile(r"([A-Za-z_]\w*)(?:\[(\d+)\])?")
 
 
 def field_type(cls: type, path: str) -> str:
-    """Return the ROS type of a field, as the message class writes it: ``int32``, ``sequence<…>``.
+    """Return the ROS type of a field, as the message class writes it: `int32`, `sequence<…>`.
 
     Args:
-        cls: a message class.
-        path: dotted, with indices: ``error_code``, ``pose.position.x``, ``poses[0].header``.
+        cls: A message class.
+        path: Dotted, with indices: `error_code`, `pose.position.x`, `poses[0].header`.
 
     Raises:
-        FieldError: there is no such field; the text names those that there are.
+        FieldError: There is no such field; the text names those that there are.
         TypeError: `cls` is not a message class.
     """
     return _resolve(cls, path)[1]
@@ -35,11 +35,11 @@ def get_field(message: object, path: str) -> Any:
     """Return the value of a field, as the message holds it.
 
     Args:
-        message: a ROS message.
-        path: as for `field_type`.
+        message: A ROS message.
+        path: As for `field_type`.
 
     Raises:
-        FieldError: there is no such field, or the array is too short for an index of the path.
+        FieldError: There is no such field, or the array is too short for an index of the path.
         TypeError: `message` is not a ROS message.
     """
     value: Any = message
@@ -56,7 +56,7 @@ def get_field(message: object, path: str) -> Any:
 
 
 def type_name(cls: type) -> str:
-    """Return the name that ROS gives a message class: ``test_msgs/action/Fibonacci_Goal``."""
+    """Return the name that ROS gives a message class: `test_msgs/action/Fibonacci_Goal`."""
     package, *middle = cls.__module__.split(".")
     # The class is defined in a private module of its own: test_msgs.action._fibonacci
     return "/".join([package, *(part for part in middle if not part.startswith("_")), cls.__name__])
@@ -84,7 +84,7 @@ def slots_of(cls: type) -> Mapping[str, tuple[AbstractType, str]]:
 
 
 def message_class(slot: Any) -> type:
-    """Return the Python class that a field's ``NamespacedType`` speaks of."""
+    """Return the Python class that a field's `NamespacedType` speaks of."""
     module = importlib.import_module(".".join(slot.namespaces))
     return getattr(module, slot.name)  # type: ignore[no-any-return]
 
@@ -95,11 +95,11 @@ def unknown_field(
     """Return the error for a field that does not exist, with the nearest that does.
 
     Args:
-        path: the path up to and including the name.
-        name: what was asked for.
-        fields: what there is.
-        ros_type: the message's type.
-        given: the value it was to have, as text, where there is one.
+        path: The path up to and including the name.
+        name: What was asked for.
+        fields: What there is.
+        ros_type: The message's type.
+        given: The value it was to have, as text, where there is one.
     """
     near = similar_names(str(name), fields)
     hint = f"; did you mean {near[0]!r}?" if near else "."
@@ -151,7 +151,7 @@ def _resolve(cls: type, path: str) -> tuple[tuple[tuple[str, int | None, str], .
 
 
 def _element_text(text: str) -> str:
-    """``int32[3]``, ``sequence<int32>`` and ``sequence<int32, 3>`` all have elements ``int32``."""
+    """`int32[3]`, `sequence<int32>` and `sequence<int32, 3>` all have elements `int32`."""
     if text.startswith("sequence<"):
         return text[len("sequence<") : -1].partition(", ")[0]
     return text.rpartition("[")[0]

@@ -1,6 +1,6 @@
 """Checked conversion of single field values: scalars, strings, bytes and arrays of them.
 
-ROS messages do not check what is assigned to them (their ``check_fields`` is off by default), and
+ROS messages do not check what is assigned to them (their `check_fields` is off by default), and
 their C conversion trusts what it finds: a wrong number is cut to its width, a wrong array length
 is read past its end. So every value is checked here, before it gets into a message.
 
@@ -40,7 +40,7 @@ NUMERIC_CODES = {**_INTEGER_CODES, **_FLOAT_CODES}
 
 
 def integer(ros_type: str) -> Converter:
-    """Make the converter for an integer type, by name: ``int8`` to ``uint64``."""
+    """Make the converter for an integer type, by name: `int8` to `uint64`."""
     bits = int(ros_type.lstrip("uint"))
     low = 0 if ros_type[0] == "u" else -(2 ** (bits - 1))
     high = low + 2**bits - 1
@@ -60,7 +60,7 @@ def integer(ros_type: str) -> Converter:
 
 
 def floating(ros_type: str) -> Converter:
-    """Make the converter for ``float`` (32 bits) or ``double``. nan and the infinities are fine."""
+    """Make the converter for `float` (32 bits) or `double`. nan and the infinities are fine."""
     limit = _FLOAT32_MAX if ros_type == "float" else sys.float_info.max
 
     def convert(value: Any) -> float:
@@ -97,7 +97,7 @@ def boolean(value: Any) -> bool:
 
 
 def octet(value: Any) -> bytes:
-    """Convert a ``byte``: one byte as bytes, which is ROS's form of it, or an int 0..255."""
+    """Convert a `byte`: one byte as bytes, which is ROS's form of it, or an int 0..255."""
     if isinstance(value, (bytes, bytearray)):
         if len(value) == 1:
             return bytes(value)
@@ -115,10 +115,10 @@ def string(limit: int | None, wide: bool) -> Converter:
     """Make the converter for a string type.
 
     Args:
-        limit: the bound of a bounded string, or None. It counts what travels: bytes of UTF-8, or
+        limit: The bound of a bounded string, or None. It counts what travels: bytes of UTF-8, or
             16-bit units of a wide string. (The generated Python counts characters, but the
             middleware sizes its buffers by the bound.)
-        wide: whether it is a ``wstring``.
+        wide: Whether it is a `wstring`.
     """
     name = "wstring" if wide else "string"
     ros_type = name if limit is None else f"{name}<{limit}>"
@@ -154,14 +154,14 @@ def string(limit: int | None, wide: bool) -> Converter:
 
 
 def unchecked(value: Any) -> Any:
-    """Pass on a scalar of an IDL type that .msg files do not know (``wchar``, ``long double``)."""
+    """Pass on a scalar of an IDL type that .msg files do not know (`wchar`, `long double`)."""
     if value is None:
         raise wrong_type(value, "this field", "a value")
     return value
 
 
 def numbers(ros_type: str) -> Callable[[Any], array[Any]]:
-    """Make the converter for a sequence of numbers, to ``array.array``.
+    """Make the converter for a sequence of numbers, to `array.array`.
 
     Arrays of the right element type are copied without looking at elements; lists are checked and
     converted in C, and only walked through in Python to find out which element is wrong.
@@ -203,7 +203,7 @@ def booleans(value: Any) -> list[bool]:
 
 
 def octets(value: Any) -> list[bytes]:
-    """Convert a sequence of ``byte``, given one by one or as one ``bytes``."""
+    """Convert a sequence of `byte`, given one by one or as one `bytes`."""
     if isinstance(value, (bytes, bytearray)):
         return [bytes((number,)) for number in value]
     return each(octet, items_of(value, "a sequence of octet"))
@@ -213,13 +213,13 @@ def items_of(value: Any, ros_type: str) -> Sequence[Any]:
     """Return the elements of a list-like value, a numpy array as a list of Python's own types.
 
     Args:
-        value: anything of the user's.
-        ros_type: what is asked for, in words, for the error.
+        value: Anything of the user's.
+        ros_type: What is asked for, in words, for the error.
 
     Raises:
-        FieldTypeError: it is not list-like. A str, a mapping, a set and an iterator are not: the
+        FieldTypeError: It is not list-like. A str, a mapping, a set and an iterator are not: the
             first two are nearly always mistakes, the others have no order or no length.
-        FieldError: it is a numpy array of other than one dimension.
+        FieldError: It is a numpy array of other than one dimension.
     """
     if isinstance(value, (list, tuple, array)):
         return value

@@ -1,11 +1,11 @@
 """What an action type is to the type checkers, so that one argument types a whole client.
 
-ROS generates ``Fibonacci`` as a class that is never instantiated and holds its three message
+ROS generates `Fibonacci` as a class that is never instantiated and holds its three message
 classes. A checker matches that class object against `ActionType` and takes the messages from it:
-``Client(Fibonacci, "fibonacci")`` is a
-``Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]``.
+`Client(Fibonacci, "fibonacci")` is a
+`Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]`.
 
-Where there are no type stubs for an interface package, its actions are ``Any`` to a checker, and so
+Where there are no type stubs for an interface package, its actions are `Any` to a checker, and so
 are their messages.
 """
 
@@ -25,12 +25,12 @@ _FeedbackT_co = TypeVar("_FeedbackT_co", covariant=True)
 
 
 class ActionType(Protocol[_GoalT_co, _ResultT_co, _FeedbackT_co]):
-    """What an action type holds. Take one as ``type[ActionType[GoalT, ResultT, FeedbackT]]``.
+    """What an action type holds. Take one as `type[ActionType[GoalT, ResultT, FeedbackT]]`.
 
-    As ``type[…]`` of it and with properties, because this is the form in which both mypy and
+    As `type[…]` of it and with properties, because this is the form in which both mypy and
     pyright accept nested classes (our stubs), classes imported into a class body (what ROS
     generates, which pyright reads where there are no stubs) and assigned ones. Against a plain
-    ``ActionType`` mypy refuses the first two and pyright the last.
+    `ActionType` mypy refuses the first two and pyright the last.
     """
 
     @property

@@ -8,7 +8,7 @@ from typing import Any
 
 
 class Unset:
-    """Stands for "as the client was made", where `None` means "no limit"."""
+    """The type of an argument that was left out, where `None` means "no limit"."""
 
     def __repr__(self) -> str:
         return "<as the client's timeouts.total>"

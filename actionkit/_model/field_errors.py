@@ -6,11 +6,13 @@ import pickle
 import reprlib
 
 _short = reprlib.Repr()
-_short.maxstring = _short.maxother = _short.maxlong = 60
+_short.maxstring = _short.maxother = _short.maxlong = (
+    60  # characters: a line has room for more text
+)
 
 
 def shown(value: object) -> str:
-    """Return a shortened ``repr`` of a value, for error texts."""
+    """Return a shortened `repr` of a value, for error texts."""
     try:
         return _short.repr(value)
     except ValueError:  # Python refuses to write out integers of thousands of digits
@@ -21,10 +23,10 @@ class FieldProblem(Exception):
     """A value does not fit a field of a ROS message.
 
     Attributes:
-        path: which field, from the outermost message: ``pose.position.x``, ``poses[3].header``;
+        path: Which field, from the outermost message: `pose.position.x`, `poses[3].header`;
             empty where it is the message itself.
-        value: the value that was refused.
-        problem: what is wrong with it and what to give instead, the value's ``repr`` included.
+        value: The value that was refused.
+        problem: What is wrong with it and what to give instead, the value's `repr` included.
     """
 
     def __init__(self, path: str, value: object, problem: str) -> None:
@@ -47,7 +49,7 @@ class FieldProblem(Exception):
         return type(self), (self.path, value, self.problem)
 
     def add_parent(self, part: str) -> None:
-        """Prepend the name or ``[index]`` of the field which the present path lies in."""
+        """Prepend the name or `[index]` of the field which the present path lies in."""
         joint = "." if self.path and not self.path.startswith("[") else ""
         self.path = f"{part}{joint}{self.path}"
 
@@ -64,9 +66,9 @@ def wrong_type(value: object, ros_type: str, needed: str) -> FieldTypeError:
     """Return the error for a value of a wrong type.
 
     Args:
-        value: the refused value.
-        ros_type: the field's type as ROS writes it.
-        needed: what to give instead, with its article: ``an int``.
+        value: The refused value.
+        ros_type: The field's type as ROS writes it.
+        needed: What to give instead, with its article: `an int`.
     """
     if value is None:
         problem = (

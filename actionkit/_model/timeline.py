@@ -1,4 +1,4 @@
-"""Writes down the story of a call, in the order seen and bounded in memory (C6.1)."""
+"""Records the timeline of a call, in the order seen and bounded in memory (C6.1)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import uuid
 from actionkit._model.values import GoalEvent, GoalState, Timeline
 
 _MOST = 200
-"""Events kept; a call that retries for days keeps its beginning and its end."""
+"""Events kept: those of some thirty attempts. Longer calls keep the first and the last half."""
 
 
 class Recorder:

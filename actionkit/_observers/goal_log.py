@@ -28,15 +28,15 @@ class GoalLog:
         return "the log 'actionkit.goal'"
 
     def wants(self, event: GoalEvent) -> bool:
-        """Whether a record would be looked at."""
+        """Whether the logger takes a record of a transition."""
         return is_enabled_for(logger, level_of(event))
 
     def wants_feedback(self) -> bool:
-        """Whether records of feedback messages would be looked at."""
+        """Whether the logger takes records of feedback messages."""
         return is_enabled_for(logger, LEVELS[GoalState.FEEDBACK])
 
     def wants_outcome(self, outcome: Outcome[Any]) -> bool:
-        """Whether a record would be looked at."""
+        """Whether the logger takes a record of the end of a call."""
         return is_enabled_for(logger, level_of_outcome(outcome))
 
     def on_event(self, event: GoalEvent, call: CallInfo) -> None:

@@ -139,9 +139,10 @@ def parse_line(text: str | bytes) -> LoggedLine:
 _NUMBERS = ("monotonic", "wall", "elapsed_ms")
 _TEXTS = ("kind", "action_name", "action_type", "node_name")
 _MOST = 1e15
-"""The largest time, in whatever unit: 30 million years. Sums of larger ones have no sense."""
+"""The largest time that is read, in seconds: 30 million years. The times of a file are added, and
+floats of this size are still exact to a second."""
 _MOST_WHY = 200
-"""Characters of a reason, which may have a value of any length in it."""
+"""Characters of a reason, which may quote a value of any length."""
 
 
 def _check(data: Mapping[str, Any]) -> None:

@@ -133,5 +133,5 @@ def flush_all(until: float) -> None:
 
 
 def after_fork() -> None:
-    """In a child: what the parent's observers have to be told is the parent's business."""
+    """In a forked child: leave the events of the parent's observers to the parent."""
     _busy.clear()

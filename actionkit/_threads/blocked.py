@@ -18,14 +18,16 @@ from typing import Any, NamedTuple, Protocol
 from actionkit._threads.diagnostics import log_later, log_own_error
 
 _PERIOD = 1.0
+"""Seconds between two looks, so that no callback has a timer of its own."""
 BLOCKED_AFTER = 1.0
-"""Seconds after which a callback counts as blocked, and another thread takes the place of its."""
-TOLD_AFTER = 5.0
-"""Seconds after which the log names it."""
+"""Seconds after which a callback counts as blocked, and another thread replaces its own. One that
+only computes has returned long before."""
+WARN_AFTER = 5.0
+"""Seconds after which the log names it: one that waits for a slow disk has returned by then."""
 
 
 class Label(NamedTuple):
-    """What is said of a callback that does not return.
+    """What the log says of a callback that does not return.
 
     Attributes:
         kind: Such as `on_feedback`.
@@ -58,10 +60,10 @@ Turn = tuple[Work, float]
 class Worker:
     """A callback thread, as the watcher sees it. Made on that thread."""
 
-    __slots__ = ("owner", "replace", "replaced", "thread", "told", "turn")
+    __slots__ = ("owner", "replace", "replaced", "thread", "turn", "warned")
 
     def __init__(self, owner: str, replace: Callable[[Worker, Turn], None]) -> None:
-        """Take note of the running thread.
+        """Represent the running thread.
 
         Args:
             owner: The name of the client's action.
@@ -73,8 +75,8 @@ class Worker:
         self.turn: Turn | None = None
         self.replaced: Turn | None = None
         """The turn in which another thread took its place."""
-        self.told: Turn | None = None
-        """The turn that the log named."""
+        self.warned: Turn | None = None
+        """The turn that the log warned of."""
 
     def begin(self, work: Work) -> None:
         """Note that the next callback begins."""
@@ -83,9 +85,9 @@ class Worker:
     def end(self) -> None:
         """Note that it returned."""
         turn, self.turn = self.turn, None
-        if turn is not None and self.told is turn:
-            _tell_of_return(self, turn)
-        self.told = None
+        if turn is not None and self.warned is turn:
+            _log_return(self, turn)
+        self.warned = None
 
 
 class _Watcher:
@@ -97,7 +99,7 @@ class _Watcher:
         self._running = False
 
     def add(self, worker: Worker) -> None:
-        """Look at it from now on."""
+        """Watch a thread from now on."""
         with self._changed:
             self._workers.add(worker)
             if self._running:
@@ -110,7 +112,7 @@ class _Watcher:
                 self._running = False
 
     def remove(self, worker: Worker) -> None:
-        """Its thread ends."""
+        """Watch a thread no more, because it ends."""
         with self._changed:
             self._workers.discard(worker)
             if not self._workers:
@@ -136,19 +138,19 @@ def _look_at_all(workers: list[Worker]) -> None:
 
 
 def look_at(worker: Worker, now: float) -> None:
-    """Do what is due about a callback that has not returned at the monotonic time `now`."""
+    """Replace the thread, and warn, if its callback has been running for too long at time `now`."""
     turn = worker.turn
     if turn is None:
         return
     seconds = now - turn[1]
     if seconds >= BLOCKED_AFTER and worker.replaced is not turn:
         worker.replace(worker, turn)
-    if seconds >= TOLD_AFTER and worker.told is not turn:
-        worker.told = turn
-        _tell(worker, turn, seconds)
+    if seconds >= WARN_AFTER and worker.warned is not turn:
+        worker.warned = turn
+        _warn(worker, turn, seconds)
 
 
-def _tell(worker: Worker, turn: Turn, seconds: float) -> None:
+def _warn(worker: Worker, turn: Turn, seconds: float) -> None:
     label = turn[0].label
     frame = sys._current_frames().get(worker.thread)
     stack = "" if frame is None else "".join(traceback.format_stack(frame))
@@ -165,7 +167,7 @@ def _tell(worker: Worker, turn: Turn, seconds: float) -> None:
     )
 
 
-def _tell_of_return(worker: Worker, turn: Turn) -> None:
+def _log_return(worker: Worker, turn: Turn) -> None:
     seconds = time.monotonic() - turn[1]
     log_later(
         logging.WARNING,
@@ -197,5 +199,5 @@ watcher = _Watcher()
 
 
 def after_fork() -> None:
-    """In a child: the parent's threads are not here."""
+    """In a forked child, where the threads of the parent do not exist: watch none of them."""
     watcher.__init__()  # type: ignore[misc]  # one object, because others hold it

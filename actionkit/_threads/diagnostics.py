@@ -1,7 +1,7 @@
-"""What ActionKit has to say on the logger `actionkit`, without harm from the handlers there.
+"""Writes to the logger `actionkit`, whatever the handlers there do.
 
-They are the user's: one may block, and one may raise. So what must go on whatever they do, the
-communication thread before all (R8), hands its records to a thread that has nothing else to do.
+They are the user's: one may block, and one may raise. So a thread that must not be held up, above
+all the communication thread (R8), hands its records to a thread that does nothing else.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ from typing import NamedTuple
 
 _logger = logging.getLogger("actionkit")
 MOST = 1_000
-"""Records that may wait for a handler that blocks; further ones are left out, and counted."""
+"""Records that may wait for a handler that blocks; further ones are left out, and counted. These
+are warnings and errors: more than a few at a time are repetitions."""
 
 _ExcInfo = tuple[type[BaseException], BaseException, TracebackType | None]
 
 
 class _Entry(NamedTuple):
-    """All that a record is made of; it is made late, because a record factory is the user's too."""
+    """What a record is made of. It is made late, because the record factory may be the user's."""
 
     wall: float
     thread: int
@@ -146,7 +147,7 @@ def is_enabled_for(logger: logging.Logger, level: int) -> bool:
 
 
 def log_own_error() -> None:
-    """Log the exception that is being handled, which is nobody's fault but ours, soon."""
+    """Log the exception that is being handled, a mistake in ActionKit itself, soon."""
     log_later(logging.ERROR, "an error in ActionKit itself; please report it", exc_info=True)
 
 
@@ -167,7 +168,7 @@ def flush(until: float) -> bool:
 
 
 def after_fork() -> None:
-    """In a child: what the parent's threads had to say is the parent's business."""
+    """In a forked child: leave the records of the parent to the parent."""
     _writer.__init__()  # type: ignore[misc]  # its lock may be held by a thread that is not here
 
 
@@ -222,7 +223,7 @@ def _write(entry: _Entry) -> None:
 
 
 def _handler_raised(error: BaseException) -> None:
-    """Tell of it where `logging` itself tells of the errors of its handlers."""
+    """Write the error where `logging` itself writes the errors of its handlers."""
     if is_interrupt(error):
         raise error
     if logging.raiseExceptions:

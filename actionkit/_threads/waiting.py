@@ -1,4 +1,4 @@
-"""Waits that hear Ctrl-C, whenever it comes, and waking that waits for nobody (C2.5).
+"""Waits that react to Ctrl-C whenever it comes, and wake-ups that never block (C2.5).
 
 CPython only takes note of a signal when it comes; its handler, and with it KeyboardInterrupt, runs
 between two bytecodes of the main thread. A signal that this thread takes wakes it from a wait. One
@@ -20,7 +20,7 @@ from typing import TypeVar
 
 _T = TypeVar("_T")
 _SLICE = 0.5
-"""Seconds; as late as a signal may be heard."""
+"""Seconds by which a signal may be heard late: to a human that is still at once."""
 
 
 def slices(timeout: float | None) -> Iterator[float | None]:

@@ -12,7 +12,7 @@ import pytest
 from actionkit._threads import blocked as _blocked
 from actionkit._threads.blocked import (
     BLOCKED_AFTER,
-    TOLD_AFTER,
+    WARN_AFTER,
     Label,
     Turn,
     Worker,
@@ -112,7 +112,7 @@ def test_it_is_named_once_with_its_place_and_again_when_it_returns(
     assert worker.turn is not None
     since = worker.turn[1]
     for later in (0.5, 1.0, 1.5, 10.0):
-        look_at(worker, since + TOLD_AFTER * later)
+        look_at(worker, since + WARN_AFTER * later)
     assert all_is_logged()
     (warning,) = caplog.records
     assert (warning.name, warning.levelname) == ("actionkit", "WARNING")
