@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import actionkit as ak
@@ -49,6 +49,7 @@ EVENTS = st.builds(
 )
 
 
+@settings(deadline=None)  # a busy machine is no error
 @given(EVENTS, st.text(), st.text(), st.text())
 def test_an_event_comes_back_as_it_was(
     event: GoalEvent, action_name: str, action_type: str, node_name: str
@@ -69,6 +70,7 @@ def test_an_event_comes_back_as_it_was(
     )
 
 
+@settings(deadline=None)  # a busy machine is no error
 @given(EVENTS, st.data())
 def test_a_line_that_was_cut_anywhere_is_no_line(event: GoalEvent, data: st.DataObject) -> None:
     text = event_line(event, CALL)
@@ -204,6 +206,7 @@ ANYTHING = st.one_of(
 )
 
 
+@settings(deadline=None)  # a busy machine is no error
 @given(st.dictionaries(st.sampled_from(sorted(GOOD)), ANYTHING, min_size=1, max_size=4))
 def test_any_values_make_a_line_or_a_problem(values: dict[str, Any]) -> None:
     try:
