@@ -75,9 +75,14 @@ class ObserverQueue(SerialQueue):
             self._run_here(until)
         return not self._scheduled
 
-    def _set_scheduled(self, scheduled: bool) -> None:
-        super()._set_scheduled(scheduled)
-        (_busy.add if scheduled else _busy.discard)(self)
+    def _schedule(self) -> None:
+        super()._schedule()
+        _busy.add(self)
+
+    def _rest(self) -> None:
+        super()._rest()
+        if not self._scheduled:
+            _busy.discard(self)
 
     def _run(self, job: Job) -> None:
         try:

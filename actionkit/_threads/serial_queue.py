@@ -44,11 +44,11 @@ class SerialQueue:
             if self._closed:
                 return
             self._jobs.extend(jobs)
-            for _ in range(len(self._jobs) - self._most):
+            while len(self._jobs) > self._most:
                 self._jobs.popleft()
             if self._scheduled:
                 return
-            self._set_scheduled(True)
+            self._schedule()
         self._pool.run(self)
 
     def finish(self, then: Job) -> None:
@@ -94,17 +94,18 @@ class SerialQueue:
                 self._thread = here
                 return self._jobs.popleft()
             self._rest()  # under the same lock, or a job that is put just now would stay
-        if not self._scheduled:
+        if self._finishes and not self._scheduled:
             self._call_finishes()
         return None
 
-    def _rest(self) -> None:
-        self._thread = None
-        if not self._jobs:
-            self._set_scheduled(False)
+    def _schedule(self) -> None:
+        """Under the lock: note that the pool is to run what is queued."""
+        self._scheduled = True
 
-    def _set_scheduled(self, scheduled: bool) -> None:
-        self._scheduled = scheduled
+    def _rest(self) -> None:
+        """Under the lock: let any thread run what is queued, if anything is."""
+        self._thread = None
+        self._scheduled = bool(self._jobs)
 
     def _call_finishes(self) -> None:
         for then in taken_from(self._finishes):
