@@ -72,7 +72,7 @@ def test_a_function_that_does_not_answer_makes_no_success_by_the_deadline(
 def test_without_a_deadline_it_is_not_waited_for_for_ever(
     action_server, make_client, leave, monkeypatch
 ):
-    monkeypatch.setattr("actionkit._threads.asking.LONGEST_ANSWER", 0.3)
+    monkeypatch.setattr("actionkit._threads.function_runner.LONGEST_ANSWER", 0.3)
     action_server("fibonacci")
     future = make_client(classify=lambda outcome: leave.wait(60)).call_async({"order": 2})
     with pytest.raises(ak.ClassifyError, match="did not answer within"):

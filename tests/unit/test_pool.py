@@ -137,18 +137,18 @@ def test_threads_do_not_hold_up_the_end_of_the_interpreter() -> None:
 
 FORKED = """
 import os, threading
-from actionkit._threads import blocked as _blocked, pool as _delivery
+from actionkit._threads import blocked, pool
 
 entered, forever = threading.Event(), threading.Event()
-it = _blocked.Label('it', None, 'nothing')
-_delivery.Pool().submit(lambda: (entered.set(), forever.wait()), it)
+it = blocked.Label('it', None, 'nothing')
+pool.Pool().submit(lambda: (entered.set(), forever.wait()), it)
 entered.wait()
 child = os.fork()
 if child == 0:
-    _blocked.after_fork()
-    pool, ran = _delivery.Pool(most=1), threading.Event()
-    pool.submit(forever.wait, it)
-    pool.submit(ran.set, it)  # once the watcher of this process has seen that the first blocks
+    blocked.after_fork()
+    single, ran = pool.Pool(most=1), threading.Event()
+    single.submit(forever.wait, it)
+    single.submit(ran.set, it)  # once the watcher of this process has seen that the first blocks
     os._exit(0 if ran.wait(20) else 1)
 print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
