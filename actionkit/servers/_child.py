@@ -13,13 +13,14 @@ import time
 from collections.abc import Sequence
 from typing import IO, TYPE_CHECKING, Any, NoReturn
 
-from ._life import END_SIGNALS, RESTART_SIGNAL, Life
-from ._registry import behaviour_named, names
+from actionkit.servers._life import END_SIGNALS, RESTART_SIGNAL, Life
+from actionkit.servers._registry import behaviour_named, names
 
 if TYPE_CHECKING:
-    from ._harness import Harness
+    from actionkit.servers._harness import Harness
 
 _STOP_TIMEOUT = 3.0
+"""Seconds for a clean end, which takes a fraction of one, before the process just ends."""
 
 
 class StdoutJournal:
@@ -82,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     os.dup2(2, 1)
     journal = StdoutJournal(stdout, str(options["journal"]), human)
 
-    from ._harness import Harness  # rclpy: heavy, and not needed before
+    from actionkit.servers._harness import Harness  # rclpy: heavy, and not needed before
 
     try:
         harness = Harness(behaviour, options, given.action, journal, Life(stdout))

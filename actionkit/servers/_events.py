@@ -10,14 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-#: Events that end a goal.
 TERMINAL = frozenset({"succeeded", "canceled", "aborted"})
-
+"""Events that end a goal."""
 _SHOWN_IN_ERRORS = 60
+"""Events; those of a few goals, which fit on a screen."""
 
 
 class EventNotSeenError(AssertionError, TimeoutError):
-    """The journal did not show what was waited for. A failed assertion and a timeout at once.
+    """The journal did not show what was waited for. Both a failed assertion and a timeout.
 
     Attributes:
         ended: The process had ended, so there was nothing more to wait for.
@@ -31,11 +31,11 @@ class ServerEvent:
     """One line of a server's journal.
 
     Attributes:
-        event: What happened, such as ``"accepted"``.
-        goal_id: The goal that it happened to, as a UUID string; ``None`` where there is none.
+        event: What happened, such as `"accepted"`.
+        goal_id: The goal that it happened to, as a UUID string; `None` where there is none.
         monotonic: Seconds on the monotonic clock, which all processes of a machine share.
-        incarnation: 0 for the first process of a ``Server``, one more after each restart.
-        details: What else was said: ``order``, ``n`` (the number of the feedback), ...
+        incarnation: 0 for the first process of a `Server`, one more after each restart.
+        details: What else was said: `order`, `n` (the number of the feedback), ...
     """
 
     event: str
@@ -65,14 +65,14 @@ class Journal:
         self._open = False
 
     def begin(self) -> int:
-        """A new process starts to write; returns its incarnation."""
+        """Note that a new process starts to write; return its incarnation."""
         with self._changed:
             self._incarnation += 1
             self._open = True
             return self._incarnation
 
     def end(self) -> None:
-        """The process is gone: no event follows, and none of its goals runs any more."""
+        """Note that the process is gone: no event follows, and none of its goals runs."""
         with self._changed:
             self._open = False
             self._accepted.clear()
@@ -97,7 +97,7 @@ class Journal:
 
     def _follow(self, event: ServerEvent) -> None:
         if event.event == "restarting":
-            # The last of its process, which takes itself back to the start.
+            # The last event before the process starts its program anew.
             self._incarnation += 1
             self._accepted.clear()
             self._executing.clear()
@@ -129,7 +129,7 @@ class Journal:
 
     @property
     def goals(self) -> int:
-        """How many goals the server was asked for."""
+        """Return how many goals the server was asked for."""
         with self._changed:
             return self._goals
 
@@ -147,7 +147,7 @@ class Journal:
         count: int = 1,
         timeout: float = 10.0,
     ) -> list[ServerEvent]:
-        """Block until `count` such events were seen; returns those seen.
+        """Block until `count` such events were seen; return those seen.
 
         Raises:
             EventNotSeenError: After `timeout` seconds, or at once when the process has ended.

@@ -13,7 +13,7 @@ import pytest
 
 if TYPE_CHECKING:
     from actionkit.servers import Server
-    from actionkit.servers._registry import Option
+    from actionkit.servers._behaviour import Option
 
 
 class ActionServerFactory(Protocol):
@@ -31,7 +31,7 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     Everything that the test starts is in it, by way of the environment; a context that was
     initialised before is not.
     """
-    from ._domains import isolated_domain
+    from actionkit.testing._domains import isolated_domain
 
     with isolated_domain() as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
