@@ -5,20 +5,21 @@ from __future__ import annotations
 import importlib
 import os
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
 
-from actionkit.cli._demo_screen import Screen
+from actionkit.cli._demo_screen import DemoScreen
 from actionkit.cli._exits import Exit
 from actionkit.servers import Server, start
 from actionkit.testing import isolated_domain
 
 if TYPE_CHECKING:
-    from actionkit.cli._demo_steps import Stage, Step
+    from actionkit.cli._demo_steps import Demo
 
 _PERIOD = 0.25
-"""Seconds that the server takes for each number."""
+"""Seconds that the server takes for each number: slow enough to watch, and ten numbers in 2.5 s."""
 _REMEDIES = (
     "With a ROS 2 installation: source its setup file first, such as /opt/ros/jazzy/setup.bash;"
     " test_msgs is the package ros-jazzy-test-msgs.",
@@ -31,7 +32,7 @@ _LEADING_OUT = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER"
 @click.command("demo")
 def command() -> int:
     """Show what ActionKit does, on an action server of its own (10 s)."""
-    screen = Screen()
+    screen = DemoScreen()
     problem = _missing()
     if problem:
         screen.text(f"The demo needs rclpy and test_msgs, but {problem}")
@@ -69,11 +70,10 @@ def _isolate(domain: int) -> None:
         os.environ.pop(name, None)
 
 
-def _show(server: Server, screen: Screen, domain: int) -> list[str]:
+def _show(server: Server, screen: DemoScreen, domain: int) -> list[str]:
     """Go through the steps; return the titles of those that failed."""
     # Late: these import rclpy's messages.
-    from actionkit.cli._demo_code import connect
-    from actionkit.cli._demo_steps import STEPS, Stage
+    from actionkit.cli._demo_steps import STEPS, Demo, connect
 
     screen.heading("ActionKit demo")
     screen.text(
@@ -85,32 +85,32 @@ def _show(server: Server, screen: Screen, domain: int) -> list[str]:
     screen.code(connect)
     failed = []
     with connect() as client:
-        stage = Stage(client, server, screen)
-        for number, step in enumerate(STEPS, 1):
-            if not _came_out(number, step, stage):
-                failed.append(step.title)
+        for number, (title, why, shown, run) in enumerate(STEPS, 1):
+            screen.heading(f"{number}. {title}")
+            screen.text(why)
+            screen.code(shown)
+            if not _came_out(run, Demo(client, server, screen)):
+                failed.append(title)
     return failed
 
 
-def _came_out(number: int, step: Step, stage: Stage) -> bool:
+def _came_out(run: Callable[[Demo], None], demo: Demo) -> bool:
     """Run a step; return whether it came out as it should."""
-    screen = stage.screen
-    screen.heading(f"{number}. {step.title}")
-    screen.text(step.why)
-    screen.code(step.shown)
     began = time.monotonic()
     try:
-        if not stage.server.alive:
-            raise RuntimeError(f"the server process has ended: {stage.server.stderr.strip()}")
-        step.run(stage)
+        if not demo.server.alive:
+            raise RuntimeError(f"the server process has ended: {demo.server.stderr.strip()}")
+        run(demo)
     except Exception as error:  # noqa: BLE001  whatever it is, it is told, and fails the demo
-        screen.failure(f"{type(error).__name__}: {error}")
+        demo.screen.failure(f"{type(error).__name__}: {error}")
         return False
-    screen.note(f"({time.monotonic() - began:.1f} s)")
+    finally:
+        demo.screen.end_progress()
+    demo.screen.note(f"({time.monotonic() - began:.1f} s)")
     return True
 
 
-def _summary(failed: list[str], screen: Screen, seconds: float) -> int:
+def _summary(failed: list[str], screen: DemoScreen, seconds: float) -> int:
     from actionkit.cli._demo_steps import STEPS
 
     screen.text("")
