@@ -1,4 +1,4 @@
-"""The command line (contract C6.3). Nothing heavy is imported before it is needed."""
+"""The command line. Nothing heavy is imported before it is needed."""
 
 from __future__ import annotations
 

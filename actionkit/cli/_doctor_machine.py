@@ -17,7 +17,9 @@ _INSTALL = (
     " ActionKit with that system's Python. Without one: pip install 'actionkit[ros]'."
 )
 _PATIENCE = 30.0
+"""Seconds to import rclpy, which takes one, and many times that from a slow disk."""
 _TESTED = ((3, 10), (3, 13))
+"""The first and the last version of Python that ActionKit is tested with."""
 _PREFIX = "/opt/ros/"
 
 

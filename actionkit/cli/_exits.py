@@ -36,7 +36,6 @@ class Exit(IntEnum):
     TERMINATED = 143, "SIGTERM; as after Ctrl-C."
 
     def __new__(cls, code: int, meaning: str) -> Exit:
-        """Make one row of the table."""
         member = int.__new__(cls, code)
         member._value_ = code
         member.meaning = meaning

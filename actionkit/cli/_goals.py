@@ -15,7 +15,7 @@ from actionkit._messages.paths import message_class, slots_of, type_name
 from actionkit._model.field_errors import shown
 
 _NOW = ("now", "auto")
-"""The words for the present time, as `ros2` has them: one for stamps, one for headers."""
+"""The words for the present time, as `ros2` has them: "now" for stamps, "auto" for headers."""
 MOST_TEXT = 2**24
 """Characters of a goal; an array of a million numbers has fewer."""
 MOST_YAML = 2**20

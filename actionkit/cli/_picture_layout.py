@@ -1,6 +1,6 @@
 """What a picture of goals shows, as plain data: rows for calls, lanes for attempts, bars and marks.
 
-Pure: from the lines of a log to times in seconds. How it looks is another module's business.
+Pure: from the lines of a log to times in seconds. `_picture_svg` draws them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from actionkit._observers.json_schema import LoggedLine
 
 
 class Phase(Enum):
-    """What a goal is in, between two events; the value is for the legend."""
+    """What a goal is doing between two events; the value is for the legend."""
 
     SERVER = "waiting for a server or its turn"
     ACCEPT = "waiting for acceptance"

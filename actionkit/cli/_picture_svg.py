@@ -16,15 +16,18 @@ from actionkit.cli._picture_layout import Bar, Lane, Phase, Picture, Row, Sign, 
 from actionkit.cli._picture_scale import axis_for
 
 WIDTH = 1200
+"""Pixels, as all below: what fits on the screen of a laptop."""
 _TOP = 118
+"""Above the lanes: the title, the summary, the legend in two lines, and the labels of the axis."""
 _LEFT, _RIGHT = 190, 230
+"""Beside the lanes: the names of call and attempt; the outcome."""
 _LEFT_SMALL, _RIGHT_SMALL = 90, 30
-"""Of lanes too low for texts."""
+"""The same where lanes are too low for texts."""
 _TALLEST, _LOWEST = 26.0, 3.0
 _HEIGHT = 1400
-"""Pixels for all lanes together; they are as high as fits, within the two bounds."""
+"""All lanes together; they are as high as fits, within the two bounds."""
 _LABELLED = 12.0
-"""Lanes of at least this height have a text each."""
+"""Lanes of at least this height, that of the letters, have a text each."""
 
 _FILL = {
     Phase.SERVER: "#c8c8c8",

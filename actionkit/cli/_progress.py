@@ -16,6 +16,7 @@ _REMAINING = re.compile(r"(^|_)(remaining|remains|left|to_go)($|_)")
 _NUMBER = re.compile(r"u?int(8|16|32|64)|float|double")
 _DURATIONS = ("builtin_interfaces/Duration", "builtin_interfaces/msg/Duration")
 _DEEP = 3
+"""Levels of messages in messages that are searched; what is deeper is seldom about the whole."""
 _KINDS = ("percent", "share", "remaining")
 
 

@@ -1,4 +1,4 @@
-"""What `actionkit call` tells while it goes on, in the words of `ros2 action send_goal`."""
+"""What `actionkit call` writes while it goes on, in the words of `ros2 action send_goal`."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Now:
 
 
 class Report(Protocol):
-    """What a call is told to. On one thread."""
+    """Where the course of a call is written, by one thread."""
 
     def begin(self) -> None: ...
     def event(self, event: GoalEvent) -> None: ...
@@ -75,11 +75,7 @@ class TextReport:
     """Lines for people: on standard output what `ros2` says, on standard error the rest."""
 
     def __init__(self, goal: Any) -> None:
-        """Make one.
-
-        Args:
-            goal: The goal message.
-        """
+        """Take the goal message."""
         self._goal = goal
         self._told = 0.0
         self._share: float | None = None
@@ -144,8 +140,7 @@ class TextReport:
         elif outcome.error is not None:
             self.err(f"Error: {outcome.error}")
 
-    def close(self) -> None:
-        """Nothing is held."""
+    def close(self) -> None: ...
 
 
 class JsonReport:
@@ -159,7 +154,7 @@ class JsonReport:
         say(as_json({"event": kind, **details}))
 
     def begin(self) -> None:
-        """Nothing is known so far."""
+        """Write nothing: there is no goal so far."""
 
     def event(self, event: GoalEvent) -> None:
         if event.state is GoalState.FEEDBACK:
@@ -185,7 +180,7 @@ class JsonReport:
         self._write("feedback_not_shown", count=count)
 
     def now(self, now: Now) -> None:
-        """Programs ask no such question."""
+        """Write nothing: programs read the events."""
 
     def interrupted(self, code: Exit) -> None:
         self._write("canceling", cause=_CAUSES[code])
@@ -208,8 +203,7 @@ class JsonReport:
             cancel=None if outcome.cancel is None else outcome.cancel.value,
         )
 
-    def close(self) -> None:
-        """Nothing is held."""
+    def close(self) -> None: ...
 
 
 def not_shown(count: int) -> str:
