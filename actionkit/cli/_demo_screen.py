@@ -43,9 +43,13 @@ class DemoScreen:
         self._console.print(Text(lines, style=style), soft_wrap=True)
 
     def code(self, function: Callable[..., object]) -> None:
-        """Show the body of a function, without its docstring and its last line, a `return`."""
-        highlighter = Syntax("", "python", theme="ansi_dark", background_color="default")
-        shown = highlighter.highlight(textwrap.indent(_body_of(function), "    "))
+        """Show the body of a function, without a `return` at its end."""
+        _, _, body = inspect.getsource(function).split('"""', 2)  # the docstring is in the middle
+        lines = body.strip("\n").splitlines()
+        if lines[-1].strip().startswith("return"):
+            lines.pop()
+        code = textwrap.indent(textwrap.dedent("\n".join(lines)), "    ")
+        shown = Syntax("", "python", theme="ansi_dark", background_color="default").highlight(code)
         shown.rstrip()
         self._console.print()
         self._console.print(shown, soft_wrap=True)
@@ -87,14 +91,3 @@ class DemoScreen:
         """Leave the bar as it is, and print below it from now on."""
         if self._bar is not None:
             self._bar.stop()
-
-
-def _body_of(function: Callable[..., object]) -> str:
-    """Return the source of a function's body, without its docstring and a `return` at its end."""
-    lines, _ = inspect.getsourcelines(function)
-    # The signature may take several lines; the docstring takes one, and follows it.
-    start = next(i for i, line in enumerate(lines) if line.strip().startswith('"""')) + 1
-    body = lines[start:]
-    if body[-1].strip().startswith("return"):
-        body.pop()
-    return textwrap.dedent("".join(body)).strip("\n")

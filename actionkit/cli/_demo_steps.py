@@ -1,7 +1,8 @@
 """The steps of `actionkit demo`: what each runs and shows, and how what came of it is checked.
 
-The body of each function whose name has no underscore is shown, as a user would write it: without
-its docstring, and without a `return` at its end. `print` prints into the demo's display.
+Each function that has no underscore is shown as a user would write it: its docstring as the title
+and the explanation, then its body without a `return` at the end. `print` prints into the demo's
+display.
 """
 
 from __future__ import annotations
@@ -106,7 +107,10 @@ def connect() -> FibonacciClient:
 def blocking(
     client: FibonacciClient, print: Print, show_progress: Callable[[Fibonacci.Feedback], None]
 ) -> None:
-    """Call and wait."""
+    """A call that waits, with its progress
+
+    The simplest form. The goal has 20 seconds for everything.
+    """
     goal = Fibonacci.Goal(order=10)
     result = client.call(goal, timeout=20.0, on_feedback=show_progress)
     print(list(result.sequence))
@@ -121,7 +125,10 @@ def _blocking(demo: Demo) -> None:
 
 
 def concurrently(client: FibonacciClient, print: Print) -> None:
-    """Call twice at once."""
+    """Two goals at once, under asyncio
+
+    What call_async returns can be awaited, gathered, and waited for in threads.
+    """
 
     async def main() -> None:
         short, long = await asyncio.gather(
@@ -144,7 +151,10 @@ def _concurrently(demo: Demo) -> None:
 def cancelled(
     client: FibonacciClient, print: Print
 ) -> GoalFuture[Fibonacci.Result, Fibonacci.Feedback]:
-    """Cancel a goal that runs."""
+    """Cancelling a goal
+
+    The goal stops on the server, not just here, and the server's word is waited for.
+    """
     future = client.call_async(Fibonacci.Goal(order=50), timeout=20.0)
     for feedback in future.feedback():
         print("feedback:", list(feedback.sequence))
@@ -167,7 +177,10 @@ def _cancelled(demo: Demo) -> None:
 
 
 def rejected(client: FibonacciClient, print: Print) -> None:
-    """Ask for what the server refuses."""
+    """A goal that the server rejects
+
+    This server takes orders from 0 to 100. A rejection is an error, never an empty result.
+    """
     try:
         client.call(Fibonacci.Goal(order=-1), timeout=20.0)
     except GoalRejectedError as error:
@@ -181,7 +194,10 @@ def _rejected(demo: Demo) -> None:
 
 
 def timed_out(client: FibonacciClient, print: Print) -> None:
-    """Give a goal less time than it needs."""
+    """A deadline
+
+    The goal would take 25 seconds and gets one. It is not left running on the robot.
+    """
     try:
         client.call(Fibonacci.Goal(order=100), timeout=1.0)
     except DeadlineExceededError as error:
@@ -197,7 +213,10 @@ def _timed_out(demo: Demo) -> None:
 
 
 def without_server(print: Print) -> None:
-    """Call a server that is not there."""
+    """No server
+
+    The name has a letter too few: the error looks for what was meant.
+    """
     with Client(Fibonacci, "fibonaci", timeouts=Timeouts(server=1.0)) as typo:
         try:
             typo.call(Fibonacci.Goal(order=5))
@@ -219,42 +238,12 @@ def _fibonacci(order: int) -> list[int]:
     return numbers
 
 
-STEPS: tuple[tuple[str, str, Callable[..., object], Callable[[Demo], None]], ...] = (
-    (
-        "A call that waits, with its progress",
-        "The simplest form. The goal has 20 seconds for everything.",
-        blocking,
-        _blocking,
-    ),
-    (
-        "Two goals at once, under asyncio",
-        "What call_async returns can be awaited, gathered, and waited for in threads.",
-        concurrently,
-        _concurrently,
-    ),
-    (
-        "Cancelling a goal",
-        "The goal stops on the server, not just here, and the server's word is waited for.",
-        cancelled,
-        _cancelled,
-    ),
-    (
-        "A goal that the server rejects",
-        "This server takes orders from 0 to 100. A rejection is an error, never an empty result.",
-        rejected,
-        _rejected,
-    ),
-    (
-        "A deadline",
-        "The goal would take 25 seconds and gets one. It is not left running on the robot.",
-        timed_out,
-        _timed_out,
-    ),
-    (
-        "No server",
-        "The name has a letter too few: the error looks for what was meant.",
-        without_server,
-        _without_server,
-    ),
+STEPS: tuple[tuple[Callable[..., object], Callable[[Demo], None]], ...] = (
+    (blocking, _blocking),
+    (concurrently, _concurrently),
+    (cancelled, _cancelled),
+    (rejected, _rejected),
+    (timed_out, _timed_out),
+    (without_server, _without_server),
 )
-"""Of each step: its title, what it is good for, the code to show, and what runs and checks it."""
+"""Of each step: the code to show, and what runs and checks it."""

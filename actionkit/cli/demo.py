@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import time
 from collections.abc import Callable
@@ -85,7 +86,8 @@ def _show(server: Server, screen: DemoScreen, domain: int) -> list[str]:
     screen.code(connect)
     failed = []
     with connect() as client:
-        for number, (title, why, shown, run) in enumerate(STEPS, 1):
+        for number, (shown, run) in enumerate(STEPS, 1):
+            title, _, why = inspect.cleandoc(shown.__doc__ or "").partition("\n\n")
             screen.heading(f"{number}. {title}")
             screen.text(why)
             screen.code(shown)
