@@ -26,7 +26,10 @@ _PREFIX = "/opt/ros/"
 def machine(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
     """Yield findings about Python and rclpy; a problem is the last one where rclpy fails."""
     yield _python()
-    yield ok("actionkit", f"{_version('actionkit')}, {Path(__file__).parents[1]}")
+    yield ok(
+        "actionkit",
+        f"{_metadata('actionkit') or 'of unknown version'}, {Path(__file__).parents[1]}",
+    )
     places = rclpy_places()
     if not places:
         yield problem("rclpy", "not found by this Python.", _INSTALL)
@@ -161,11 +164,8 @@ def _rclpy_version(place: Path) -> str:
     return "of unknown version"
 
 
-def _version(name: str) -> str:
-    return _metadata(name) or "of unknown version"
-
-
 def _metadata(name: str) -> str:
+    """Return the version of an installed package, or `""`."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:

@@ -65,7 +65,4 @@ def exit_of(outcome: Outcome[Any]) -> Exit:
     if outcome.error is None:
         return Exit.OK
     names = [cls.__name__ for cls in type(outcome.error).__mro__]
-    for name, code in _OF_ERRORS:
-        if name in names:
-            return code
-    return Exit.FAILED
+    return next((code for name, code in _OF_ERRORS if name in names), Exit.FAILED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -70,9 +71,9 @@ class Board:
             self.goals[goal.goal_id] = new
             changed.append(new)
         ended = [row for row in self.goals.values() if row.ended]
-        for row in sorted(ended, key=lambda row: row.accepted)[: len(self.goals) - _MOST]:
-            if len(self.goals) > _MOST:
-                del self.goals[row.goal_id]
+        too_many = max(0, len(self.goals) - _MOST)
+        for row in sorted(ended, key=lambda row: row.accepted)[:too_many]:
+            del self.goals[row.goal_id]
         return sorted(changed, key=lambda row: row.accepted)
 
     def _lose(self, now: float) -> list[WatchedGoal]:
@@ -85,9 +86,6 @@ class Board:
         """Return the goals in the order of their acceptance."""
         return sorted(self.goals.values(), key=lambda row: row.accepted)
 
-    def counts(self) -> dict[str, int]:
+    def counts(self) -> Counter[str]:
         """Return how many goals are in each state."""
-        found: dict[str, int] = {}
-        for row in self.goals.values():
-            found[row.state] = found.get(row.state, 0) + 1
-        return found
+        return Counter(goal.state for goal in self.goals.values())

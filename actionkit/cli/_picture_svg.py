@@ -47,21 +47,18 @@ _SIGN_FILL = {
     Sign.FAILED: "#ffffff",
     Sign.UNENDED: "#ffffff",
 }
-# In units of the mark's radius.
 _SHAPES = {
     Sign.SUCCEEDED: None,  # a circle
     Sign.FAILED: None,
-    Sign.ABORTED: [(-1, -0.45), (-0.45, -1), (0, -0.5), (0.45, -1), (1, -0.45), (0.5, 0)],
+    Sign.ABORTED: [(-1, -0.45), (-0.45, -1), (0, -0.5), (0.45, -1), (1, -0.45), (0.5, 0),
+                   (1, 0.45), (0.45, 1), (0, 0.5), (-0.45, 1), (-1, 0.45), (-0.5, 0)],
     Sign.CANCELED: [(-0.85, -0.85), (0.85, -0.85), (0.85, 0.85), (-0.85, 0.85)],
     Sign.REJECTED: [(0, -1.2), (1.2, 0), (0, 1.2), (-1.2, 0)],
     Sign.LOST: [(-1.1, -0.85), (1.1, -0.85), (0, 1.1)],
     Sign.TIMED_OUT: [(-0.9, -1.1), (0.9, -1.1), (-0.9, 1.1), (0.9, 1.1)],
     Sign.UNENDED: [(-0.7, -1.1), (0.9, 0), (-0.7, 1.1)],
-}
-_SHAPES[Sign.ABORTED] = [
-    *(_SHAPES[Sign.ABORTED] or []),
-    *[(-x, -y) for x, y in (_SHAPES[Sign.ABORTED] or [])],
-]
+}  # fmt: skip
+"""The corners of a mark, in units of its radius."""
 
 _STYLE = """
 text { font: 12px "DejaVu Sans", Verdana, Helvetica, Arial, sans-serif; fill: #222222 }
@@ -84,8 +81,7 @@ def draw(calls: Sequence[Sequence[LoggedLine]], *, name: str = "") -> str:
         calls: The lines of each call, as `LogFile.calls` has them.
         name: Where they come from, for the title.
     """
-    picture = lay_out(calls)
-    return _Drawing(picture).document(name)
+    return _Drawing(lay_out(calls)).document(name)
 
 
 class _Drawing:

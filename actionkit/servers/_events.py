@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import threading
-import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -154,23 +153,23 @@ class Journal:
         """
         found: list[ServerEvent] = []
         seen = 0
-        deadline = time.monotonic() + timeout
+
+        def is_over() -> bool:
+            nonlocal seen
+            found.extend(
+                entry
+                for entry in self._events[seen:]
+                if entry.event == event
+                and goal_id in (None, entry.goal_id)
+                and incarnation in (None, entry.incarnation)
+            )
+            seen = len(self._events)
+            return len(found) >= count or not self._open
+
         with self._changed:
-            while True:
-                for entry in self._events[seen:]:
-                    if (
-                        entry.event == event
-                        and goal_id in (None, entry.goal_id)
-                        and incarnation in (None, entry.incarnation)
-                    ):
-                        found.append(entry)
-                seen = len(self._events)
-                if len(found) >= count:
-                    return found
-                remaining = deadline - time.monotonic()
-                if not self._open or remaining <= 0:
-                    break
-                self._changed.wait(remaining)
+            self._changed.wait_for(is_over, timeout)
+            if len(found) >= count:
+                return found
             ended = not self._open
             shown = [str(entry) for entry in self._events[-_SHOWN_IN_ERRORS:]]
         error = EventNotSeenError(

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-from types import TracebackType
 from typing import IO
 
 from typing_extensions import Self
@@ -42,11 +41,7 @@ class Server:
     """
 
     def __init__(
-        self,
-        name: str,
-        action_name: str,
-        domain_id: int | None,
-        options: dict[str, Option],
+        self, name: str, action_name: str, domain_id: int | None, options: dict[str, Option]
     ) -> None:
         self.name = name
         self.action_name = action_name
@@ -215,12 +210,7 @@ class Server:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def __repr__(self) -> str:
@@ -252,10 +242,8 @@ class Server:
             start_new_session=True,
         )
         incarnation = self._journal.begin()
-        self._reader = threading.Thread(
-            target=self._read, args=(self._process.stdout,), name=f"journal-{self.name}"
-        )
-        self._reader.daemon = True
+        name, stdout = f"journal-{self.name}", self._process.stdout
+        self._reader = threading.Thread(target=self._read, args=(stdout,), name=name, daemon=True)
         self._reader.start()
         try:
             self._journal.wait_for("ready", incarnation=incarnation, timeout=_START_TIMEOUT)
