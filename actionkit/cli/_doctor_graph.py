@@ -117,10 +117,10 @@ def _one(action: ActionSeen) -> Iterator[Finding]:
 def _answers(name: str, servers: int) -> Iterator[Finding]:
     from actionkit._ros.tools.roundtrip import measure
 
-    yield from judged(name, servers, measure(name, _ROUND_TRIP))
+    yield from round_trip_findings(name, servers, measure(name, _ROUND_TRIP))
 
 
-def judged(name: str, servers: int, trip: RoundTrip) -> Iterator[Finding]:
+def round_trip_findings(name: str, servers: int, trip: RoundTrip) -> Iterator[Finding]:
     """Yield findings about a round trip.
 
     Args:
