@@ -30,8 +30,6 @@ from actionkit import (
 from actionkit.cli._demo_screen import DemoScreen
 from actionkit.servers import Server
 
-_PATIENCE = 5.0
-"""Seconds for the server's journal to show what the client knows already; it takes milliseconds."""
 FibonacciClient = Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]
 Print = Callable[..., None]
 _E = TypeVar("_E", bound=ActionKitError)
@@ -78,7 +76,7 @@ class Demo:
 
     def expect_stopped(self, goal_id: str) -> None:
         """Show what the server itself saw of a goal, and check that it runs no more."""
-        self.server.wait_for("canceled", goal_id=goal_id, timeout=_PATIENCE)
+        self.server.wait_for("canceled", goal_id=goal_id)
         _expect(goal_id not in self.server.running(), "the server still runs the goal")
         events = [event for event in self.server.events if event.goal_id == goal_id]
         shown = ", ".join(
@@ -190,7 +188,7 @@ def rejected(client: FibonacciClient, print: Print) -> None:
 def _rejected(demo: Demo) -> None:
     rejected(demo.client, demo.print)
     goal_id = demo.error(GoalRejectedError).goal_id
-    demo.server.wait_for("rejected", goal_id=str(goal_id), timeout=_PATIENCE)
+    demo.server.wait_for("rejected", goal_id=str(goal_id))
 
 
 def timed_out(client: FibonacciClient, print: Print) -> None:

@@ -50,7 +50,9 @@ def actions_in_sight(survey: Survey, name: str | None, wait: float) -> Iterator[
     seconds = survey.first_seen.get(name, 0.0)
     yield ok("discovery", f"a server of {name} was seen after {seconds * 1000:.0f} ms")
     yield from _one(action)
-    yield from _answers(name, len(action.servers))
+    from actionkit._ros.tools.roundtrip import measure
+
+    yield from round_trip_findings(name, len(action.servers), measure(name, _ROUND_TRIP))
 
 
 def _all(served: dict[str, ActionSeen]) -> Iterator[Finding]:
@@ -112,12 +114,6 @@ def _one(action: ActionSeen) -> Iterator[Finding]:
                 f"Source the workspace that has {package}, or install it; without it nothing here"
                 " can call the action.",
             )
-
-
-def _answers(name: str, servers: int) -> Iterator[Finding]:
-    from actionkit._ros.tools.roundtrip import measure
-
-    yield from round_trip_findings(name, servers, measure(name, _ROUND_TRIP))
 
 
 def round_trip_findings(name: str, servers: int, trip: RoundTrip) -> Iterator[Finding]:

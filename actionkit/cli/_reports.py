@@ -85,10 +85,6 @@ class TextReport:
         """Write a line to standard output, at once."""
         say(text)
 
-    def err(self, text: str) -> None:
-        """Write a line to standard error."""
-        say(text, err=True)
-
     def begin(self) -> None:
         self.out("Waiting for an action server to become available...")
 
@@ -114,7 +110,7 @@ class TextReport:
         self.out(f"Feedback:\n{as_yaml(message)}")
 
     def not_shown(self, count: int) -> None:
-        self.err(not_shown(count))
+        say(not_shown(count), err=True)
 
     def now(self, now: Now) -> None:
         grown = now.share is not None and now.share - (self._share or 0.0) >= 0.1
@@ -125,7 +121,7 @@ class TextReport:
         ):
             return
         self._told, self._share = now.elapsed, now.share
-        self.err(f"Progress: {described(now)}")
+        say(f"Progress: {described(now)}", err=True)
 
     def interrupted(self, code: Exit) -> None:
         self.out(f"Canceling goal... ({_CAUSES[code]}; once more leaves at once)")
@@ -138,7 +134,7 @@ class TextReport:
         if code in _CAUSES:
             self.out(became(outcome))
         elif outcome.error is not None:
-            self.err(f"Error: {outcome.error}")
+            say(f"Error: {outcome.error}", err=True)
 
     def close(self) -> None: ...
 

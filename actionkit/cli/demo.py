@@ -49,8 +49,7 @@ def command() -> int:
             screen.failure(str(error))
             return Exit.FAILED
         with server:
-            failed = _show(server, screen, domain)
-    return _summary(failed, screen, time.monotonic() - began)
+            return _show(server, screen, domain, began)
 
 
 def _missing() -> str:
@@ -71,8 +70,8 @@ def _isolate(domain: int) -> None:
         os.environ.pop(name, None)
 
 
-def _show(server: Server, screen: DemoScreen, domain: int) -> list[str]:
-    """Go through the steps; return the titles of those that failed."""
+def _show(server: Server, screen: DemoScreen, domain: int, began: float) -> int:
+    """Go through the steps; return the exit code."""
     # Late: these import rclpy's messages.
     from actionkit.cli._demo_steps import STEPS, Demo, connect
 
@@ -93,7 +92,14 @@ def _show(server: Server, screen: DemoScreen, domain: int) -> list[str]:
             screen.code(shown)
             if not _came_out(run, Demo(client, server, screen)):
                 failed.append(title)
-    return failed
+    screen.text("")
+    if failed:
+        titles = "; ".join(failed)
+        screen.failure(f"{len(failed)} of {len(STEPS)} steps did not come out right: {titles}.")
+        return Exit.FAILED
+    seconds = time.monotonic() - began
+    screen.text(f"All {len(STEPS)} steps came out as they should, in {seconds:.1f} s.", "bold")
+    return Exit.OK
 
 
 def _came_out(run: Callable[[Demo], None], demo: Demo) -> bool:
@@ -110,17 +116,3 @@ def _came_out(run: Callable[[Demo], None], demo: Demo) -> bool:
         demo.screen.end_progress()
     demo.screen.note(f"({time.monotonic() - began:.1f} s)")
     return True
-
-
-def _summary(failed: list[str], screen: DemoScreen, seconds: float) -> int:
-    from actionkit.cli._demo_steps import STEPS
-
-    screen.text("")
-    if failed:
-        titles = "; ".join(failed)
-        screen.failure(f"{len(failed)} of {len(STEPS)} steps did not come out right: {titles}.")
-        return Exit.FAILED
-    screen.text(
-        f"All {len(STEPS)} steps came out as they should, in {seconds:.1f} s.", style="bold"
-    )
-    return Exit.OK

@@ -49,18 +49,25 @@ class ServerEvent:
 
 
 class Journal:
-    """All events of a server, in order, over its restarts. Thread-safe."""
+    """All events of a server, in order, over its restarts. Thread-safe.
+
+    Attributes:
+        events: Those so far; only to be copied.
+        counts: How many there were of each name.
+        goals: How many goals the server was asked for.
+        max_running: The most goals that ever executed at one time.
+    """
 
     def __init__(self) -> None:
+        self.events: list[ServerEvent] = []
+        self.counts: Counter[str] = Counter()
+        self.goals = 0
+        self.max_running = 0
         self._changed = threading.Condition()
-        self._events: list[ServerEvent] = []
-        self._counts: Counter[str] = Counter()
         # Keyed by goal and server, because one goal may run in two servers on one name.
         self._accepted: set[tuple[str, int]] = set()
         self._executing: set[tuple[str, int]] = set()
-        self._max_running = 0
         self._incarnation = -1
-        self._goals = 0
         self._open = False
 
     def begin(self) -> int:
@@ -89,8 +96,8 @@ class Journal:
         except (ValueError, KeyError):
             return
         with self._changed:
-            self._events.append(event)
-            self._counts[event.event] += 1
+            self.events.append(event)
+            self.counts[event.event] += 1
             self._follow(event)
             self._changed.notify_all()
 
@@ -104,38 +111,20 @@ class Journal:
             return
         key = (event.goal_id, int(event.details.get("server", 0)))
         if event.event == "goal_received" and "again" not in event.details:
-            self._goals += 1
+            self.goals += 1
         elif event.event == "accepted":
             self._accepted.add(key)
         elif event.event == "executing":
             self._executing.add(key)
-            self._max_running = max(self._max_running, len(self._executing))
+            self.max_running = max(self.max_running, len(self._executing))
         elif event.event in TERMINAL:
             self._accepted.discard(key)
             self._executing.discard(key)
 
-    def snapshot(self) -> list[ServerEvent]:
-        with self._changed:
-            return list(self._events)
-
-    def count(self, event: str) -> int:
-        with self._changed:
-            return self._counts[event]
-
     def running(self) -> set[str]:
+        """Return the ids of goals accepted and not ended; none once the process is gone."""
         with self._changed:
             return {goal_id for goal_id, _ in self._accepted}
-
-    @property
-    def goals(self) -> int:
-        """Return how many goals the server was asked for."""
-        with self._changed:
-            return self._goals
-
-    @property
-    def max_running(self) -> int:
-        with self._changed:
-            return self._max_running
 
     def wait_for(
         self,
@@ -158,12 +147,12 @@ class Journal:
             nonlocal seen
             found.extend(
                 entry
-                for entry in self._events[seen:]
+                for entry in self.events[seen:]
                 if entry.event == event
                 and goal_id in (None, entry.goal_id)
                 and incarnation in (None, entry.incarnation)
             )
-            seen = len(self._events)
+            seen = len(self.events)
             return len(found) >= count or not self._open
 
         with self._changed:
@@ -171,7 +160,7 @@ class Journal:
             if len(found) >= count:
                 return found
             ended = not self._open
-            shown = [str(entry) for entry in self._events[-_SHOWN_IN_ERRORS:]]
+            shown = [str(entry) for entry in self.events[-_SHOWN_IN_ERRORS:]]
         error = EventNotSeenError(
             f"saw {len(found)} of {count} {event!r} events"
             + (f" of goal {goal_id}" if goal_id else "")

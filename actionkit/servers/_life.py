@@ -7,12 +7,11 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Mapping
 from typing import NoReturn
 
 INSTANCE_VARIABLE = "ACTIONKIT_SERVER_INSTANCE"
 """Names the server among others, over its restarts; set by whoever starts it."""
-_GOALS_VARIABLE = "_ACTIONKIT_SERVER_GOALS"
+GOALS_VARIABLE = "_ACTIONKIT_SERVER_GOALS"
 """Tells a new process how many goals those before it were asked for."""
 END_SIGNALS = frozenset({signal.SIGINT, signal.SIGTERM})
 """They end the process cleanly. Blocked, and taken by sigwait, as the next one is."""
@@ -26,7 +25,7 @@ class Life:
     def __init__(self, stdout: int) -> None:
         self._stdout = stdout
         self._lock = threading.Lock()
-        self._goals = int(os.environ.pop(_GOALS_VARIABLE, "0"))
+        self._goals = int(os.environ.pop(GOALS_VARIABLE, "0"))
 
     def next_number(self) -> int:
         """Return the number of the next goal, 0 for the server's first."""
@@ -46,10 +45,5 @@ class Life:
                 with contextlib.suppress(OSError):  # the descriptor of the listing itself
                     os.set_inheritable(int(name), False)
         os.dup2(self._stdout, 1)  # where it was given to us
-        os.environ[_GOALS_VARIABLE] = str(self._goals)
+        os.environ[GOALS_VARIABLE] = str(self._goals)
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
-
-
-def with_goals(environment: Mapping[str, str], goals: int) -> dict[str, str]:
-    """Return the environment for a process that takes over after so many goals."""
-    return {**environment, _GOALS_VARIABLE: str(goals)}

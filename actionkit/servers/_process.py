@@ -17,7 +17,7 @@ from typing_extensions import Self
 
 from actionkit.servers._behaviour import Option, format_option
 from actionkit.servers._events import EventNotSeenError, Journal, ServerEvent
-from actionkit.servers._life import INSTANCE_VARIABLE, with_goals
+from actionkit.servers._life import GOALS_VARIABLE, INSTANCE_VARIABLE
 from actionkit.servers._quiet import await_quiet
 from actionkit.servers._registry import behaviour_named
 
@@ -65,7 +65,7 @@ class Server:
     @property
     def events(self) -> list[ServerEvent]:
         """Return all events so far, over restarts, in order."""
-        return self._journal.snapshot()
+        return list(self._journal.events)
 
     def wait_for(
         self, event_name: str, *, goal_id: str | None = None, count: int = 1, timeout: float = 10.0
@@ -89,7 +89,7 @@ class Server:
 
     def count(self, event_name: str) -> int:
         """Return how many such events there were so far."""
-        return self._journal.count(event_name)
+        return self._journal.counts[event_name]
 
     def running(self) -> set[str]:
         """Return the ids of goals accepted and not ended; none once the process is gone."""
@@ -226,8 +226,8 @@ class Server:
             command += ["--option", f"{key}={format_option(value)}"]
         # The same interpreter: where ROS comes from wheels, the library path that their
         # bootstrapper has put into our environment is right for the child, too.
-        environment = with_goals(os.environ, self._journal.goals)
-        environment[INSTANCE_VARIABLE] = self._instance
+        environment = {**os.environ, INSTANCE_VARIABLE: self._instance}
+        environment[GOALS_VARIABLE] = str(self._journal.goals)
         if self._domain_id is not None:
             environment["ROS_DOMAIN_ID"] = str(self._domain_id)
         self._process = subprocess.Popen(
