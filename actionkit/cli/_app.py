@@ -31,7 +31,7 @@ _COMMANDS = {
 
 
 class _OutputClosedError(Exception):
-    """Nobody reads the output. Not an OSError, which click would end the process at."""
+    """Nobody reads the output. Not an OSError: click would end the process without our code."""
 
 
 @contextlib.contextmanager

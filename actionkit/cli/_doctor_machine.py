@@ -24,7 +24,7 @@ _PREFIX = "/opt/ros/"
 
 
 def machine(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
-    """Yield findings about Python and rclpy; a problem is the last one where rclpy fails."""
+    """Yield findings about Python and rclpy."""
     yield _python()
     yield ok(
         "actionkit",
@@ -88,7 +88,7 @@ def _python() -> Finding:
 
 
 def _other_python(environment: Mapping[str, str]) -> Iterator[Finding]:
-    """Say so where there is an rclpy, but of another Python."""
+    """Yield findings about rclpy packages that are there, but not for this Python."""
     here = f"python{sys.version_info[0]}.{sys.version_info[1]}"
     prefixes = environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     prefixes += [str(path) for path in sorted(Path(_PREFIX).glob("*"))]

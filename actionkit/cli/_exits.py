@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class Exit(IntEnum):
-    """What the command `actionkit` ends with. `meaning` is for people."""
+    """The exit codes of the command `actionkit`; `meaning` is for people."""
 
     meaning: str
 

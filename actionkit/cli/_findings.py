@@ -36,10 +36,10 @@ def ok(topic: str, text: str) -> Finding:
 
 
 def note(topic: str, text: str, remedy: str) -> Finding:
-    """Return one that may be why a call does not work."""
+    """Return a finding that may be why a call does not work."""
     return Finding("note", topic, text, remedy)
 
 
 def problem(topic: str, text: str, remedy: str) -> Finding:
-    """Return one that does not work."""
+    """Return a finding of something that does not work."""
     return Finding("problem", topic, text, remedy)

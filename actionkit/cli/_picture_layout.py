@@ -96,7 +96,7 @@ class Row:
     """One call.
 
     Attributes:
-        action_name: Of which action.
+        action_name: The action that was called.
         start: When it was made.
         end: When it ended; `None` where the log does not tell.
         outcome: `"ok"`, `"cancelled"` or the name of the error; `""` where the log has none.
@@ -145,7 +145,7 @@ def lay_out(calls: Sequence[Sequence[LoggedLine]]) -> Picture:
 
 
 def _beginning(lines: Sequence[LoggedLine]) -> tuple[float, float]:
-    """Return the wall and the monotonic time at which a call comes into view."""
+    """Return the wall and the monotonic time at which a call began, as far as the log has it."""
     data = lines[0].data
     before = data["elapsed_ms"] / 1000 if lines[0].kind == "outcome" else 0.0
     return float(data["wall"]) - before, float(data["monotonic"]) - before

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 _UNITS = ((3600.0, "h", 3 * 3600.0), (60.0, "min", 180.0), (1.0, "s", 1.0), (0.001, "ms", 0.0))
 """Seconds of a unit, its sign, and the shortest time for which it is used."""
 _ROUND = (1.0, 2.0, 5.0, 10.0)
+"""Steps between ticks, times a power of ten: people read these easily."""
 
 
 @dataclass(frozen=True)

@@ -186,7 +186,7 @@ class _Drawing:
         )
 
     def _stripes(self) -> None:
-        """Shade every other call, or every other hundred of pixels where there are many."""
+        """Shade every other call, or every other group of calls where a group has one number."""
         top = _TOP + 0.0
         for number, row in enumerate(self._picture.rows):
             height = self._lane * max(1, len(row.lanes))
@@ -199,7 +199,7 @@ class _Drawing:
 
     @property
     def _numbered(self) -> int:
-        """Of how many calls one has its number written beside it."""
+        """Return n where every n-th call has its number written beside it."""
         if self._labelled:
             return 1
         steps = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)

@@ -145,7 +145,7 @@ def command(
     from actionkit.cli._calling import Calling
     from actionkit.cli._progress import Progress
 
-    mute()  # what became of the goal is told by the report
+    mute()  # the report says what became of the goal
 
     calling = Calling(
         client,

@@ -63,7 +63,7 @@ def _missing() -> str:
 
 
 def _isolate(domain: int) -> None:
-    """Keep this process, and the server that it starts, among themselves."""
+    """Cut off this process, and the server that it starts, from all other nodes."""
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     for name in _LEADING_OUT:
@@ -72,7 +72,7 @@ def _isolate(domain: int) -> None:
 
 def _show(server: Server, screen: DemoScreen, domain: int, began: float) -> int:
     """Go through the steps; return the exit code."""
-    # Late: these import rclpy's messages.
+    # Not at the top: these import rclpy's messages.
     from actionkit.cli._demo_steps import STEPS, Demo, connect
 
     screen.heading("ActionKit demo")
@@ -109,7 +109,7 @@ def _came_out(run: Callable[[Demo], None], demo: Demo) -> bool:
         if not demo.server.alive:
             raise RuntimeError(f"the server process has ended: {demo.server.stderr.strip()}")
         run(demo)
-    except Exception as error:  # noqa: BLE001  whatever it is, it is told, and fails the demo
+    except Exception as error:  # noqa: BLE001  whatever it is, it is shown, and fails the demo
         demo.screen.failure(f"{type(error).__name__}: {error}")
         return False
     finally:

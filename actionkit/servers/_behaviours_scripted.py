@@ -72,7 +72,7 @@ class ByScript(Behaviour):
     def _end(self, run: Run, step: Step) -> object:
         self.begin_step(run, step)
         if step.word == "raise":
-            # rclpy ends the goal, after this; nothing of ours runs by then.
+            # Before it happens: rclpy ends the goal, and does not say so.
             run.emit("aborted", raised=True)
             raise ValueError("this reference server raises on purpose")
         if step.word == "abort":

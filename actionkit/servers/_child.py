@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except ValueError as error:
         parser.error(str(error))
 
-    # A program's pipe is a lifeline and carries commands; a terminal or /dev/null is not.
+    # A pipe from a program carries commands, and its end ends the server; a terminal does not.
     piped = not given.human and stat.S_ISFIFO(os.fstat(0).st_mode)
     human = given.human or os.isatty(0)
     # Nothing but the journal may get into stdout, whatever a library prints.
@@ -100,13 +100,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _end(harness: Harness, *, restart: bool) -> NoReturn:
-    # Should the middleware hang on the way out.
+    # The middleware may hang while it is taken down.
     guard = threading.Timer(_STOP_TIMEOUT, os._exit, (1,))
     guard.daemon = True
     guard.start()
     harness.stop()
     sys.stderr.flush()
-    # A restart and an end, asked for at the same time: the end it is.
+    # Where both a restart and an end were asked for, the process ends.
     if restart and not signal.sigpending() & END_SIGNALS:
         harness.start_anew("clean")
     # Not sys.exit: it would wait for threads of goals that may be blocked in anything.

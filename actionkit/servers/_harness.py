@@ -71,7 +71,7 @@ class JournalledServer(ActionServer):
 
     def _make_run(self, request: Any) -> Run:
         goal_id = _text(request.goal_id)
-        # A request that was sent twice: rclpy itself turns the second down.
+        # A request may be sent twice: rclpy itself rejects the second.
         first = self._goals.get(goal_id)
         run = Run(
             request.goal,
@@ -261,7 +261,7 @@ class Harness:
 
     def _add_node(self, name: str) -> Node:
         node = Node(
-            # The same after a restart, as a real server's, and not that of another server.
+            # The same name after a restart, as a real server has it, and another for each server.
             f"{name}_{os.environ.get(INSTANCE_VARIABLE, os.getpid())}",
             context=self._context,
             enable_rosout=False,

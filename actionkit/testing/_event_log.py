@@ -39,7 +39,7 @@ class EventLog(Generic[T]):
 
     @property
     def items(self) -> list[T]:
-        """A copy of everything so far."""
+        """Return a copy of everything so far."""
         with self._changed:
             return list(self._items)
 
