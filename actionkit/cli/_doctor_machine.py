@@ -130,28 +130,23 @@ def _import_failure() -> str:
 def _broken(place: Path, error: str, environment: Mapping[str, str]) -> Finding:
     text = f"found at {place}, but it cannot be imported: {error}"
     rmw = environment.get("RMW_IMPLEMENTATION", "")
-    if "rmw" in error.lower():
-        if rmw:
-            return problem(
-                "rclpy",
-                text,
-                f"RMW_IMPLEMENTATION={rmw} names a middleware that is not installed: unset it, or"
-                f" install it (apt install ros-jazzy-{rmw.replace('_', '-')}).",
-            )
-        return problem(
-            "rclpy",
-            text,
+    remedy = _INSTALL
+    if "rmw" in error.lower() and rmw:
+        remedy = (
+            f"RMW_IMPLEMENTATION={rmw} names a middleware that is not installed: unset it, or"
+            f" install it (apt install ros-jazzy-{rmw.replace('_', '-')})."
+        )
+    elif "rmw" in error.lower():
+        remedy = (
             "No middleware is installed: pip install 'ros-jazzy-rclpy[fastrtps]' (the extra"
-            " matters), or apt install ros-jazzy-rmw-fastrtps-cpp.",
+            " matters), or apt install ros-jazzy-rmw-fastrtps-cpp."
         )
-    if "_BOOTSTRAP" in "".join(environment) and ".so" in error:
-        return problem(
-            "rclpy",
-            text,
+    elif "_BOOTSTRAP" in "".join(environment) and ".so" in error:
+        remedy = (
             "This process was started by one of another virtual environment, whose library path"
-            " it inherited: unset LD_LIBRARY_PATH and _ROS_WHEELS_BOOTSTRAP_COMPLETE.",
+            " it inherited: unset LD_LIBRARY_PATH and _ROS_WHEELS_BOOTSTRAP_COMPLETE."
         )
-    return problem("rclpy", text, _INSTALL)
+    return problem("rclpy", text, remedy)
 
 
 def _rclpy_version(place: Path) -> str:

@@ -170,17 +170,17 @@ class _Drawing:
         return x + 6.4 * len(words) + 26
 
     def _axis(self) -> None:
-        axis = axis_for(self._span)
-        for seconds, label in axis.ticks:
+        unit, ticks = axis_for(self._span)
+        for seconds, label in ticks:
             x = f"{self._x(seconds):.1f}"
             self._put(
                 f'<path class="grid" d="M{x} {_TOP}V{self._bottom:.1f}"/>',
                 f'<text class="dim middle" x="{x}" y="{_TOP - 6}">{label}</text>',
                 f'<text class="dim middle" x="{x}" y="{self._bottom + 16:.1f}">{label}</text>',
             )
-        since = f"{axis.unit} since {date_text(self._picture.wall)}"
+        since = f"{unit} since {date_text(self._picture.wall)}"
         self._put(
-            f'<text class="dim end" x="{self._left - 14}" y="{_TOP - 6}">{axis.unit}</text>',
+            f'<text class="dim end" x="{self._left - 14}" y="{_TOP - 6}">{unit}</text>',
             f'<text class="axis middle" x="{self._left + self._plot / 2:.1f}"'
             f' y="{self._bottom + 38:.1f}">{_text(since)}</text>',
         )

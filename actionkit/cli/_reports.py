@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import uuid
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
+from actionkit._messages.convert import to_plain
 from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit.cli._exits import Exit
 from actionkit.cli._plain import as_json, as_yaml
@@ -44,8 +45,8 @@ class Now:
     share: float | None
 
 
-class Report(Protocol):
-    """Where the course of a call is written, by one thread."""
+class Report:
+    """Where the course of a call is written, by one thread; this one writes nothing."""
 
     def begin(self) -> None: ...
     def event(self, event: GoalEvent) -> None: ...
@@ -71,7 +72,7 @@ def became(outcome: Outcome[Any]) -> str:
     return _BECAME[report]
 
 
-class TextReport:
+class TextReport(Report):
     """Lines for people: on standard output what `ros2` says, on standard error the rest."""
 
     def __init__(self, goal: Any) -> None:
@@ -136,10 +137,8 @@ class TextReport:
         elif outcome.error is not None:
             say(f"Error: {outcome.error}", err=True)
 
-    def close(self) -> None: ...
 
-
-class JsonReport:
+class JsonReport(Report):
     """One JSON object on each line of standard output."""
 
     def __init__(self, goal: Any) -> None:
@@ -148,9 +147,6 @@ class JsonReport:
 
     def _write(self, kind: str, **details: Any) -> None:
         say(as_json({"event": kind, **details}))
-
-    def begin(self) -> None:
-        """Write nothing: there is no goal so far."""
 
     def event(self, event: GoalEvent) -> None:
         if event.state is GoalState.FEEDBACK:
@@ -168,22 +164,15 @@ class JsonReport:
         )
 
     def feedback(self, message: Any) -> None:
-        from actionkit._messages.convert import to_plain
-
         self._write("feedback", feedback=to_plain(message))
 
     def not_shown(self, count: int) -> None:
         self._write("feedback_not_shown", count=count)
 
-    def now(self, now: Now) -> None:
-        """Write nothing: programs read the events."""
-
     def interrupted(self, code: Exit) -> None:
         self._write("canceling", cause=_CAUSES[code])
 
     def finished(self, outcome: Outcome[Any], code: Exit) -> None:
-        from actionkit._messages.convert import to_plain
-
         error = outcome.error
         self._write(
             "outcome",
@@ -198,8 +187,6 @@ class JsonReport:
             message=None if error is None else str(error),
             cancel=None if outcome.cancel is None else outcome.cancel.value,
         )
-
-    def close(self) -> None: ...
 
 
 def not_shown(count: int) -> str:

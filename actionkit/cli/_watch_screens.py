@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from typing import Protocol
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -29,17 +28,25 @@ _FRAME = 6
 """Lines around the goals: two above, the heads of the columns, one below, and two to spare."""
 
 
-class Screen(Protocol):
-    """Where changes are shown: of servers, of a goal, and `tick` a few times a second."""
+class Screen:
+    """Where changes are shown; this one shows none, and the others override what they show."""
 
-    def servers(self, board: Board) -> None: ...
-    def goal(self, goal: WatchedGoal) -> None: ...
-    def tick(self, board: Board) -> None: ...
-    def __enter__(self) -> Self: ...
+    def servers(self, board: Board) -> None:
+        """Show that the servers have changed."""
+
+    def goal(self, goal: WatchedGoal) -> None:
+        """Show that a goal has changed."""
+
+    def tick(self, board: Board) -> None:
+        """Draw anew; called a few times a second."""
+
+    def __enter__(self) -> Self:
+        return self
+
     def __exit__(self, *_: object) -> None: ...
 
 
-class TextScreen:
+class TextScreen(Screen):
     """A line for each change."""
 
     def servers(self, board: Board) -> None:
@@ -55,16 +62,8 @@ class TextScreen:
         )
         say(f"{_clock(goal.since)}  {goal.goal_id}  {goal.state:<9}  {words}")
 
-    def tick(self, board: Board) -> None:
-        """Do nothing: only changes are written."""
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None: ...
-
-
-class JsonScreen(TextScreen):
+class JsonScreen(Screen):
     """A JSON object for each change."""
 
     def servers(self, board: Board) -> None:
@@ -83,7 +82,7 @@ class JsonScreen(TextScreen):
         say(as_json(record))
 
 
-class TableScreen:
+class TableScreen(Screen):
     """A table that is drawn again and again; what runs comes first, then the newest."""
 
     def __init__(self, name: str) -> None:
@@ -93,9 +92,6 @@ class TableScreen:
 
     def servers(self, board: Board) -> None:
         self.tick(board)
-
-    def goal(self, goal: WatchedGoal) -> None:
-        """Do nothing: the next tick draws it."""
 
     def tick(self, board: Board) -> None:
         self._live.update(self._drawn(board, time.time()), refresh=True)

@@ -79,22 +79,20 @@ class Queued(Fibonacci):
         return result
 
     def _advance(self) -> None:
-        while (run := self._next()) is not None:
-            if self._current is run:
+        """Let the goal that has waited longest execute, if none executes."""
+        while True:
+            with self._lock:
+                if self._current is not None or not self._waiting:
+                    return
+                run = self._waiting.popleft()
+                # A goal may be CANCELING though `cancelled` has not been called for it yet.
+                dropped = run.handle.is_cancel_requested
+                if not dropped:
+                    self._current = run
+            if dropped:
+                run.drop()
+            else:
                 run.begin()
-                return
-            run.drop()
-
-    def _next(self) -> Run | None:
-        """Return the goal that is to execute, or to be dropped."""
-        with self._lock:
-            if self._current is not None or not self._waiting:
-                return None
-            run = self._waiting.popleft()
-            # It may be cancelled already, and `cancelled` be called a moment later.
-            if not run.handle.is_cancel_requested:
-                self._current = run
-            return run
 
 
 class Preemptive(Queued):

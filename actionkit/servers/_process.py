@@ -247,21 +247,21 @@ class Server:
         self._reader.start()
         try:
             self._journal.wait_for("ready", incarnation=incarnation, timeout=_START_TIMEOUT)
-        except BaseException as error:
-            if not isinstance(error, EventNotSeenError):
-                self.kill()
-                raise
+        except EventNotSeenError as error:
             if error.ended:
                 # Its stdout is closed; the process itself may take a moment more.
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self._process.wait(_STOP_TIMEOUT)
-                problem = f"ended while starting (exit code {self.kill()})"
-            else:
-                self.kill()
-                problem = f"was not up within {_START_TIMEOUT:g} s"
+            code = self.kill()
+            problem = f"was not up within {_START_TIMEOUT:g} s"
+            if error.ended:
+                problem = f"ended while starting (exit code {code})"
             raise RuntimeError(
                 f"the {self.name} server {problem}; it said:\n{self.stderr.rstrip()}"
             ) from None
+        except BaseException:
+            self.kill()
+            raise
 
     def _read(self, stdout: IO[bytes]) -> None:
         with stdout:
