@@ -113,11 +113,8 @@ def complete_servers(
     """Return the reference servers."""
     from actionkit.servers import names
 
-    return [
-        CompletionItem(name, help=words)
-        for name, words in names().items()
-        if name.startswith(incomplete)
-    ]
+    found = names().items()
+    return [CompletionItem(name, help=text) for name, text in found if name.startswith(incomplete)]
 
 
 name_argument = click.argument("name", metavar="NAME", shell_complete=complete_names)

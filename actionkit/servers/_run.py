@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -40,8 +41,7 @@ class Control:
         self._lock = threading.Lock()
         self._runs: set[Run] = set()
         self._waiting: deque[Run] = deque()
-        self._open = False
-        self._tickets = 0
+        self._tickets = 0.0  # how many goals more may pass; infinite while the gate is open
 
     def add(self, run: Run) -> None:
         with self._lock:
@@ -62,23 +62,19 @@ class Control:
     def release(self, n: int | None = None) -> None:
         """Let `n` goals through the gate, the first to wait first; `None`: open it."""
         with self._lock:
-            if n is None:
-                self._open = True
-            else:
-                self._tickets += n
-            while self._waiting and (self._open or self._tickets):
+            self._tickets = math.inf if n is None else self._tickets + n
+            while self._waiting and self._tickets:
                 self._pass(self._waiting.popleft())
 
     def hold(self) -> None:
         """Close the gate."""
         with self._lock:
-            self._open = False
             self._tickets = 0
 
     def arrive(self, run: Run) -> None:
         """Let the goal through the gate, or put it at the end of the queue before it."""
         with self._lock:
-            if self._open or self._tickets:
+            if self._tickets:
                 self._pass(run)
             else:
                 self._waiting.append(run)
@@ -90,8 +86,7 @@ class Control:
                 self._waiting.remove(run)
 
     def _pass(self, run: Run) -> None:
-        if not self._open:
-            self._tickets -= 1
+        self._tickets -= 1
         run.passed = True
         run.wake()
 
