@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Protocol, TypeAlias
 
+from actionkit.servers._life import Life
 from actionkit.servers._run import GoalStopped, Run
 
 OptionValue = int | float | str
@@ -18,7 +19,7 @@ COMMON_OPTIONS: dict[str, OptionValue] = {
     "threads": 0,
     # Seconds for which the server keeps a result; 15 minutes, as rclpy's ActionServer does.
     "result_timeout": 900.0,
-    # "all" events, all but "feedback" ("goals"), or "ready" alone ("none"): for long runs.
+    # "all" events, all but "feedback" ("goals"), or "ready" and what ends a process ("none").
     "journal": "all",
 }
 """Options of every server, with their defaults. The default's type is the option's type."""
@@ -26,6 +27,8 @@ COMMON_OPTIONS: dict[str, OptionValue] = {
 
 class Process(Protocol):
     """What a behaviour may ask of the process that serves it."""
+
+    life: Life
 
     def enable_self_cancel(self) -> None:
         """Make a second action client, in a node of its own; call it before any goal."""
@@ -35,20 +38,6 @@ class Process(Protocol):
 
     def destroy_server(self, index: int) -> None:
         """Destroy an action server; the process and its node stay."""
-
-    def crash(self, run: Run, point: str) -> None:
-        """Write it into the journal, then die by SIGKILL."""
-
-    def end(self) -> None:
-        """Ask for a clean end of the process; it comes a little later."""
-
-    def restart(self, how: str) -> None:
-        """Start anew, with nothing kept but the count of goals.
-
-        Args:
-            how: "clean" ends properly before, returns, and the end comes a little later; "kill"
-                is as if the process was killed, and does not return.
-        """
 
 
 class Behaviour:
@@ -74,6 +63,7 @@ class Behaviour:
     def __init__(self, options: Mapping[str, Any], process: Process) -> None:
         self.option = options
         self.process = process
+        self.life = process.life
 
     def received(self, run: Run) -> None:
         """Hear of a goal request; of all hooks, the first, and in the order of the requests."""

@@ -139,7 +139,7 @@ class Crashes(Fibonacci):
 
     def _crash_at(self, point: str, run: Run) -> None:
         if self.option["point"] == point:
-            self.process.crash(run, point)
+            self.life.crash(run, point)
 
 
 class Expires(Fibonacci):

@@ -36,7 +36,7 @@ class Flaky(Fibonacci):
         self.compute(run, islice(fibonacci_steps(run.order), run.order // 2))
         if self._fails(run, "crashes"):
             run.emit("crashing", point="half-way")
-            self.process.restart("kill")
+            self.life.restart("kill")
         return run.abort()
 
     def _fails(self, run: Run, *ways: str) -> bool:
@@ -84,4 +84,4 @@ class Restarts(Fibonacci):
 
     def _restart(self, point: str, run: Run) -> None:
         run.emit("leaving", point=point, how=self.option["how"])
-        self.process.restart(self.option["how"])
+        self.life.restart(self.option["how"])

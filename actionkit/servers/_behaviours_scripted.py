@@ -104,13 +104,13 @@ class ByScript(Behaviour):
     def _stay(self, run: Run, step: Step) -> None:
         """Do a step that does not come to an end by itself."""
         if step.word == "crash" and step.value == "kill":
-            self.process.crash(run, "script")
+            self.life.crash(run, "script")
         elif step.word == "crash":
             run.emit("leaving", how="clean")
-            self.process.end()
+            self.life.end()
         elif step.word == "restart":
             run.emit("leaving", how=step.value)
-            self.process.restart(step.value)
+            self.life.restart(step.value)
         elif run.heeds_cancel:
             run.wait_cancel()
             run.pause(0)

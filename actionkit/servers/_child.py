@@ -86,7 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from actionkit.servers._harness import Harness  # rclpy: heavy, and not needed before
 
     try:
-        harness = Harness(behaviour, options, given.action, journal, Life(stdout))
+        harness = Harness(behaviour, options, given.action, journal, Life(stdout, journal))
     except ValueError as error:
         parser.error(str(error))
     harness.start()
@@ -108,7 +108,7 @@ def _end(harness: Harness, *, restart: bool) -> NoReturn:
     sys.stderr.flush()
     # Where both a restart and an end were asked for, the process ends.
     if restart and not signal.sigpending() & END_SIGNALS:
-        harness.start_anew("clean")
+        harness.life.start_anew("clean")
     # Not sys.exit: it would wait for threads of goals that may be blocked in anything.
     os._exit(0)
 

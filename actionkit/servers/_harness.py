@@ -6,10 +6,9 @@ from __future__ import annotations
 
 import importlib
 import os
-import signal
 import threading
 import uuid
-from typing import Any, NoReturn
+from typing import Any
 
 from rclpy.action.server import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -19,7 +18,7 @@ from rclpy.node import Node
 from actionkit._ros.discovery import stop_listening
 from actionkit.servers._behaviour import Behaviour
 from actionkit.servers._executors import make_executor, spin
-from actionkit.servers._life import INSTANCE_VARIABLE, RESTART_SIGNAL, Life
+from actionkit.servers._life import INSTANCE_VARIABLE, Life
 from actionkit.servers._run import Control, Journal, Run
 
 _JOIN_TIMEOUT = 1.0
@@ -217,12 +216,6 @@ class Harness:
         self._nodes[0].destroy_node()
         self._context.shutdown()
 
-    def start_anew(self, how: str) -> NoReturn:
-        """Start the program anew, with no end first; "restarting" is the last event before."""
-        with self.journal.lock:
-            self.journal.emit("restarting", how=how)
-            self.life.start_anew()
-
     # -- for behaviours --------------------------------------------------------------------
 
     def enable_self_cancel(self) -> None:
@@ -243,19 +236,6 @@ class Harness:
         # On the spinning thread, between two waits: elsewhere it would pull the server out of
         # the wait set that is being waited on.
         self.executor.create_task(self._destroy, index)
-
-    def crash(self, run: Run, point: str) -> None:
-        run.emit("crashing", point=point)
-        os.kill(os.getpid(), signal.SIGKILL)
-
-    def end(self) -> None:
-        os.kill(os.getpid(), signal.SIGTERM)
-
-    def restart(self, how: str) -> None:
-        if how == "clean":
-            os.kill(os.getpid(), RESTART_SIGNAL)
-        else:
-            self.start_anew(how)
 
     # -- private ---------------------------------------------------------------------------
 

@@ -9,6 +9,8 @@ import sys
 import threading
 from typing import NoReturn
 
+from actionkit.servers._run import Journal, Run
+
 INSTANCE_VARIABLE = "ACTIONKIT_SERVER_INSTANCE"
 """Names the server among others, over its restarts; set by whoever starts it."""
 GOALS_VARIABLE = "_ACTIONKIT_SERVER_GOALS"
@@ -22,8 +24,9 @@ RESTART_SIGNAL = signal.SIGUSR1
 class Life:
     """The end of this process and its new start, and the count of goals that outlasts both."""
 
-    def __init__(self, stdout: int) -> None:
+    def __init__(self, stdout: int, journal: Journal) -> None:
         self._stdout = stdout
+        self._journal = journal
         self._lock = threading.Lock()
         self._goals = int(os.environ.pop(GOALS_VARIABLE, "0"))
 
@@ -33,17 +36,40 @@ class Life:
             self._goals += 1
             return self._goals - 1
 
-    def start_anew(self) -> NoReturn:
-        """Replace the running program by a new one, here and now.
+    def crash(self, run: Run, point: str) -> None:
+        """Write it into the journal, then die by SIGKILL."""
+        run.emit("crashing", point=point)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    def end(self) -> None:
+        """Ask for a clean end of the process; it comes a little later."""
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    def restart(self, how: str) -> None:
+        """Start anew, with nothing kept but the count of goals.
+
+        Args:
+            how: "clean" ends properly before, returns, and the end comes a little later; "kill"
+                is as if the process was killed, and does not return.
+        """
+        if how == "clean":
+            os.kill(os.getpid(), RESTART_SIGNAL)
+        else:
+            self.start_anew(how)
+
+    def start_anew(self, how: str) -> NoReturn:
+        """Replace the running program by a new one, here and now; `how` is for the journal.
 
         To everybody outside, it is as if the process was killed: its threads and sockets are
         gone between two instructions, and nobody is told. But the process id stays, and so do the
         pipes to the parent and the shell's job, so that no other process has to restart it.
         """
-        for name in os.listdir("/proc/self/fd"):
-            if int(name) > 2:
-                with contextlib.suppress(OSError):  # the descriptor of the listing itself
-                    os.set_inheritable(int(name), False)
-        os.dup2(self._stdout, 1)  # where it was given to us
-        os.environ[GOALS_VARIABLE] = str(self._goals)
-        os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
+        with self._journal.lock:  # the next event is "ready", of the new program
+            self._journal.emit("restarting", how=how)
+            for name in os.listdir("/proc/self/fd"):
+                if int(name) > 2:
+                    with contextlib.suppress(OSError):  # the descriptor of the listing itself
+                        os.set_inheritable(int(name), False)
+            os.dup2(self._stdout, 1)  # where it was given to us
+            os.environ[GOALS_VARIABLE] = str(self._goals)
+            os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
