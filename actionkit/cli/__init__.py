@@ -1,4 +1,4 @@
-"""The command line (contract C6.3). Nothing heavy is imported before it is needed."""
+"""The command line. Nothing heavy is imported before it is needed."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         code = int(run(arguments))
         sys.stdout.flush()
     except KeyboardInterrupt:
-        # What was in use has been cleaned up on the way here; nothing may interrupt the rest.
+        # The call has been cleaned up on the way here; nothing may interrupt the rest.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        # An event loop that was being made, for one, complains when it is freed half-made.
+        # What was half-made at that moment, such as an event loop, may complain when it is freed.
         sys.unraisablehook = lambda _: None
         warnings.simplefilter("ignore")
         code = 130  # Exit.INTERRUPTED, whose import may be what was interrupted

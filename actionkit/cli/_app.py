@@ -31,7 +31,7 @@ _COMMANDS = {
 
 
 class _OutputClosedError(Exception):
-    """Nobody reads the output. Not an OSError, which click would end the process at."""
+    """Nobody reads the output. Not an OSError: click would end the process without our code."""
 
 
 @contextlib.contextmanager
@@ -44,21 +44,18 @@ def _noticing_closed_output() -> Iterator[None]:
 
 class _Group(click.Group):
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
-        """Read the words, and write the help where it is asked for."""
+        # This reads the arguments, and writes the help where it is asked for.
         with _noticing_closed_output():
             return super().make_context(*args, **kwargs)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command."""
         with _noticing_closed_output():
             return super().invoke(ctx)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names of all commands."""
         return list(_COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return the command of that name, or `None`."""
         if cmd_name not in _COMMANDS:
             return None
         command: click.Command = importlib.import_module(_COMMANDS[cmd_name]).command

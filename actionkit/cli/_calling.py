@@ -1,4 +1,4 @@
-"""One call from the command line: what happens is told, and whatever ends it cancels the goal."""
+"""One call from the command line: it is reported, and whatever ends it cancels the goal."""
 
 from __future__ import annotations
 
@@ -19,11 +19,14 @@ from actionkit.cli._reports import Now, Report, became
 from actionkit.cli._signals import discard_output, handled, watch_output
 
 _TICK = 0.1
-"""Seconds between two looks at the goal's timeline, and two frames of the display."""
+"""Seconds between two looks at the goal's timeline, and two frames of the display: what a person
+takes for at once."""
 _ROOM = 256
-"""Feedback messages that may wait to be written, where the output is slow."""
+"""Feedback messages that may wait to be written: seconds of them, and little memory."""
 _SLOW = 0.5
+"""Seconds for which feedback waits for such a place; then it is left out, and counted."""
 _MARGIN = 0.5
+"""Seconds beyond the client's own time for a cancel, so that its report comes first."""
 
 
 class Calling:
@@ -37,13 +40,13 @@ class Calling:
         echo: bool,
         progress: Progress | None,
     ) -> None:
-        """Make one.
+        """Take what the call needs.
 
         Args:
             client: Closed at the end of `run`.
-            report: Whom to tell.
-            echo: Whether each feedback is told.
-            progress: What reads the share from feedback, if anything.
+            report: Where the course of the call is written.
+            echo: Whether each feedback is written.
+            progress: What reads from feedback how much is done, if anything.
         """
         self._client = client
         self._report = report
@@ -61,7 +64,7 @@ class Calling:
         self._future: GoalFuture[Any, Any] | None = None
 
     def run(self, goal: Any, timeout: float | None) -> Exit:
-        """Make the call; return what it ended with.
+        """Make the call; return its exit code.
 
         Args:
             goal: The goal message.
@@ -109,11 +112,11 @@ class Calling:
         self._tell(lambda: self._report.now(now))
 
     def _catch_up(self, until: float, *, ended: bool = False) -> None:
-        """Tell the events of the timeline that are new.
+        """Report the events of the timeline that are new.
 
         Args:
-            until: Later events are not told so far.
-            ended: Whether all feedback was told, which comes before the goal's end.
+            until: The time on the monotonic clock of the last event to report.
+            ended: Whether all feedback was reported; the goal's end comes after it.
         """
         assert self._future is not None
         events = [e for e in self._future.timeline if e.state is not GoalState.FEEDBACK]
@@ -158,12 +161,12 @@ class Calling:
     def _tell(self, words: Callable[[], None]) -> None:
         try:
             words()
-        except OSError:  # nobody reads any more; not told to others than the goal
+        except OSError:  # nobody reads any more: cancel the goal, and write nothing about it
             discard_output()
             self._interrupt(Exit.OUTPUT_CLOSED)
 
     def _last_words(self, outcome: Outcome[Any]) -> None:
-        """Where nobody reads the output, what is still running is told to standard error."""
+        """Write to standard error that the goal may still run, where nobody reads the output."""
         safe = (None, CancelReport.CONFIRMED, CancelReport.NOT_NEEDED)
         if self._code is Exit.OUTPUT_CLOSED and outcome.cancel not in safe:
             with contextlib.suppress(OSError):
@@ -181,4 +184,4 @@ class Calling:
 
 
 def _nothing() -> None:
-    """Only wake up."""
+    """Do nothing; in the inbox, it wakes the main thread."""

@@ -1,45 +1,90 @@
-"""The steps of `actionkit demo`: each runs what `_demo_code` shows, and checks what came back."""
+"""The steps of `actionkit demo`: what each runs and shows, and how what came of it is checked.
+
+Each function that has no underscore is shown as a user would write it: its docstring as the title
+and the explanation, then its body without a `return` at the end. `print` prints into the demo's
+display.
+"""
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
+from concurrent.futures import CancelledError
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 from test_msgs.action import Fibonacci
 
-import actionkit
-from actionkit import CancelReport, GoalState
-from actionkit.cli import _demo_code as code
-from actionkit.cli._demo_screen import Said, Screen
+from actionkit import (
+    ActionKitError,
+    CancelReport,
+    Client,
+    DeadlineExceededError,
+    GoalFuture,
+    GoalRejectedError,
+    GoalState,
+    ServerUnavailableError,
+    Timeouts,
+)
+from actionkit.cli._demo_screen import DemoScreen
 from actionkit.servers import Server
 
-_PATIENCE = 5.0
-"""Seconds for the server's journal to show what the client knows already."""
+FibonacciClient = Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]
+Print = Callable[..., None]
+_E = TypeVar("_E", bound=ActionKitError)
 
 
 class UnexpectedError(Exception):
     """A step did not come out as it should."""
 
 
-@dataclass(frozen=True)
-class Stage:
-    """What a step works with."""
+@dataclass
+class Demo:
+    """What the steps work with.
 
-    client: code.FibonacciClient
+    Attributes:
+        client: The client of all steps but the last.
+        server: The server that it calls.
+        screen: Where it is shown.
+        printed: What the code of the present step printed.
+        lengths: How many numbers there were in each feedback that was shown as progress.
+    """
+
+    client: FibonacciClient
     server: Server
-    screen: Screen
+    screen: DemoScreen
+    printed: list[Any] = field(default_factory=list)
+    lengths: list[int] = field(default_factory=list)
 
+    def print(self, *values: Any) -> None:
+        """Show and keep what the code of a step prints."""
+        self.printed.extend(values)
+        self.screen.said(" ".join(str(value) for value in values))
 
-@dataclass(frozen=True)
-class Step:
-    """One thing to show."""
+    def show_progress(self, feedback: Fibonacci.Feedback) -> None:
+        """Show how far the goal of order 10 is."""
+        self.lengths.append(len(feedback.sequence))
+        words = f"newest number: {feedback.sequence[-1]}"
+        self.screen.progress(len(feedback.sequence) - 1, 10, words)
 
-    title: str
-    why: str
-    shown: Callable[..., object]
-    run: Callable[[Stage], None]
+    def error(self, kind: type[_E]) -> _E:
+        """Return the one error of that kind that the code printed."""
+        errors = [value for value in self.printed if isinstance(value, kind)]
+        _expect(len(errors) == 1, f"the call did not end in {kind.__name__}")
+        return errors[0]
+
+    def expect_stopped(self, goal_id: str) -> None:
+        """Show what the server itself saw of a goal, and check that it runs no more."""
+        self.server.wait_for("canceled", goal_id=goal_id)
+        _expect(goal_id not in self.server.running(), "the server still runs the goal")
+        events = [event for event in self.server.events if event.goal_id == goal_id]
+        shown = ", ".join(
+            f"{event.event.replace('_', ' ')} at {event.monotonic - events[0].monotonic:.2f} s"
+            for event in events
+            if event.event in ("accepted", "cancel_requested", "canceled")
+        )
+        self.screen.note(f"The server's own journal: {shown}.")
 
 
 def _expect(condition: object, otherwise: str) -> None:
@@ -47,126 +92,156 @@ def _expect(condition: object, otherwise: str) -> None:
         raise UnexpectedError(otherwise)
 
 
-def fibonacci(order: int) -> list[int]:
-    """Return the sequence that the server owes for an order."""
+def connect() -> FibonacciClient:
+    """Make the client of all the steps."""
+    from test_msgs.action import Fibonacci
+
+    from actionkit import Client
+
+    client = Client(Fibonacci, "fibonacci")
+    return client  # noqa: RET504
+
+
+def blocking(
+    client: FibonacciClient, print: Print, show_progress: Callable[[Fibonacci.Feedback], None]
+) -> None:
+    """A call that waits, with its progress
+
+    The simplest form. The goal has 20 seconds for everything.
+    """
+    goal = Fibonacci.Goal(order=10)
+    result = client.call(goal, timeout=20.0, on_feedback=show_progress)
+    print(list(result.sequence))
+
+
+def _blocking(demo: Demo) -> None:
+    blocking(demo.client, demo.print, demo.show_progress)
+    _expect(demo.printed == [_fibonacci(10)], f"the result should be {_fibonacci(10)}")
+    _expect(demo.lengths, "no feedback came")
+    in_order = all(a < b for a, b in pairwise(demo.lengths))
+    _expect(in_order, f"feedback out of order: {demo.lengths}")
+
+
+def concurrently(client: FibonacciClient, print: Print) -> None:
+    """Two goals at once, under asyncio
+
+    What call_async returns can be awaited, gathered, and waited for in threads.
+    """
+
+    async def main() -> None:
+        short, long = await asyncio.gather(
+            client.call_async(Fibonacci.Goal(order=5), timeout=20.0),
+            client.call_async(Fibonacci.Goal(order=8), timeout=20.0),
+        )
+        print(list(short.sequence))
+        print(list(long.sequence))
+
+    asyncio.run(main())
+
+
+def _concurrently(demo: Demo) -> None:
+    concurrently(demo.client, demo.print)
+    _expect(demo.printed == [_fibonacci(5), _fibonacci(8)], "these are not the two sequences")
+    _expect(demo.server.max_running == 2, "the server did not run both at one time")
+    demo.screen.note("The server ran both at one time.")
+
+
+def cancelled(
+    client: FibonacciClient, print: Print
+) -> GoalFuture[Fibonacci.Result, Fibonacci.Feedback]:
+    """Cancelling a goal
+
+    The goal stops on the server, not just here, and the server's word is waited for.
+    """
+    future = client.call_async(Fibonacci.Goal(order=50), timeout=20.0)
+    for feedback in future.feedback():
+        print("feedback:", list(feedback.sequence))
+        if len(feedback.sequence) > 4:
+            future.cancel()
+    try:
+        future.result()
+    except CancelledError:
+        print("server confirms:", future.outcome().status)
+    return future
+
+
+def _cancelled(demo: Demo) -> None:
+    future = cancelled(demo.client, demo.print)
+    outcome = future.outcome(0)
+    _expect(future.cancelled(), "the future is not cancelled")
+    _expect(outcome.status is GoalState.CANCELED, f"the goal ended as {outcome.status}")
+    _expect(outcome.cancel is CancelReport.CONFIRMED, f"the cancel is {outcome.cancel}")
+    demo.expect_stopped(str(future.goal_id))
+
+
+def rejected(client: FibonacciClient, print: Print) -> None:
+    """A goal that the server rejects
+
+    This server takes orders from 0 to 100. A rejection is an error, never an empty result.
+    """
+    try:
+        client.call(Fibonacci.Goal(order=-1), timeout=20.0)
+    except GoalRejectedError as error:
+        print(error)
+
+
+def _rejected(demo: Demo) -> None:
+    rejected(demo.client, demo.print)
+    goal_id = demo.error(GoalRejectedError).goal_id
+    demo.server.wait_for("rejected", goal_id=str(goal_id))
+
+
+def timed_out(client: FibonacciClient, print: Print) -> None:
+    """A deadline
+
+    The goal would take 25 seconds and gets one. It is not left running on the robot.
+    """
+    try:
+        client.call(Fibonacci.Goal(order=100), timeout=1.0)
+    except DeadlineExceededError as error:
+        print(error)
+        print("cancel:", error.cancel)
+
+
+def _timed_out(demo: Demo) -> None:
+    timed_out(demo.client, demo.print)
+    error = demo.error(DeadlineExceededError)
+    _expect(error.cancel is CancelReport.CONFIRMED, f"the cancel is {error.cancel}")
+    demo.expect_stopped(str(error.goal_id))
+
+
+def without_server(print: Print) -> None:
+    """No server
+
+    The name has a letter too few: the error looks for what was meant.
+    """
+    with Client(Fibonacci, "fibonaci", timeouts=Timeouts(server=1.0)) as typo:
+        try:
+            typo.call(Fibonacci.Goal(order=5))
+        except ServerUnavailableError as error:
+            print(error)
+
+
+def _without_server(demo: Demo) -> None:
+    without_server(demo.print)
+    near = f"'{demo.client.action_name}'" in str(demo.error(ServerUnavailableError))
+    _expect(near, "the error does not name the near miss")
+
+
+def _fibonacci(order: int) -> list[int]:
+    """Return the sequence that is the right answer for an order."""
     numbers = [0, 1]
     while len(numbers) <= order:
         numbers.append(numbers[-1] + numbers[-2])
     return numbers
 
 
-def _only_error(said: Said, cls: type[actionkit.ActionKitError]) -> Any:
-    errors = [value for value in said.values if isinstance(value, cls)]
-    _expect(len(errors) == 1, f"the call did not end in {cls.__name__}")
-    return errors[0]
-
-
-def _blocking(stage: Stage) -> None:
-    said = Said(stage.screen, hold=True)
-    order = 10
-    lengths: list[int] = []
-    with stage.screen.progress(order) as show:
-
-        def show_progress(feedback: Fibonacci.Feedback) -> None:
-            lengths.append(len(feedback.sequence))
-            show(len(feedback.sequence) - 1, f"newest number: {feedback.sequence[-1]}")
-
-        code.blocking(stage.client, said, show_progress)
-    said.release()
-    _expect(said.values == [fibonacci(order)], f"the result should be {fibonacci(order)}")
-    _expect(lengths, "no feedback came")
-    _expect(all(a < b for a, b in pairwise(lengths)), f"feedback out of order: {lengths}")
-
-
-def _concurrently(stage: Stage) -> None:
-    said = Said(stage.screen)
-    code.concurrently(stage.client, said)
-    _expect(said.values == [fibonacci(5), fibonacci(8)], "these are not the two sequences")
-    _expect(stage.server.max_running == 2, "the server did not run both at one time")
-    stage.screen.note("The server ran both at one time.")
-
-
-def _cancelled(stage: Stage) -> None:
-    said = Said(stage.screen)
-    future = code.cancelled(stage.client, said)
-    outcome = future.outcome(0)
-    _expect(future.cancelled(), "the future is not cancelled")
-    _expect(outcome.status is GoalState.CANCELED, f"the goal ended as {outcome.status}")
-    _expect(outcome.cancel is CancelReport.CONFIRMED, f"the cancel is {outcome.cancel}")
-    _show_journal(stage, str(future.goal_id))
-
-
-def _rejected(stage: Stage) -> None:
-    said = Said(stage.screen)
-    code.rejected(stage.client, said)
-    error = _only_error(said, actionkit.GoalRejectedError)
-    stage.server.wait_for("rejected", goal_id=str(error.goal_id), timeout=_PATIENCE)
-
-
-def _timed_out(stage: Stage) -> None:
-    said = Said(stage.screen)
-    code.timed_out(stage.client, said)
-    error = _only_error(said, actionkit.DeadlineExceededError)
-    _expect(error.cancel is CancelReport.CONFIRMED, f"the cancel is {error.cancel}")
-    _show_journal(stage, str(error.goal_id))
-
-
-def _without_server(stage: Stage) -> None:
-    said = Said(stage.screen)
-    code.without_server(said)
-    error = _only_error(said, actionkit.ServerUnavailableError)
-    _expect(f"'{stage.client.action_name}'" in str(error), "the error does not name the near miss")
-
-
-def _show_journal(stage: Stage, goal_id: str) -> None:
-    """Show what the server itself saw of a goal, and that the goal runs no more."""
-    stage.server.wait_for("canceled", goal_id=goal_id, timeout=_PATIENCE)
-    _expect(goal_id not in stage.server.running(), "the server still runs the goal")
-    events = [event for event in stage.server.events if event.goal_id == goal_id]
-    wanted = ("accepted", "cancel_requested", "canceled")
-    told = [
-        f"{event.event.replace('_', ' ')} at {event.monotonic - events[0].monotonic:.2f} s"
-        for event in events
-        if event.event in wanted
-    ]
-    stage.screen.note(f"The server's own journal: {', '.join(told)}.")
-
-
-STEPS = (
-    Step(
-        "A call that waits, with its progress",
-        "The simplest form. The goal has 20 seconds for everything.",
-        code.blocking,
-        _blocking,
-    ),
-    Step(
-        "Two goals at once, under asyncio",
-        "What call_async returns can be awaited, gathered, and waited for in threads.",
-        code.concurrently,
-        _concurrently,
-    ),
-    Step(
-        "Cancelling a goal",
-        "The goal stops on the server, not just here, and the server's word is waited for.",
-        code.cancelled,
-        _cancelled,
-    ),
-    Step(
-        "A goal that the server rejects",
-        "This server takes orders from 0 to 100. A rejection is an error, never an empty result.",
-        code.rejected,
-        _rejected,
-    ),
-    Step(
-        "A deadline",
-        "The goal would take 25 seconds and gets one. It is not left running on the robot.",
-        code.timed_out,
-        _timed_out,
-    ),
-    Step(
-        "No server",
-        "The name has a letter too few: the error looks for what was meant.",
-        code.without_server,
-        _without_server,
-    ),
+STEPS: tuple[tuple[Callable[..., object], Callable[[Demo], None]], ...] = (
+    (blocking, _blocking),
+    (concurrently, _concurrently),
+    (cancelled, _cancelled),
+    (rejected, _rejected),
+    (timed_out, _timed_out),
+    (without_server, _without_server),
 )
+"""Of each step: the code to show, and what runs and checks it."""

@@ -15,8 +15,11 @@ if TYPE_CHECKING:
     from actionkit._ros.tools.survey import ActionSeen, Survey
 
 _ROUND_TRIP = 5.0
+"""Seconds to wait for an answer; a busy server takes up to a few."""
 _SLOW = 0.1
+"""Seconds of an answer on which there is a note; on one machine it takes about a millisecond."""
 _LISTED = 10
+"""Servers of which each gets lines of its own."""
 
 
 def actions_in_sight(survey: Survey, name: str | None, wait: float) -> Iterator[Finding]:
@@ -47,7 +50,9 @@ def actions_in_sight(survey: Survey, name: str | None, wait: float) -> Iterator[
     seconds = survey.first_seen.get(name, 0.0)
     yield ok("discovery", f"a server of {name} was seen after {seconds * 1000:.0f} ms")
     yield from _one(action)
-    yield from _answers(name, len(action.servers))
+    from actionkit._ros.tools.roundtrip import measure
+
+    yield from round_trip_findings(name, len(action.servers), measure(name, _ROUND_TRIP))
 
 
 def _all(served: dict[str, ActionSeen]) -> Iterator[Finding]:
@@ -111,13 +116,7 @@ def _one(action: ActionSeen) -> Iterator[Finding]:
             )
 
 
-def _answers(name: str, servers: int) -> Iterator[Finding]:
-    from actionkit._ros.tools.roundtrip import measure
-
-    yield from judged(name, servers, measure(name, _ROUND_TRIP))
-
-
-def judged(name: str, servers: int, trip: RoundTrip) -> Iterator[Finding]:
+def round_trip_findings(name: str, servers: int, trip: RoundTrip) -> Iterator[Finding]:
     """Yield findings about a round trip.
 
     Args:

@@ -17,14 +17,19 @@ _INSTALL = (
     " ActionKit with that system's Python. Without one: pip install 'actionkit[ros]'."
 )
 _PATIENCE = 30.0
+"""Seconds to import rclpy, which takes one, and many times that from a slow disk."""
 _TESTED = ((3, 10), (3, 13))
+"""The first and the last version of Python that ActionKit is tested with."""
 _PREFIX = "/opt/ros/"
 
 
 def machine(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
-    """Yield findings about Python and rclpy; a problem is the last one where rclpy fails."""
+    """Yield findings about Python and rclpy."""
     yield _python()
-    yield ok("actionkit", f"{_version('actionkit')}, {Path(__file__).parents[1]}")
+    yield ok(
+        "actionkit",
+        f"{_metadata('actionkit') or 'of unknown version'}, {Path(__file__).parents[1]}",
+    )
     places = rclpy_places()
     if not places:
         yield problem("rclpy", "not found by this Python.", _INSTALL)
@@ -83,7 +88,7 @@ def _python() -> Finding:
 
 
 def _other_python(environment: Mapping[str, str]) -> Iterator[Finding]:
-    """Say so where there is an rclpy, but of another Python."""
+    """Yield findings about rclpy packages that are there, but not for this Python."""
     here = f"python{sys.version_info[0]}.{sys.version_info[1]}"
     prefixes = environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     prefixes += [str(path) for path in sorted(Path(_PREFIX).glob("*"))]
@@ -125,28 +130,23 @@ def _import_failure() -> str:
 def _broken(place: Path, error: str, environment: Mapping[str, str]) -> Finding:
     text = f"found at {place}, but it cannot be imported: {error}"
     rmw = environment.get("RMW_IMPLEMENTATION", "")
-    if "rmw" in error.lower():
-        if rmw:
-            return problem(
-                "rclpy",
-                text,
-                f"RMW_IMPLEMENTATION={rmw} names a middleware that is not installed: unset it, or"
-                f" install it (apt install ros-jazzy-{rmw.replace('_', '-')}).",
-            )
-        return problem(
-            "rclpy",
-            text,
+    remedy = _INSTALL
+    if "rmw" in error.lower() and rmw:
+        remedy = (
+            f"RMW_IMPLEMENTATION={rmw} names a middleware that is not installed: unset it, or"
+            f" install it (apt install ros-jazzy-{rmw.replace('_', '-')})."
+        )
+    elif "rmw" in error.lower():
+        remedy = (
             "No middleware is installed: pip install 'ros-jazzy-rclpy[fastrtps]' (the extra"
-            " matters), or apt install ros-jazzy-rmw-fastrtps-cpp.",
+            " matters), or apt install ros-jazzy-rmw-fastrtps-cpp."
         )
-    if "_BOOTSTRAP" in "".join(environment) and ".so" in error:
-        return problem(
-            "rclpy",
-            text,
+    elif "_BOOTSTRAP" in "".join(environment) and ".so" in error:
+        remedy = (
             "This process was started by one of another virtual environment, whose library path"
-            " it inherited: unset LD_LIBRARY_PATH and _ROS_WHEELS_BOOTSTRAP_COMPLETE.",
+            " it inherited: unset LD_LIBRARY_PATH and _ROS_WHEELS_BOOTSTRAP_COMPLETE."
         )
-    return problem("rclpy", text, _INSTALL)
+    return problem("rclpy", text, remedy)
 
 
 def _rclpy_version(place: Path) -> str:
@@ -159,11 +159,8 @@ def _rclpy_version(place: Path) -> str:
     return "of unknown version"
 
 
-def _version(name: str) -> str:
-    return _metadata(name) or "of unknown version"
-
-
 def _metadata(name: str) -> str:
+    """Return the version of an installed package, or `""`."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:

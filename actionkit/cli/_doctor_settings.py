@@ -11,6 +11,7 @@ _RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 _SAFE = 101
 """The ports of higher domains reach into those that Linux gives to any program."""
 _MOST = 232
+"""The highest domain whose ports are below 65536."""
 _PROFILES = (
     "FASTDDS_DEFAULT_PROFILES_FILE",
     "FASTRTPS_DEFAULT_PROFILES_FILE",

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class Exit(IntEnum):
-    """What the command `actionkit` ends with. `meaning` is for people."""
+    """The exit codes of the command `actionkit`; `meaning` is for people."""
 
     meaning: str
 
@@ -36,7 +36,6 @@ class Exit(IntEnum):
     TERMINATED = 143, "SIGTERM; as after Ctrl-C."
 
     def __new__(cls, code: int, meaning: str) -> Exit:
-        """Make one row of the table."""
         member = int.__new__(cls, code)
         member._value_ = code
         member.meaning = meaning
@@ -66,7 +65,4 @@ def exit_of(outcome: Outcome[Any]) -> Exit:
     if outcome.error is None:
         return Exit.OK
     names = [cls.__name__ for cls in type(outcome.error).__mro__]
-    for name, code in _OF_ERRORS:
-        if name in names:
-            return code
-    return Exit.FAILED
+    return next((code for name, code in _OF_ERRORS if name in names), Exit.FAILED)

@@ -13,8 +13,8 @@ class Finding:
     """One thing that was looked at.
 
     Attributes:
-        level: `"ok"`; `"note"`: may be meant so, and may be why a call does not work;
-            `"problem"`: something does not work.
+        level: `"ok"`; `"note"`: it may be on purpose, or be why a call does not work; `"problem"`:
+            something does not work.
         topic: A word or two.
         text: What was found.
         remedy: What to do about it; only `"ok"` goes without.
@@ -36,10 +36,10 @@ def ok(topic: str, text: str) -> Finding:
 
 
 def note(topic: str, text: str, remedy: str) -> Finding:
-    """Return one that may be why a call does not work."""
+    """Return a finding that may be why a call does not work."""
     return Finding("note", topic, text, remedy)
 
 
 def problem(topic: str, text: str, remedy: str) -> Finding:
-    """Return one that does not work."""
+    """Return a finding of something that does not work."""
     return Finding("problem", topic, text, remedy)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 _ENDED = ("SUCCEEDED", "CANCELED", "ABORTED", "LOST")
 _MOST = 1000
-"""Goals kept; of those that ended, the oldest go first."""
+"""Goals kept, many screens full, so that a watch of days stays small; of those that ended, the
+oldest go first."""
 
 
 @dataclass(frozen=True)
-class Row:
+class WatchedGoal:
     """One goal.
 
     Attributes:
@@ -31,7 +33,7 @@ class Row:
 
     @property
     def ended(self) -> bool:
-        """Whether it runs no more, or is lost."""
+        """Return whether it runs no more, or is lost."""
         return self.state in _ENDED
 
 
@@ -39,11 +41,11 @@ class Board:
     """The goals of an action and its servers."""
 
     def __init__(self) -> None:
-        self.goals: dict[str, Row] = {}
+        self.goals: dict[str, WatchedGoal] = {}
         self.servers: tuple[str, ...] = ()
 
-    def take(self, news: Any, now: float) -> tuple[list[Row], bool]:
-        """Take in a list of goals, or a tuple of servers.
+    def take(self, news: Any, now: float) -> tuple[list[WatchedGoal], bool]:
+        """Update the goals from a status message, or the servers.
 
         Args:
             news: A list of `GoalSeen`, or the names of the servers' nodes.
@@ -57,7 +59,7 @@ class Board:
             return ([] if news else self._lose(now)), True
         return self._update(news, now), False
 
-    def _update(self, seen: Sequence[Any], now: float) -> list[Row]:
+    def _update(self, seen: Sequence[Any], now: float) -> list[WatchedGoal]:
         changed = []
         for goal in seen:
             row = self.goals.get(goal.goal_id)
@@ -65,28 +67,25 @@ class Board:
             if row is not None and (row.state == goal.state or (row.ended and row.state != "LOST")):
                 continue
             before = "" if row is None else row.state
-            new = Row(goal.goal_id, goal.state, goal.accepted, now, before)
+            new = WatchedGoal(goal.goal_id, goal.state, goal.accepted, now, before)
             self.goals[goal.goal_id] = new
             changed.append(new)
         ended = [row for row in self.goals.values() if row.ended]
-        for row in sorted(ended, key=lambda row: row.accepted)[: len(self.goals) - _MOST]:
-            if len(self.goals) > _MOST:
-                del self.goals[row.goal_id]
+        too_many = max(0, len(self.goals) - _MOST)
+        for row in sorted(ended, key=lambda row: row.accepted)[:too_many]:
+            del self.goals[row.goal_id]
         return sorted(changed, key=lambda row: row.accepted)
 
-    def _lose(self, now: float) -> list[Row]:
+    def _lose(self, now: float) -> list[WatchedGoal]:
         lost = [row for row in self.goals.values() if not row.ended]
         for row in lost:
-            self.goals[row.goal_id] = Row(row.goal_id, "LOST", row.accepted, now, row.state)
+            self.goals[row.goal_id] = WatchedGoal(row.goal_id, "LOST", row.accepted, now, row.state)
         return [self.goals[row.goal_id] for row in lost]
 
-    def sorted(self) -> list[Row]:
+    def sorted(self) -> list[WatchedGoal]:
         """Return the goals in the order of their acceptance."""
         return sorted(self.goals.values(), key=lambda row: row.accepted)
 
-    def counts(self) -> dict[str, int]:
+    def counts(self) -> Counter[str]:
         """Return how many goals are in each state."""
-        found: dict[str, int] = {}
-        for row in self.goals.values():
-            found[row.state] = found.get(row.state, 0) + 1
-        return found
+        return Counter(goal.state for goal in self.goals.values())

@@ -15,13 +15,13 @@ from actionkit._messages.paths import message_class, slots_of, type_name
 from actionkit._model.field_errors import FieldProblem, shown
 
 _NOW = ("now", "auto")
-"""The words for the present time, as `ros2` has them: one for stamps, one for headers."""
+"""The words for the present time, as `ros2` has them: "now" for stamps, "auto" for headers."""
 MOST_TEXT = 2**24
 """Characters of a goal; an array of a million numbers has fewer."""
 MOST_YAML = 2**20
 """Fewer, because to read YAML takes a thousand times as long as to read JSON."""
 _MOST_WORDS = 2000
-"""Characters of an error, which may have what was given in it."""
+"""Characters of an error, which may quote what was given: enough to see what is wrong."""
 _TIME = "builtin_interfaces/msg/Time"
 _HEADER = "std_msgs/msg/Header"
 
@@ -47,7 +47,7 @@ def parse(text: str, goal_class: type) -> Any:
 
 def _message(value: Any, goal_class: type) -> Any:
     if value is None:
-        # A program that failed writes nothing into a pipe, and must not start a robot by that.
+        # A program that failed writes nothing into a pipe, which must not start a robot.
         raise _bad("it is empty. Give {} for a goal with all defaults.")
     if not isinstance(value, Mapping):
         fields = ", ".join(slots_of(goal_class)) or "none"

@@ -1,4 +1,4 @@
-"""The same on a terminal: with a line below that tells how far the goal is."""
+"""The report of a call on a terminal: below it, a line that says how far the goal is."""
 
 from __future__ import annotations
 
@@ -15,15 +15,10 @@ from actionkit.cli._reports import Now, TextReport, described, not_shown
 
 
 class LiveReport(TextReport):
-    """Draws a bar where the share is known, else a sign that it goes on."""
+    """Draws a bar where it is known how much is done, else a spinner."""
 
     def __init__(self, goal: Any, *, bar: bool) -> None:
-        """Make one.
-
-        Args:
-            goal: The goal message.
-            bar: Whether feedback will tell the share.
-        """
+        """Take the goal message, and whether feedback will say how much is done."""
         super().__init__(goal)
         self._console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
         shown = BarColumn(bar_width=30) if bar else SpinnerColumn("line")
@@ -59,5 +54,4 @@ class LiveReport(TextReport):
         super().finished(outcome, code)
 
     def close(self) -> None:
-        """Let go of the terminal."""
         self._progress.stop()

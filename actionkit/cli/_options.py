@@ -18,15 +18,14 @@ _debug: list[bool] = []
 
 
 def debugging() -> bool:
-    """Whether tracebacks are wanted."""
+    """Return whether `--debug` was given."""
     return bool(_debug)
 
 
 class _Printable(logging.Formatter):
-    """For the log, which has names and texts of servers in it."""
+    """Makes the log harmless to a terminal: it has names and texts of servers in it."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return the record's text."""
         return printable(super().format(record))
 
 
@@ -42,7 +41,6 @@ def _begin_debugging(ctx: click.Context, param: click.Parameter, value: bool) ->
 
 
 def debug_option(command: _F) -> _F:
-    """Add `--debug`."""
     return click.option(
         "--debug",
         is_flag=True,
@@ -115,11 +113,8 @@ def complete_servers(
     """Return the reference servers."""
     from actionkit.servers import names
 
-    return [
-        CompletionItem(name, help=words)
-        for name, words in names().items()
-        if name.startswith(incomplete)
-    ]
+    found = names().items()
+    return [CompletionItem(name, help=text) for name, text in found if name.startswith(incomplete)]
 
 
 name_argument = click.argument("name", metavar="NAME", shell_complete=complete_names)

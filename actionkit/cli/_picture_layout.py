@@ -1,6 +1,6 @@
 """What a picture of goals shows, as plain data: rows for calls, lanes for attempts, bars and marks.
 
-Pure: from the lines of a log to times in seconds. How it looks is another module's business.
+Pure: from the lines of a log to times in seconds. `_picture_svg` draws them.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from actionkit._observers.json_schema import LoggedLine
 
 
 class Phase(Enum):
-    """What a goal is in, between two events; the value is for the legend."""
+    """What a goal is doing between two events; the value is for the legend."""
 
     SERVER = "waiting for a server or its turn"
     ACCEPT = "waiting for acceptance"
@@ -95,7 +95,7 @@ class Row:
     """One call.
 
     Attributes:
-        action_name: Of which action.
+        action_name: The action that was called.
         start: When it was made.
         end: When it ended; `None` where the log does not tell.
         outcome: `"ok"`, `"cancelled"` or the name of the error; `""` where the log has none.
@@ -144,7 +144,7 @@ def lay_out(calls: Sequence[Sequence[LoggedLine]]) -> Picture:
 
 
 def _beginning(lines: Sequence[LoggedLine]) -> tuple[float, float]:
-    """Return the wall and the monotonic time at which a call comes into view."""
+    """Return the wall and the monotonic time at which a call began, as far as the log has it."""
     data = lines[0].data
     before = data["elapsed_ms"] / 1000 if lines[0].kind == "outcome" else 0.0
     return float(data["wall"]) - before, float(data["monotonic"]) - before

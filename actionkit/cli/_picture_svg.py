@@ -16,15 +16,18 @@ from actionkit.cli._picture_layout import Bar, Lane, Phase, Picture, Row, Sign, 
 from actionkit.cli._picture_scale import axis_for
 
 WIDTH = 1200
+"""Pixels, as all below: what fits on the screen of a laptop."""
 _TOP = 118
+"""Above the lanes: the title, the summary, the legend in two lines, and the labels of the axis."""
 _LEFT, _RIGHT = 190, 230
+"""Beside the lanes: the names of call and attempt; the outcome."""
 _LEFT_SMALL, _RIGHT_SMALL = 90, 30
-"""Of lanes too low for texts."""
+"""The same where lanes are too low for texts."""
 _TALLEST, _LOWEST = 26.0, 3.0
 _HEIGHT = 1400
-"""Pixels for all lanes together; they are as high as fits, within the two bounds."""
+"""All lanes together; they are as high as fits, within the two bounds."""
 _LABELLED = 12.0
-"""Lanes of at least this height have a text each."""
+"""Lanes of at least this height, that of the letters, have a text each."""
 
 _FILL = {
     Phase.SERVER: "#c8c8c8",
@@ -44,21 +47,18 @@ _SIGN_FILL = {
     Sign.FAILED: "#ffffff",
     Sign.UNENDED: "#ffffff",
 }
-# In units of the mark's radius.
 _SHAPES = {
     Sign.SUCCEEDED: None,  # a circle
     Sign.FAILED: None,
-    Sign.ABORTED: [(-1, -0.45), (-0.45, -1), (0, -0.5), (0.45, -1), (1, -0.45), (0.5, 0)],
+    Sign.ABORTED: [(-1, -0.45), (-0.45, -1), (0, -0.5), (0.45, -1), (1, -0.45), (0.5, 0),
+                   (1, 0.45), (0.45, 1), (0, 0.5), (-0.45, 1), (-1, 0.45), (-0.5, 0)],
     Sign.CANCELED: [(-0.85, -0.85), (0.85, -0.85), (0.85, 0.85), (-0.85, 0.85)],
     Sign.REJECTED: [(0, -1.2), (1.2, 0), (0, 1.2), (-1.2, 0)],
     Sign.LOST: [(-1.1, -0.85), (1.1, -0.85), (0, 1.1)],
     Sign.TIMED_OUT: [(-0.9, -1.1), (0.9, -1.1), (-0.9, 1.1), (0.9, 1.1)],
     Sign.UNENDED: [(-0.7, -1.1), (0.9, 0), (-0.7, 1.1)],
-}
-_SHAPES[Sign.ABORTED] = [
-    *(_SHAPES[Sign.ABORTED] or []),
-    *[(-x, -y) for x, y in (_SHAPES[Sign.ABORTED] or [])],
-]
+}  # fmt: skip
+"""The corners of a mark, in units of its radius."""
 
 _STYLE = """
 text { font: 12px "DejaVu Sans", Verdana, Helvetica, Arial, sans-serif; fill: #222222 }
@@ -81,8 +81,7 @@ def draw(calls: Sequence[Sequence[LoggedLine]], *, name: str = "") -> str:
         calls: The lines of each call, as `LogFile.calls` has them.
         name: Where they come from, for the title.
     """
-    picture = lay_out(calls)
-    return _Drawing(picture).document(name)
+    return _Drawing(lay_out(calls)).document(name)
 
 
 class _Drawing:
@@ -171,23 +170,23 @@ class _Drawing:
         return x + 6.4 * len(words) + 26
 
     def _axis(self) -> None:
-        axis = axis_for(self._span)
-        for seconds, label in axis.ticks:
+        unit, ticks = axis_for(self._span)
+        for seconds, label in ticks:
             x = f"{self._x(seconds):.1f}"
             self._put(
                 f'<path class="grid" d="M{x} {_TOP}V{self._bottom:.1f}"/>',
                 f'<text class="dim middle" x="{x}" y="{_TOP - 6}">{label}</text>',
                 f'<text class="dim middle" x="{x}" y="{self._bottom + 16:.1f}">{label}</text>',
             )
-        since = f"{axis.unit} since {date_text(self._picture.wall)}"
+        since = f"{unit} since {date_text(self._picture.wall)}"
         self._put(
-            f'<text class="dim end" x="{self._left - 14}" y="{_TOP - 6}">{axis.unit}</text>',
+            f'<text class="dim end" x="{self._left - 14}" y="{_TOP - 6}">{unit}</text>',
             f'<text class="axis middle" x="{self._left + self._plot / 2:.1f}"'
             f' y="{self._bottom + 38:.1f}">{_text(since)}</text>',
         )
 
     def _stripes(self) -> None:
-        """Shade every other call, or every other hundred of pixels where there are many."""
+        """Shade every other call, or every other group of calls where a group has one number."""
         top = _TOP + 0.0
         for number, row in enumerate(self._picture.rows):
             height = self._lane * max(1, len(row.lanes))
@@ -200,7 +199,7 @@ class _Drawing:
 
     @property
     def _numbered(self) -> int:
-        """Of how many calls one has its number written beside it."""
+        """Return n where every n-th call has its number written beside it."""
         if self._labelled:
             return 1
         steps = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)

@@ -15,13 +15,11 @@ class _Dumper(yaml.SafeDumper):
     """Block style, but each array of plain values on a line: a path has thousands of numbers."""
 
     def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> Any:
-        """Represent a sequence."""
         plain = not any(isinstance(item, (dict, list)) for item in sequence)
         return super().represent_sequence(tag, sequence, flow_style=plain)
 
     def ignore_aliases(self, data: Any) -> bool:
-        """Write what is the same twice, twice."""
-        return True
+        return True  # write what is there twice, twice
 
 
 def as_yaml(message: Any, indent: str = "    ") -> str:

@@ -1,4 +1,4 @@
-"""Errors that a person is told in one line, with the exit code that goes with them."""
+"""Errors that are shown in one line, each with its exit code."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Problem(click.ClickException):
-    """Something that is told as `Error: ...`."""
+    """An error that is shown as a line `Error: ...`."""
 
     def __init__(self, code: Exit, message: str) -> None:
         super().__init__(message)

@@ -16,6 +16,7 @@ _REMAINING = re.compile(r"(^|_)(remaining|remains|left|to_go)($|_)")
 _NUMBER = re.compile(r"u?int(8|16|32|64)|float|double")
 _DURATIONS = ("builtin_interfaces/Duration", "builtin_interfaces/msg/Duration")
 _DEEP = 3
+"""Levels of messages in messages that are searched; what is deeper is seldom about the whole."""
 _KINDS = ("percent", "share", "remaining")
 
 
@@ -65,7 +66,7 @@ def chosen(text: str, feedback_class: type) -> Field:
 
 
 def found(feedback_class: type) -> Field | None:
-    """Return the field that by its name tells the progress, the outermost first, or `None`."""
+    """Return the outermost field whose name says that it is the progress, or `None`."""
     level: list[tuple[str, type]] = [("", feedback_class)]
     for _ in range(_DEEP):
         candidates: list[Field] = []
@@ -79,7 +80,7 @@ def found(feedback_class: type) -> Field | None:
                 elif hasattr(slot, "namespaces"):
                     below.append((f"{path}.", message_class(slot)))
         if candidates:
-            # A percentage is surer than a remaining time, which may grow; distance before time.
+            # A percentage is preferred to what remains, which may grow; and a distance to a time.
             order = {"percent": 0, "share": 1, "remaining": 2}
             return min(candidates, key=lambda field: (order[field.kind], "time" in field.path))
         level = below
@@ -100,7 +101,7 @@ def _is_number(text: str) -> bool:
 
 
 class Progress:
-    """Turns one feedback after the other into a share of the whole."""
+    """Reads from one feedback after the other how much is done."""
 
     def __init__(self, field: Field) -> None:
         self.field = field
@@ -117,7 +118,7 @@ class Progress:
             return None
         self._largest = max(self._largest, value)
         if self.field.kind == "remaining":
-            # What remained at first is the whole. nav2 says 0 until it has a path.
+            # The most that ever remained is the whole way. nav2 reports 0 until it has a path.
             share = 1 - value / self._largest if self._largest > 0 else None
         elif self.field.kind == "count":
             share = value / self.field.total

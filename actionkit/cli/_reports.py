@@ -1,11 +1,12 @@
-"""What `actionkit call` tells while it goes on, in the words of `ros2 action send_goal`."""
+"""What `actionkit call` writes while it goes on, in the words of `ros2 action send_goal`."""
 
 from __future__ import annotations
 
 import uuid
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
+from actionkit._messages.convert import to_plain
 from actionkit._messages.json_text import to_json
 from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit.cli._exits import Exit
@@ -45,8 +46,8 @@ class Now:
     share: float | None
 
 
-class Report(Protocol):
-    """What a call is told to. On one thread."""
+class Report:
+    """Where the course of a call is written, by one thread; this one writes nothing."""
 
     def begin(self) -> None: ...
     def event(self, event: GoalEvent) -> None: ...
@@ -72,15 +73,11 @@ def became(outcome: Outcome[Any]) -> str:
     return _BECAME[report]
 
 
-class TextReport:
+class TextReport(Report):
     """Lines for people: on standard output what `ros2` says, on standard error the rest."""
 
     def __init__(self, goal: Any) -> None:
-        """Make one.
-
-        Args:
-            goal: The goal message.
-        """
+        """Take the goal message."""
         self._goal = goal
         self._told = 0.0
         self._share: float | None = None
@@ -89,10 +86,6 @@ class TextReport:
     def out(self, text: str) -> None:
         """Write a line to standard output, at once."""
         say(text)
-
-    def err(self, text: str) -> None:
-        """Write a line to standard error."""
-        say(text, err=True)
 
     def begin(self) -> None:
         self.out("Waiting for an action server to become available...")
@@ -119,7 +112,7 @@ class TextReport:
         self.out(f"Feedback:\n{as_yaml(message)}")
 
     def not_shown(self, count: int) -> None:
-        self.err(not_shown(count))
+        say(not_shown(count), err=True)
 
     def now(self, now: Now) -> None:
         grown = now.share is not None and now.share - (self._share or 0.0) >= 0.1
@@ -130,7 +123,7 @@ class TextReport:
         ):
             return
         self._told, self._share = now.elapsed, now.share
-        self.err(f"Progress: {described(now)}")
+        say(f"Progress: {described(now)}", err=True)
 
     def interrupted(self, code: Exit) -> None:
         self.out(f"Canceling goal... ({_CAUSES[code]}; once more leaves at once)")
@@ -143,13 +136,10 @@ class TextReport:
         if code in _CAUSES:
             self.out(became(outcome))
         elif outcome.error is not None:
-            self.err(f"Error: {outcome.error}")
-
-    def close(self) -> None:
-        """Nothing is held."""
+            say(f"Error: {outcome.error}", err=True)
 
 
-class JsonReport:
+class JsonReport(Report):
     """One JSON object on each line of standard output."""
 
     def __init__(self, goal: Any) -> None:
@@ -158,9 +148,6 @@ class JsonReport:
 
     def _write(self, kind: str, **details: Any) -> None:
         say(to_json({"event": kind, **details}))
-
-    def begin(self) -> None:
-        """Nothing is known so far."""
 
     def event(self, event: GoalEvent) -> None:
         if event.state is GoalState.FEEDBACK:
@@ -178,22 +165,15 @@ class JsonReport:
         )
 
     def feedback(self, message: Any) -> None:
-        from actionkit._messages.convert import to_plain
-
         self._write("feedback", feedback=to_plain(message))
 
     def not_shown(self, count: int) -> None:
         self._write("feedback_not_shown", count=count)
 
-    def now(self, now: Now) -> None:
-        """Programs ask no such question."""
-
     def interrupted(self, code: Exit) -> None:
         self._write("canceling", cause=_CAUSES[code])
 
     def finished(self, outcome: Outcome[Any], code: Exit) -> None:
-        from actionkit._messages.convert import to_plain
-
         error = outcome.error
         self._write(
             "outcome",
@@ -208,9 +188,6 @@ class JsonReport:
             message=None if error is None else str(error),
             cancel=None if outcome.cancel is None else outcome.cancel.value,
         )
-
-    def close(self) -> None:
-        """Nothing is held."""
 
 
 def not_shown(count: int) -> str:

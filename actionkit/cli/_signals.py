@@ -28,7 +28,7 @@ processes, and a wrapper such as `uv run` passes its own on."""
 
 @contextlib.contextmanager
 def handled(first: Callable[[Exit], object], farewell: Callable[[], str]) -> Iterator[None]:
-    """Handle SIGINT, SIGTERM and SIGHUP: the first is told, the second ends the process at once.
+    """Handle SIGINT, SIGTERM and SIGHUP: the first calls `first`, the second ends the process.
 
     Signals that were ignored before, as `nohup` and a shell's `&` have it, stay so.
 
@@ -85,7 +85,7 @@ def watch_output(closed: Callable[[], object]) -> None:
 
     def watch() -> None:
         poll = select.poll()
-        poll.register(descriptor, 0)  # errors are always told
+        poll.register(descriptor, 0)  # errors are always reported
         poll.poll()
         closed()
 
@@ -93,7 +93,7 @@ def watch_output(closed: Callable[[], object]) -> None:
 
 
 def discard_output() -> None:
-    """Send what is still to be written to nowhere; Python flushes once more at its end."""
+    """Throw away what is still to be written, which Python would try once more at its end."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         try:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import time
-from typing import Protocol
 
 from rich.console import Console, Group
 from rich.live import Live
-from rich.table import Table as RichTable
+from rich.table import Table
 from rich.text import Text
 from typing_extensions import Self
 
 from actionkit._messages.json_text import to_json
 from actionkit._model.printable import printable
-from actionkit.cli._goal_board import Board, Row
+from actionkit.cli._goal_board import Board, WatchedGoal
 from actionkit.cli._say import say
 
 _STYLES = {
@@ -26,74 +25,67 @@ _STYLES = {
     "LOST": "bold red",
 }
 _FRAME = 6
-"""Lines of the table that are no goals."""
+"""Lines around the goals: two above, the heads of the columns, one below, and two to spare."""
 
 
-class Screen(Protocol):
-    """Where changes are shown."""
+class Screen:
+    """Where changes are shown; this one shows none, and the others override what they show."""
 
-    def servers(self, board: Board) -> None: ...
-    def goal(self, row: Row, board: Board) -> None: ...
-    def tick(self, board: Board) -> None: ...
-    def __enter__(self) -> Self: ...
+    def servers(self, board: Board) -> None:
+        """Show that the servers have changed."""
+
+    def goal(self, goal: WatchedGoal) -> None:
+        """Show that a goal has changed."""
+
+    def tick(self, board: Board) -> None:
+        """Draw anew; called a few times a second."""
+
+    def __enter__(self) -> Self:
+        return self
+
     def __exit__(self, *_: object) -> None: ...
 
 
-class Lines:
+class TextScreen(Screen):
     """A line for each change."""
 
     def servers(self, board: Board) -> None:
         names = ", ".join(board.servers) or "none"
         say(f"{_clock(time.time())}  servers: {names}")
 
-    def goal(self, row: Row, board: Board) -> None:
-        after = f"{row.since - row.accepted:.1f} s"
+    def goal(self, goal: WatchedGoal) -> None:
+        after = f"{goal.since - goal.accepted:.1f} s"
         words = (
-            f"{after} after its acceptance, was {row.before}"
-            if row.before
+            f"{after} after its acceptance, was {goal.before}"
+            if goal.before
             else f"accepted {after} ago"
         )
-        say(f"{_clock(row.since)}  {row.goal_id}  {row.state:<9}  {words}")
-
-    def tick(self, board: Board) -> None:
-        """Only changes are lines."""
-
-    def __enter__(self) -> Self:
-        """Nothing is held."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Nothing is held."""
+        say(f"{_clock(goal.since)}  {goal.goal_id}  {goal.state:<9}  {words}")
 
 
-class JsonLines(Lines):
+class JsonScreen(Screen):
     """A JSON object for each change."""
 
     def servers(self, board: Board) -> None:
         record = {"event": "servers", "time": time.time(), "servers": board.servers}
         say(to_json(record))
 
-    def goal(self, row: Row, board: Board) -> None:
+    def goal(self, goal: WatchedGoal) -> None:
         record = {
             "event": "goal",
-            "time": row.since,
-            "goal_id": row.goal_id,
-            "state": row.state,
-            "before": row.before or None,
-            "accepted": row.accepted,
+            "time": goal.since,
+            "goal_id": goal.goal_id,
+            "state": goal.state,
+            "before": goal.before or None,
+            "accepted": goal.accepted,
         }
         say(to_json(record))
 
 
-class Table:
+class TableScreen(Screen):
     """A table that is drawn again and again; what runs comes first, then the newest."""
 
     def __init__(self, name: str) -> None:
-        """Make one.
-
-        Args:
-            name: The action's.
-        """
         self._name = name
         self._console = Console(highlight=False, markup=False, emoji=False)
         self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False)
@@ -101,30 +93,26 @@ class Table:
     def servers(self, board: Board) -> None:
         self.tick(board)
 
-    def goal(self, row: Row, board: Board) -> None:
-        """Shown by the next tick."""
-
     def tick(self, board: Board) -> None:
         self._live.update(self._drawn(board, time.time()), refresh=True)
 
     def _drawn(self, board: Board, now: float) -> Group:
         counts = ", ".join(f"{count} {state}" for state, count in sorted(board.counts().items()))
         servers = ", ".join(board.servers) or "none in sight"
-        table = RichTable(box=None, pad_edge=False)
+        table = Table(box=None, pad_edge=False)
         for column in ("goal", "state", "in it", "accepted"):
             table.add_column(column)
-        rows = board.sorted()
-        rows.reverse()
-        rows.sort(key=lambda row: row.ended)  # stable: among themselves the newest first
+        # Those that run come before those that ended; of either, the newest comes first.
+        goals = sorted(board.goals.values(), key=lambda goal: (goal.ended, -goal.accepted))
         room = max(1, self._console.height - _FRAME)
-        for row in rows[:room]:
+        for goal in goals[:room]:
             table.add_row(
-                row.goal_id,
-                Text(row.state, style=_STYLES.get(row.state, "")),
-                "" if row.ended else f"{now - row.since:.1f} s",
-                f"{_clock(row.accepted)}",
+                goal.goal_id,
+                Text(goal.state, style=_STYLES.get(goal.state, "")),
+                "" if goal.ended else f"{now - goal.since:.1f} s",
+                _clock(goal.accepted),
             )
-        hidden = len(rows) - room
+        hidden = len(goals) - room
         return Group(
             Text(printable(f"{self._name}  servers: {servers}"), style="bold"),
             Text(counts or "no goals", style="dim"),
@@ -133,12 +121,10 @@ class Table:
         )
 
     def __enter__(self) -> Self:
-        """Take the terminal."""
         self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Give it back."""
         self._live.stop()
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from actionkit.cli._progress import Field
     from actionkit.cli._reports import Report
 
+_F = TypeVar("_F", bound=Callable[..., Any])
 _EPILOG = """\b
 Examples:
   actionkit call /fibonacci test_msgs/action/Fibonacci '{order: 5}' --feedback
@@ -39,6 +41,12 @@ Exit codes:
 """ + "\n".join(f"  {code.value:>3}  {code.meaning}" for code in Exit)
 
 
+def _timeout(name: str, words: str, default: float | None) -> Callable[[_F], _F]:
+    """Return a decorator that adds the option for one of the `Timeouts`."""
+    option = f"--{name}-timeout"
+    return click.option(option, type=SECONDS, default=default, show_default=True, help=words)
+
+
 @click.command("call", context_settings=HELP, epilog=_EPILOG)
 @name_argument
 @click.argument("type_name", metavar="TYPE", shell_complete=complete_types)
@@ -51,37 +59,11 @@ Exit codes:
     help="For everything: the server, acceptance, execution, retries. When they run out, the"
     " goal is cancelled. Without it: no limit.",
 )
-@click.option(
-    "--server-timeout",
-    type=SECONDS,
-    default=5.0,
-    show_default=True,
-    help="Until a server is seen.",
-)
-@click.option(
-    "--accept-timeout",
-    type=SECONDS,
-    default=5.0,
-    show_default=True,
-    help="Until the server accepts or rejects the goal.",
-)
-@click.option(
-    "--result-timeout",
-    type=SECONDS,
-    default=30.0,
-    show_default=True,
-    help="Until the result of a goal that has ended comes, without --timeout.",
-)
-@click.option(
-    "--feedback-timeout", type=SECONDS, help="The longest silence between two feedback messages."
-)
-@click.option(
-    "--cancel-timeout",
-    type=SECONDS,
-    default=2.0,
-    show_default=True,
-    help="For a cancellation to be confirmed.",
-)
+@_timeout("server", "Until a server is seen.", 5.0)
+@_timeout("accept", "Until the server accepts or rejects the goal.", 5.0)
+@_timeout("result", "Until the result of a goal that has ended comes, without --timeout.", 30.0)
+@_timeout("feedback", "The longest silence between two feedback messages.", None)
+@_timeout("cancel", "For a cancellation to be confirmed.", 2.0)
 @click.option(
     "--retries",
     type=click.IntRange(min=0),
@@ -117,16 +99,12 @@ def command(
     feedback: bool,
     stdin: bool,
     timeout: float | None,
-    server_timeout: float,
-    accept_timeout: float,
-    result_timeout: float,
-    feedback_timeout: float | None,
-    cancel_timeout: float,
     retries: int,
     ok: str | None,
     transient: str | None,
     progress: str | None,
     as_json: bool,
+    **timeouts: Any,
 ) -> int:
     """Send a goal to the action NAME and wait for its result.
 
@@ -150,18 +128,11 @@ def command(
 
     keep_clean()
 
-    timeouts = Timeouts(
-        server=server_timeout,
-        accept=accept_timeout,
-        feedback=feedback_timeout,
-        cancel=cancel_timeout,
-        result=result_timeout,
-    )
     try:
         client: Any = Client(
             action,
             name,
-            timeouts=timeouts,
+            timeouts=Timeouts(**{key.removesuffix("_timeout"): v for key, v in timeouts.items()}),
             retry=RetryPolicy(attempts=retries + 1),
             classify=classify,
         )
@@ -174,7 +145,7 @@ def command(
     from actionkit.cli._calling import Calling
     from actionkit.cli._progress import Progress
 
-    mute()  # what became of the goal is told by the report
+    mute()  # the report says what became of the goal
 
     calling = Calling(
         client,

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
 
-from actionkit.cli._demo_screen import Screen
+from actionkit.cli._demo_screen import DemoScreen
 from actionkit.cli._exits import Exit
 from actionkit.servers import Server, start
 from actionkit.testing import isolated_domain
 
 if TYPE_CHECKING:
-    from actionkit.cli._demo_steps import Stage, Step
+    from actionkit.cli._demo_steps import Demo
 
 _PERIOD = 0.25
-"""Seconds that the server takes for each number."""
+"""Seconds that the server takes for each number: slow enough to watch, and ten numbers in 2.5 s."""
 _REMEDIES = (
     "With a ROS 2 installation: source its setup file first, such as /opt/ros/jazzy/setup.bash;"
     " test_msgs is the package ros-jazzy-test-msgs.",
@@ -31,7 +33,7 @@ _LEADING_OUT = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER"
 @click.command("demo")
 def command() -> int:
     """Show what ActionKit does, on an action server of its own (10 s)."""
-    screen = Screen()
+    screen = DemoScreen()
     problem = _missing()
     if problem:
         screen.text(f"The demo needs rclpy and test_msgs, but {problem}")
@@ -47,8 +49,7 @@ def command() -> int:
             screen.failure(str(error))
             return Exit.FAILED
         with server:
-            failed = _show(server, screen, domain)
-    return _summary(failed, screen, time.monotonic() - began)
+            return _show(server, screen, domain, began)
 
 
 def _missing() -> str:
@@ -62,18 +63,17 @@ def _missing() -> str:
 
 
 def _isolate(domain: int) -> None:
-    """Keep this process, and the server that it starts, among themselves."""
+    """Cut off this process, and the server that it starts, from all other nodes."""
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     for name in _LEADING_OUT:
         os.environ.pop(name, None)
 
 
-def _show(server: Server, screen: Screen, domain: int) -> list[str]:
-    """Go through the steps; return the titles of those that failed."""
-    # Late: these import rclpy's messages.
-    from actionkit.cli._demo_code import connect
-    from actionkit.cli._demo_steps import STEPS, Stage
+def _show(server: Server, screen: DemoScreen, domain: int, began: float) -> int:
+    """Go through the steps; return the exit code."""
+    # Not at the top: these import rclpy's messages.
+    from actionkit.cli._demo_steps import STEPS, Demo, connect
 
     screen.heading("ActionKit demo")
     screen.text(
@@ -85,40 +85,34 @@ def _show(server: Server, screen: Screen, domain: int) -> list[str]:
     screen.code(connect)
     failed = []
     with connect() as client:
-        stage = Stage(client, server, screen)
-        for number, step in enumerate(STEPS, 1):
-            if not _came_out(number, step, stage):
-                failed.append(step.title)
-    return failed
-
-
-def _came_out(number: int, step: Step, stage: Stage) -> bool:
-    """Run a step; return whether it came out as it should."""
-    screen = stage.screen
-    screen.heading(f"{number}. {step.title}")
-    screen.text(step.why)
-    screen.code(step.shown)
-    began = time.monotonic()
-    try:
-        if not stage.server.alive:
-            raise RuntimeError(f"the server process has ended: {stage.server.stderr.strip()}")
-        step.run(stage)
-    except Exception as error:  # noqa: BLE001  whatever it is, it is told, and fails the demo
-        screen.failure(f"{type(error).__name__}: {error}")
-        return False
-    screen.note(f"({time.monotonic() - began:.1f} s)")
-    return True
-
-
-def _summary(failed: list[str], screen: Screen, seconds: float) -> int:
-    from actionkit.cli._demo_steps import STEPS
-
+        for number, (shown, run) in enumerate(STEPS, 1):
+            title, _, why = inspect.cleandoc(shown.__doc__ or "").partition("\n\n")
+            screen.heading(f"{number}. {title}")
+            screen.text(why)
+            screen.code(shown)
+            if not _came_out(run, Demo(client, server, screen)):
+                failed.append(title)
     screen.text("")
     if failed:
         titles = "; ".join(failed)
         screen.failure(f"{len(failed)} of {len(STEPS)} steps did not come out right: {titles}.")
         return Exit.FAILED
-    screen.text(
-        f"All {len(STEPS)} steps came out as they should, in {seconds:.1f} s.", style="bold"
-    )
+    seconds = time.monotonic() - began
+    screen.text(f"All {len(STEPS)} steps came out as they should, in {seconds:.1f} s.", "bold")
     return Exit.OK
+
+
+def _came_out(run: Callable[[Demo], None], demo: Demo) -> bool:
+    """Run a step; return whether it came out as it should."""
+    began = time.monotonic()
+    try:
+        if not demo.server.alive:
+            raise RuntimeError(f"the server process has ended: {demo.server.stderr.strip()}")
+        run(demo)
+    except Exception as error:  # noqa: BLE001  whatever it is, it is shown, and fails the demo
+        demo.screen.failure(f"{type(error).__name__}: {error}")
+        return False
+    finally:
+        demo.screen.end_progress()
+    demo.screen.note(f"({time.monotonic() - began:.1f} s)")
+    return True

@@ -20,6 +20,7 @@ from actionkit.cli._say import say
 
 _STYLES = {"ok": "green", "note": "yellow", "problem": "red"}
 _WIDTH = 96
+"""Characters of a line; wider text is hard to read."""
 _EPILOG = """\b
 Examples:
   actionkit doctor

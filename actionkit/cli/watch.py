@@ -20,9 +20,11 @@ if TYPE_CHECKING:
     from actionkit.cli._watch_screens import Screen
 
 _TICK = 0.25
+"""Seconds between two drawings of the table: often enough for tenths of a second to look alive."""
 _CLOSED = object()
+"""Put into the inbox when nobody reads the output any more."""
 _FIRST = 1.0
-"""Seconds in which a server's memory of goals comes, if it has any."""
+"""Seconds in which the states that a server remembers arrive, if it remembers any."""
 
 _EPILOG = """\b
 Examples:
@@ -76,8 +78,8 @@ def _screen(name: str, as_json: bool) -> Screen:
     from actionkit.cli import _watch_screens as screens
 
     if as_json:
-        return screens.JsonLines()
-    return screens.Table(name) if sys.stdout.isatty() else screens.Lines()
+        return screens.JsonScreen()
+    return screens.TableScreen(name) if sys.stdout.isatty() else screens.TextScreen()
 
 
 def _follow(
@@ -101,7 +103,7 @@ def _once(
 ) -> int:
     from actionkit.cli import _watch_screens as screens
 
-    screen: Screen = screens.JsonLines() if as_json else screens.Lines()
+    screen: Screen = screens.JsonScreen() if as_json else screens.TextScreen()
     give_up = time.monotonic() + server_timeout
     first: float | None = None
     while True:
@@ -116,7 +118,7 @@ def _once(
         return Exit.NO_SERVER
     with screen:
         for goal in board.sorted():
-            screen.goal(goal, board)
+            screen.goal(goal)
     if not board.goals and not as_json:
         say("No goals: the server remembers none.")
     return Exit.OK
@@ -137,4 +139,4 @@ def _take(
     if servers:
         screen.servers(board)
     for goal in changed:
-        screen.goal(goal, board)
+        screen.goal(goal)

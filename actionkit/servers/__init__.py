@@ -1,4 +1,4 @@
-"""Reference action servers: real rclpy servers, each in a process of its own (contract C8).
+"""Reference action servers: real rclpy servers, each in a process of its own.
 
 From Python::
 
@@ -6,20 +6,21 @@ From Python::
         ...                                   # any client, any process
         server.wait_for("accepted")           # what the server itself saw
 
-From a shell: ``python -m actionkit.servers --list``.
+From a shell: `python -m actionkit.servers --list`.
 
-Most take goals of ``test_msgs/action/Fibonacci``; what their options are, and what they do in
-detail, is told in ``actionkit/servers/_behaviours_*.py``, one class for each:
+Most take goals of `test_msgs/action/Fibonacci`; their options, and what they do in detail, are in
+`actionkit/servers/_behaviours_*.py`, one class for each:
 
 - that work: fibonacci, countdown, slow_accept, twins (two on one name)
-- that choose: guarded (by rule), queued (one at a time), preemptive (the newest wins)
-- with more to say, on ``test_msgs/action/NestedMessage``: navigate (distance, percent, ETA and
+- that look at their other goals: guarded (by rule), queued (one at a time), preemptive (the
+  newest wins)
+- with more to say, on `test_msgs/action/NestedMessage`: navigate (distance, percent, ETA and
   status as feedback), error_code (a code in the result); and floods (of feedback)
 - that fail at first: flaky, restarts (each comes back by itself where its process ended)
 - that fail: silent, never_finishes, refuses_cancel, ignores_cancel, slow_cancel, aborts, raises,
   no_result, cancels_itself, blocking, wrong_type, crashes, expires, vanishes
 
-Whatever none of them does, scripted does step by step::
+What none of these does can be written as a script, step by step, for the server scripted::
 
     with actionkit.servers.start(
         "scripted",
@@ -31,13 +32,13 @@ Whatever none of them does, scripted does step by step::
     ):
         ...
 
-A step that is not right is a `ValueError` at once, with the words that are.
+A step that is not right is a `ValueError` at once, which lists all steps that there are.
 
 Importing this package does not import rclpy; only the server's own process does.
 """
 
-from ._events import ServerEvent
-from ._process import Server, start
-from ._registry import names
+from actionkit.servers._events import ServerEvent
+from actionkit.servers._process import Server, start
+from actionkit.servers._registry import names
 
 __all__ = ["Server", "ServerEvent", "names", "start"]

@@ -3,28 +3,43 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import ClassVar
 
-from ._registry import Behaviour, server
-from ._run import Run
+from actionkit.servers._behaviour import Behaviour
+from actionkit.servers._run import Run
 
-# int32 fields take no more; the true sequence leaves them at its 47th number.
 _INT32 = 2**31
+"""int32 fields take no more; the true sequence exceeds it from its 48th number on."""
 
 
 def fibonacci_steps(order: int) -> Iterator[list[int]]:
-    """The sequence so far, as of the ROS tutorial: 0, 1, then one number more per step.
+    """Yield the sequence so far, as of the ROS tutorial: 0, 1, then one number more per step.
 
     Numbers are modulo 2**31, so that an order beyond 46 overflows no int32.
     """
     sequence = [0, 1]
     for _ in range(1, order):
-        sequence.append((sequence[-1] + sequence[-2]) % _INT32)
+        sequence = [*sequence, (sequence[-1] + sequence[-2]) % _INT32]
         yield sequence
 
 
-@server
+def compute(
+    run: Run, steps: Iterable[list[int]], period: float, *, feedback: object = True
+) -> None:
+    """Take the steps one after the other: `period` seconds each, then a feedback.
+
+    Raises:
+        GoalStopped: The goal is to stop; the step under way is its result.
+    """
+    run.content = [0, 1]
+    for sequence in steps:
+        run.content = sequence
+        run.pause(period)
+        if feedback:
+            run.feedback(sequence)
+
+
 class Fibonacci(Behaviour):
     """As the tutorial's, concurrent: each goal has its own feedback and its own cancel.
 
@@ -41,37 +56,35 @@ class Fibonacci(Behaviour):
         "max_order": 100,
         "cancel_takes": 0.0,
     }
-    #: Whether the gate, if there is one, stands before the end (and not somewhere else).
     gate_at_end: ClassVar[bool] = True
+    """Whether the gate, if there is one, stands before the end (and not somewhere else)."""
 
     def decide(self, run: Run) -> bool:
         return 0 <= run.order <= int(self.option["max_order"])
 
     def may_cancel(self, run: Run) -> bool:
-        # Not run.rest(): its waits belong to the thread of the goal, which goes on.
+        # Not run.pause(): its waits belong to the thread of the goal, which goes on.
         time.sleep(self.option["cancel_takes"])
         return True
 
     def execute(self, run: Run) -> object:
-        sequence = [0, 1]
-        for sequence in fibonacci_steps(run.order):  # the last is the result
-            if run.pause(self.option["period"]):
-                return run.canceled(sequence)
-            if self.option["feedback"]:
-                run.feedback(sequence)
-        if self.gate_at_end and self.option["gate"] and run.wait_gate():
-            return run.canceled(sequence)
-        return run.canceled(sequence) if run.cancelled else run.succeed(sequence)
+        self.compute(run, fibonacci_steps(run.order))
+        if self.gate_at_end and self.option["gate"]:
+            run.wait_gate()
+        run.pause(0)
+        return run.succeed()
+
+    def compute(self, run: Run, steps: Iterable[list[int]]) -> None:
+        """Take the steps as the options say."""
+        compute(run, steps, self.option["period"], feedback=self.option["feedback"])
 
 
-@server
 class Twins(Fibonacci):
     """Two fibonacci servers on the one name: both execute every goal; `server` tells which."""
 
     servers = 2
 
 
-@server
 class Countdown(Behaviour):
     """Counts down from `order`, one feedback and `period` seconds per step.
 
@@ -85,18 +98,17 @@ class Countdown(Behaviour):
         return 0 <= run.order <= int(self.option["max_order"])
 
     def execute(self, run: Run) -> object:
-        remaining = list(range(run.order, -1, -1))
+        run.content = remaining = list(range(run.order, -1, -1))
         while len(remaining) > 1:
-            if run.pause(self.option["period"]):
-                return run.canceled(remaining)
+            run.pause(self.option["period"])
             del remaining[0]
             run.feedback(remaining)
-        if self.option["gate"] and run.wait_gate():
-            return run.canceled(remaining)
-        return run.canceled(remaining) if run.cancelled else run.succeed(remaining)
+        if self.option["gate"]:
+            run.wait_gate()
+        run.pause(0)
+        return run.succeed()
 
 
-@server
 class SlowAccept(Fibonacci):
     """Takes `delay` seconds (gate=1: until released) to accept; then as fibonacci.
 
@@ -111,5 +123,5 @@ class SlowAccept(Fibonacci):
         if self.option["gate"]:
             run.wait_gate()
         else:
-            run.rest(self.option["delay"])
+            run.pause(self.option["delay"])
         return super().decide(run)

@@ -7,12 +7,11 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from ._behaviours_basic import Fibonacci, fibonacci_steps
-from ._registry import Process, server
-from ._run import Run
+from actionkit.servers._behaviour import Process
+from actionkit.servers._behaviours_basic import Fibonacci
+from actionkit.servers._run import Run
 
 
-@server
 class Guarded(Fibonacci):
     """As fibonacci, for even orders up to `max_order`; with busy=1, for one goal at a time.
 
@@ -41,7 +40,6 @@ class Guarded(Fibonacci):
         return True
 
 
-@server
 class Queued(Fibonacci):
     """One goal at a time, in the order of their acceptance; each as by fibonacci.
 
@@ -64,7 +62,7 @@ class Queued(Fibonacci):
         self._advance()
 
     def enters(self, run: Run, before: list[Run]) -> None:
-        """A goal was accepted; those before it have not ended."""
+        """Hear that a goal was accepted; those before it have not ended."""
 
     def cancelled(self, run: Run) -> None:
         with self._lock:
@@ -73,37 +71,30 @@ class Queued(Fibonacci):
             self._waiting.remove(run)
         run.drop()
 
-    def execute(self, run: Run) -> object:
-        result = self.work(run)
+    def execute_to_end(self, run: Run) -> object:
+        result = super().execute_to_end(run)
         with self._lock:
             self._current = None
         self._advance()
         return result
 
-    def work(self, run: Run) -> object:
-        """What another server would do in `execute`."""
-        return super().execute(run)
-
     def _advance(self) -> None:
-        while (run := self._next()) is not None:
-            if self._current is run:
+        """Let the goal that has waited longest execute, if none executes."""
+        while True:
+            with self._lock:
+                if self._current is not None or not self._waiting:
+                    return
+                run = self._waiting.popleft()
+                # A goal may be CANCELING though `cancelled` has not been called for it yet.
+                dropped = run.handle.is_cancel_requested
+                if not dropped:
+                    self._current = run
+            if dropped:
+                run.drop()
+            else:
                 run.begin()
-                return
-            run.drop()
-
-    def _next(self) -> Run | None:
-        """Who comes to execute, or to be dropped."""
-        with self._lock:
-            if self._current is not None or not self._waiting:
-                return None
-            run = self._waiting.popleft()
-            # It may be so, and `cancelled` has yet to hear of it.
-            if not run.handle.is_cancel_requested:
-                self._current = run
-            return run
 
 
-@server
 class Preemptive(Queued):
     """A new goal preempts the running one, which is aborted before the new one executes.
 
@@ -127,23 +118,15 @@ class Preemptive(Queued):
                 other.preempt()
                 other.emit("preempted", by=run.goal_id)
 
-    def work(self, run: Run) -> object:
-        sequence = [0, 1]
-        if run.pause(0):
-            return self._stop(run, sequence)
-        for sequence in fibonacci_steps(run.order):  # the last is the result
-            if run.pause(self.option["period"]):
-                return self._stop(run, sequence)
-            if self.option["feedback"]:
-                run.feedback(sequence)
-        if self.option["gate"] and run.wait_gate():
-            return self._stop(run, sequence)
-        return self._stop(run, sequence) if run.pause(0) else run.succeed(sequence)
+    def execute(self, run: Run) -> object:
+        run.content = [0, 1]
+        run.pause(0)
+        return super().execute(run)
 
-    def _stop(self, run: Run, sequence: list[int]) -> object:
+    def stopped(self, run: Run) -> object:
         if not run.cancelled:
             if self.option["ends"] == "aborted":
-                return run.abort(sequence)
+                return run.abort()
             self.process.cancel_from_elsewhere(run.goal_id)
             run.wait_cancel()
-        return run.canceled(sequence)
+        return run.canceled()

@@ -5,12 +5,10 @@ from __future__ import annotations
 from itertools import islice
 from typing import ClassVar
 
-from ._behaviours_basic import Fibonacci, fibonacci_steps
-from ._registry import server
-from ._run import Run
+from actionkit.servers._behaviours_basic import Fibonacci, fibonacci_steps
+from actionkit.servers._run import Run
 
 
-@server
 class Flaky(Fibonacci):
     """Fails its first goals, `fails` = 2 of them; then works as fibonacci.
 
@@ -35,22 +33,16 @@ class Flaky(Fibonacci):
     def execute(self, run: Run) -> object:
         if not self._fails(run, "aborts", "crashes"):
             return super().execute(run)
-        sequence = [0, 1]
-        for sequence in islice(fibonacci_steps(run.order), run.order // 2):
-            if run.pause(self.option["period"]):
-                return run.canceled(sequence)
-            if self.option["feedback"]:
-                run.feedback(sequence)
+        self.compute(run, islice(fibonacci_steps(run.order), run.order // 2))
         if self._fails(run, "crashes"):
             run.emit("crashing", point="half-way")
-            self.process.restart("kill")
-        return run.abort(sequence)
+            self.life.restart("kill")
+        return run.abort()
 
     def _fails(self, run: Run, *ways: str) -> bool:
         return run.number < int(self.option["fails"]) and self.option["how"] in ways
 
 
-@server
 class Restarts(Fibonacci):
     """Restarts in the middle of its first goals, `times` = 1 of them; then works as fibonacci.
 
@@ -82,8 +74,7 @@ class Restarts(Fibonacci):
         if not self._restarts_at("feedback", run):
             return super().execute(run)
         run.feedback([0, 1])
-        if run.wait_result_request():
-            return run.canceled([0, 1])
+        run.wait_result_request()
         self._restart("feedback", run)
         run.wait_forever()
         return None
@@ -93,4 +84,4 @@ class Restarts(Fibonacci):
 
     def _restart(self, point: str, run: Run) -> None:
         run.emit("leaving", point=point, how=self.option["how"])
-        self.process.restart(self.option["how"])
+        self.life.restart(self.option["how"])

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import sys
 import time
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from ._registry import Behaviour, Process, server
-from ._run import Content, Run
+from actionkit.servers._behaviour import Behaviour, Process
+from actionkit.servers._run import Content, GoalStopped, Run
 
 _NESTED = "test_msgs.action:NestedMessage"
+_PLANNING, _MOVING, _ARRIVED, _STOPPED = range(4)
+"""What `navigate` says in `nested_field.uint8_value`."""
 
-#: What `navigate` says in `nested_field.uint8_value`.
-PLANNING, MOVING, ARRIVED, STOPPED = range(4)
 
-
-@server
 class Navigate(Behaviour):
     """Drives `distance` metres, with rich feedback at `rate` Hz; on test_msgs/action/NestedMessage.
 
@@ -60,17 +59,16 @@ class Navigate(Behaviour):
         distance = asked.float64_value or self.option["distance"]
         speed = asked.float32_value or self.option["speed"]
         steps = max(1, math.ceil(distance / speed * self.option["rate"]))
-        done, status = 0, PLANNING
-        run.feedback(_position(distance, speed, done, steps, status))
-        while done < steps:
-            if run.pause(1 / self.option["rate"]):
-                return run.canceled(_position(distance, speed, done, steps, STOPPED))
-            done += 1
-            status = MOVING if done < steps else ARRIVED
+        for done in range(steps + 1):
+            status = _PLANNING if done == 0 else _MOVING if done < steps else _ARRIVED
             run.feedback(_position(distance, speed, done, steps, status))
-        if (self.option["gate"] and run.wait_gate()) or run.pause(0):
-            return run.canceled(_position(distance, speed, done, steps, STOPPED))
-        return run.succeed(_position(distance, speed, done, steps, status))
+            run.content = _position(distance, speed, done, steps, _STOPPED)
+            if done < steps:
+                run.pause(1 / self.option["rate"])
+        if self.option["gate"]:
+            run.wait_gate()
+        run.pause(0)
+        return run.succeed(_position(distance, speed, steps, steps, _ARRIVED))
 
 
 def _position(distance: float, speed: float, done: int, steps: int, status: int) -> Content:
@@ -86,7 +84,6 @@ def _position(distance: float, speed: float, done: int, steps: int, status: int)
     }
 
 
-@server
 class ErrorCode(Behaviour):
     """Ends with the error code that the goal asks for; on test_msgs/action/NestedMessage.
 
@@ -110,12 +107,9 @@ class ErrorCode(Behaviour):
     def execute(self, run: Run) -> object:
         codes = _codes(self.option["codes"]) or [run.goal.nested_field.int32_value]
         code = codes[min(run.number, len(codes) - 1)]
-        result = {"nested_field.int32_value": code, "nested_field.bool_value": code == 0}
-        if run.pause(self.option["period"]):
-            return run.canceled(result)
-        if code == 0 or self.option["ends"] == "succeeded":
-            return run.succeed(result)
-        return run.abort(result)
+        run.content = {"nested_field.int32_value": code, "nested_field.bool_value": code == 0}
+        run.pause(self.option["period"])
+        return run.succeed() if code == 0 or self.option["ends"] == "succeeded" else run.abort()
 
 
 def _codes(text: str) -> list[int]:
@@ -129,7 +123,6 @@ def _codes(text: str) -> list[int]:
     return codes
 
 
-@server
 class Floods(Behaviour):
     """Publishes `order` feedbacks as fast as it can, or at `rate` Hz; then succeeds.
 
@@ -142,13 +135,14 @@ class Floods(Behaviour):
 
     def __init__(self, options: Mapping[str, Any], process: Process) -> None:
         super().__init__(options, process)
-        # Seconds for which one thread may keep the others waiting. Those that flood never wait
-        # by themselves, and a request takes several turns of the thread that answers it.
+        # Seconds for which one thread may keep the others waiting, a tenth of Python's default.
+        # Those that flood never wait by themselves, and a request takes several turns of the
+        # thread that answers it.
         sys.setswitchinterval(0.0005)
 
     def may_cancel(self, run: Run) -> bool:
         # The flood takes the goal's lock so often that the cancel might not get it: have it rest.
-        run.notes = "canceling"
+        run.notes = "rest"
         return True
 
     def execute(self, run: Run) -> object:
@@ -156,12 +150,14 @@ class Floods(Behaviour):
         padding = [0] * (self.option["size"] - 1)
         rate = self.option["rate"]
         sent = 0
-        while sent < run.order and not run.cancelled:
-            if rate and run.pause(began + sent / rate - time.monotonic()):
-                break
-            if run.notes and run.pause(1):
-                break
-            run.feedback([sent, *padding], journal=sent == 0)
-            sent += 1
+        with contextlib.suppress(GoalStopped):
+            while sent < run.order and not run.cancelled:
+                if rate:
+                    run.pause(began + sent / rate - time.monotonic())
+                if run.notes:
+                    run.pause(1)  # second; the cancel comes well before, and ends the pause
+                run.feedback([sent, *padding], journal=sent == 0)
+                sent += 1
         run.emit("flooded", n=sent, seconds=round(time.monotonic() - began, 6))
-        return run.canceled([sent]) if run.cancelled else run.succeed([sent])
+        run.content = [sent]
+        return run.canceled() if run.cancelled else run.succeed()

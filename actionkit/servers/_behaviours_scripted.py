@@ -1,34 +1,139 @@
-"""The server whose script is written by the test that uses it."""
+"""The server whose script is written by the test that uses it, and others that are scripts."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, ClassVar
 
-from ._behaviours_basic import fibonacci_steps
-from ._registry import Behaviour, Process, server
-from ._run import Run
-from ._steps import MODES, Script, Step, parse_scripts
+from actionkit.servers._behaviour import Behaviour, Process
+from actionkit.servers._behaviours_basic import fibonacci_steps
+from actionkit.servers._run import Run
+from actionkit.servers._steps import MODES, Script, Step, parse_scripts, read_scripts
 
 
-class _CancelledError(Exception):
-    """The goal is being cancelled and heeds that."""
+class ByScript(Behaviour):
+    """Does what a script says, step by step."""
+
+    def __init__(self, options: Mapping[str, Any], process: Process) -> None:
+        super().__init__(options, process)
+        self._scripts = self.scripts()
+        if any(step.word == "cancel_itself" for one in self._scripts for step in one.after):
+            process.enable_self_cancel()
+
+    def scripts(self) -> list[Script]:
+        """Return a script for each goal in turn, the last of which repeats."""
+        raise NotImplementedError
+
+    def begin_step(self, run: Run, step: Step) -> None:
+        """Hear that a step begins."""
+
+    def script_of(self, run: Run) -> Script:
+        """Return the script of a goal."""
+        return self._scripts[min(run.number, len(self._scripts) - 1)]
+
+    def received(self, run: Run) -> None:
+        run.content = [0, 1]
+
+    def takes_time_to_decide(self, run: Run) -> bool:
+        script = self.script_of(run)
+        return script.decision.word in ("accept_after", "no_answer") or any(
+            step.word not in MODES for step in script.before
+        )
+
+    def decide(self, run: Run) -> bool:
+        script = self.script_of(run)
+        for step in script.before:
+            self._do(run, step)
+        if script.explicit:
+            self.begin_step(run, script.decision)
+        if script.decision.word == "no_answer":
+            run.wait_forever()
+        if script.decision.word == "accept_after":
+            run.pause(script.decision.value)
+        return script.decision.word != "reject" or run.refuse("script")
+
+    def may_cancel(self, run: Run) -> bool:
+        return not run.refuses_cancel
+
+    def execute(self, run: Run) -> object:
+        for step in self.script_of(run).after:
+            run.pause(0)
+            if step.word in ("succeed", "abort", "raise", "no_result"):
+                return self._end(run, step)
+            self._do(run, step)
+        run.pause(0)
+        return run.succeed()
+
+    def stopped(self, run: Run) -> object:
+        run.heeds_cancel = False
+        run.pause(run.notes or 0)
+        return run.canceled()
+
+    def _end(self, run: Run, step: Step) -> object:
+        self.begin_step(run, step)
+        if step.word == "raise":
+            # Before it happens: rclpy ends the goal, and does not say so.
+            run.emit("aborted", raised=True)
+            raise ValueError("this reference server raises on purpose")
+        if step.word == "abort":
+            return run.abort(step.value)
+        result = run.succeed(step.value)
+        return None if step.word == "no_result" else result
+
+    def _do(self, run: Run, step: Step) -> None:
+        self.begin_step(run, step)
+        if step.word == "feedback":
+            one = isinstance(step.value, list)
+            steps: Iterable[Any] = [step.value] if one else fibonacci_steps(step.value + 1)
+            for sequence in steps:
+                run.pause(step.period)
+                run.feedback(sequence)
+        elif step.word == "wait":
+            run.pause(step.value)
+        elif step.word == "gate":
+            run.wait_gate()
+        elif step.word in MODES:
+            run.notes = step.value  # seconds that a cancel takes, of "cancel_after"
+            run.refuses_cancel = step.word == "refuse_cancel"
+            run.heeds_cancel = step.word in ("heed_cancel", "cancel_after")
+        elif step.word == "cancel_itself":
+            self.process.cancel_from_elsewhere(run.goal_id)
+        else:
+            self._stay(run, step)
+
+    def _stay(self, run: Run, step: Step) -> None:
+        """Do a step that does not come to an end by itself."""
+        if step.word == "crash" and step.value == "kill":
+            self.life.crash(run, "script")
+        elif step.word == "crash":
+            run.emit("leaving", how="clean")
+            self.life.end()
+        elif step.word == "restart":
+            run.emit("leaving", how=step.value)
+            self.life.restart(step.value)
+        elif run.heeds_cancel:
+            run.wait_cancel()
+            run.pause(0)
+        run.wait_forever()
 
 
-class _Play:
-    """How far one goal has got."""
+class Preset(ByScript):
+    """A script with a name of its own; the journal does not show its steps.
 
-    def __init__(self, script: Script) -> None:
-        self.script = script
-        self.index = 0
-        self.sequence = [0, 1]
-        self.refuses = False
-        self.heeds = True
-        self.delay = 0.0
+    Attributes:
+        steps: What happens to each goal.
+    """
+
+    steps: ClassVar[Sequence[object]]
+
+    def scripts(self) -> list[Script]:
+        return read_scripts(list(self.steps))
+
+    def decide(self, run: Run) -> bool:
+        return super().decide(run) and run.order >= 0
 
 
-@server
-class Scripted(Behaviour):
+class Scripted(ByScript):
     """Does what its script says, step by step.
 
     ::
@@ -41,8 +146,8 @@ class Scripted(Behaviour):
     in turn, restarts included, the last of which repeats. In a shell it is JSON:
     ``--option 'script=[["reject"], [{"feedback": 3}]]'``.
 
-    What is done about the request. It is accepted before the first other step where none of
-    these is in the script; steps that stand before one of these come before the decision:
+    How the request is answered. Where none of these is in the script, the goal is accepted before
+    the first other step. Steps before one of these are done before the answer:
 
     - ``"accept"``, ``{"accept_after": 0.5}`` (seconds), ``"reject"``
     - ``"no_answer"``: never answers it
@@ -59,8 +164,8 @@ class Scripted(Behaviour):
     - ``{"crash": "kill"}``, ``{"crash": "clean"}``: the end of the process, until
       ``Server.restart()``; ``{"restart": "kill"}``, ``{"restart": "clean"}``: it is back at once
 
-    About cancels. A goal ends CANCELED at once, with the last feedback as the result, unless one
-    of these came before:
+    What comes of cancels. A goal ends CANCELED at once, with the last feedback as the result,
+    unless one of these came before:
 
     - ``"refuse_cancel"``: requests are refused; ``"ignore_cancel"``: accepted, without effect;
       ``{"cancel_after": 0.3}``: accepted, and the goal takes so many seconds to end;
@@ -78,115 +183,9 @@ class Scripted(Behaviour):
         parse_scripts(str(options["script"]))
         return options
 
-    def __init__(self, options: Mapping[str, Any], process: Process) -> None:
-        super().__init__(options, process)
-        self._scripts = parse_scripts(options["script"])
-        if any(step.word == "cancel_itself" for one in self._scripts for step in one.after):
-            process.enable_self_cancel()
+    def scripts(self) -> list[Script]:
+        return parse_scripts(self.option["script"])
 
-    def received(self, run: Run) -> None:
-        run.notes = _Play(self._scripts[min(run.number, len(self._scripts) - 1)])
-
-    def takes_time_to_decide(self, run: Run) -> bool:
-        script = run.notes.script
-        return script.decision.word in ("accept_after", "no_answer") or any(
-            step.word not in MODES for step in script.before
-        )
-
-    def decide(self, run: Run) -> bool:
-        script = run.notes.script
-        for step in script.before:
-            self._do(run, step)
-        if script.explicit:
-            self._note(run, script.decision)
-        if script.decision.word == "no_answer":
-            run.wait_forever()
-        if script.decision.word == "accept_after":
-            run.rest(script.decision.value)
-        return script.decision.word != "reject" or run.refuse("script")
-
-    def may_cancel(self, run: Run) -> bool:
-        return not run.notes.refuses
-
-    def execute(self, run: Run) -> object:
-        play = run.notes
-        try:
-            for step in play.script.after:
-                self._heed(run)
-                if step.word in ("succeed", "abort", "raise", "no_result"):
-                    return self._end(run, step)
-                self._do(run, step)
-            self._heed(run)
-        except _CancelledError:
-            run.rest(play.delay)
-            return run.canceled(play.sequence)
-        return run.succeed(play.sequence)
-
-    def _end(self, run: Run, step: Step) -> object:
-        self._note(run, step)
-        sequence = run.notes.sequence if step.value is None else step.value
-        if step.word == "raise":
-            # rclpy ends the goal, after this; nothing of ours runs by then.
-            run.emit("aborted", raised=True)
-            raise ValueError("the script says so")
-        if step.word == "abort":
-            return run.abort(sequence)
-        result = run.succeed(sequence)
-        return None if step.word == "no_result" else result
-
-    def _do(self, run: Run, step: Step) -> None:
-        self._note(run, step)
-        play = run.notes
-        if step.word == "feedback":
-            self._feedback(run, step)
-        elif step.word == "wait":
-            self._wait(run, step.value)
-        elif step.word == "gate":
-            run.wait_gate(heed_cancel=play.heeds)
-            self._heed(run)
-        elif step.word in MODES:
-            play.delay = step.value or 0.0
-            play.refuses = step.word == "refuse_cancel"
-            play.heeds = step.word in ("heed_cancel", "cancel_after")
-        elif step.word == "cancel_itself":
-            self.process.cancel_from_elsewhere(run.goal_id)
-        else:
-            self._stay(run, step)
-
-    def _feedback(self, run: Run, step: Step) -> None:
-        one = isinstance(step.value, list)
-        sequences: Iterable[list[int]] = [step.value] if one else fibonacci_steps(step.value + 1)
-        for sequence in sequences:
-            self._wait(run, step.period)
-            run.notes.sequence = sequence
-            run.feedback(sequence)
-
-    def _stay(self, run: Run, step: Step) -> None:
-        """The steps that do not come to an end by themselves."""
-        if step.word == "crash" and step.value == "kill":
-            self.process.crash(run, "script")
-        elif step.word == "crash":
-            run.emit("leaving", how="clean")
-            self.process.end()
-        elif step.word == "restart":
-            run.emit("leaving", how=step.value)
-            self.process.restart(step.value)
-        elif run.notes.heeds:
-            run.wait_cancel()
-            self._heed(run)
-        run.wait_forever()
-
-    def _wait(self, run: Run, seconds: float) -> None:
-        if run.notes.heeds:
-            run.pause(seconds)
-            self._heed(run)
-        else:
-            run.rest(seconds)
-
-    def _heed(self, run: Run) -> None:
-        if run.cancelled and run.notes.heeds:
-            raise _CancelledError
-
-    def _note(self, run: Run, step: Step) -> None:
-        run.emit("step", index=run.notes.index, word=step.word)
-        run.notes.index += 1
+    def begin_step(self, run: Run, step: Step) -> None:
+        run.emit("step", index=run.steps, word=step.word)
+        run.steps += 1

@@ -13,13 +13,14 @@ import time
 from collections.abc import Sequence
 from typing import IO, TYPE_CHECKING, Any, NoReturn
 
-from ._life import END_SIGNALS, RESTART_SIGNAL, Life
-from ._registry import behaviour_named, names
+from actionkit.servers._life import END_SIGNALS, RESTART_SIGNAL, Life
+from actionkit.servers._registry import behaviour_named, names
 
 if TYPE_CHECKING:
-    from ._harness import Harness
+    from actionkit.servers._harness import Harness
 
 _STOP_TIMEOUT = 3.0
+"""Seconds for a clean end, which takes a fraction of one, before the process just ends."""
 
 
 class StdoutJournal:
@@ -73,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except ValueError as error:
         parser.error(str(error))
 
-    # A program's pipe is a lifeline and carries commands; a terminal or /dev/null is not.
+    # A pipe from a program carries commands, and its end ends the server; a terminal does not.
     piped = not given.human and stat.S_ISFIFO(os.fstat(0).st_mode)
     human = given.human or os.isatty(0)
     # Nothing but the journal may get into stdout, whatever a library prints.
@@ -82,10 +83,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     os.dup2(2, 1)
     journal = StdoutJournal(stdout, str(options["journal"]), human)
 
-    from ._harness import Harness  # rclpy: heavy, and not needed before
+    from actionkit.servers._harness import Harness  # rclpy: heavy, and not needed before
 
     try:
-        harness = Harness(behaviour, options, given.action, journal, Life(stdout))
+        harness = Harness(behaviour, options, given.action, journal, Life(stdout, journal))
     except ValueError as error:
         parser.error(str(error))
     harness.start()
@@ -99,15 +100,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _end(harness: Harness, *, restart: bool) -> NoReturn:
-    # Should the middleware hang on the way out.
+    # The middleware may hang while it is taken down.
     guard = threading.Timer(_STOP_TIMEOUT, os._exit, (1,))
     guard.daemon = True
     guard.start()
     harness.stop()
     sys.stderr.flush()
-    # A restart and an end, asked for at the same time: the end it is.
+    # Where both a restart and an end were asked for, the process ends.
     if restart and not signal.sigpending() & END_SIGNALS:
-        harness.start_anew("clean")
+        harness.life.start_anew("clean")
     # Not sys.exit: it would wait for threads of goals that may be blocked in anything.
     os._exit(0)
 

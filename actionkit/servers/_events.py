@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import json
 import threading
-import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-#: Events that end a goal.
 TERMINAL = frozenset({"succeeded", "canceled", "aborted"})
-
+"""Events that end a goal."""
 _SHOWN_IN_ERRORS = 60
+"""Events; those of a few goals, which fit on a screen."""
 
 
 class EventNotSeenError(AssertionError, TimeoutError):
-    """The journal did not show what was waited for. A failed assertion and a timeout at once.
+    """The journal did not show what was waited for. Both a failed assertion and a timeout.
 
     Attributes:
         ended: The process had ended, so there was nothing more to wait for.
@@ -31,11 +30,11 @@ class ServerEvent:
     """One line of a server's journal.
 
     Attributes:
-        event: What happened, such as ``"accepted"``.
-        goal_id: The goal that it happened to, as a UUID string; ``None`` where there is none.
+        event: What happened, such as `"accepted"`.
+        goal_id: The goal that it happened to, as a UUID string; `None` where there is none.
         monotonic: Seconds on the monotonic clock, which all processes of a machine share.
-        incarnation: 0 for the first process of a ``Server``, one more after each restart.
-        details: What else was said: ``order``, ``n`` (the number of the feedback), ...
+        incarnation: 0 for the first process of a `Server`, one more after each restart.
+        details: What else was said: `order`, `n` (the number of the feedback), ...
     """
 
     event: str
@@ -50,29 +49,36 @@ class ServerEvent:
 
 
 class Journal:
-    """All events of a server, in order, over its restarts. Thread-safe."""
+    """All events of a server, in order, over its restarts. Thread-safe.
+
+    Attributes:
+        events: Those so far; only to be copied.
+        counts: How many there were of each name.
+        goals: How many goals the server was asked for.
+        max_running: The most goals that ever executed at one time.
+    """
 
     def __init__(self) -> None:
+        self.events: list[ServerEvent] = []
+        self.counts: Counter[str] = Counter()
+        self.goals = 0
+        self.max_running = 0
         self._changed = threading.Condition()
-        self._events: list[ServerEvent] = []
-        self._counts: Counter[str] = Counter()
         # Keyed by goal and server, because one goal may run in two servers on one name.
         self._accepted: set[tuple[str, int]] = set()
         self._executing: set[tuple[str, int]] = set()
-        self._max_running = 0
         self._incarnation = -1
-        self._goals = 0
         self._open = False
 
     def begin(self) -> int:
-        """A new process starts to write; returns its incarnation."""
+        """Note that a new process starts to write; return its incarnation."""
         with self._changed:
             self._incarnation += 1
             self._open = True
             return self._incarnation
 
     def end(self) -> None:
-        """The process is gone: no event follows, and none of its goals runs any more."""
+        """Note that the process is gone: no event follows, and none of its goals runs."""
         with self._changed:
             self._open = False
             self._accepted.clear()
@@ -90,14 +96,14 @@ class Journal:
         except (ValueError, KeyError):
             return
         with self._changed:
-            self._events.append(event)
-            self._counts[event.event] += 1
+            self.events.append(event)
+            self.counts[event.event] += 1
             self._follow(event)
             self._changed.notify_all()
 
     def _follow(self, event: ServerEvent) -> None:
         if event.event == "restarting":
-            # The last of its process, which takes itself back to the start.
+            # The last event before the process starts its program anew.
             self._incarnation += 1
             self._accepted.clear()
             self._executing.clear()
@@ -105,38 +111,20 @@ class Journal:
             return
         key = (event.goal_id, int(event.details.get("server", 0)))
         if event.event == "goal_received" and "again" not in event.details:
-            self._goals += 1
+            self.goals += 1
         elif event.event == "accepted":
             self._accepted.add(key)
         elif event.event == "executing":
             self._executing.add(key)
-            self._max_running = max(self._max_running, len(self._executing))
+            self.max_running = max(self.max_running, len(self._executing))
         elif event.event in TERMINAL:
             self._accepted.discard(key)
             self._executing.discard(key)
 
-    def snapshot(self) -> list[ServerEvent]:
-        with self._changed:
-            return list(self._events)
-
-    def count(self, event: str) -> int:
-        with self._changed:
-            return self._counts[event]
-
     def running(self) -> set[str]:
+        """Return the ids of goals accepted and not ended; none once the process is gone."""
         with self._changed:
             return {goal_id for goal_id, _ in self._accepted}
-
-    @property
-    def goals(self) -> int:
-        """How many goals the server was asked for."""
-        with self._changed:
-            return self._goals
-
-    @property
-    def max_running(self) -> int:
-        with self._changed:
-            return self._max_running
 
     def wait_for(
         self,
@@ -147,32 +135,32 @@ class Journal:
         count: int = 1,
         timeout: float = 10.0,
     ) -> list[ServerEvent]:
-        """Block until `count` such events were seen; returns those seen.
+        """Block until `count` such events were seen; return those seen.
 
         Raises:
             EventNotSeenError: After `timeout` seconds, or at once when the process has ended.
         """
         found: list[ServerEvent] = []
         seen = 0
-        deadline = time.monotonic() + timeout
+
+        def is_over() -> bool:
+            nonlocal seen
+            found.extend(
+                entry
+                for entry in self.events[seen:]
+                if entry.event == event
+                and goal_id in (None, entry.goal_id)
+                and incarnation in (None, entry.incarnation)
+            )
+            seen = len(self.events)
+            return len(found) >= count or not self._open
+
         with self._changed:
-            while True:
-                for entry in self._events[seen:]:
-                    if (
-                        entry.event == event
-                        and goal_id in (None, entry.goal_id)
-                        and incarnation in (None, entry.incarnation)
-                    ):
-                        found.append(entry)
-                seen = len(self._events)
-                if len(found) >= count:
-                    return found
-                remaining = deadline - time.monotonic()
-                if not self._open or remaining <= 0:
-                    break
-                self._changed.wait(remaining)
+            self._changed.wait_for(is_over, timeout)
+            if len(found) >= count:
+                return found
             ended = not self._open
-            shown = [str(entry) for entry in self._events[-_SHOWN_IN_ERRORS:]]
+            shown = [str(entry) for entry in self.events[-_SHOWN_IN_ERRORS:]]
         error = EventNotSeenError(
             f"saw {len(found)} of {count} {event!r} events"
             + (f" of goal {goal_id}" if goal_id else "")

@@ -13,7 +13,7 @@ from rclpy.context import Context
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.task import Task
 
-from ._run import ServerStopping
+from actionkit.servers._run import ServerStopping
 
 
 class ThreadPerGoalExecutor(SingleThreadedExecutor):
@@ -49,7 +49,7 @@ class ThreadPerGoalExecutor(SingleThreadedExecutor):
 def make_executor(
     threads: int, context: Context, on_error: Callable[[BaseException], None]
 ) -> Executor:
-    """The executor for the option `threads`."""
+    """Return the executor for the option `threads`."""
     if threads == 0:
         return ThreadPerGoalExecutor(context=context, on_error=on_error)
     if threads == 1:
@@ -62,7 +62,7 @@ def spin(
 ) -> None:
     """Spin until `stopping`. A callback's exception is reported and does not end it.
 
-    rclpy's own ``spin`` would leave with the first; and some come from rclpy itself, such as a
+    rclpy's own `spin` would leave with the first; and some come from rclpy itself, such as a
     KeyError for a goal that expired while its result was being set.
     """
     while not stopping() and executor.context.ok():

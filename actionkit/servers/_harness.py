@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
+import importlib
 import os
-import signal
 import threading
 import uuid
-from typing import Any, NoReturn
+from typing import Any
 
 from rclpy.action.server import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -16,14 +16,14 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from actionkit._ros.discovery import stop_listening
-
-from ._executors import make_executor, spin
-from ._life import Life
-from ._messages import Messages, generated
-from ._registry import INSTANCE_VARIABLE, Behaviour
-from ._run import Control, Journal, Run
+from actionkit.servers._behaviour import Behaviour
+from actionkit.servers._executors import make_executor, spin
+from actionkit.servers._life import INSTANCE_VARIABLE, Life
+from actionkit.servers._run import Control, Journal, Run
 
 _JOIN_TIMEOUT = 1.0
+"""Seconds for the spinning thread to end its round, or for a service of our own to be matched; both
+take milliseconds, and a server has to be gone within `_child._STOP_TIMEOUT`."""
 
 
 class JournalledServer(ActionServer):
@@ -39,7 +39,7 @@ class JournalledServer(ActionServer):
         self._request = threading.local()
         super().__init__(
             node,
-            harness.messages.action,
+            harness.action,
             harness.action_name,
             execute_callback=self._on_execute,
             goal_callback=self._on_goal,
@@ -50,7 +50,7 @@ class JournalledServer(ActionServer):
         )
 
     async def execute(self, taken_data: dict[str, Any]) -> None:
-        """rclpy's entry for requests that were taken."""
+        """Serve requests that were taken; rclpy calls this."""
         goal = taken_data.pop("goal", None)
         if goal is not None:
             run = self._make_run(goal[1])
@@ -70,7 +70,7 @@ class JournalledServer(ActionServer):
 
     def _make_run(self, request: Any) -> Run:
         goal_id = _text(request.goal_id)
-        # A request that was sent twice: rclpy itself turns the second down.
+        # A request may be sent twice: rclpy itself rejects the second.
         first = self._goals.get(goal_id)
         run = Run(
             request.goal,
@@ -79,7 +79,7 @@ class JournalledServer(ActionServer):
             number=first.number if first else self._harness.life.next_number(),
             journal=self._harness.journal,
             control=self._harness.control,
-            make=self._harness.messages,
+            action=self._harness.action,
         )
         again = {"again": True} if first else {}
         run.emit("goal_received", order=run.order, **again)
@@ -150,7 +150,7 @@ class JournalledServer(ActionServer):
             if run.dropped:
                 return run.canceled()
             run.emit("executing")
-            return self._behaviour.execute(run)
+            return self._behaviour.execute_to_end(run)
         finally:
             self._harness.control.discard(run)
             self._goals.pop(run.goal_id, None)
@@ -176,7 +176,7 @@ class Harness:
         self.journal = journal
         self.control = Control()
         self.life = life
-        self.messages = Messages(behaviour.action_type)
+        self.action = _generated(behaviour.action_type)
         self._context = Context()
         # No log files, no signal handlers: the process has its own.
         self._context.init(args=[], initialize_logging=False)
@@ -200,7 +200,7 @@ class Harness:
         self._spinner.start()
 
     def stop(self) -> None:
-        """Leave the ROS graph, at once and properly. Running goals are dropped where they are."""
+        """Leave the ROS graph, at once and properly. Running goals are not ended."""
         self.control.stop()
         # Not executor.wake(): that ends a wait, but not spin_once, which needs something to do.
         self.executor.create_task(lambda: None)
@@ -216,18 +216,12 @@ class Harness:
         self._nodes[0].destroy_node()
         self._context.shutdown()
 
-    def start_anew(self, how: str) -> NoReturn:
-        """The last event of this process; the next is another's "ready"."""
-        with self.journal.lock:
-            self.journal.emit("restarting", how=how)
-            self.life.start_anew()
-
     # -- for behaviours --------------------------------------------------------------------
 
     def enable_self_cancel(self) -> None:
         node = self._add_node("reference_server_canceller")
         self._canceller = node.create_client(
-            generated("action_msgs.srv:CancelGoal"), f"{self.action_name}/_action/cancel_goal"
+            _generated("action_msgs.srv:CancelGoal"), f"{self.action_name}/_action/cancel_goal"
         )
 
     def cancel_from_elsewhere(self, goal_id: str) -> None:
@@ -243,24 +237,11 @@ class Harness:
         # the wait set that is being waited on.
         self.executor.create_task(self._destroy, index)
 
-    def crash(self, run: Run, point: str) -> None:
-        run.emit("crashing", point=point)
-        os.kill(os.getpid(), signal.SIGKILL)
-
-    def end(self) -> None:
-        self.life.end()
-
-    def restart(self, how: str) -> None:
-        if how == "clean":
-            self.life.end_and_restart()
-        else:
-            self.start_anew(how)
-
     # -- private ---------------------------------------------------------------------------
 
     def _add_node(self, name: str) -> Node:
         node = Node(
-            # The same after a restart, as a real server's, and not that of another server.
+            # The same name after a restart, as a real server has it, and another for each server.
             f"{name}_{os.environ.get(INSTANCE_VARIABLE, os.getpid())}",
             context=self._context,
             enable_rosout=False,
@@ -278,6 +259,12 @@ class Harness:
     def _on_error(self, error: BaseException) -> None:
         if not self.control.stopping:
             self.journal.emit("error", message=repr(error))
+
+
+def _generated(spec: str) -> Any:
+    """Return a generated class, named as `"package.module:Class"`; it has no types to check."""
+    module, _, name = spec.partition(":")
+    return getattr(importlib.import_module(module), name)
 
 
 def _text(goal_id: Any) -> str:

@@ -11,20 +11,23 @@ import subprocess
 import sys
 import tempfile
 import threading
-from types import TracebackType
 from typing import IO
 
 from typing_extensions import Self
 
-from ._events import EventNotSeenError, Journal, ServerEvent
-from ._life import with_goals
-from ._quiet import await_quiet
-from ._registry import INSTANCE_VARIABLE, Option, behaviour_named, format_option
+from actionkit.servers._behaviour import Option, format_option
+from actionkit.servers._events import EventNotSeenError, Journal, ServerEvent
+from actionkit.servers._life import GOALS_VARIABLE, INSTANCE_VARIABLE
+from actionkit.servers._quiet import await_quiet
+from actionkit.servers._registry import behaviour_named
 
 _instances = itertools.count(1)
 _START_TIMEOUT = 20.0
+"""Seconds; a start takes one, and many times that where dozens start on a busy machine."""
 _STOP_TIMEOUT = 5.0
+"""Seconds until a process is killed; it ends itself after `_child._STOP_TIMEOUT`."""
 _STDERR_SHOWN = 20_000
+"""Bytes; a few tracebacks, and short enough for the error text of a test."""
 
 
 class Server:
@@ -38,11 +41,7 @@ class Server:
     """
 
     def __init__(
-        self,
-        name: str,
-        action_name: str,
-        domain_id: int | None,
-        options: dict[str, Option],
+        self, name: str, action_name: str, domain_id: int | None, options: dict[str, Option]
     ) -> None:
         self.name = name
         self.action_name = action_name
@@ -65,8 +64,8 @@ class Server:
 
     @property
     def events(self) -> list[ServerEvent]:
-        """All events so far, over restarts, in order."""
-        return self._journal.snapshot()
+        """Return all events so far, over restarts, in order."""
+        return list(self._journal.events)
 
     def wait_for(
         self, event_name: str, *, goal_id: str | None = None, count: int = 1, timeout: float = 10.0
@@ -74,7 +73,7 @@ class Server:
         """Block until the journal shows an event, however long ago it happened.
 
         Args:
-            event_name: For instance ``"accepted"`` or ``"cancel_requested"``.
+            event_name: For instance `"accepted"` or `"cancel_requested"`.
             goal_id: Only events of this goal.
             count: How many of them.
             timeout: Seconds to wait.
@@ -83,27 +82,27 @@ class Server:
             All such events so far, `count` or more.
 
         Raises:
-            AssertionError: (also a ``TimeoutError``) They were not seen in time, or the process
+            AssertionError: (also a `TimeoutError`) They were not seen in time, or the process
                 ended without them; the message holds the journal.
         """
         return self._journal.wait_for(event_name, goal_id=goal_id, count=count, timeout=timeout)
 
     def count(self, event_name: str) -> int:
-        """How many such events there were so far."""
-        return self._journal.count(event_name)
+        """Return how many such events there were so far."""
+        return self._journal.counts[event_name]
 
     def running(self) -> set[str]:
-        """The ids of the goals that are accepted and not ended. Empty once the process is gone."""
+        """Return the ids of goals accepted and not ended; none once the process is gone."""
         return self._journal.running()
 
     @property
     def max_running(self) -> int:
-        """The most goals that ever executed at one time."""
+        """Return the most goals that ever executed at one time."""
         return self._journal.max_running
 
     @property
     def stderr(self) -> str:
-        """What the process wrote to its standard error: rclpy's log, and the end of it if long."""
+        """Return what the process wrote to standard error, rclpy's log: its end, if it is long."""
         if self._stderr.closed:
             return self._last_stderr
         # pread leaves alone the file offset, which the child shares and writes at.
@@ -115,7 +114,7 @@ class Server:
     # -- steering it -----------------------------------------------------------------------
 
     def command(self, name: str, **arguments: Option | None) -> None:
-        """Send the server a command, such as ``command("release", n=2)``.
+        """Send the server a command, such as `command("release", n=2)`.
 
         Raises:
             RuntimeError: The process has ended.
@@ -132,11 +131,11 @@ class Server:
                 raise RuntimeError(f"the {self.name} server is not running") from None
 
     def release(self, n: int | None = None) -> None:
-        """Open the gate at which goals wait (option ``gate=1``).
+        """Open the gate at which goals wait (option `gate=1`).
 
         Args:
-            n: Let this many goals through, the first to wait first; ``None`` opens it for good
-                (until ``command("hold")``).
+            n: Let this many goals through, the first to wait first; `None` opens it for good
+                (until `command("hold")`).
         """
         self.command("release", n=n)
 
@@ -144,46 +143,47 @@ class Server:
 
     @property
     def pid(self) -> int:
-        """The id of the present (or last) process."""
+        """Return the id of the present (or last) process."""
         return self._process.pid
 
     @property
     def alive(self) -> bool:
-        """Whether the process runs (or is paused)."""
+        """Return whether the process runs (or is paused)."""
         return self._process.poll() is None
 
     @property
     def returncode(self) -> int | None:
-        """The exit code; negative is a signal's number; ``None`` while it runs."""
+        """Return the exit code; negative is a signal's number; `None` while it runs."""
         return self._process.poll()
 
     def kill(self) -> int:
-        """SIGKILL: it vanishes without a word to anybody. Returns the exit code.
+        """Send SIGKILL: the server vanishes, and nobody is told. Return the exit code.
 
-        In a moment in which it does nothing, where there is one within half a second.
+        It is sent in a moment in which the process does nothing, where there is one within half a
+        second: otherwise it might hold a lock of the middleware.
         """
         await_quiet(self.pid)
         return self._end(signal.SIGKILL)
 
     def terminate(self) -> int:
-        """SIGTERM: a clean end; running goals are dropped, not aborted. Returns the exit code."""
+        """Send SIGTERM: a clean end; running goals are not aborted. Return the exit code."""
         return self._end(signal.SIGTERM)
 
     def interrupt(self) -> int:
-        """SIGINT, as Ctrl-C: a clean end. Returns the exit code."""
+        """Send SIGINT, as Ctrl-C does: a clean end. Return the exit code."""
         return self._end(signal.SIGINT)
 
     def pause(self) -> None:
-        """SIGSTOP: it stays in the ROS graph and answers nothing. Returns once it has stopped.
+        """Send SIGSTOP and wait for it: the server stays in the ROS graph and answers nothing.
 
-        In a moment in which it does nothing, where there is one within half a second.
+        It is sent in a moment in which the process does nothing, as by `kill`.
         """
         await_quiet(self.pid)
         self._process.send_signal(signal.SIGSTOP)
         os.waitid(os.P_PID, self.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
 
     def resume(self) -> None:
-        """SIGCONT: undo `pause`."""
+        """Send SIGCONT, which undoes `pause`."""
         self._process.send_signal(signal.SIGCONT)
 
     def restart(self) -> None:
@@ -210,12 +210,7 @@ class Server:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def __repr__(self) -> str:
@@ -231,8 +226,8 @@ class Server:
             command += ["--option", f"{key}={format_option(value)}"]
         # The same interpreter: where ROS comes from wheels, the library path that their
         # bootstrapper has put into our environment is right for the child, too.
-        environment = with_goals(os.environ, self._journal.goals)
-        environment[INSTANCE_VARIABLE] = self._instance
+        environment = {**os.environ, INSTANCE_VARIABLE: self._instance}
+        environment[GOALS_VARIABLE] = str(self._journal.goals)
         if self._domain_id is not None:
             environment["ROS_DOMAIN_ID"] = str(self._domain_id)
         self._process = subprocess.Popen(
@@ -247,28 +242,26 @@ class Server:
             start_new_session=True,
         )
         incarnation = self._journal.begin()
-        self._reader = threading.Thread(
-            target=self._read, args=(self._process.stdout,), name=f"journal-{self.name}"
-        )
-        self._reader.daemon = True
+        name, stdout = f"journal-{self.name}", self._process.stdout
+        self._reader = threading.Thread(target=self._read, args=(stdout,), name=name, daemon=True)
         self._reader.start()
         try:
             self._journal.wait_for("ready", incarnation=incarnation, timeout=_START_TIMEOUT)
-        except BaseException as error:
-            if not isinstance(error, EventNotSeenError):
-                self.kill()
-                raise
+        except EventNotSeenError as error:
             if error.ended:
                 # Its stdout is closed; the process itself may take a moment more.
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self._process.wait(_STOP_TIMEOUT)
-                problem = f"ended while starting (exit code {self.kill()})"
-            else:
-                self.kill()
-                problem = f"was not up within {_START_TIMEOUT:g} s"
+            code = self.kill()
+            problem = f"was not up within {_START_TIMEOUT:g} s"
+            if error.ended:
+                problem = f"ended while starting (exit code {code})"
             raise RuntimeError(
                 f"the {self.name} server {problem}; it said:\n{self.stderr.rstrip()}"
             ) from None
+        except BaseException:
+            self.kill()
+            raise
 
     def _read(self, stdout: IO[bytes]) -> None:
         with stdout:
@@ -305,14 +298,14 @@ def start(
 ) -> Server:
     """Start a reference server in a process of its own and return once it is up.
 
-    Use the returned `Server` in a ``with`` statement, or call its ``stop()``. The process ends
+    Use the returned `Server` in a `with` statement, or call its `stop()`. The process ends
     by itself when this one does, however that comes about.
 
     Args:
-        name: Which server; see `names`, or ``python -m actionkit.servers --list``.
+        name: Which server; see `names`, or `python -m actionkit.servers --list`.
         action_name: The action to serve.
-        domain_id: Its ROS domain; ``None`` takes the environment's.
-        options: The server's own options, such as ``period=0.1``; a script is a list.
+        domain_id: Its ROS domain; `None` takes the environment's.
+        options: The server's own options, such as `period=0.1`; a script is a list.
 
     Returns:
         The running server, already announced to the ROS graph.

@@ -1,9 +1,9 @@
 """Waiting for a moment in which a process does nothing, before it is stopped for good.
 
 Fast DDS shares memory, and locks in it, with every process on the machine. One that is killed
-while it holds such a lock makes whoever talks to it stand still for seconds, and may crash it: what
-is known of that, and done about it, is in `docs/losing-the-server.md`. A test that means another
-moment of a goal's life should not meet that one now and then.
+while it holds such a lock blocks whoever talks to it for seconds, and may crash it; see
+`docs/losing-the-server.md`. A test that kills a server for another reason should not meet that one
+now and then.
 """
 
 from __future__ import annotations
@@ -12,13 +12,15 @@ import time
 from pathlib import Path
 
 _MOMENT = 0.005
+"""Seconds; what Fast DDS does under such a lock takes microseconds."""
 _PATIENCE = 0.5
+"""Seconds; an idle server is quiet at once, and one that floods never is."""
 
 
 def await_quiet(pid: int) -> None:
     """Return when no thread of the process has run for 5 ms, but after half a second in any case.
 
-    At once where there is no `/proc`, or no such process.
+    It returns at once where there is no `/proc`, or no such process.
     """
     until = time.monotonic() + _PATIENCE
     before = _threads(pid)
@@ -31,7 +33,7 @@ def await_quiet(pid: int) -> None:
 
 
 def _threads(pid: int) -> list[tuple[str, str]]:
-    """The state of each thread, and how often it has gone to sleep so far."""
+    """Return the state of each thread, and how often it has gone to sleep so far."""
     found = []
     for path in sorted(Path(f"/proc/{pid}/task").glob("*/status")):
         try:

@@ -2,37 +2,35 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from typing import Any, Protocol, TypeAlias
 
-#: What a message says: its `sequence`, or its fields by path, as ``{"goal_info.stamp.sec": 3}``.
 Content: TypeAlias = Sequence[int] | Mapping[str, object]
+"""What a message says: its `sequence`, or its fields by path, as `{"goal_info.stamp.sec": 3}`."""
 
 
 class ServerStopping(BaseException):
-    """Unwinds a goal's thread when the process is to end.
+    """Ends a goal's thread when the process is to end.
 
-    Not an ``Exception``: rclpy would take that for a failed goal, abort it and print a traceback.
+    Not an `Exception`: rclpy would take that for a failed goal, abort it and print a traceback.
     """
 
 
+class GoalStopped(Exception):
+    """The goal is to stop: it is being cancelled, or another one takes its place."""
+
+
 class Journal(Protocol):
-    """Where events go. Holding the lock keeps others from writing in between."""
+    """Where events are written. Holding the lock keeps others from writing in between."""
 
     lock: Any
 
     def emit(self, event: str, goal_id: str | None = None, **details: Any) -> None: ...
-
-
-class Messages(Protocol):
-    """Makes the messages of the action in use."""
-
-    def result(self, content: Content) -> Any: ...
-
-    def feedback(self, content: Content) -> Any: ...
 
 
 class Control:
@@ -43,8 +41,7 @@ class Control:
         self._lock = threading.Lock()
         self._runs: set[Run] = set()
         self._waiting: deque[Run] = deque()
-        self._open = False
-        self._tickets = 0
+        self._tickets = 0.0  # how many goals more may pass; infinite while the gate is open
 
     def add(self, run: Run) -> None:
         with self._lock:
@@ -63,38 +60,33 @@ class Control:
             run.wake()
 
     def release(self, n: int | None = None) -> None:
-        """Let `n` goals through the gate, the first to wait first; ``None``: open it."""
+        """Let `n` goals through the gate, the first to wait first; `None`: open it."""
         with self._lock:
-            if n is None:
-                self._open = True
-            else:
-                self._tickets += n
-            while self._waiting and (self._open or self._tickets):
+            self._tickets = math.inf if n is None else self._tickets + n
+            while self._waiting and self._tickets:
                 self._pass(self._waiting.popleft())
 
     def hold(self) -> None:
         """Close the gate."""
         with self._lock:
-            self._open = False
             self._tickets = 0
 
     def arrive(self, run: Run) -> None:
-        """The goal stands at the gate."""
+        """Let the goal through the gate, or put it at the end of the queue before it."""
         with self._lock:
-            if self._open or self._tickets:
+            if self._tickets:
                 self._pass(run)
             else:
                 self._waiting.append(run)
 
     def leave(self, run: Run) -> None:
-        """The goal waits no more, let through or not."""
+        """Take the goal out of the queue, if it is still there."""
         with self._lock:
             if run in self._waiting:
                 self._waiting.remove(run)
 
     def _pass(self, run: Run) -> None:
-        if not self._open:
-            self._tickets -= 1
+        self._tickets -= 1
         run.passed = True
         run.wake()
 
@@ -111,33 +103,34 @@ class Run:
         number: int,
         journal: Journal,
         control: Control,
-        make: Messages,
+        action: Any,
     ) -> None:
         self.goal = goal
         self.goal_id = goal_id
-        self.handle: Any = None  # rclpy's ServerGoalHandle, once it is accepted
-        self.server = server
-        #: How many goals the server was asked for before, restarts included.
-        self.number = number
+        self.handle: Any = None  # rclpy's ServerGoalHandle, once the goal is accepted
+        self.server = server  # which of the action servers on the name
+        self.number = number  # how many goals were asked for before, restarts included
         self.reason: str | None = None  # of its rejection
-        #: The behaviour's own, about this goal.
-        self.notes: Any = None
+        self.content: Content = ()  # what its result says, unless its end says otherwise
+        self.notes: Any = None  # the behaviour's own
+        self.steps = 0  # of its script, begun so far
+        self.heeds_cancel = True  # whether an accepted cancel stops the goal
+        self.refuses_cancel = False
         self.cancelled = False
         self.preempted = False
         self.dropped = False
-        #: It is terminal, or about to become so.
-        self.ended = False
-        self.passed = False
+        self.ended = False  # terminal, or about to become so
+        self.passed = False  # through the gate
         self.result_requested = False
-        self.feedbacks = 0
+        self._feedbacks = 0
         self._journal = journal
         self._control = control
-        self._make = make
+        self._action = action
         self._wake = threading.Event()
 
     @property
     def order(self) -> int:
-        """The goal's `order`, 0 in an action that has none."""
+        """Return the goal's `order`, 0 in an action that has none."""
         return int(getattr(self.goal, "order", 0))
 
     def emit(self, event: str, **details: Any) -> None:
@@ -147,7 +140,7 @@ class Run:
         self._journal.emit(event, self.goal_id, **details)
 
     def refuse(self, reason: str) -> bool:
-        """For `decide`: False, and the journal will say why."""
+        """Return `False`, for `decide`; the journal will say why."""
         self.reason = reason
         return False
 
@@ -172,61 +165,60 @@ class Run:
         self._wake.set()
 
     def cancel(self) -> None:
-        """The goal has entered the state CANCELING."""
+        """Note that the goal has entered the state CANCELING."""
         self.cancelled = True
         self.wake()
 
     def preempt(self) -> None:
-        """Another goal is to take this one's place."""
+        """Note that another goal is to take this one's place."""
         self.preempted = True
         self.wake()
 
     def request_result(self) -> None:
-        """A client asked for the goal's result."""
+        """Note that a client asked for the goal's result."""
         self.result_requested = True
         self.wake()
 
-    # -- waits; each raises ServerStopping when the process is to end ------------------------
+    # -- waits; each raises ServerStopping when the process is to end, and all but two GoalStopped
 
-    def pause(self, seconds: float) -> bool:
-        """Wait so long; True, and at once, when the goal is to stop."""
-        return self._wait(lambda: self._to_stop, seconds)
-
-    def wait_cancel(self) -> None:
-        """Wait until the goal is being cancelled."""
-        self._wait(lambda: self.cancelled, None)
-
-    def rest(self, seconds: float) -> None:
-        """Wait so long, cancelled or not."""
+    def pause(self, seconds: float) -> None:
+        """Wait so long; with 0, only look whether the goal is to stop."""
         self._wait(lambda: False, seconds)
 
-    def wait_gate(self, *, heed_cancel: bool = True) -> bool:
-        """Wait until let through the gate; True when it is to stop first."""
+    def wait_gate(self) -> None:
+        """Wait until let through the gate."""
         self.passed = False
         self._control.arrive(self)
         try:
-            self._wait(lambda: self.passed or (heed_cancel and self._to_stop), None)
+            self._wait(lambda: self.passed, None)
         finally:
             self._control.leave(self)
-        return not self.passed
 
-    def wait_result_request(self) -> bool:
-        """Wait until a client has asked for the result; True where it is being cancelled.
+    def wait_result_request(self) -> None:
+        """Wait until a client has asked for the result.
 
-        A client may do one right after the other, and both before this thread wakes.
+        A client may cancel right after it asked, before this thread wakes: the cancel counts.
         """
-        self._wait(lambda: self.result_requested or self.cancelled, None)
-        return self.cancelled
+        self._wait(lambda: self.result_requested, None)
+
+    def wait_cancel(self) -> None:
+        """Wait until the goal is being cancelled; never raises GoalStopped."""
+        self._sleep(lambda: self.cancelled, None)
 
     def wait_forever(self) -> None:
-        """Wait until the process ends."""
-        self._wait(lambda: False, None)
+        """Wait until the process ends; never raises GoalStopped."""
+        self._sleep(lambda: False, None)
+
+    def _wait(self, until: Callable[[], bool], seconds: float | None) -> None:
+        self._sleep(lambda: self._is_to_stop or until(), seconds)
+        if self._is_to_stop:
+            raise GoalStopped
 
     @property
-    def _to_stop(self) -> bool:
-        return self.cancelled or self.preempted
+    def _is_to_stop(self) -> bool:
+        return self.preempted or (self.cancelled and self.heeds_cancel)
 
-    def _wait(self, until: Callable[[], bool], seconds: float | None) -> bool:
+    def _sleep(self, until: Callable[[], bool], seconds: float | None) -> None:
         deadline = None if seconds is None else time.monotonic() + seconds
         while True:
             # Cleared before looking: whoever changes something after that sets it again.
@@ -234,40 +226,48 @@ class Run:
             if self._control.stopping:
                 raise ServerStopping
             if until():
-                return True
+                return
             remaining = None if deadline is None else deadline - time.monotonic()
             if remaining is not None and remaining <= 0:
-                return False
+                return
             self._wake.wait(remaining)
 
     # -- what the client sees --------------------------------------------------------------
 
     def feedback(self, content: Content, *, journal: bool = True) -> None:
-        """Publish feedback, and write a journal event about it, or not."""
+        """Publish feedback, and keep it as the result; write a journal event about it, or not."""
         if self._control.stopping:
             raise ServerStopping
-        self.feedbacks += 1
+        self.content = content
+        self._feedbacks += 1
         try:
-            self.handle.publish_feedback(self._make.feedback(content))
+            self.handle.publish_feedback(_filled(self._action.Feedback(), content))
         except RuntimeError as error:  # RCLError, InvalidHandle: the server is being taken down
             self.emit("error", message=f"feedback: {error}")
         else:
             if journal:
-                self.emit("feedback", n=self.feedbacks)
+                self.emit("feedback", n=self._feedbacks)
 
-    def succeed(self, content: Content = ()) -> Any:
-        """End as SUCCEEDED; returns the result message, which `execute` has to return."""
+    def succeed(self, content: Content | None = None) -> Any:
+        """End as SUCCEEDED.
+
+        Args:
+            content: What the result says; `None` stands for `self.content`.
+
+        Returns:
+            The result message, which `execute` has to return.
+        """
         return self._end("succeeded", self.handle.succeed, content)
 
-    def canceled(self, content: Content = ()) -> Any:
-        """End as CANCELED."""
-        return self._end("canceled", self.handle.canceled, content)
+    def canceled(self) -> Any:
+        """End as CANCELED, with `self.content` as the result."""
+        return self._end("canceled", self.handle.canceled, None)
 
-    def abort(self, content: Content = ()) -> Any:
-        """End as ABORTED."""
+    def abort(self, content: Content | None = None) -> Any:
+        """End as ABORTED; the rest is as for `succeed`."""
         return self._end("aborted", self.handle.abort, content)
 
-    def _end(self, event: str, transition: Callable[[], None], content: Content) -> Any:
+    def _end(self, event: str, transition: Callable[[], None], content: Content | None) -> Any:
         if self._control.stopping:
             raise ServerStopping
         # Under the lock, because a client may answer the published status with a new goal at
@@ -280,4 +280,15 @@ class Run:
                 self.emit("error", message=f"{event}: {error}")
             else:
                 self.emit(event)
-        return self._make.result(content)
+        return _filled(self._action.Result(), self.content if content is None else content)
+
+
+def _filled(message: Any, content: Content) -> Any:
+    """Return the message with its fields set; one without a `sequence` takes none for it."""
+    if isinstance(content, Mapping):
+        for path, value in content.items():
+            *parents, field = path.split(".")
+            setattr(reduce(getattr, parents, message), field, value)
+    elif hasattr(message, "sequence"):
+        message.sequence = list(content)
+    return message

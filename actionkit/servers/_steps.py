@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 _INT32 = 2**31
+"""Numbers from here on do not fit into the int32 fields of Fibonacci."""
+_MOST_SECONDS = 1e9
+"""Thirty years: for ever, in a test, and no clock overflows."""
 
 
 @dataclass(frozen=True)
@@ -24,9 +27,9 @@ class Script:
     """What happens to one goal.
 
     Attributes:
-        before: The steps up to its decision, which have to be gone through to get there.
-        decision: "accept", "accept_after", "reject" or "no_answer".
-        explicit: The decision is written in it.
+        before: The steps that are done before the request is answered.
+        decision: The answer: "accept", "accept_after", "reject" or "no_answer".
+        explicit: The answer is written in the script.
         after: The steps after the acceptance.
     """
 
@@ -36,9 +39,8 @@ class Script:
     after: tuple[Step, ...]
 
 
-def _seconds(value: object) -> bool:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return number and 0 <= value < 1e9  # type: ignore[operator]
+def _seconds(value: Any) -> bool:
+    return type(value) in (int, float) and 0 <= value < _MOST_SECONDS
 
 
 def _numbers(value: object) -> bool:
@@ -63,15 +65,21 @@ def _alone(value: object) -> bool:
 
 @dataclass(frozen=True)
 class _Word:
-    """How a step is written, and where it may stand."""
+    """How a step is written, and where it may stand.
+
+    Attributes:
+        example: How it is written.
+        right: Whether a value fits.
+        decides: It answers the request, so it comes at most once, and nothing that executes comes
+            before.
+        early: It may stand before the answer.
+        ends: Nothing follows.
+    """
 
     example: str
     right: Callable[[object], bool] = _alone
-    #: About the request, so at most once, and nothing that executes comes before.
     decides: bool = False
-    #: May stand before the decision.
     early: bool = False
-    #: Nothing follows.
     ends: bool = False
 
 
@@ -99,12 +107,12 @@ _WORDS = {
     "restart": _Word('{"restart": "kill"} or {"restart": "clean"}', _how, early=True, ends=True),
 }
 
-#: The steps that say what comes of a cancel.
 MODES = ("refuse_cancel", "ignore_cancel", "heed_cancel", "cancel_after")
+"""The steps that say what comes of a cancel."""
 
 
 def parse_scripts(text: str) -> list[Script]:
-    """The scripts, one or more, in a text of JSON.
+    """Return the scripts, one or more, in a text of JSON.
 
     Raises:
         ValueError: It is no JSON, or a step of it is not right; says which one, and why.
@@ -115,13 +123,22 @@ def parse_scripts(text: str) -> list[Script]:
         raise ValueError(f"the script is not JSON: {error}; it is {text!r}") from None
     if not isinstance(raw, list):
         raise ValueError(f"the script is not a list of steps, but {text}")
+    return read_scripts(raw)
+
+
+def read_scripts(raw: list[Any]) -> list[Script]:
+    """Return the scripts in what JSON has become.
+
+    Raises:
+        ValueError: A step is not right; says which one, and why.
+    """
     if not any(isinstance(step, list) for step in raw):
         return [_script(raw, "script")]
     for index, script in enumerate(raw):
         if not isinstance(script, list):
             raise ValueError(
-                f"script[{index}] is {_json(script)} beside lists: either all are steps, for every "
-                "goal, or all are lists of steps, one for each goal in turn"
+                f"script[{index}] is {json.dumps(script)} beside lists: either all are steps, for"
+                " every goal, or all are lists of steps, one for each goal in turn"
             )
     return [_script(script, f"script[{index}]") for index, script in enumerate(raw)]
 
@@ -148,7 +165,7 @@ def _script(raw: list[Any], where: str) -> Script:
         elif index > at and words[index - 1].ends:
             problem = f"{where}[{index - 1}] is the end"
         if problem:
-            raise ValueError(f"{where}[{index}] is {_json(raw[index])}, but {problem}")
+            raise ValueError(f"{where}[{index}] is {json.dumps(raw[index])}, but {problem}")
     return Script(tuple(steps[:at]), decision, bool(decisions), tuple(rest))
 
 
@@ -163,12 +180,10 @@ def _step(raw: object, where: str) -> Step:
     if known is None or extra:
         problem = "has more than one word" if known else "is no step"
         words = "\n  ".join(entry.example for entry in _WORDS.values())
-        raise ValueError(f"{where} is {_json(raw)}, which {problem}; the steps are:\n  {words}")
+        raise ValueError(
+            f"{where} is {json.dumps(raw)}, which {problem}; the steps are:\n  {words}"
+        )
     fits = known.right(value) and (isinstance(raw, str) or value is not None)
     if not fits or (period is not None and not (word == "feedback" and _seconds(period))):
-        raise ValueError(f"{where} is {_json(raw)}; it is written {known.example}")
+        raise ValueError(f"{where} is {json.dumps(raw)}; it is written {known.example}")
     return Step(str(word), value, period or 0.0)
-
-
-def _json(value: object) -> str:
-    return json.dumps(value)

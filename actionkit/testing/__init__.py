@@ -4,7 +4,7 @@
 in it. See `actionkit.testing.plugin`.
 """
 
-from ._domains import isolated_domain
-from ._event_log import EventLog
+from actionkit.testing._domains import isolated_domain
+from actionkit.testing._event_log import EventLog
 
 __all__ = ["EventLog", "isolated_domain"]

@@ -9,35 +9,31 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-# Above 101 the ports of a domain reach into Linux's ephemeral range, where any program's
-# connection may sit on them. 0 is everybody's default.
 _FIRST, _LAST = 1, 101
+"""Above 101 the ports of a domain reach into Linux's ephemeral range, where any program's
+connection may use them. 0 is everybody's default."""
 _COUNT = _LAST - _FIRST + 1
 
 
 @contextmanager
 def isolated_domain() -> Iterator[int]:
-    """A ROS domain id (1 to 101) that no other holder on this machine has meanwhile.
+    """Hold a ROS domain that no other holder on this machine has meanwhile.
 
-    It is held by a lock on a file, which the system drops when the process dies. Ids are given
-    out in turn, over all processes, so one that was just given back rests for a while: its last
-    users may not have left the middleware's discovery.
+    It is held by a lock on a file, which the system drops when the process dies. Domains are given
+    out in turn, over all processes, so one that was just given back is not used for a while: its
+    last users may not have left the middleware's discovery.
+
+    Yields:
+        Its id, 1 to 101.
 
     Raises:
         RuntimeError: All domains are taken.
     """
-    directory = _directory()
-    lock = _claim(directory)
+    domain, lock = _claim(_directory())
     try:
-        yield lock.domain
+        yield domain
     finally:
-        os.close(lock.descriptor)
-
-
-class _Lock:
-    def __init__(self, domain: int, descriptor: int) -> None:
-        self.domain = domain
-        self.descriptor = descriptor
+        os.close(lock)
 
 
 def _directory() -> Path:
@@ -48,7 +44,8 @@ def _directory() -> Path:
     return directory
 
 
-def _claim(directory: Path) -> _Lock:
+def _claim(directory: Path) -> tuple[int, int]:
+    """Return a domain that is free, and the descriptor of its lock."""
     turn = os.open(directory / "turn", os.O_RDWR | os.O_CREAT, 0o600)
     try:
         fcntl.flock(turn, fcntl.LOCK_EX)
@@ -64,7 +61,7 @@ def _claim(directory: Path) -> _Lock:
                 continue
             # Of one width, so that a shorter number leaves no digit of the last one.
             os.pwrite(turn, f"{domain:<4}".encode(), 0)
-            return _Lock(domain, descriptor)
+            return domain, descriptor
     finally:
         os.close(turn)
     raise RuntimeError(f"all {_COUNT} ROS domains are in use; their locks are in {directory}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar, overload
 
@@ -11,7 +10,7 @@ T = TypeVar("T")
 
 
 class EventLog(Generic[T]):
-    """What was seen, in order. Pass it, or its `append`, as a callback or an observer.
+    """A list of what was seen, in order. Pass it, or its `append`, as a callback or an observer.
 
     ::
 
@@ -40,7 +39,7 @@ class EventLog(Generic[T]):
 
     @property
     def items(self) -> list[T]:
-        """A copy of everything so far."""
+        """Return a copy of everything so far."""
         with self._changed:
             return list(self._items)
 
@@ -74,20 +73,20 @@ class EventLog(Generic[T]):
         Raises:
             TimeoutError: It did not come; the message holds the items.
         """
-        deadline = time.monotonic() + timeout
+        found: list[T] = []
         asked = 0
+
+        def is_there() -> bool:
+            nonlocal asked
+            if isinstance(wanted, int):
+                return len(self._items) >= wanted
+            while asked < len(self._items) and not found:
+                asked += 1
+                found.extend(item for item in self._items[asked - 1 : asked] if wanted(item))
+            return bool(found)
+
         with self._changed:
-            while True:
-                if isinstance(wanted, int):
-                    if len(self._items) >= wanted:
-                        return list(self._items)
-                else:
-                    for item in self._items[asked:]:
-                        if wanted(item):
-                            return item
-                    asked = len(self._items)
-                remaining = deadline - time.monotonic()
-                if remaining <= 0:
-                    what = f"{wanted} items" if isinstance(wanted, int) else "the wanted item"
-                    raise TimeoutError(f"not {what} within {timeout:g} s, but: {self._items!r}")
-                self._changed.wait(remaining)
+            if not self._changed.wait_for(is_there, timeout):
+                what = f"{wanted} items" if isinstance(wanted, int) else "the wanted item"
+                raise TimeoutError(f"not {what} within {timeout:g} s, but: {self._items!r}")
+            return list(self._items) if isinstance(wanted, int) else found[0]

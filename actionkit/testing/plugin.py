@@ -13,11 +13,11 @@ import pytest
 
 if TYPE_CHECKING:
     from actionkit.servers import Server
-    from actionkit.servers._registry import Option
+    from actionkit.servers._behaviour import Option
 
 
 class ActionServerFactory(Protocol):
-    """What the `action_server` fixture is."""
+    """The type of the `action_server` fixture."""
 
     def __call__(
         self, name: str, *, action_name: str = "fibonacci", **options: Option
@@ -26,12 +26,12 @@ class ActionServerFactory(Protocol):
 
 @pytest.fixture
 def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """The id of a ROS domain that this test has for itself, on this machine only.
+    """Return the id of a ROS domain that this test has for itself, on this machine only.
 
-    Everything that the test starts is in it, by way of the environment; a context that was
-    initialised before is not.
+    It is set in the environment, so everything that the test starts is in it, but no context that
+    was initialised before.
     """
-    from ._domains import isolated_domain
+    from actionkit.testing._domains import isolated_domain
 
     with isolated_domain() as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
@@ -44,7 +44,7 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 
 @pytest.fixture
 def action_server(ros_domain: int) -> Iterator[ActionServerFactory]:
-    """Starts reference servers (`actionkit.servers`) in the test's own ROS domain.
+    """Return a function that starts reference servers in the test's own ROS domain.
 
     ::
 

@@ -14,9 +14,8 @@ import pytest
 
 from actionkit.cli._exits import Exit
 from actionkit.servers import Server
+from tests.cli.conftest import CAPTURES, FIBONACCI, NESTED, Running, World, compare
 from tests.conftest import without_noise
-
-from .conftest import CAPTURES, FIBONACCI, NESTED, Running, World, compare
 
 
 def interrupt(running: Running, server: Server) -> None:

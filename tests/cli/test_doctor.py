@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from actionkit.cli._doctor_graph import round_trip_findings
 from actionkit.cli._doctor_machine import origin
 from actionkit.cli._doctor_settings import settings
 from actionkit.cli._exits import Exit
 from actionkit.cli._findings import Finding, problem
-
-from .conftest import FIBONACCI, Done, World
+from tests.cli.conftest import FIBONACCI, Done, World
 
 
 def findings(done: Done) -> list[Finding]:
@@ -162,3 +164,29 @@ def test_a_finding_needs_a_remedy() -> None:
 def test_where_an_rclpy_comes_from() -> None:
     place = Path("/opt/ros/jazzy/lib/python3.12/site-packages/rclpy")
     assert origin(place) == "the ROS installation /opt/ros/jazzy"
+
+
+def trip(**parts: Any) -> Any:
+    usual = {
+        "matched": 0.01, "first": 0.002, "asked": 1, "later": (0.001,) * 5, "answers": 1,
+    }  # fmt: skip
+    return SimpleNamespace(**{**usual, **parts})
+
+
+@pytest.mark.parametrize(
+    ("parts", "servers", "levels", "told"),
+    [
+        ({}, 1, ["ok"], "endpoints matched in 10 ms, first answer after 2.0 ms, then 1.0 ms"),
+        ({"matched": None}, 1, ["problem"], "not matched"),
+        ({"first": None, "asked": 5}, 1, ["problem"], "none of 5 questions"),
+        ({"asked": 3}, 1, ["ok", "note"], "2 questions were lost"),
+        ({"later": (0.3,) * 5}, 1, ["ok", "note"], "more than 100 ms"),
+        ({"answers": 1}, 2, ["ok", "note"], "1 of 2 servers answer"),
+    ],
+)
+def test_a_round_trip_is_judged(
+    parts: dict[str, Any], servers: int, levels: list[str], told: str
+) -> None:
+    findings: list[Finding] = list(round_trip_findings("/fibonacci", servers, trip(**parts)))
+    assert [finding.level for finding in findings] == levels
+    assert told in findings[-1].text

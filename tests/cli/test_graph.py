@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from actionkit.cli._exits import Exit
-
-from .conftest import FIBONACCI, NESTED, World
+from tests.cli.conftest import FIBONACCI, NESTED, World
 
 
 def seen(world: World, count: int) -> dict[str, dict[str, Any]]:

@@ -76,7 +76,7 @@ def test_feedback(capsys: pytest.CaptureFixture[str]) -> None:
     assert "char_value" in told(capsys)
 
 
-@pytest.mark.parametrize("screen", [_watch_screens.Lines(), _watch_screens.JsonLines()])
+@pytest.mark.parametrize("screen", [_watch_screens.TextScreen(), _watch_screens.JsonScreen()])
 def test_watched_servers(screen: Any, capsys: pytest.CaptureFixture[str]) -> None:
     board = Board()
     board.take((HOSTILE,), 0.0)
@@ -85,7 +85,7 @@ def test_watched_servers(screen: Any, capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_watched_servers_on_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    table = _watch_screens.Table(HOSTILE)
+    table = _watch_screens.TableScreen(HOSTILE)
     board = Board()
     board.take((HOSTILE,), 0.0)
     console = Console(width=400)
@@ -100,7 +100,7 @@ def test_findings_and_ends(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_demo(capsys: pytest.CaptureFixture[str]) -> None:
-    _demo_screen.Screen(Console(width=200, markup=False)).failure(HOSTILE)
+    _demo_screen.DemoScreen(Console(width=200, markup=False)).failure(HOSTILE)
     assert r"\u001b[2J" in told(capsys)
 
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import pytest
 
 from actionkit.cli._exits import Exit
+from tests.cli.conftest import FIBONACCI, NESTED, World, compare
 
-from .conftest import FIBONACCI, NESTED, World, compare
 from .test_call import masked, shell
 
 CTRL_C = b"\x03"

@@ -12,8 +12,7 @@ from click.testing import CliRunner
 
 from actionkit.cli._app import app
 from actionkit.cli._exits import Exit
-
-from .conftest import FIBONACCI, NESTED, World
+from tests.cli.conftest import FIBONACCI, NESTED, World
 
 DOCS = Path(__file__).parents[2] / "docs" / "command-line.md"
 COMMANDS = ("call", "list", "info", "watch", "serve", "doctor", "demo")

@@ -58,7 +58,7 @@ ROS = ("rclpy", "action_msgs", "unique_identifier_msgs")
 LONGEST = 350
 LONGER = {
     "_calls/call.py": 425,  # the turns of a call; what decides them is elsewhere
-    "_goal/machine.py": 625,  # one table of situations and events; half of it would tell half the story
+    "_goal/machine.py": 625,
 }
 
 

@@ -1,0 +1,55 @@
+"""The order in which a call is reported, and the signals that end it."""
+
+from __future__ import annotations
+
+import signal
+import uuid
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from actionkit import GoalEvent, GoalState
+from actionkit.cli import _signals
+from actionkit.cli._calling import Calling
+from actionkit.cli._exits import Exit
+
+
+def test_an_end_is_told_after_the_feedback_that_came_before_it() -> None:
+    """The server's answer may be known while feedback is still on its way to be shown."""
+    told: list[GoalState] = []
+    report = SimpleNamespace(event=lambda event: told.append(event.state))
+    calling = Calling(cast(Any, None), cast(Any, report), echo=True, progress=None)
+    states = (GoalState.SENT, GoalState.ACCEPTED, GoalState.SUCCEEDED)
+    events = [GoalEvent(uuid.UUID(int=1), 1, s, float(n), 0.0) for n, s in enumerate(states)]
+    calling._future = cast(Any, SimpleNamespace(timeline=events))
+    calling._catch_up(0.5)
+    assert told == [GoalState.SENT]
+    calling._catch_up(9.0)
+    calling._catch_up(9.0)
+    assert told == [GoalState.SENT, GoalState.ACCEPTED]
+    calling._catch_up(9.0, ended=True)
+    assert told == list(states)
+    # An attempt that failed is no end of the call.
+    events.append(GoalEvent(uuid.UUID(int=1), 1, GoalState.RETRYING, 3.0, 0.0))
+    again = Calling(cast(Any, None), cast(Any, report), echo=True, progress=None)
+    again._future = calling._future
+    again._catch_up(9.0)
+    assert told[-1] is GoalState.RETRYING
+
+
+def test_two_signals_of_one_press_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The terminal sends Ctrl-C to all its processes, and a wrapper passes its own on."""
+    first: list[Exit] = []
+    left: list[tuple[Exit, str]] = []
+    monkeypatch.setattr(_signals, "leave_at_once", lambda *said: left.append(said))
+    before = signal.getsignal(signal.SIGINT)
+    with _signals.handled(first.append, lambda: "farewell"):
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        assert (first, left) == ([Exit.INTERRUPTED], [])
+        monkeypatch.setattr(_signals, "_ONE_PRESS", -1.0)
+        signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGINT)
+        assert (first, left) == ([Exit.INTERRUPTED], [(Exit.TERMINATED, "farewell")])
+    assert signal.getsignal(signal.SIGINT) is before

@@ -1,0 +1,39 @@
+"""The helpers for tests: domains, the pytest plugin, the event log."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from actionkit.testing import EventLog, isolated_domain
+
+
+def test_domains_do_not_meet_and_rest() -> None:
+    with isolated_domain() as first, isolated_domain() as second:
+        assert len({first, second}) == 2
+        assert 1 <= first <= 101
+    with isolated_domain() as third:
+        assert third not in (first, second)
+
+
+def test_the_domain_is_in_the_environment(ros_domain: int) -> None:
+    assert os.environ["ROS_DOMAIN_ID"] == str(ros_domain)
+    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+
+
+def test_event_log() -> None:
+    log: EventLog[int] = EventLog()
+    thread = threading.Thread(target=lambda: [log(n) for n in range(5)])
+    thread.start()
+    assert log.wait_for(lambda n: n == 3) == 3
+    assert log.wait_for(5) == [0, 1, 2, 3, 4] == list(log)
+    thread.join()
+    log.append(7)
+    assert len(log) == 6
+    wanted: list[int | Callable[[int], bool]] = [7, lambda n: n == 8]
+    for one in wanted:
+        with pytest.raises(TimeoutError, match="7"):
+            log.wait_for(one, timeout=0)
