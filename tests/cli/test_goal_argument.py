@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 
 import click
 import pytest
@@ -14,7 +13,7 @@ from test_msgs.msg import Builtins, MultiNested
 
 from actionkit._messages.convert import to_plain
 from actionkit.cli._goals import MOST_TEXT, MOST_YAML, fill_now, parse
-from actionkit.cli._plain import as_json, as_yaml
+from actionkit.cli._plain import as_yaml
 
 AT = 1_700_000_000_250_000_000
 
@@ -142,13 +141,3 @@ def test_what_is_shown_can_be_given(order: int, numbers: list[float]) -> None:
 def test_arrays_of_numbers_are_one_line_each() -> None:
     assert as_yaml(Fibonacci.Result(sequence=list(range(100)))).count("\n") == 1
     assert as_yaml(Fibonacci.Result()) == "    sequence: []\n"
-
-
-def test_json_has_no_numbers_that_json_does_not_know() -> None:
-    line = as_json({"a": math.nan, "b": [math.inf, {"c": -math.inf}], "d": 1.5})
-    assert json.loads(line, parse_constant=pytest.fail) == {
-        "a": "NaN",
-        "b": ["Infinity", {"c": "-Infinity"}],
-        "d": 1.5,
-    }
-    assert "\n" not in as_json({"text": "two\nlines"})

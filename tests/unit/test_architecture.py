@@ -57,8 +57,8 @@ PURE = (
 ROS = ("rclpy", "action_msgs", "unique_identifier_msgs")
 LONGEST = 350
 LONGER = {
-    "_calls/call.py": 425,  # the turns of a call; what decides them is elsewhere
-    "_goal/machine.py": 625,
+    "_calls/call.py": 430,  # the turns of a call; what decides them is elsewhere
+    "_goal/machine.py": 645,
 }
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from actionkit._goal.stages import DOUBT
 from actionkit._ros.outbox import CancelWindow
 from actionkit._ros.requests import Requests
 from tests.unit.call_life import CallLife
@@ -186,4 +187,7 @@ def test_a_late_answer_to_an_early_question_ends_nothing(lost: bool) -> None:
     life.does(attempt.on_result, 0, None, outdated=True)
     assert attempt.goal.in_flight
     life.result(0, None)
+    if not lost:
+        life.wait_until(life.now() + DOUBT)
+        life.result(0, None)  # it says so again
     assert not attempt.goal.in_flight
