@@ -195,7 +195,7 @@ def test_a_node_of_the_users_is_named(action_server, make_client, records):
 def test_a_refused_cancel_is_a_warning(action_server, make_client, records):
     server = action_server("refuses_cancel", period=0.05)
     client = make_client()
-    future = client.call_async({"order": 5}, timeout=20)
+    future = client.call_async({"order": 20}, timeout=20)
     server.wait_for("executing")
     future.cancel()
     assert future.outcome(20).ok

@@ -193,6 +193,26 @@ def _a_life(seed: int) -> tuple[World, list[str]]:
     return world, wrong
 
 
+def test_a_goal_that_was_lost_is_not_on_a_server_that_comes_after_that() -> None:
+    """Else it would be waited for, though the new server says that it does not know it."""
+    world = World()
+    for gid in (b"old", b"new"):
+        world.alive.add(gid)
+        world.graph[:] = [gid]
+        world.see(gid)
+        world.read_event()
+        world.clock.advance(0.01)
+        if gid == b"old":
+            goal = world.send()
+            assert goal is not None
+            world.alive.clear()
+            world.graph.clear()
+            world.lose(gid)
+            world.read_event()
+            assert goal.lost == ["its action server is gone"]
+    assert not world.sent[goal.goal_id.bytes].sent_to & world.lookout.presence.servers
+
+
 @pytest.mark.parametrize("block", range(20))
 def test_no_goal_is_lost_with_a_server_that_is_there(block: int) -> None:
     for seed in range(20 * block, 20 * (block + 1)):

@@ -222,7 +222,10 @@ class Lookout:
 
         A request finds a server before the server is in sight here; and it may have gone to one
         that the graph did not show yet. Where it did not, the server itself says so when asked.
+        One that was lost already, with all servers there were, is not on one that came after that.
         """
+        if not goal.servers:
+            return
         unnamed = UNNAMED & goal.servers
         if unnamed or goal.sent_at > self._runtime.now() - _IN_SIGHT_WITHIN:
             goal.servers |= came
