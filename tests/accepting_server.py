@@ -41,7 +41,14 @@ def execute(handle: Any) -> Any:
     return Fibonacci.Result()
 
 
+def end_with_parent() -> None:
+    """Wait for the end of standard input, which the test's end brings, however it ends."""
+    sys.stdin.read()
+    os._exit(0)
+
+
 def main() -> None:
+    threading.Thread(target=end_with_parent, daemon=True).start()
     rclpy.init(domain_id=int(os.environ["ROS_DOMAIN_ID"]))
     node = rclpy.create_node("accepting")
     server = ActionServer(
