@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from actionkit import Client, GoalFuture, GoalState, Outcome
-from actionkit._goal.stages import FIRST_NUDGE
+from actionkit._goal.stages import FIRST_REASK
 from actionkit._threads import diagnostics as _diagnostics
 from actionkit.servers import Server, ServerEvent
 
@@ -75,7 +75,7 @@ def asked_to_cancel(server: Server, *goal_ids: object, waited: float) -> bool:
     """
     asked = [event.goal_id for event in cancels(server)]
     expected = sorted(str(goal_id) for goal_id in goal_ids)
-    return sorted(asked if waited < FIRST_NUDGE / 2 else set(asked)) == expected
+    return sorted(asked if waited < FIRST_REASK / 2 else set(asked)) == expected
 
 
 def is_accepted(future: GoalFuture[Any, Any]) -> bool:

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from actionkit._goal import effects as fx
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import GaveUp, Stage
+from actionkit._goal.stages import CancelReason, Closing, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState
@@ -55,13 +55,13 @@ class AttemptLink(Protocol):
 
 
 class AttemptOwner(Protocol):
-    """Who is told of the attempt's life."""
+    """The call that an attempt belongs to, and reports to."""
 
     @property
     def unwanted(self) -> bool: ...
     @property
     def urgent(self) -> bool: ...
-    def on_record(self, attempt: Attempt, state: GoalState, detail: str) -> None: ...
+    def on_record(self, attempt: Attempt, record: fx.Record) -> None: ...
     def on_feedback(self, attempt: Attempt, messages: list[bytes]) -> None: ...
     def on_end(self, attempt: Attempt, ending: fx.Ending) -> None: ...
     def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None: ...
@@ -130,36 +130,36 @@ class Attempt:
     # --- the caller's wishes ---------------------------------------------------------------
 
     def start(self) -> None:
-        """Begin."""
+        """Begin to wait for a server."""
         self._apply(self.goal.start(self._now()))
 
     def cancel(self) -> None:
-        """Cancel."""
+        """Cancel the goal because its caller does."""
         self._apply(self.goal.cancel(self._now()))
 
     def close(self, *, abandon: bool) -> None:
-        """End because the client closes."""
+        """Cancel the goal, or with `abandon` leave it to run, because the client closes."""
         self._apply(self.goal.close(self._now(), abandon=abandon))
 
     def end_grace(self) -> None:
-        """Wait no longer for a cancellation to be confirmed."""
+        """End the wait for a cancellation to be confirmed."""
         self._apply(self.goal.timer(fx.Timer.CANCEL, self._now()))
 
     def fail(self, reason: str, error: BaseException) -> None:
-        """End because this side broke."""
+        """End the attempt because the communication thread broke."""
         self._apply(self.goal.fail(reason, error, self._now()))
 
     def supersede(self) -> None:
-        """Leave the goal to another attempt, which has the same id."""
+        """Leave the goal to another attempt, which has the same goal id."""
         self._apply(self.goal.supersede())
         self._on_out_of_sight(self)
 
     def drop(self) -> None:
-        """Watch the goal no more: what it was watched over is destroyed."""
+        """Cancel all timers: the link is gone."""
         self._apply([fx.Disarm(timer) for timer in fx.Timer])
 
     def withdraw(self) -> None:
-        """End an attempt that has sent nothing, and tell nobody."""
+        """End an attempt that has sent nothing; its owner is told nothing more."""
         self._apply([*self.goal.supersede(), fx.Withdraw()])
         self._on_out_of_sight(self)
 
@@ -234,7 +234,8 @@ class Attempt:
                 self._carry_out(self._effects.popleft())
         finally:
             self._applying = False
-        waiting = self.goal.stage in (Stage.QUEUED, Stage.SENT) and not self.goal.settled
+        unanswered = self.goal.stage in (Stage.QUEUED, Stage.RESENDING, Stage.SENT)
+        waiting = unanswered and not self.goal.settled
         if self._in_outbox and not waiting:
             # Whatever told it, an answer or the end of patience: the next may be sent.
             self._in_outbox = False
@@ -249,18 +250,15 @@ class Attempt:
         elif isinstance(effect, fx.Disarm):
             self._disarm(effect.timer)
         elif isinstance(effect, fx.Record):
-            self._owner.on_record(self, effect.state, effect.detail)
+            self._owner.on_record(self, effect)
         elif isinstance(effect, fx.AwaitServer):
             self._link.await_server(self)
         elif isinstance(effect, fx.SendGoal):
-            self._in_outbox = True
-            self._link.send_goal(self, self._goal_message)
-            if self._liveness is not None:
-                self._link.liveness.start(self._liveness)
+            self._send()
         elif isinstance(effect, fx.AskResult):
             self._link.ask_result(self, anew=effect.anew)
         elif isinstance(effect, fx.AskCancel):
-            urgent = self._owner.urgent or self.goal.gave_up is GaveUp.DEADLINE
+            urgent = self._owner.urgent or self.goal.cancel_reason is CancelReason.DEADLINE
             self._link.ask_cancel(self, urgent=urgent)
         elif isinstance(effect, fx.WatchStatus):
             self._link.watch_status()
@@ -269,11 +267,21 @@ class Attempt:
         elif isinstance(effect, fx.LateResult):
             self._owner.on_late_result(self, effect.state, effect.result)
         elif isinstance(effect, fx.Withdraw):
+            self._in_outbox = False
             self._link.withdraw(self)
         else:
-            self._link.forget(self, abandoned=self.goal.abandoned, finished=self._has_result)
+            abandoned = self.goal.closing is Closing.ABANDONED
+            self._link.forget(self, abandoned=abandoned, finished=self._has_result)
             self._on_out_of_sight(self)
             self._owner.on_over(self)
+
+    def _send(self) -> None:
+        if self._in_outbox:
+            return
+        self._in_outbox = True
+        self._link.send_goal(self, self._goal_message)
+        if self._liveness is not None:
+            self._link.liveness.start(self._liveness)
 
     def _fire(self, timer: fx.Timer) -> None:
         self._timers.pop(timer, None)

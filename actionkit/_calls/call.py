@@ -7,49 +7,36 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any, Protocol
 
 from actionkit._calls.attempt import Attempt
+from actionkit._calls.call_record import ActionView, CallRecord
 from actionkit._calls.classify import apply_verdict
 from actionkit._calls.classify_runner import ClassifyRunner
-from actionkit._calls.explain import Story, explain
-from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.future import GoalFuture
-from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.request import Request
 from actionkit._calls.retry import GiveUp, RejectedByClassifier, Retry
 from actionkit._calls.retry_runner import RetryRunner
 from actionkit._goal import effects as fx
 from actionkit._goal.stages import Stage
-from actionkit._messages.lazy import LazyMessage
 from actionkit._model.settings import Timeouts
-from actionkit._model.timeline import Recorder
-from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome, Verdict
+from actionkit._model.values import GoalState, Verdict
 from actionkit._observers.dispatcher import NO_OBSERVERS, ObserverDispatcher
 from actionkit._threads.clock import TimerHandle
+from actionkit._threads.function_runner import Clock
 
 _LAST_FEEDBACK_GRACE = 0.05
-"""Seconds that a result waits for callbacks that are quick; slow ones do not delay it (C1.8)."""
-_LATE = {
-    GoalState.SUCCEEDED: fx.End.SUCCEEDED,
-    GoalState.ABORTED: fx.End.ABORTED,
-    GoalState.REJECTED: fx.End.REJECTED,
-}
+"""Seconds that a result waits for its feedback callbacks: enough for quick ones, and too short to
+be noticed. Slow callbacks do not delay the result (C1.8)."""
 _UNDECIDED = "a server is there, but has not said whether the goal still runs"
 _NOBODY_BACK = "its server went away, and no server has come back"
-_NEVER_AGAIN = {fx.End.CANCELED_BY_OTHER}
-"""Whatever the cause and the judgement (C4.4)."""
 _WITH_RESULT = {fx.End.SUCCEEDED, fx.End.ABORTED, fx.End.CANCELED_BY_OTHER}
 
 
-class Carrier(Protocol):
+class Carrier(ActionView, Clock, Protocol):
     """The client's side of a call: what carries its goals."""
-
-    action_name: str
-    type_name: str
 
     def attempt(
         self,
@@ -62,11 +49,6 @@ class Carrier(Protocol):
         resent: bool,
     ) -> Attempt: ...
     def server_is_ready(self) -> bool: ...
-    def decode_feedback(self, message: bytes) -> Any: ...
-    def graph_snapshot(self) -> GraphSnapshot: ...
-    def call_soon(self, callback: Callable[[], None]) -> None: ...
-    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle: ...
-    def cancel_timer(self, handle: TimerHandle) -> None: ...
     def begin(self, call: Call) -> None: ...
     def finished(self, call: Call) -> None: ...
 
@@ -80,21 +62,17 @@ class Call:
         """Take note of a request; its time runs from now."""
         self.goal_id = uuid.uuid4()
         self.state = GoalState.SENDING
-        self.timeline = Recorder()
         self.cancel_grace = request.timeouts.cancel
         self._carrier = carrier
         self._request = request
-        self._began = time.monotonic()
-        self._audience = audience
-        self._info = audience.call_info(
-            self.goal_id, request.goal, monotonic=self._began, wall=time.time()
-        )
-        self._deadline = None if request.timeout is None else self._began + request.timeout
+        self._record = CallRecord(carrier, request, audience, self.goal_id)
+        self.timeline = self._record.timeline
+        began = self._record.began
+        self._deadline = None if request.timeout is None else began + request.timeout
         threads = request.function_pool
-        self._retrying = RetryRunner(carrier, threads, request.retry, request.budget, self._began)
+        self._retrying = RetryRunner(carrier, threads, request.retry, request.budget, began)
         self._judging = ClassifyRunner(carrier, threads, request.classify)
-        self._tape: FeedbackBroadcast[Any] = FeedbackBroadcast()
-        self.future: GoalFuture[Any, Any] = GoalFuture(self, self._tape, request.pool)
+        self.future: GoalFuture[Any, Any] = GoalFuture(self, self._record.tape, request.pool)
         self._attempt: Attempt | None = None
         self._previous: Attempt | None = None
         self._attempts = 0
@@ -132,7 +110,7 @@ class Call:
         if self._ending is not None:
             return  # cancelled or closed before it began
         if self._request.invalid is not None:
-            self._end(fx.Ending(fx.End.INVALID, GoalState.REJECTED, info=self._request.invalid))
+            self._end(fx.Ending(fx.End.INVALID, GoalState.REJECTED, error=self._request.invalid))
             return
         self._try(resent=False)
 
@@ -140,25 +118,29 @@ class Call:
         """Cancel the goal, or end the call where none is under way."""
         if self._attempt is not None:
             self._attempt.cancel()
-        elif self._judging.under_way:
-            self._cut_judging_short("the call was cancelled")
         else:
-            self._end(self._idle(fx.End.CANCELLED_BY_CALLER))
+            self._end_idle(fx.End.CANCELLED_BY_CALLER, "the call was cancelled")
 
     def close(self, *, abandon: bool) -> None:
         """End because the client closes."""
         self._closing = True
         if self._attempt is not None:
             self._attempt.close(abandon=abandon)
-        elif self._judging.under_way:
-            self._cut_judging_short("the client was closed")
         else:
-            self._end(self._idle(fx.End.CLOSED))
+            self._end_idle(fx.End.CLOSED, "the client was closed")
 
-    def _cut_judging_short(self, why: str) -> None:
-        """What ended is judged, and not tried again; that takes no longer than a cancel."""
-        within = f"{why}, and it did not answer within {self.cancel_grace:g} s"
-        self._judging.cut_short(time.monotonic() + self.cancel_grace, within)
+    def _end_idle(self, end: fx.End, why: str) -> None:
+        """End a call that has no goal under way: it has not begun, is judged, or pauses."""
+        if self._judging.under_way:
+            # Its goal ended, and is not tried again; the verdict is waited for like a cancel.
+            within = f"{why}, and it did not answer within {self.cancel_grace:g} s"
+            self._judging.cut_short(time.monotonic() + self.cancel_grace, within)
+        elif self._last is None:
+            self._end(fx.Ending(end, GoalState.SENDING, given_up=True))
+        else:
+            # Nothing is cancelled now: what is told is the fate of the last goal, and no more.
+            fate, status = self._last.fate, self._last.status
+            self._end(fx.Ending(end, status, fate=fate, given_up=True))
 
     def end_grace(self) -> None:
         """End a call that was closed: there is no more time for confirmations."""
@@ -175,21 +157,13 @@ class Call:
         elif self._judging.under_way:
             self._judging.end(reason)
         else:
-            self._end(fx.Ending(fx.End.LOST, GoalState.LOST, info=error))
+            self._end(fx.Ending(fx.End.LOST, GoalState.LOST, error=error))
         if self._ending is not None:
             self._settle()  # the timer that ends the wait for callbacks fires no more
 
     def refuse(self, reason: str) -> None:
         """End before anything was sent, because this side cannot send."""
-        self._end(fx.Ending(fx.End.LOST, GoalState.SENDING, info=reason))
-
-    def _idle(self, end: fx.End) -> fx.Ending:
-        """The ending of a call that has no attempt under way: not begun, judged, or pausing."""
-        if self._last is None:
-            return fx.Ending(end, GoalState.SENDING, cancel=CancelReport.NOT_NEEDED)
-        stopped = self._last.known is fx.Known.STOPPED
-        report = CancelReport.NOT_NEEDED if stopped else CancelReport.UNKNOWN
-        return replace(self._last, end=end, cancel=report, phase="", result=None)
+        self._end(fx.Ending(fx.End.LOST, GoalState.SENDING, lost_because=reason))
 
     # --- attempts --------------------------------------------------------------------------
 
@@ -215,12 +189,11 @@ class Call:
 
     def may_send(self, attempt: Attempt) -> bool:
         """Whether an attempt may send its goal: never while an earlier one may run (C4.2)."""
-        previous = self._previous
-        return (
-            previous is None
-            or self._request.retry.resend == "always"
-            or not previous.goal.in_flight
-        )
+        return self._request.retry.resend == "always" or not self._earlier_in_flight
+
+    @property
+    def _earlier_in_flight(self) -> bool:
+        return self._previous is not None and self._previous.goal.in_flight
 
     def _reconcile(self) -> None:
         """Ask a server that is there about a goal that was lost with another (C4.3)."""
@@ -237,13 +210,11 @@ class Call:
 
     def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None:
         """An earlier goal has proved to have finished: that is the call's end (C4.3, C4.4)."""
-        end = _LATE.get(state)
-        if state is GoalState.CANCELED and not attempt.cancel_is_ours:
-            end = fx.End.CANCELED_BY_OTHER
-        current = self._attempt
-        if end is None or attempt is not self._previous or self._ending is not None:
+        canceled = state is GoalState.CANCELED
+        if attempt is not self._previous or self._ending is not None:
             return
-        if current is not None and current.goal.in_flight:
+        current = self._attempt
+        if (canceled and attempt.cancel_is_ours) or (current and current.goal.in_flight):
             return
         if current is not None:
             self._attempt = None
@@ -251,44 +222,38 @@ class Call:
         self._stop_retrying()
         self.goal_id = attempt.goal_id
         rejected = state is GoalState.REJECTED
-        reached = fx.Reached.REJECTED if rejected else fx.Reached.ACCEPTED
-        self._last = fx.Ending(end, state, result=result, reached=reached)
+        progress = fx.GoalProgress.REJECTED if rejected else fx.GoalProgress.ACCEPTED
+        end = fx.End.CANCELED_BY_OTHER if canceled else fx.End[state.name]
+        self._last = fx.Ending(end, state, result=result, progress=progress)
         self._judge(self._last)
 
     # --- what the attempt tells ------------------------------------------------------------
 
-    def on_record(self, attempt: Attempt, state: GoalState, detail: str) -> None:
+    def on_record(self, attempt: Attempt, record: fx.Record) -> None:
         """Write the timeline; also after the end, for the log of a goal given up on."""
-        self._note(attempt.goal_id, attempt.number, state, detail)
+        self._record.note(
+            attempt.goal_id, attempt.number, record.state, record.detail, record.cancel_refused
+        )
         if not self._settled and attempt is self._attempt:
-            self.state = state
+            self.state = record.state
 
     def on_feedback(self, attempt: Attempt, messages: list[bytes]) -> None:
         """Pass feedback on, undecoded."""
-        if self._settled or attempt is not self._attempt:
-            return
-        handful = [LazyMessage(self._carrier.decode_feedback, message) for message in messages]
-        goal_id = attempt.goal_id
-        numbers = self.timeline.count_feedback(goal_id, len(handful))
-        each = self._audience.hears_feedback
-        for number, one in zip(numbers, handful, strict=True):
-            if each or number in (1, numbers[-1]):  # the timeline keeps no others
-                self._note(goal_id, attempt.number, GoalState.FEEDBACK, f"no. {number}", one)
-        self._tape.put(*handful)
-        if self._request.callbacks is not None:
-            self._request.callbacks.put(*handful)
+        if not self._settled and attempt is self._attempt:
+            self._record.note_feedback(attempt, messages)
 
     def on_end(self, attempt: Attempt, ending: fx.Ending) -> None:
         """Judge how the attempt ended, and end the call or try again."""
         if attempt is not self._attempt or self._ending is not None:
             return
         earlier = self._previous
-        if ending.end is fx.End.NO_SERVER and earlier and earlier.goal.in_flight:
+        if ending.end is fx.End.NO_SERVER and earlier and self._earlier_in_flight:
             # Something was sent before this attempt, and its caller has to hear of that.
             reason = _UNDECIDED if self._carrier.server_is_ready() else _NOBODY_BACK
             self.goal_id = earlier.goal_id
-            ending = replace(ending, end=fx.End.LOST, status=GoalState.LOST, info=reason)
-        if attempt.goal.stage is not Stage.OVER or ending.reached is not fx.Reached.NEVER_SENT:
+            ending = replace(ending, end=fx.End.LOST, status=GoalState.LOST, lost_because=reason)
+        never_sent = ending.progress is fx.GoalProgress.NEVER_SENT
+        if not never_sent or attempt.goal.stage is not Stage.OVER:
             self._previous = attempt
         self._last, self._attempt = ending, None
         self._judge(ending)
@@ -298,7 +263,8 @@ class Call:
             self._judged(ending, None, Verdict.SUCCESS)  # most are: no outcome is made for it
         else:
             now = time.monotonic()
-            self._judging.begin(ending, self._outcome(ending), now, self._deadline, self._judged)
+            outcome = self._record.outcome(ending, self.goal_id, self._attempts)
+            self._judging.begin(ending, outcome, now, self._deadline, self._judged)
 
     def _judged(
         self, ending: fx.Ending, error: BaseException | None, verdict: Verdict | fx.Fault
@@ -308,12 +274,13 @@ class Call:
         if verdict is Verdict.SUCCESS:
             self._request.budget.on_success()
         ending = apply_verdict(ending, verdict)
-        if verdict is not Verdict.TRANSIENT or ending.end in _NEVER_AGAIN:
+        # What somebody else cancelled is not tried again, whatever `classify=` says (C4.4).
+        if verdict is not Verdict.TRANSIENT or ending.end is fx.End.CANCELED_BY_OTHER:
             self._end(ending)
             return
         self._request.budget.on_transient_failure()
         if self.unwanted or self._closing:
-            self._end(replace(ending, note="its caller no longer wants it"))
+            self._end(replace(ending, not_retried="its caller no longer wants it"))
             return
         cause = error or RejectedByClassifier()
         clock, planned = time.monotonic, partial(self._planned, ending)
@@ -321,18 +288,15 @@ class Call:
 
     def _planned(self, ending: fx.Ending, plan: Retry | GiveUp | fx.Fault) -> None:
         if isinstance(plan, fx.Fault):
-            self._end(replace(ending, strategy=plan))
+            self._end(replace(ending, strategy_fault=plan))
         elif isinstance(plan, GiveUp):
-            self._end(replace(ending, note=plan.reason))
+            self._end(replace(ending, not_retried=plan.reason))
         else:
-            self._pause_for(plan)
-
-    def _pause_for(self, plan: Retry) -> None:
-        pause = f"in {plan.seconds:.2f} s"
-        self._note(self.goal_id, self._attempts, GoalState.RETRYING, pause)
-        self.state = GoalState.RETRYING
-        until = time.monotonic() + plan.seconds
-        self._pause = self._carrier.call_at(until, lambda: self._resume(resent=plan.same_id))
+            pause = f"in {plan.seconds:.2f} s"
+            self._record.note(self.goal_id, self._attempts, GoalState.RETRYING, pause)
+            self.state = GoalState.RETRYING
+            until = time.monotonic() + plan.seconds
+            self._pause = self._carrier.call_at(until, lambda: self._resume(resent=plan.same_id))
 
     def _resume(self, *, resent: bool) -> None:
         self._pause = None
@@ -341,7 +305,8 @@ class Call:
         if resent and stage is Stage.ACCEPTED:
             # Accepted after all, in the pause: it was cancelled then, and has not ended so far.
             assert self._last is not None
-            self._end(replace(self._last, note="the goal was accepted late, and may still run"))
+            late = "the goal was accepted late, and may still run"
+            self._end(replace(self._last, not_retried=late))
             return
         self._try(resent=resent and stage is Stage.SENT)
 
@@ -350,10 +315,8 @@ class Call:
     def _end(self, ending: fx.Ending) -> None:
         if self._ending is not None:
             return
-        earlier = self._previous
-        if ending.cancel is CancelReport.NOT_NEEDED and earlier and earlier.goal.in_flight:
-            # This attempt sent nothing, but an earlier goal of the call may run.
-            ending = replace(ending, cancel=CancelReport.UNKNOWN)
+        if self._earlier_in_flight:
+            ending = replace(ending, earlier_may_run=True)
         self._ending = ending
         self._stop_retrying()
         callbacks = self._request.callbacks
@@ -377,51 +340,11 @@ class Call:
         self._previous = None  # it holds this call for as long as it is watched
         if self._grace is not None:
             self._carrier.cancel_timer(self._grace)
-        if self._request.callbacks is not None:
-            self._request.callbacks.close()
         ending = self._ending
         assert ending is not None
         self.state = ending.status
-        self._tape.end()
-        outcome = self._outcome(ending)
-        self._audience.outcome(outcome, self._info)
+        self._record.end_feedback()
+        outcome = self._record.outcome(ending, self.goal_id, self._attempts)
+        self._record.tell_outcome(outcome)
         self._carrier.finished(self)  # first: who sees the end sees it counted out (C1.11)
         self.future.settle(outcome, ending.end)
-
-    def _outcome(self, ending: fx.Ending) -> Outcome[Any]:
-        story = Story(
-            action_name=self._carrier.action_name,
-            type_name=self._carrier.type_name,
-            goal_id=self.goal_id,
-            attempts=self._attempts,
-            timeline=self.timeline.events(),
-            elapsed=time.monotonic() - self._began,
-            timeout=self._request.timeout,
-            timeouts=self._request.timeouts,
-            surroundings=self._carrier.graph_snapshot,
-        )
-        callbacks = self._request.callbacks
-        return Outcome(
-            status=ending.status,
-            result=ending.result,
-            error=explain(ending, story),
-            attempts=self._attempts,
-            timeline=story.timeline,
-            goal_id=self.goal_id,
-            cancel=ending.cancel,
-            callback_errors=0 if callbacks is None else callbacks.errors,
-            feedback_count=self._tape.count,
-            elapsed=story.elapsed,
-        )
-
-    def _note(
-        self,
-        goal_id: uuid.UUID,
-        attempt: int,
-        state: GoalState,
-        detail: str,
-        feedback: Callable[[], Any] | None = None,
-    ) -> None:
-        event = GoalEvent(goal_id, attempt, state, time.monotonic(), time.time(), detail)
-        self.timeline.add(event)
-        self._audience.event(event, self._info, feedback)

@@ -66,12 +66,13 @@ def apply_verdict(ending: Ending, verdict: Verdict | Fault) -> Ending:
     """Return the ending with the verdict applied; unchanged where the verdict changes nothing."""
     succeeded = ending.end is End.SUCCEEDED
     if isinstance(verdict, Fault):
-        unjudged = succeeded or verdict.impossible
-        return replace(ending, end=End.UNJUDGED if unjudged else ending.end, judge=verdict)
+        failed = succeeded or verdict.impossible
+        end = End.CLASSIFIER_FAILED if failed else ending.end
+        return replace(ending, end=end, classifier_fault=verdict)
     if verdict is Verdict.SUCCESS and not succeeded:
         return replace(ending, end=End.SUCCEEDED)
     if verdict is not Verdict.SUCCESS and succeeded:
-        return replace(ending, end=End.JUDGED, info=verdict)
+        return replace(ending, end=End.REJECTED_BY_CLASSIFIER, verdict=verdict)
     return ending
 
 

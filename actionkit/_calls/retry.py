@@ -11,7 +11,7 @@ from typing import Any
 
 import tenacity
 
-from actionkit._goal.effects import Fault, Known, Reached
+from actionkit._goal.effects import Fault, GoalFate, GoalProgress
 from actionkit._model.settings import MOST, RetryPolicy
 from actionkit._threads.function_runner import described, name_of
 
@@ -23,29 +23,26 @@ class Resend(Enum):
     SAME_ID = auto()
     """The same goal again to the same server, which takes an id only once (R5)."""
     NEW_ID = auto()
-    NEW_ID_ONCE_STOPPED = auto()
-    """A new goal, when a server that is in sight has said that it does not know the old one."""
+    """A new goal. It is held back while an earlier goal of the call may run (`Call.may_send`)."""
 
 
-def how_to_resend(reached: Reached, known: Known, resend: str) -> Resend:
+def how_to_resend(progress: GoalProgress, fate: GoalFate, resend: str) -> Resend:
     """Decide about a goal that may have reached the server (C4.2).
 
     Args:
-        reached: How far it got.
-        known: What is known of it now.
+        progress: How far it got.
+        fate: What is known about it now.
         resend: `RetryPolicy.resend`.
     """
-    if reached in (Reached.NEVER_SENT, Reached.REJECTED):
+    if progress in (GoalProgress.NEVER_SENT, GoalProgress.REJECTED):
         return Resend.NEW_ID
     if resend == "always":
         return Resend.NEW_ID
     if resend == "never_accepted":
         return Resend.NO  # an unanswered goal may have been accepted, an accepted one was
-    if known is Known.STOPPED:
+    if fate in (GoalFate.STOPPED, GoalFate.SERVER_GONE):
         return Resend.NEW_ID
-    if known is Known.SERVER_GONE:
-        return Resend.NEW_ID_ONCE_STOPPED
-    if known is Known.UNKNOWN_TO_SERVER and reached is Reached.UNANSWERED:
+    if fate is GoalFate.UNKNOWN_TO_SERVER and progress is GoalProgress.UNANSWERED:
         return Resend.SAME_ID
     return Resend.NO
 

@@ -79,7 +79,7 @@ class RetryRunner:
         if deadline is not None and now + seconds >= deadline:
             return GiveUp(f"a pause of {seconds:.2g} s would have crossed the deadline")
         resend = self._policy.resend
-        how = how_to_resend(ending.reached, ending.known, resend)
+        how = how_to_resend(ending.progress, ending.fate, resend)
         if how is Resend.NO:
             return GiveUp(f"the goal may still run, or have run (resend={resend!r})")
         if not self._budget.allows_retry:

@@ -1,7 +1,7 @@
 """What the state machine of a goal asks its driver to do, and how a goal can end.
 
-Nobody changes these once they are made. They are not frozen all the same: to make a frozen one
-takes twice as long, and a call makes two dozen.
+Nobody changes these objects once they are made. They are not frozen all the same: a frozen one
+takes twice as long to make, and a call makes two dozen.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
 from typing import Any, TypeAlias
 
-from actionkit._model.values import CancelReport, GoalState
+from actionkit._model.values import CancelReport, GoalState, Verdict
 
 
 class Timer(IntEnum):
@@ -22,14 +22,14 @@ class Timer(IntEnum):
     STALL = auto()
     CANCEL = auto()
     """The end of the wait for a cancellation to be confirmed."""
-    NUDGE = auto()
-    """Time to ask again what may have been lost on the way."""
+    REASK = auto()
+    """Time to ask again for what may have been lost on the way."""
     RESULT = auto()
     """The end of the wait for the result of a goal that has ended, in a call without deadline."""
 
 
-class Reached(Enum):
-    """How far the earlier goal got, as far as this side knows."""
+class GoalProgress(Enum):
+    """How far a goal got, as far as this side knows."""
 
     NEVER_SENT = auto()
     UNANSWERED = auto()
@@ -38,17 +38,17 @@ class Reached(Enum):
     ACCEPTED = auto()
 
 
-class Known(Enum):
-    """What is known of the earlier goal's present."""
+class GoalFate(Enum):
+    """What is known about a goal now."""
 
     NOTHING = auto()
-    """It may be running, or come to run."""
+    """It may be running, or may start to run."""
     UNKNOWN_TO_SERVER = auto()
-    """A live server of the same incarnation does not know it, and may take it yet (R6)."""
+    """The server that it was sent to does not know it, but may still accept it (R6)."""
     SERVER_GONE = auto()
     """The server that had it is out of sight."""
     STOPPED = auto()
-    """It runs no more, and never will."""
+    """It does not run, and never will again."""
 
 
 class End(Enum):
@@ -68,15 +68,15 @@ class End(Enum):
     STALLED = auto()
     DEADLINE = auto()
     CLOSED = auto()
-    JUDGED = auto()
-    """The goal succeeded, and `classify=` says that it did not."""
-    UNJUDGED = auto()
+    REJECTED_BY_CLASSIFIER = auto()
+    """The goal succeeded, and `classify=` says that this is a failure."""
+    CLASSIFIER_FAILED = auto()
     """`classify=` gave no answer that can count, so the call is no success (C3.3)."""
 
 
 @dataclass(slots=True)
 class Fault:
-    """What a function of the user's did in place of giving a proper answer.
+    """What a function of the user's did instead of giving a proper answer.
 
     Attributes:
         problem: A clause for the error's text: "`classify=judge` raised ValueError: no".
@@ -91,35 +91,56 @@ class Fault:
 
 @dataclass(slots=True)
 class Ending:
-    """How an attempt ended.
+    """How an attempt, or the whole call, ended: facts only. `explain` makes an error of them.
 
     Attributes:
         end: The way it ended.
         status: The last known state of the goal.
         result: The result message, where the server sent one.
-        cancel: What became of a goal that was given up on, else `None`.
         phase: What was being waited for when the deadline passed, else `""`.
-        reached: How far the goal got.
-        known: What is known of its present.
-        info: Facts for the error's text: exceptions, type names, reasons.
-        note: Why it was not tried again, where it might have been.
-        why: Why the result cannot be had any more, where it was lost.
-        judge: How `classify=` failed to judge it, if it did.
-        strategy: How a strategy of the `RetryPolicy` failed to say whether to try again, if it did.
+        progress: How far the goal got.
+        fate: What is known about it now.
+        given_up: Whether the caller gave up on the goal before it ended.
+        ended_as: The terminal state in which a server showed the goal, with or without a result.
+        refused: Whether the server refused to cancel the goal, and that is why it came to this.
+        earlier_may_run: Whether an earlier goal of the same call may be running.
+        served: The types with which the name is served, where none is the client's.
+        error: The exception that ended it: what is wrong with the goal, or what broke this side.
+        lost_because: Why its server counts as lost, or why its result cannot be had.
+        verdict: What `classify=` says of a goal that succeeded.
+        not_retried: Why it was not tried again, where it might have been.
+        classifier_fault: How `classify=` failed to judge it.
+        strategy_fault: How a strategy of the `RetryPolicy` failed to say whether to try again.
     """
 
     end: End
     status: GoalState
     result: Any = None
-    cancel: CancelReport | None = None
     phase: str = ""
-    reached: Reached = Reached.NEVER_SENT
-    known: Known = Known.STOPPED
-    info: Any = None
-    note: str = ""
-    judge: Fault | None = None
-    strategy: Fault | None = None
-    why: str = ""
+    progress: GoalProgress = GoalProgress.NEVER_SENT
+    fate: GoalFate = GoalFate.STOPPED
+    given_up: bool = False
+    ended_as: GoalState | None = None
+    refused: bool = False
+    earlier_may_run: bool = False
+    served: tuple[str, ...] = ()
+    error: BaseException | None = None
+    lost_because: str = ""
+    verdict: Verdict | None = None
+    not_retried: str = ""
+    classifier_fault: Fault | None = None
+    strategy_fault: Fault | None = None
+
+    @property
+    def cancel(self) -> CancelReport | None:
+        """What became of a goal that its caller gave up on, else `None` (C2.3)."""
+        if not self.given_up:
+            return CancelReport.REFUSED if self.refused else None
+        if self.ended_as is not None:
+            return CancelReport.CONFIRMED
+        if self.fate is GoalFate.STOPPED:
+            return CancelReport.UNKNOWN if self.earlier_may_run else CancelReport.NOT_NEEDED
+        return CancelReport.REFUSED if self.refused else CancelReport.UNKNOWN
 
 
 @dataclass(slots=True)
@@ -129,12 +150,12 @@ class AwaitServer:
 
 @dataclass(slots=True)
 class SendGoal:
-    """Put the goal request in the queue to the server, and tell when it was sent."""
+    """Put the goal request in the queue to the server, unless it is there; tell when it is sent."""
 
 
 @dataclass(slots=True)
 class Withdraw:
-    """Stop waiting for a server; take the goal request out of the queue."""
+    """Stop waiting for a server, and take the goal request out of the queue."""
 
 
 @dataclass(slots=True)
@@ -142,8 +163,8 @@ class AskResult:
     """Ask the server for the goal's result; harmless to repeat (R3).
 
     Attributes:
-        anew: Whether more is known than when it was asked before: that the server did not know
-            the goal then does not count any more.
+        anew: Whether more is known than when this was asked before. Then an answer to the earlier
+            request that the server does not know the goal no longer counts.
     """
 
     anew: bool = False
@@ -151,7 +172,7 @@ class AskResult:
 
 @dataclass(slots=True)
 class AskCancel:
-    """Ask the server to cancel the goal, and again until it has answered that it knows it."""
+    """Ask the server to cancel the goal; repeat it until the server answers that it knows it."""
 
 
 @dataclass(slots=True)
@@ -176,10 +197,11 @@ class Disarm:
 
 @dataclass(slots=True)
 class Record:
-    """Write a transition into the goal's timeline."""
+    """Write into the goal's timeline that it is in a state, or that its cancel was refused."""
 
     state: GoalState
     detail: str = ""
+    cancel_refused: bool = False
 
 
 @dataclass(slots=True)
@@ -191,7 +213,7 @@ class Settle:
 
 @dataclass(slots=True)
 class LateResult:
-    """Tell how the goal ended, or that it was rejected, after the attempt was settled."""
+    """Report how the goal ended, or that it was rejected, after the attempt was settled."""
 
     state: GoalState
     result: Any
@@ -199,7 +221,7 @@ class LateResult:
 
 @dataclass(slots=True)
 class Release:
-    """Nothing is left to watch for: forget the goal."""
+    """Forget the goal: nothing more can come that matters."""
 
 
 Effect: TypeAlias = (

@@ -1,4 +1,4 @@
-"""Where a goal is, why it is given up on, the words for both, and how long is waited for what."""
+"""Where a goal is, why it is cancelled, the words for both, and how long is waited for what."""
 
 from __future__ import annotations
 
@@ -7,20 +7,24 @@ from enum import Enum, auto
 from actionkit._goal.effects import End
 from actionkit._model.values import GoalState
 
-FIRST_NUDGE = 1.0
-"""Seconds until something that may have been lost on the way is asked for again."""
-RARELY = 8.0
-"""Pause from which on a goal that merely takes long is asked about, too."""
-MAX_NUDGE = 30.0
-MAX_RESULT_NUDGE = 4.0
-"""The longest pause, in seconds, between two requests for the result of a goal that has ended."""
-NOBODY_WAITS = 4.0
-"""Pause, the fourth, after which nobody asks any more for the result of a goal that has ended and
-whose caller is gone."""
+FIRST_REASK = 1.0
+"""Seconds until something that may have been lost on the way is asked for again, because nearly
+all answers come within a second. Each further pause is twice as long."""
+LONG_PAUSE = 8.0
+"""Pause, in seconds, from which on a goal that only takes long is asked about, too. The status
+topic shows such a goal, and only goals that run for more than 7 s get to this pause."""
+LONGEST_PAUSE = 30.0
+"""The longest pause, in seconds: two small requests a minute cost nothing, also for hours."""
+LONGEST_RESULT_PAUSE = 4.0
+"""The same for a goal that has ended: somebody waits for its result, and the result may expire."""
+LAST_RESULT_PAUSE = 4.0
+"""Pause, in seconds, after which the result of a goal that has ended is no longer asked for when
+its caller has gone. By then it was asked for at least three times."""
 DOUBT = 0.3
 """Seconds until a server that refused to cancel a goal, or does not know one that it has accepted,
 is asked once more. rclpy's servers say both of a goal that they are just accepting, too, and refuse
-in the same words where it has just ended (R12); then the second answer, or the result, says so."""
+in the same words where it has just ended (R12). Then the second answer, or the result, says so;
+0.3 s is enough for both to come from a server that is not busy."""
 
 
 class Stage(Enum):
@@ -29,15 +33,18 @@ class Stage(Enum):
     NEW = auto()
     AWAITING_SERVER = auto()
     QUEUED = auto()
+    RESENDING = auto()
+    """Sent by an earlier attempt, not answered, and to be sent again with the same id. The server
+    may have it, so whatever it says of the goal counts already."""
     SENT = auto()
     ACCEPTED = auto()
     LOST = auto()
     """The server is gone from view; the goal may run on where it cannot be seen."""
     OVER = auto()
-    """Known to run no more, or never to have been sent."""
+    """Nothing more is to be learnt: it runs no more, was never sent, or is left alone."""
 
 
-class GaveUp(Enum):
+class CancelReason(Enum):
     """Why the caller no longer wants the goal."""
 
     CANCELLED = auto()
@@ -47,28 +54,56 @@ class GaveUp(Enum):
     CLOSED = auto()
 
 
+class CancelReply(Enum):
+    """What the server says to our wish that the goal be cancelled."""
+
+    NONE = auto()
+    REFUSED_ONCE = auto()
+    """It is asked a second time, because it may not have meant it (R12)."""
+    REFUSED = auto()
+    """The refusal is believed: the goal runs on."""
+    ACCEPTED = auto()
+    """For good: the server cannot refuse any more."""
+
+
+class Closing(Enum):
+    """Why this side stops taking care of the goal, where it does."""
+
+    CANCELLING = auto()
+    """The client closes, and cancels what is in flight."""
+    ABANDONED = auto()
+    """The client closed, and left the goal to run, as its user had said."""
+    BROKEN = auto()
+    """This side failed, and can learn nothing more."""
+
+
 PHASE = {
     Stage.NEW: "server",
     Stage.AWAITING_SERVER: "server",
     Stage.QUEUED: "accept",
+    Stage.RESENDING: "accept",
     Stage.SENT: "accept",
     Stage.ACCEPTED: "execute",
     Stage.LOST: "execute",
     Stage.OVER: "execute",
 }
-GAVE_UP_END = {
-    # The caller's own cancel only ends this way where it could not be confirmed in time.
-    GaveUp.CANCELLED: End.DEADLINE,
-    GaveUp.DEADLINE: End.DEADLINE,
-    GaveUp.UNANSWERED: End.NO_ACCEPTANCE,
-    GaveUp.STALLED: End.STALLED,
-    GaveUp.CLOSED: End.CLOSED,
+"""What is being waited for, in the words of `DeadlineExceededError.phase`."""
+END_AFTER = {
+    # The caller's own cancel ends this way only where it could not be confirmed in time.
+    CancelReason.CANCELLED: End.DEADLINE,
+    CancelReason.DEADLINE: End.DEADLINE,
+    CancelReason.UNANSWERED: End.NO_ACCEPTANCE,
+    CancelReason.STALLED: End.STALLED,
+    CancelReason.CLOSED: End.CLOSED,
 }
+"""How an attempt ends that was given up on, and whose goal did not end first."""
 WITH_END = {End.SUCCEEDED, End.ABORTED, End.CANCELED_BY_OTHER, End.RESULT_LOST}
-"""The ends of calls whose goal came to an end of its own."""
+"""The ends of attempts whose goal came to an end of its own."""
 RANK = {GoalState.ACCEPTED: 1, GoalState.EXECUTING: 2, GoalState.CANCELING: 3}
+"""The order of the states in which a goal goes on; a goal never goes back to a lower one."""
 WAITED_FOR = {
-    GaveUp.DEADLINE: "the result",
-    GaveUp.UNANSWERED: "acceptance",
-    GaveUp.STALLED: "feedback",
+    CancelReason.DEADLINE: "the result",
+    CancelReason.UNANSWERED: "acceptance",
+    CancelReason.STALLED: "feedback",
 }
+"""What did not come in time, where the goal was cancelled for that."""

@@ -87,6 +87,8 @@ class GoalEvent:
         monotonic: Seconds on the monotonic clock.
         wall: Seconds since the epoch, for logs.
         detail: A few words for people, or `""`; the number of a feedback message.
+        cancel_refused: Whether this tells that the server refused to cancel the goal. The goal runs
+            on, and `state` is the one that it was in already.
     """
 
     goal_id: uuid.UUID
@@ -95,6 +97,7 @@ class GoalEvent:
     monotonic: float
     wall: float
     detail: str = ""
+    cancel_refused: bool = False
 
 
 class Timeline(tuple[GoalEvent, ...]):

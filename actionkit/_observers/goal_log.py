@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from typing import Any
 
-from actionkit._model.values import GoalEvent, GoalState, Outcome
+from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit._observers.protocol import CallInfo
 from actionkit._observers.words import (
     LEVELS,
@@ -53,6 +53,7 @@ class GoalLog:
             state=event.state.value,
             elapsed_ms=elapsed_ms,
             detail=event.detail,
+            cancel_refused=event.cancel_refused,
             outcome="",
         )
 
@@ -69,6 +70,7 @@ class GoalLog:
             state=outcome.status.value,
             elapsed_ms=round(outcome.elapsed * 1000, 3),
             detail="" if outcome.error is None else str(outcome.error),
+            cancel_refused=outcome.cancel is CancelReport.REFUSED,
             outcome=outcome_word(outcome),
         )
 

@@ -37,6 +37,7 @@ def event_line(event: GoalEvent, call: CallInfo, **messages: Mapping[str, Any] |
             "wall": event.wall,
             "elapsed_ms": call.elapsed_ms(event),
             "detail": event.detail,
+            "cancel_refused": event.cancel_refused,
             **{name: plain for name, plain in messages.items() if plain is not None},
         },
         compact_ascii=True,
@@ -175,4 +176,5 @@ def _event(data: Mapping[str, Any]) -> GoalEvent:
         monotonic=float(data["monotonic"]),
         wall=float(data["wall"]),
         detail=str(data["detail"]),
+        cancel_refused=data.get("cancel_refused", False) is True,  # older files do not have it
     )

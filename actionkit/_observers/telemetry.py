@@ -120,11 +120,14 @@ class OpenTelemetry:
                 self._in_flight.add(1, known.attributes)
         if event.state is GoalState.SENDING and event.attempt != known.number:
             self._begin_attempt(known, event)
-        self._measure(known, event)
+        if not event.cancel_refused:  # else the goal did not come into this state just now
+            self._measure(known, event)
         span = known.attempt or known.span
         attributes: dict[str, str | int] = {"actionkit.goal_id": str(event.goal_id)}
         if event.detail:
             attributes["actionkit.detail"] = event.detail
+        if event.cancel_refused:
+            attributes["actionkit.cancel_refused"] = True
         span.add_event(event.state.value, attributes, _nanoseconds(event.wall))
         if event.state is GoalState.RETRYING:
             self._retries.add(1, known.attributes)
@@ -200,12 +203,8 @@ class OpenTelemetry:
                 self._phase.record(event.monotonic - since, attributes)
         if event.state is GoalState.RETRYING:
             known.phases.clear()
-        if event.state in _PHASE_AFTER and not (event.detail and event.state in _SAID_AGAIN):
+        if event.state in _PHASE_AFTER:
             known.phases[_PHASE_AFTER[event.state]] = event.monotonic
-
-
-_SAID_AGAIN = {GoalState.SENT, GoalState.ACCEPTED}
-"""With a detail they tell of the state in which a goal is, and not that it came there."""
 
 
 def _nanoseconds(wall: float) -> int:

@@ -24,15 +24,11 @@ LEVELS = {
     GoalState.RETRYING: logging.WARNING,
     GoalState.TIMED_OUT: logging.WARNING,
 }
-_REMARKABLE = {GoalState.ACCEPTED, GoalState.EXECUTING, GoalState.SENT}
-"""A detail on one of these is that the server refused to cancel: the goal runs on."""
 
 
 def level_of(event: GoalEvent) -> int:
     """Return the level of a transition, as `logging` has them."""
-    if event.detail and event.state in _REMARKABLE:
-        return logging.WARNING
-    return LEVELS[event.state]
+    return logging.WARNING if event.cancel_refused else LEVELS[event.state]
 
 
 def level_of_outcome(outcome: Outcome[Any]) -> int:

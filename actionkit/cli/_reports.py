@@ -91,7 +91,9 @@ class TextReport(Report):
         self.out("Waiting for an action server to become available...")
 
     def event(self, event: GoalEvent) -> None:
-        if event.state is GoalState.SENT:
+        if event.cancel_refused:
+            self.out(f"{event.detail[:1].upper()}{event.detail[1:]}.")
+        elif event.state is GoalState.SENT:
             again = f" (attempt {event.attempt})" if event.attempt > 1 else ""
             self.out(f"Sending goal{again}:\n{as_yaml(self._goal)}")
         elif event.state in (GoalState.ACCEPTED, GoalState.EXECUTING):
@@ -105,8 +107,6 @@ class TextReport(Report):
         if event.goal_id not in self._known:
             self._known.add(event.goal_id)
             self.out(f"Goal accepted with ID: {event.goal_id.hex}\n")
-        elif event.detail:  # that the server refused to cancel it, for one
-            self.out(f"{event.detail[0].upper()}{event.detail[1:]}.")
 
     def feedback(self, message: Any) -> None:
         self.out(f"Feedback:\n{as_yaml(message)}")
@@ -162,6 +162,7 @@ class JsonReport(Report):
             elapsed=round(event.monotonic - self._began, 6),
             time=event.wall,
             detail=event.detail,
+            cancel_refused=event.cancel_refused,
         )
 
     def feedback(self, message: Any) -> None:

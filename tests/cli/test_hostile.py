@@ -49,7 +49,7 @@ def aborted() -> Outcome[Any]:
 
 def a_call(report: Report) -> None:
     report.event(GoalEvent(GOAL, 1, GoalState.ACCEPTED, 1.0, 1.0))
-    report.event(GoalEvent(GOAL, 1, GoalState.EXECUTING, 1.0, 1.0, HOSTILE))
+    report.event(GoalEvent(GOAL, 1, GoalState.EXECUTING, 1.0, 1.0, HOSTILE, True))
     report.event(GoalEvent(GOAL, 1, GoalState.RETRYING, 1.0, 1.0, HOSTILE))
     report.finished(aborted(), Exit.ABORTED)
 

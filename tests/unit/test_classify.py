@@ -308,13 +308,13 @@ SUCCEEDED = Ending(End.SUCCEEDED, GoalState.SUCCEEDED, result=1)
 @pytest.mark.parametrize("verdict", [TRANSIENT, PERMANENT])
 def test_a_success_judged_a_failure(verdict: Verdict) -> None:
     ending = apply_verdict(SUCCEEDED, verdict)
-    assert (ending.end, ending.info) == (End.JUDGED, verdict)
+    assert (ending.end, ending.verdict) == (End.REJECTED_BY_CLASSIFIER, verdict)
     assert (ending.status, ending.result) == (GoalState.SUCCEEDED, 1)
 
 
 @pytest.mark.parametrize("end", [End.ABORTED, End.REJECTED])
 def test_a_failure_judged_a_success(end: End) -> None:
-    ending = Ending(end, GoalState[end.name], result=2, info="why")
+    ending = Ending(end, GoalState[end.name], result=2, lost_because="why")
     judged = apply_verdict(ending, SUCCESS)
     assert (judged.end, judged.status, judged.result) == (End.SUCCEEDED, ending.status, 2)
 
@@ -336,5 +336,5 @@ def test_without_a_verdict_nothing_is_a_success(end: End, impossible: bool) -> N
     fault = Fault("it broke", impossible=impossible)
     judged = apply_verdict(Ending(end, GoalState[end.name], result=2), fault)
     stands = end is not End.SUCCEEDED and not impossible
-    assert judged.end is (end if stands else End.UNJUDGED)
-    assert (judged.judge, judged.result) == (fault, 2)
+    assert judged.end is (end if stands else End.CLASSIFIER_FAILED)
+    assert (judged.classifier_fault, judged.result) == (fault, 2)

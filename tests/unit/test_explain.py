@@ -16,15 +16,15 @@ from test_msgs.action import Fibonacci
 import actionkit
 from actionkit import CancelReport, GoalEvent, GoalState, Timeouts, Verdict
 from actionkit._calls import explain as _explain
-from actionkit._calls.explain import Story, explain
+from actionkit._calls.explain import ErrorContext, explain
 from actionkit._calls.graph_snapshot import GraphSnapshot
-from actionkit._goal.effects import End, Ending, Fault, Known, Reached
+from actionkit._goal.effects import End, Ending, Fault, GoalFate, GoalProgress
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.field_errors import FieldError
 
 EVENT = GoalEvent(uuid.uuid4(), 1, GoalState.SENDING, 1.0, 2.0)
 GOAL_ID = uuid.uuid4()
-STORY = Story(
+CONTEXT = ErrorContext(
     action_name="/fibonacci",
     type_name="test_msgs/action/Fibonacci",
     goal_id=GOAL_ID,
@@ -36,107 +36,115 @@ STORY = Story(
     surroundings=lambda: GraphSnapshot({}, 7, "rmw_fastrtps_cpp"),
 )
 ABORTED = Fibonacci.Result(sequence=[1])
-NEVER_SENT = (Reached.NEVER_SENT, Known.STOPPED)
-ENDED = (Reached.ACCEPTED, Known.STOPPED)
+ACCEPTED = GoalProgress.ACCEPTED
+REPORTS: dict[CancelReport, dict[str, Any]] = {
+    # The facts from which each report follows.
+    CancelReport.CONFIRMED: {"given_up": True, "ended_as": GoalState.CANCELED},
+    CancelReport.REFUSED: {"given_up": True, "refused": True, "fate": GoalFate.NOTHING},
+    CancelReport.UNKNOWN: {"given_up": True, "fate": GoalFate.NOTHING},
+    CancelReport.NOT_NEEDED: {"given_up": True, "fate": GoalFate.STOPPED},
+}
+CONFIRMED, REFUSED, UNKNOWN, _ = REPORTS.values()
 ENDINGS: dict[End, tuple[Ending, type[BaseException], str]] = {
     # How it ends, its error, and the remedy that the text is to give.
-    end: (Ending(end, *ending), cls, remedy)
-    for end, ending, cls, remedy in [
+    ending.end: (ending, cls, remedy)
+    for ending, cls, remedy in [
         (
-            End.NO_SERVER,
-            (GoalState.SENDING,),
+            Ending(End.NO_SERVER, GoalState.SENDING),
             actionkit.ServerUnavailableError,
             "Check that the server runs",
         ),
         (
-            End.TYPE_MISMATCH,
-            (GoalState.SENDING, None, None, "", *NEVER_SENT, ("a/action/B", "a/action/C")),
+            Ending(End.TYPE_MISMATCH, GoalState.SENDING, served=("a/action/B", "a/action/C")),
             actionkit.ActionTypeMismatchError,
             "Use the served type",
         ),
         (
-            End.INVALID,
-            (
-                GoalState.SENDING,
-                None,
-                None,
-                "",
-                *NEVER_SENT,
-                FieldError("order", -1, "be positive"),
-            ),
+            Ending(End.INVALID, GoalState.SENDING, error=FieldError("order", -1, "be positive")),
             actionkit.InvalidGoalError,
             "order: be positive",
         ),
         (
-            End.NO_ACCEPTANCE,
-            (
+            Ending(
+                End.NO_ACCEPTANCE,
                 GoalState.TIMED_OUT,
-                None,
-                CancelReport.UNKNOWN,
-                "",
-                Reached.UNANSWERED,
-                Known.NOTHING,
+                progress=GoalProgress.UNANSWERED,
+                **UNKNOWN,
             ),
             actionkit.AcceptanceTimeoutError,
             "Timeouts(accept=...)",
         ),
         (
-            End.REJECTED,
-            (GoalState.REJECTED,),
+            Ending(End.REJECTED, GoalState.REJECTED),
             actionkit.GoalRejectedError,
             "look at the server's log",
         ),
         (
-            End.ABORTED,
-            (GoalState.ABORTED, ABORTED, None, "", *ENDED),
+            Ending(End.ABORTED, GoalState.ABORTED, ABORTED, progress=ACCEPTED),
             actionkit.GoalAbortedError,
             "`error.result`",
         ),
         (
-            End.CANCELED_BY_OTHER,
-            (GoalState.CANCELED, ABORTED, None, "", *ENDED),
+            Ending(End.CANCELED_BY_OTHER, GoalState.CANCELED, ABORTED, progress=ACCEPTED),
             actionkit.GoalCanceledError,
             "Another client, an operator or the server",
         ),
         (
-            End.LOST,
-            (GoalState.LOST, None, None, "", Reached.ACCEPTED, Known.SERVER_GONE, "it is gone"),
+            Ending(
+                End.LOST,
+                GoalState.LOST,
+                progress=ACCEPTED,
+                fate=GoalFate.SERVER_GONE,
+                lost_because="it is gone",
+            ),
             actionkit.ServerLostError,
             "Look for a crash",
         ),
         (
-            End.RESULT_LOST,
-            (GoalState.LOST, None, None, "", *ENDED, GoalState.SUCCEEDED),
+            Ending(
+                End.RESULT_LOST,
+                GoalState.LOST,
+                progress=ACCEPTED,
+                ended_as=GoalState.SUCCEEDED,
+                lost_because="it is late",
+            ),
             actionkit.ResultLostError,
             "result_timeout",
         ),
         (
-            End.STALLED,
-            (GoalState.TIMED_OUT, None, CancelReport.REFUSED, "", Reached.ACCEPTED, Known.NOTHING),
+            Ending(End.STALLED, GoalState.TIMED_OUT, progress=ACCEPTED, **REFUSED),
             actionkit.FeedbackStalledError,
             "Timeouts(feedback=...)",
         ),
         (
-            End.DEADLINE,
-            (GoalState.TIMED_OUT, None, CancelReport.CONFIRMED, "execute", *ENDED),
+            Ending(End.DEADLINE, GoalState.TIMED_OUT, phase="execute", **CONFIRMED),
             actionkit.DeadlineExceededError,
             "Give it more time",
         ),
         (
-            End.JUDGED,
-            (GoalState.SUCCEEDED, ABORTED, None, "", *ENDED, Verdict.PERMANENT),
+            Ending(
+                End.REJECTED_BY_CLASSIFIER,
+                GoalState.SUCCEEDED,
+                ABORTED,
+                progress=ACCEPTED,
+                verdict=Verdict.PERMANENT,
+            ),
             actionkit.PermanentError,
             "`error.result`",
         ),
         (
-            End.UNJUDGED,
-            (GoalState.SUCCEEDED, ABORTED, None, "", *ENDED, None, "", Fault("`classify=f` broke")),
+            Ending(
+                End.CLASSIFIER_FAILED,
+                GoalState.SUCCEEDED,
+                ABORTED,
+                progress=ACCEPTED,
+                classifier_fault=Fault("`classify=f` broke"),
+            ),
             actionkit.ClassifyError,
             "`error.result`",
         ),
         (
-            End.CLOSED,
-            (GoalState.CANCELED, None, CancelReport.CONFIRMED, "", *ENDED),
+            Ending(End.CLOSED, GoalState.CANCELED, progress=ACCEPTED, **CONFIRMED),
             actionkit.ClientClosedError,
             "Wait for the result before close()",
         ),
@@ -145,7 +153,7 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str]] = {
 
 
 def explained(ending: Ending, **changed: Any) -> Any:
-    error = explain(ending, replace(STORY, **changed))
+    error = explain(ending, replace(CONTEXT, **changed))
     assert error is not None
     return error
 
@@ -158,7 +166,7 @@ def test_every_way_to_fail_has_its_own_error() -> None:
 
 
 def test_a_success_has_none() -> None:
-    assert explain(Ending(End.SUCCEEDED, GoalState.SUCCEEDED, result=ABORTED), STORY) is None
+    assert explain(Ending(End.SUCCEEDED, GoalState.SUCCEEDED, result=ABORTED), CONTEXT) is None
 
 
 def test_the_callers_own_cancel_is_pythons_own_error() -> None:
@@ -189,16 +197,16 @@ def test_the_facts_of_each_error() -> None:
     assert errors[End.TYPE_MISMATCH].expected == "test_msgs/action/Fibonacci"
     assert errors[End.TYPE_MISMATCH].served == ("a/action/B", "a/action/C")
     assert errors[End.INVALID].field == "order"
-    assert errors[End.INVALID].__cause__ is ENDINGS[End.INVALID][0].info
+    assert errors[End.INVALID].__cause__ is ENDINGS[End.INVALID][0].error
     assert errors[End.ABORTED].result is errors[End.CANCELED_BY_OTHER].result is ABORTED
-    assert errors[End.JUDGED].result is ABORTED
+    assert errors[End.REJECTED_BY_CLASSIFIER].result is ABORTED
     assert errors[End.RESULT_LOST].status is GoalState.SUCCEEDED
     assert errors[End.DEADLINE].phase == "execute"
     late = explained(replace(ENDINGS[End.DEADLINE][0], result=ABORTED, status=GoalState.SUCCEEDED))
     assert late.late_result is ABORTED
     assert "late_result" in str(late)
     broken = RuntimeError("the thread died")
-    assert explained(replace(ENDINGS[End.LOST][0], info=broken)).__cause__ is broken
+    assert explained(replace(ENDINGS[End.LOST][0], error=broken)).__cause__ is broken
 
 
 @pytest.mark.parametrize("phase", ["server", "accept", "execute", "pause", "cancel"])
@@ -206,7 +214,10 @@ def test_the_facts_of_each_error() -> None:
 def test_the_deadline_names_the_phase_and_what_became_of_the_goal(
     phase: str, report: CancelReport
 ) -> None:
-    text = str(explained(Ending(End.DEADLINE, GoalState.TIMED_OUT, cancel=report, phase=phase)))
+    facts = REPORTS[report]
+    ending = Ending(End.DEADLINE, GoalState.TIMED_OUT, phase=phase, **facts)
+    assert ending.cancel is report
+    text = str(explained(ending))
     if phase == "cancel" and report is not CancelReport.CONFIRMED:
         assert "within 2 s: IT MAY STILL BE RUNNING" in text
         return
@@ -242,7 +253,7 @@ TRANSIENT = [End.NO_SERVER, End.NO_ACCEPTANCE, End.LOST, End.STALLED]
 @pytest.mark.parametrize("end", TRANSIENT, ids=lambda end: end.name)
 def test_an_error_that_speaks_for_itself_says_why_it_was_not_tried_again(end: End) -> None:
     ending, cls, remedy = ENDINGS[end]
-    error = explained(replace(ending, note="it is Sunday"), attempts=3)
+    error = explained(replace(ending, not_retried="it is Sunday"), attempts=3)
     assert type(error) is cls
     assert error.transient
     assert error.attempts == 3
@@ -254,7 +265,11 @@ def test_an_error_that_speaks_for_itself_says_why_it_was_not_tried_again(end: En
 
 
 def test_a_success_judged_transient_has_an_error_only_for_the_end_of_the_retries() -> None:
-    ending = replace(ENDINGS[End.JUDGED][0], info=Verdict.TRANSIENT, note="it is Sunday")
+    ending = replace(
+        ENDINGS[End.REJECTED_BY_CLASSIFIER][0],
+        verdict=Verdict.TRANSIENT,
+        not_retried="it is Sunday",
+    )
     error = explained(ending, attempts=3)
     assert type(error) is actionkit.RetriesExhaustedError
     assert (error.result, error.attempts, error.goal_id) == (ABORTED, 3, GOAL_ID)
@@ -272,7 +287,7 @@ RAISED = ValueError("no")
 
 def test_a_success_that_could_not_be_judged_says_what_the_function_did() -> None:
     fault = Fault("`classify=judge` raised ValueError: no", RAISED)
-    error = explained(replace(ENDINGS[End.UNJUDGED][0], judge=fault))
+    error = explained(replace(ENDINGS[End.CLASSIFIER_FAILED][0], classifier_fault=fault))
     assert "succeeded on the server, but 4.2 s into the call `classify=judge` raised" in str(error)
     assert error.__cause__ is RAISED
     assert error.result is ABORTED
@@ -282,7 +297,7 @@ def test_a_success_that_could_not_be_judged_says_what_the_function_did() -> None
 @pytest.mark.parametrize(("end", "became"), [(End.ABORTED, "aborted"), (End.REJECTED, "rejected")])
 def test_a_failure_that_is_called_a_success_and_cannot_be_one(end: End, became: str) -> None:
     fault = Fault("`classify=judge` called it a SUCCESS", RAISED, impossible=True)
-    error = explained(replace(ENDINGS[end][0], end=End.UNJUDGED, judge=fault))
+    error = explained(replace(ENDINGS[end][0], end=End.CLASSIFIER_FAILED, classifier_fault=fault))
     assert type(error) is actionkit.ClassifyError
     assert f"was {became} by the server, and 4.2 s into the call `classify=judge`" in str(error)
     assert error.__cause__ is RAISED
@@ -291,7 +306,9 @@ def test_a_failure_that_is_called_a_success_and_cannot_be_one(end: End, became: 
 @pytest.mark.parametrize("end", [End.ABORTED, End.REJECTED], ids=lambda end: end.name)
 def test_a_failure_that_could_not_be_judged_keeps_its_error_and_says_so(end: End) -> None:
     ending, cls, remedy = ENDINGS[end]
-    error = explained(replace(ending, judge=Fault("`classify=judge` raised ValueError: no")))
+    error = explained(
+        replace(ending, classifier_fault=Fault("`classify=judge` raised ValueError: no"))
+    )
     assert type(error) is cls
     assert remedy in str(error)
     assert str(error).endswith("not tried again, because `classify=judge` raised ValueError: no.")
@@ -303,7 +320,7 @@ def test_a_strategy_that_fails_ends_the_retries_and_the_last_failure_is_told(
     end: End, cause: BaseException | None
 ) -> None:
     ending, cls, remedy = ENDINGS[end]
-    error = explained(replace(ending, strategy=Fault("`RetryPolicy.stop=f` raised", cause)))
+    error = explained(replace(ending, strategy_fault=Fault("`RetryPolicy.stop=f` raised", cause)))
     assert type(error) is actionkit.RetriesExhaustedError
     assert remedy in str(error)
     assert str(error).endswith("The retries ended: `RetryPolicy.stop=f` raised.")
@@ -317,7 +334,9 @@ def test_a_strategy_that_fails_ends_the_retries_and_the_last_failure_is_told(
 
 def test_a_strategy_that_fails_after_a_success_that_was_judged_transient() -> None:
     fault = Fault("`RetryPolicy.stop=f` raised")
-    ending = replace(ENDINGS[End.JUDGED][0], info=Verdict.TRANSIENT, strategy=fault)
+    ending = replace(
+        ENDINGS[End.REJECTED_BY_CLASSIFIER][0], verdict=Verdict.TRANSIENT, strategy_fault=fault
+    )
     error = explained(ending)
     assert type(error) is actionkit.RetriesExhaustedError
     assert type(error.__cause__) is actionkit.TransientError

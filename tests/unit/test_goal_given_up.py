@@ -9,20 +9,26 @@ from actionkit._goal.effects import (
     AskCancel,
     AskResult,
     Disarm,
+    Effect,
     End,
-    Known,
+    GoalFate,
+    GoalProgress,
     LateResult,
-    Reached,
     Record,
     Release,
     SendGoal,
     Timer,
     Withdraw,
 )
-from actionkit._goal.machine import DOUBT, Stage
+from actionkit._goal.stages import DOUBT, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._model.values import CancelReport, GoalState
+
+
+def refusals(effects: list[Effect]) -> list[GoalState]:
+    return [each.state for each in effects if isinstance(each, Record) and each.cancel_refused]
+
 
 # --- the deadline ------------------------------------------------------------------------------
 
@@ -152,7 +158,7 @@ def test_the_server_does_not_answer_and_accepts_after_all() -> None:
     life.wait_until(7.0)
     assert (life.end, life.report) == (End.NO_ACCEPTANCE, CancelReport.UNKNOWN)
     assert life.ending is not None
-    assert (life.ending.reached, life.ending.known) == (Reached.UNANSWERED, Known.NOTHING)
+    assert (life.ending.progress, life.ending.fate) == (GoalProgress.UNANSWERED, GoalFate.NOTHING)
     life.wait_until(100.0)
     assert AskCancel() in life.see("accepted")
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
@@ -176,7 +182,7 @@ def test_an_unanswered_goal_that_the_server_does_not_know_is_waited_for_no_more(
         life.tell("result", None, None)
     assert (life.end, life.report) == (End.NO_ACCEPTANCE, CancelReport.UNKNOWN)
     assert life.ending is not None
-    assert life.ending.known is Known.UNKNOWN_TO_SERVER
+    assert life.ending.fate is GoalFate.UNKNOWN_TO_SERVER
     life.wait_until(100.0)
     assert life.count(Release) == 0  # it may be accepted yet, and is cancelled then (R6)
     assert AskCancel() in life.see("accepted")
@@ -235,7 +241,7 @@ def test_a_goal_cancelled_before_it_was_sent_is_never_sent(events: tuple[str, ..
     life.see(*events, "cancel")
     assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.NOT_NEEDED)
     assert life.ending is not None
-    assert (life.ending.reached, life.ending.known) == (Reached.NEVER_SENT, Known.STOPPED)
+    assert (life.ending.progress, life.ending.fate) == (GoalProgress.NEVER_SENT, GoalFate.STOPPED)
     assert life.see("server_ready", "sent") == []
 
 
@@ -345,8 +351,7 @@ def test_a_refused_cancel_leaves_the_goal_to_its_caller() -> None:
     life.wait_until(DOUBT)
     effects = life.tell("cancel_answered", CancelAnswer.REFUSED)
     assert effects[0] == Disarm(Timer.CANCEL)
-    assert isinstance(effects[1], Record)
-    assert "refused" in effects[1].detail
+    assert refusals(effects) == [GoalState.ACCEPTED]
     life.wait_until(50.0)
     assert life.end is None
     life.tell("result", GoalState.SUCCEEDED, 1)
@@ -388,13 +393,37 @@ def test_a_refusal_is_asked_about_once_more_when_nobody_waits_any_more() -> None
     assert life.all.count(AskCancel()) == asked + 1
 
 
+def test_a_refusal_that_comes_just_before_the_end_of_the_wait_is_asked_about_once_more() -> None:
+    """One refusal says little, also when it was all that there was time for (R12)."""
+    life = Life(3.0, cancel=0.1)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(3.0)
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.wait_until(3.1)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.REFUSED)
+    asked = life.all.count(AskCancel())
+    life.wait_until(3.0 + DOUBT)
+    assert life.all.count(AskCancel()) == asked + 1
+
+
 def test_a_refusal_that_nothing_contradicts_counts_when_the_grace_ends() -> None:
     life = Life(60.0)
     life.see(*UNTIL_ACCEPTED, "cancel")
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.wait_until(50.0)
     assert life.end is None
-    assert any(isinstance(each, Record) and "refused" in each.detail for each in life.all)
+    assert refusals(life.all)
+
+
+def test_a_refusal_while_another_client_cancels_is_told_of() -> None:
+    life = Life(60.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("status", GoalState.CANCELING)
+    life.see("cancel")
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.wait_until(DOUBT)
+    effects = life.tell("cancel_answered", CancelAnswer.REFUSED)
+    assert refusals(effects) == [GoalState.CANCELING]
 
 
 def test_terminated_confirms_nothing_and_the_result_is_asked_for() -> None:

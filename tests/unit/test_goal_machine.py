@@ -15,8 +15,8 @@ from actionkit._goal.effects import (
     Disarm,
     End,
     Ending,
-    Known,
-    Reached,
+    GoalFate,
+    GoalProgress,
     Record,
     Release,
     SendGoal,
@@ -24,8 +24,7 @@ from actionkit._goal.effects import (
     WatchStatus,
     Withdraw,
 )
-from actionkit._goal.machine import MAX_RESULT_NUDGE, Stage
-from actionkit._goal.stages import DOUBT
+from actionkit._goal.stages import DOUBT, LONGEST_RESULT_PAUSE, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.values import CancelReport, GoalState
 
@@ -45,8 +44,9 @@ def test_a_goal_succeeds() -> None:
         End.SUCCEEDED,
         GoalState.SUCCEEDED,
         result="the result",
-        reached=Reached.ACCEPTED,
-        known=Known.STOPPED,
+        progress=GoalProgress.ACCEPTED,
+        fate=GoalFate.STOPPED,
+        ended_as=GoalState.SUCCEEDED,
     )
     assert life.states == [
         GoalState.SENDING,
@@ -63,7 +63,7 @@ def test_a_goal_is_rejected() -> None:
     life = Life()
     life.see(*UNTIL_SENT, "rejected")
     assert life.ending == Ending(
-        End.REJECTED, GoalState.REJECTED, reached=Reached.REJECTED, known=Known.STOPPED
+        End.REJECTED, GoalState.REJECTED, progress=GoalProgress.REJECTED, fate=GoalFate.STOPPED
     )
     assert life.count(Release) == 1
     assert life.count(AskResult) == 0  # it would be answered with an empty result (R13)
@@ -158,7 +158,7 @@ def test_no_server_comes() -> None:
     life.wait_until(5.0)
     assert (life.end, life.count(SendGoal), life.count(Withdraw)) == (End.NO_SERVER, 0, 1)
     assert life.ending is not None
-    assert (life.ending.reached, life.ending.known) == (Reached.NEVER_SENT, Known.STOPPED)
+    assert (life.ending.progress, life.ending.fate) == (GoalProgress.NEVER_SENT, GoalFate.STOPPED)
     assert life.see("server_ready") == []
 
 
@@ -168,14 +168,14 @@ def test_the_name_is_served_with_another_type() -> None:
     life.tell("type_mismatch", ("a/action/B",))
     assert life.end is End.TYPE_MISMATCH
     assert life.ending is not None
-    assert life.ending.info == ("a/action/B",)
+    assert life.ending.served == ("a/action/B",)
 
 
 def test_the_middleware_does_not_take_the_goal() -> None:
     life = Life()
     life.see("start", "server_ready")
     life.tell("send_failed", error := ValueError("no"))
-    assert (life.end, life.ending.info) == (End.INVALID, error)  # type: ignore[union-attr]
+    assert (life.end, life.ending.error) == (End.INVALID, error)  # type: ignore[union-attr]
 
 
 def test_a_server_that_goes_before_the_goal_is_sent_is_waited_for_again() -> None:
@@ -195,9 +195,9 @@ def test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled(
     assert life.ending == Ending(
         End.LOST,
         GoalState.LOST,
-        reached=Reached.UNANSWERED if phase is UNTIL_SENT else Reached.ACCEPTED,
-        known=Known.SERVER_GONE,
-        info="its action server is gone",
+        progress=GoalProgress.UNANSWERED if phase is UNTIL_SENT else GoalProgress.ACCEPTED,
+        fate=GoalFate.SERVER_GONE,
+        lost_because="its action server is gone",
     )
     assert life.count(Release) == 0
     assert life.timers == {}
@@ -232,7 +232,7 @@ def test_a_lost_goal_may_be_taken_yet_by_its_own_server(answer: str) -> None:
     else:
         life.tell("result", None, None)
     assert life.goal.in_flight
-    assert AskResult() in life.fire(Timer.NUDGE)
+    assert AskResult() in life.fire(Timer.REASK)
     assert AskCancel() in life.see("accepted")
     life.tell("result", GoalState.CANCELED, None)
     assert life.goal.stage is Stage.OVER
@@ -251,7 +251,7 @@ def test_a_broken_client_ends_the_call() -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED)
     life.tell("fail", "the thread died", error := RuntimeError("x"))
-    assert (life.end, life.ending.info) == (End.LOST, error)  # type: ignore[union-attr]
+    assert (life.end, life.ending.error) == (End.LOST, error)  # type: ignore[union-attr]
     assert life.see("feedback") == []
 
 
@@ -285,14 +285,14 @@ def test_a_result_that_does_not_follow_its_status_is_asked_for_and_lost_in_the_e
     life.see(*UNTIL_ACCEPTED)
     life.tell("status", GoalState.SUCCEEDED)
     life.wait_until(0.5)
-    assert life.all[-2:] == [AskResult(), Arm(Timer.NUDGE, 1.5)]
+    assert life.all[-2:] == [AskResult(), Arm(Timer.REASK, 1.5)]
     life.wait_until(59.9)
     assert life.ending is None
-    assert life.all.count(AskResult()) > 59.9 / MAX_RESULT_NUDGE
+    assert life.all.count(AskResult()) > 59.9 / LONGEST_RESULT_PAUSE
     life.wait_until(60.0)
     assert life.ending is not None
-    assert (life.end, life.ending.info) == (End.RESULT_LOST, GoalState.SUCCEEDED)
-    assert "within 60 s" in life.ending.why
+    assert (life.end, life.ending.ended_as) == (End.RESULT_LOST, GoalState.SUCCEEDED)
+    assert "within 60 s" in life.ending.lost_because
 
 
 def test_a_result_is_asked_for_until_the_deadline() -> None:
@@ -339,7 +339,7 @@ def test_a_result_that_is_unknown_after_acceptance_is_lost() -> None:
     life.wait_until(DOUBT)
     assert life.all.count(AskResult()) == asked + 1
     life.tell("result", None, None)
-    assert (life.end, life.ending.info) == (End.RESULT_LOST, None)  # type: ignore[union-attr]
+    assert (life.end, life.ending.ended_as) == (End.RESULT_LOST, None)  # type: ignore[union-attr]
 
 
 def test_a_result_that_is_unknown_before_acceptance_says_nothing() -> None:
@@ -360,7 +360,7 @@ def test_the_first_no_to_a_goal_sent_again_may_be_the_answer_to_a_duplicate() ->
     assert life.see("rejected") == [AskResult(anew=True), WatchStatus()]  # (R5)
     life.tell("result", GoalState.SUCCEEDED, 1)
     assert life.ending is not None
-    assert (life.end, life.ending.reached) == (End.SUCCEEDED, Reached.ACCEPTED)
+    assert (life.end, life.ending.progress) == (End.SUCCEEDED, GoalProgress.ACCEPTED)
 
 
 @pytest.mark.parametrize("proof", ["accepted", "feedback", "status"])
@@ -380,7 +380,7 @@ def test_a_denied_goal_that_the_server_does_not_know_was_rejected(order: tuple[s
         assert life.end is None
         life.tell(*(("result", None, None) if event == "unknown" else (event,)))
     assert life.ending is not None
-    assert (life.end, life.ending.reached) == (End.REJECTED, Reached.REJECTED)
+    assert (life.end, life.ending.progress) == (End.REJECTED, GoalProgress.REJECTED)
     assert life.count(Release) == 1
 
 
@@ -403,7 +403,7 @@ def test_a_goal_not_sent_again_in_the_end_may_still_be_taken_by_its_server(
     life.see(*until, "cancel")
     life.wait_until(100.0)
     assert life.ending is not None
-    assert life.ending.reached is Reached.UNANSWERED
+    assert life.ending.progress is GoalProgress.UNANSWERED
     assert life.report is not CancelReport.NOT_NEEDED
     assert life.count(Release) == 0
 

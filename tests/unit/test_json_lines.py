@@ -46,6 +46,7 @@ EVENTS = st.builds(
     monotonic=TIMES,
     wall=TIMES,
     detail=st.text(st.characters()),  # lone surrogates included
+    cancel_refused=st.booleans(),
 )
 
 
@@ -96,6 +97,7 @@ def test_the_line_of_an_event() -> None:
         "wall": 5e8 + 1,
         "elapsed_ms": 1000.0,
         "detail": "why",
+        "cancel_refused": False,
         "goal": {"order": 3},
     }
 

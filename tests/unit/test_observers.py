@@ -432,7 +432,7 @@ def records() -> Iterator[list[logging.LogRecord]]:
 
 FIELDS = {
     *("kind", "call_id", "goal_id", "action_name", "action_type", "node_name", "attempt"),
-    *("state", "elapsed_ms", "detail", "outcome"),
+    *("state", "elapsed_ms", "detail", "cancel_refused", "outcome"),
 }
 
 
@@ -455,6 +455,7 @@ def test_the_fields_of_an_event(records: list[logging.LogRecord]) -> None:
         "state": "RETRYING",
         "elapsed_ms": 500.0,
         "detail": "in 0.20 s",
+        "cancel_refused": False,
         "outcome": "",
     }
     assert record.levelno == logging.WARNING
@@ -478,7 +479,14 @@ def test_every_state_has_a_level() -> None:
     assert set(LEVELS) == set(GoalState)
     assert level_of(event(GoalState.ACCEPTED)) == logging.INFO
     assert level_of(event(GoalState.FEEDBACK, detail="no. 1")) == logging.DEBUG
-    assert level_of(event(GoalState.EXECUTING, detail="the server refused")) == logging.WARNING
+    assert level_of(event(GoalState.EXECUTING, detail="a remark")) == logging.DEBUG
+
+
+@pytest.mark.parametrize("state", [GoalState.ACCEPTED, GoalState.EXECUTING, GoalState.CANCELING])
+def test_a_refused_cancel_is_a_warning_whatever_the_goals_state(state: GoalState) -> None:
+    """Also where another client's cancel was accepted, so that the goal is being cancelled."""
+    refusal = GoalEvent(GOAL, 1, state, 100.5, 5e8, "why", cancel_refused=True)
+    assert level_of(refusal) == logging.WARNING
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ MEMBERS = {
     "Verdict": "SUCCESS TRANSIENT PERMANENT",
 }
 FIELDS = {
-    "GoalEvent": "goal_id attempt state monotonic wall detail",
+    "GoalEvent": "goal_id attempt state monotonic wall detail cancel_refused",
     "Outcome": "status result error attempts timeline goal_id cancel callback_errors"
     " feedback_count elapsed",
     "CallInfo": "call_id action_name action_type node_name monotonic wall goal context",

@@ -17,51 +17,51 @@ from hypothesis import strategies as st
 from actionkit import GoalState, RetryBudget, RetryPolicy, ServerLostError
 from actionkit._calls.retry import GiveUp, Resend, Retry, Schedule, how_to_resend
 from actionkit._calls.retry_runner import RetryRunner
-from actionkit._goal.effects import End, Ending, Fault, Known, Reached
+from actionkit._goal.effects import End, Ending, Fault, GoalFate, GoalProgress
 from actionkit._threads.clock import TimerHandle
 
 # --- resend safety (contract C4.2) -------------------------------------------------------------
 
-NO, SAME, NEW, ONCE = Resend.NO, Resend.SAME_ID, Resend.NEW_ID, Resend.NEW_ID_ONCE_STOPPED
+NO, SAME, NEW = Resend.NO, Resend.SAME_ID, Resend.NEW_ID
 POLICIES = ("never_accepted", "confirmed_stopped", "always")
-TABLE: dict[tuple[Reached, Known], tuple[Resend, Resend, Resend]] = {
+TABLE: dict[tuple[GoalProgress, GoalFate], tuple[Resend, Resend, Resend]] = {
     # What became of the earlier goal: what each policy, in the order above, makes of it.
-    (Reached.NEVER_SENT, Known.NOTHING): (NEW, NEW, NEW),
-    (Reached.NEVER_SENT, Known.UNKNOWN_TO_SERVER): (NEW, NEW, NEW),
-    (Reached.NEVER_SENT, Known.SERVER_GONE): (NEW, NEW, NEW),
-    (Reached.NEVER_SENT, Known.STOPPED): (NEW, NEW, NEW),
-    (Reached.UNANSWERED, Known.NOTHING): (NO, NO, NEW),
-    (Reached.UNANSWERED, Known.UNKNOWN_TO_SERVER): (NO, SAME, NEW),
-    (Reached.UNANSWERED, Known.SERVER_GONE): (NO, ONCE, NEW),
-    (Reached.UNANSWERED, Known.STOPPED): (NO, NEW, NEW),
-    (Reached.REJECTED, Known.NOTHING): (NEW, NEW, NEW),
-    (Reached.REJECTED, Known.UNKNOWN_TO_SERVER): (NEW, NEW, NEW),
-    (Reached.REJECTED, Known.SERVER_GONE): (NEW, NEW, NEW),
-    (Reached.REJECTED, Known.STOPPED): (NEW, NEW, NEW),
-    (Reached.ACCEPTED, Known.NOTHING): (NO, NO, NEW),
-    (Reached.ACCEPTED, Known.UNKNOWN_TO_SERVER): (NO, NO, NEW),
-    (Reached.ACCEPTED, Known.SERVER_GONE): (NO, ONCE, NEW),
-    (Reached.ACCEPTED, Known.STOPPED): (NO, NEW, NEW),
+    (GoalProgress.NEVER_SENT, GoalFate.NOTHING): (NEW, NEW, NEW),
+    (GoalProgress.NEVER_SENT, GoalFate.UNKNOWN_TO_SERVER): (NEW, NEW, NEW),
+    (GoalProgress.NEVER_SENT, GoalFate.SERVER_GONE): (NEW, NEW, NEW),
+    (GoalProgress.NEVER_SENT, GoalFate.STOPPED): (NEW, NEW, NEW),
+    (GoalProgress.UNANSWERED, GoalFate.NOTHING): (NO, NO, NEW),
+    (GoalProgress.UNANSWERED, GoalFate.UNKNOWN_TO_SERVER): (NO, SAME, NEW),
+    (GoalProgress.UNANSWERED, GoalFate.SERVER_GONE): (NO, NEW, NEW),
+    (GoalProgress.UNANSWERED, GoalFate.STOPPED): (NO, NEW, NEW),
+    (GoalProgress.REJECTED, GoalFate.NOTHING): (NEW, NEW, NEW),
+    (GoalProgress.REJECTED, GoalFate.UNKNOWN_TO_SERVER): (NEW, NEW, NEW),
+    (GoalProgress.REJECTED, GoalFate.SERVER_GONE): (NEW, NEW, NEW),
+    (GoalProgress.REJECTED, GoalFate.STOPPED): (NEW, NEW, NEW),
+    (GoalProgress.ACCEPTED, GoalFate.NOTHING): (NO, NO, NEW),
+    (GoalProgress.ACCEPTED, GoalFate.UNKNOWN_TO_SERVER): (NO, NO, NEW),
+    (GoalProgress.ACCEPTED, GoalFate.SERVER_GONE): (NO, NEW, NEW),
+    (GoalProgress.ACCEPTED, GoalFate.STOPPED): (NO, NEW, NEW),
 }
 
 
 def test_the_table_is_total() -> None:
-    assert set(TABLE) == set(itertools.product(Reached, Known))
+    assert set(TABLE) == set(itertools.product(GoalProgress, GoalFate))
     assert get_args(get_type_hints(RetryPolicy)["resend"]) == POLICIES
 
 
-@pytest.mark.parametrize("reached", Reached)
-@pytest.mark.parametrize("known", Known)
+@pytest.mark.parametrize("progress", GoalProgress)
+@pytest.mark.parametrize("fate", GoalFate)
 @pytest.mark.parametrize("resend", POLICIES)
-def test_whether_a_goal_is_sent_again(reached: Reached, known: Known, resend: str) -> None:
-    expected = TABLE[reached, known][POLICIES.index(resend)]
-    assert how_to_resend(reached, known, resend) is expected
+def test_whether_a_goal_is_sent_again(progress: GoalProgress, fate: GoalFate, resend: str) -> None:
+    expected = TABLE[progress, fate][POLICIES.index(resend)]
+    assert how_to_resend(progress, fate, resend) is expected
 
 
-@pytest.mark.parametrize("reached", [Reached.UNANSWERED, Reached.ACCEPTED])
-def test_only_at_least_once_sends_again_what_may_be_running(reached: Reached) -> None:
+@pytest.mark.parametrize("progress", [GoalProgress.UNANSWERED, GoalProgress.ACCEPTED])
+def test_only_at_least_once_sends_again_what_may_be_running(progress: GoalProgress) -> None:
     for policy in POLICIES[:2]:
-        assert how_to_resend(reached, Known.NOTHING, policy) is Resend.NO
+        assert how_to_resend(progress, GoalFate.NOTHING, policy) is Resend.NO
 
 
 # --- pauses and limits (contract C4.1) ---------------------------------------------------------

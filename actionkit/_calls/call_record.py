@@ -1,0 +1,124 @@
+"""What users are shown of one call: its timeline, its feedback and its outcome.
+
+All of it happens on the communication thread, but for the making.
+"""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from actionkit._calls.attempt import Attempt
+from actionkit._calls.explain import ErrorContext, explain
+from actionkit._calls.feedback_broadcast import FeedbackBroadcast
+from actionkit._calls.graph_snapshot import GraphSnapshot
+from actionkit._calls.request import Request
+from actionkit._goal.effects import Ending
+from actionkit._messages.lazy import LazyMessage
+from actionkit._model.timeline import Recorder
+from actionkit._model.values import GoalEvent, GoalState, Outcome
+from actionkit._observers.dispatcher import ObserverDispatcher
+
+
+class ActionView(Protocol):
+    """What is known of the action that a call is made to."""
+
+    action_name: str
+    type_name: str
+
+    def decode_feedback(self, message: bytes) -> Any: ...
+    def graph_snapshot(self) -> GraphSnapshot: ...
+
+
+class CallRecord:
+    """Writes down what happens in one call, and passes it on to its observers."""
+
+    def __init__(
+        self, action: ActionView, request: Request, audience: ObserverDispatcher, call_id: uuid.UUID
+    ) -> None:
+        """Make the record of a call that begins now. On the caller's thread.
+
+        Args:
+            action: What the call is made to.
+            request: What its user asked for.
+            audience: The client's log and observers.
+            call_id: The id of the call's first goal.
+        """
+        self.began = time.monotonic()
+        self.timeline = Recorder()
+        self.tape: FeedbackBroadcast[Any] = FeedbackBroadcast()
+        self._action = action
+        self._request = request
+        self._audience = audience
+        self._info = audience.call_info(
+            call_id, request.goal, monotonic=self.began, wall=time.time()
+        )
+
+    def note(
+        self,
+        goal_id: uuid.UUID,
+        attempt: int,
+        state: GoalState,
+        detail: str,
+        cancel_refused: bool = False,
+        feedback: Callable[[], Any] | None = None,
+    ) -> None:
+        """Write an event into the timeline, and tell the observers."""
+        event = GoalEvent(
+            goal_id, attempt, state, time.monotonic(), time.time(), detail, cancel_refused
+        )
+        self.timeline.add(event)
+        self._audience.event(event, self._info, feedback)
+
+    def note_feedback(self, attempt: Attempt, messages: list[bytes]) -> None:
+        """Pass feedback on, undecoded."""
+        handful = [LazyMessage(self._action.decode_feedback, message) for message in messages]
+        goal_id = attempt.goal_id
+        numbers = self.timeline.count_feedback(goal_id, len(handful))
+        each = self._audience.hears_feedback
+        for number, one in zip(numbers, handful, strict=True):
+            if each or number in (1, numbers[-1]):  # the timeline keeps no others
+                detail = f"no. {number}"
+                self.note(goal_id, attempt.number, GoalState.FEEDBACK, detail, feedback=one)
+        self.tape.put(*handful)
+        if self._request.callbacks is not None:
+            self._request.callbacks.put(*handful)
+
+    def end_feedback(self) -> None:
+        """End the streams of feedback, and drop what callbacks have not been given so far."""
+        if self._request.callbacks is not None:
+            self._request.callbacks.close()
+        self.tape.end()
+
+    def outcome(self, ending: Ending, goal_id: uuid.UUID, attempts: int) -> Outcome[Any]:
+        """Return what the user is told of an ending, which need not be the call's last word."""
+        context = ErrorContext(
+            action_name=self._action.action_name,
+            type_name=self._action.type_name,
+            goal_id=goal_id,
+            attempts=attempts,
+            timeline=self.timeline.events(),
+            elapsed=time.monotonic() - self.began,
+            timeout=self._request.timeout,
+            timeouts=self._request.timeouts,
+            surroundings=self._action.graph_snapshot,
+        )
+        callbacks = self._request.callbacks
+        return Outcome(
+            status=ending.status,
+            result=ending.result,
+            error=explain(ending, context),
+            attempts=attempts,
+            timeline=context.timeline,
+            goal_id=goal_id,
+            cancel=ending.cancel,
+            callback_errors=0 if callbacks is None else callbacks.errors,
+            feedback_count=self.tape.count,
+            elapsed=context.elapsed,
+        )
+
+    def tell_outcome(self, outcome: Outcome[Any]) -> None:
+        """Tell the observers how the call ended."""
+        self._audience.outcome(outcome, self._info)

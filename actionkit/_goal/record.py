@@ -1,0 +1,172 @@
+"""What is known of one goal, and how its attempt ends."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from actionkit._goal import effects as fx
+from actionkit._goal.stages import (
+    FIRST_REASK,
+    WITH_END,
+    CancelReason,
+    CancelReply,
+    Closing,
+    Stage,
+)
+from actionkit._model.settings import Timeouts
+from actionkit._model.values import GoalState
+
+_DISARM_FOR_CALLER = tuple(fx.Disarm(timer) for timer in fx.Timer if timer is not fx.Timer.REASK)
+"""The timers that exist for the caller's sake; a goal is asked about also after he has left."""
+_TIMED_OUT = {fx.End.DEADLINE, fx.End.NO_ACCEPTANCE, fx.End.STALLED}
+_REFUSALS = {CancelReply.REFUSED_ONCE, CancelReply.REFUSED}
+_LEFT_ALONE = {Closing.ABANDONED, Closing.BROKEN}
+
+
+class GoalRecord:
+    """The lowest layer of the machine: the facts, and the endings that follow from them."""
+
+    def __init__(self, timeouts: Timeouts, deadline: float | None, *, resent: bool = False) -> None:
+        """Make a goal that nothing has happened to.
+
+        Args:
+            timeouts: The limits of its phases.
+            deadline: Monotonic time at which the whole call's time is up, or `None`.
+            resent: Whether an earlier attempt sent the same goal id to the same server, which
+                takes an id only once: a rejection may mean that it has the goal already (R5).
+        """
+        self.stage = Stage.NEW
+        self.state = GoalState.SENDING
+        self.settled = False
+        self.cancel_reason: CancelReason | None = None
+        self.closing: Closing | None = None
+        self._timeouts = timeouts
+        self._deadline = deadline
+        self._resent = resent
+        self._duplicate_rejected = False
+        self._progress = fx.GoalProgress.UNANSWERED if resent else fx.GoalProgress.NEVER_SENT
+        self._unknown_to_server = False
+        self._forgotten_at: float | None = None  # when it first did not know it any more
+        self._terminal_seen: GoalState | None = None
+        self._reask_after = FIRST_REASK
+        self._cancelled_at = 0.0
+        self._cancel_reply = CancelReply.NONE
+        self._refused_at = 0.0  # when it refused once
+        self._refused_reason: CancelReason | None = None  # dropped, as the server refused
+        self._phase = ""
+
+    @property
+    def in_flight(self) -> bool:
+        """Whether the server may be running the goal."""
+        return self._unproven or self.stage is Stage.ACCEPTED
+
+    @property
+    def may_run(self) -> bool:
+        """Whether a server in sight may be running it, and has not said otherwise."""
+        denied = self.stage is Stage.SENT and self._unknown_to_server
+        return self.in_flight and self.stage is not Stage.LOST and not denied
+
+    @property
+    def _unproven(self) -> bool:
+        """Whether the goal may be on a server that has not shown, or not again, that it has it."""
+        return self.stage in (Stage.RESENDING, Stage.SENT, Stage.LOST)
+
+    @property
+    def _unwanted(self) -> bool:
+        return self.settled or self.cancel_reason is not None
+
+    # --- timers ----------------------------------------------------------------------------
+
+    def _arm_reask(self, now: float) -> fx.Effect:
+        return fx.Arm(fx.Timer.REASK, now + self._reask_after)
+
+    def _arm_stall(self, now: float) -> list[fx.Effect]:
+        silence = self._timeouts.feedback
+        if silence is None or self._unwanted or self.stage is not Stage.ACCEPTED:
+            return []
+        return [fx.Arm(fx.Timer.STALL, now + silence)]
+
+    # --- endings ---------------------------------------------------------------------------
+
+    def _enter(self, state: GoalState, detail: str = "") -> fx.Effect:
+        self.state = state
+        return fx.Record(state, detail)
+
+    def _stop_resending(self) -> list[fx.Effect]:
+        """Leave it at the request that was sent before, where the goal was to be sent again."""
+        if self.stage is not Stage.RESENDING:
+            return []
+        self.stage = Stage.SENT
+        return [fx.Withdraw(), fx.Disarm(fx.Timer.SERVER)]
+
+    def _never_sent(
+        self,
+        end: fx.End,
+        now: float,
+        *,
+        served: tuple[str, ...] = (),
+        error: BaseException | None = None,
+    ) -> list[fx.Effect]:
+        if self._progress is fx.GoalProgress.UNANSWERED:
+            # Not sent this time; but the first request may have arrived, and is watched (C2.4).
+            self.stage = Stage.SENT
+            settle = self._settle(end, served=served, error=error)
+            return [fx.Withdraw(), fx.AskCancel(), *settle, self._arm_reask(now)]
+        self.stage = Stage.OVER
+        settle = self._settle(end, served=served, error=error)
+        return [fx.Withdraw(), *settle, *self._release()]
+
+    def _settle(
+        self,
+        end: fx.End,
+        *,
+        result: Any = None,
+        served: tuple[str, ...] = (),
+        error: BaseException | None = None,
+        lost_because: str = "",
+    ) -> list[fx.Effect]:
+        """Give the ending to the caller, unless the attempt has ended before."""
+        if self.settled:
+            return []
+        self.settled = True
+        if self.cancel_reason is None:
+            refused = end in WITH_END and self._refused_reason is not None
+        else:
+            refused = end is not fx.End.LOST and self._cancel_reply in _REFUSALS
+        unended = end in _TIMED_OUT and not self.state.is_terminal
+        ending = fx.Ending(
+            end,
+            GoalState.TIMED_OUT if unended else self.state,
+            result=result,
+            phase=self._phase if end is fx.End.DEADLINE else "",
+            progress=self._progress,
+            fate=self._fate,
+            given_up=self.cancel_reason is not None or self.closing is Closing.ABANDONED,
+            ended_as=self._terminal_seen,
+            refused=refused,
+            served=served,
+            error=error,
+            lost_because=lost_because,
+        )
+        return [*_DISARM_FOR_CALLER, fx.Settle(ending)]
+
+    @property
+    def _fate(self) -> fx.GoalFate:
+        over = self.stage is Stage.OVER and self.closing not in _LEFT_ALONE
+        if over or self._terminal_seen is not None:
+            return fx.GoalFate.STOPPED
+        if self.stage is Stage.LOST:
+            return fx.GoalFate.SERVER_GONE
+        return fx.GoalFate.UNKNOWN_TO_SERVER if self._unknown_to_server else fx.GoalFate.NOTHING
+
+    def supersede(self) -> list[fx.Effect]:
+        """Another attempt takes over the goal, with its id (C4.2)."""
+        self.stage = Stage.OVER
+        return [fx.Disarm(timer) for timer in fx.Timer]
+
+    def _over(self) -> list[fx.Effect]:
+        self.stage = Stage.OVER
+        return self._release()
+
+    def _release(self) -> list[fx.Effect]:
+        return [fx.Disarm(fx.Timer.REASK), fx.Release()]
