@@ -26,6 +26,7 @@ from actionkit import (
     Verdict,
 )
 from actionkit._calls import call as call_module
+from actionkit._calls import call_record as record_module
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.call import Call
 from actionkit._calls.graph_snapshot import GraphSnapshot
@@ -44,7 +45,10 @@ class Broken(AssertionError):
 
 @dataclass
 class OnServers:
-    """What was said of one goal, and what was asked of it."""
+    """What was said of one goal, and what was asked of it.
+
+    `server` is the number of the server that it was sent to: one process, from start to end.
+    """
 
     copies: int = 0
     answered: int = 0
@@ -57,6 +61,7 @@ class OnServers:
     accepted: bool = False
     lost: bool = False
     unknown: bool = False
+    server: int = 0
     may_run: bool = False
     finished: bool = False
 
@@ -72,6 +77,7 @@ class Link:
         self.life = life
         self.runtime = life
         self.ready = self.busy = False
+        self.in_sight: set[int] = set()
         self.awaiting: dict[Attempt, None] = {}
         self.queue: OrderedDict[bytes, Attempt] = OrderedDict()
         self.listeners: dict[bytes, Attempt] = {}
@@ -111,7 +117,8 @@ class Link:
         self.queue.pop(listener.goal_id.bytes, None)
 
     def sees_server_of(self, listener: Attempt) -> bool:
-        return False  # a server that is lost here does not come back
+        goal = self.life.goals.get(listener.goal_id.bytes)
+        return goal is not None and goal.server in self.in_sight
 
     def ask_result(self, listener: Attempt, *, anew: bool = False) -> None:
         if listener.goal_id.bytes in self.listeners:
@@ -171,7 +178,7 @@ class CallLife:
         self.link = Link(self)
         self.retry = retry
         self.timeouts = Timeouts(**timeouts)  # type: ignore[arg-type]
-        self.settled = self.finishes = 0
+        self.settled = self.finishes = self.servers = 0
         self.wanted, self.closed, self.abandon, self.broke = True, False, False, False
         self.cancelled_by_others = False
         with self.patched():
@@ -279,7 +286,8 @@ class CallLife:
 
     @contextmanager
     def patched(self) -> Iterator[None]:
-        with mock.patch.object(call_module, "time", self):
+        record_time = mock.patch.object(record_module, "time", self)
+        with mock.patch.object(call_module, "time", self), record_time:
             yield
 
     def does(self, action: Callable[..., object], *args: Any, **options: Any) -> None:
@@ -308,7 +316,25 @@ class CallLife:
     # --- events: servers -------------------------------------------------------------------
 
     def ready(self) -> None:
-        """A server is ready: for the first time, again, or one more."""
+        """A server is ready: a new one where there was none, else one of those in sight."""
+        if not self.link.in_sight:
+            self._new_server()
+        self._ready()
+
+    def _new_server(self) -> None:
+        self.servers += 1
+        self.link.in_sight = {self.servers}
+
+    def back(self) -> None:
+        """The server that was the last to go was only out of reach, and can be talked to again."""
+        if self.servers and not self.link.in_sight:
+            self.link.in_sight = {self.servers}
+            for goal in self.goals.values():
+                # It may have the request, and take it yet; what it took, it may have lost.
+                goal.lost = goal.lost and (goal.accepted or goal.server != self.servers)
+            self._ready()
+
+    def _ready(self) -> None:
         self.link.ready = True
         before = {key: goal.asked for key, goal in self.goals.items() if goal.lost}
         self.does(self._tell_ready)
@@ -335,12 +361,14 @@ class CallLife:
     def gone(self) -> None:
         """All servers are gone."""
         self.link.ready = False
+        self.link.in_sight = set()
         self.does(self._tell_lost, everybody=True)
 
     def restarted(self) -> None:
         """The server is gone, and another is there."""
+        self._new_server()
         self.does(self._tell_lost, everybody=False)
-        self.ready()
+        self._ready()
 
     def _tell_lost(self, *, everybody: bool) -> None:
         for key, listener in list(self.link.listeners.items()):
@@ -505,7 +533,8 @@ class CallLife:
         if goal.copies:
             self.require(not goal.accepted, "what was accepted is not sent again")
             self.require(goal.unknown, "a goal is sent again to a server that does not know it")
-            self.require(not goal.lost, "an id is sent again to the same incarnation only (R5)")
+            same = goal.server in self.link.in_sight and not goal.lost
+            self.require(same, "an id is sent again to the same incarnation only (R5)")
         if self.retry.resend == "never_accepted":
             sent = [goal for goal in self.goals.values() if goal.copies]
             refused = all(goal.denied == goal.copies for goal in sent)
@@ -513,6 +542,7 @@ class CallLife:
         goal.copies += 1
         goal.may_run = True
         goal.lost = False
+        goal.server = max(self.link.in_sight)
         self.require(self.sends <= self.retry.attempts, "no more goals than attempts (C4.1)")
 
     def note_forgotten(self, key: bytes, *, abandoned: bool, finished: bool) -> None:

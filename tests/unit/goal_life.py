@@ -1,21 +1,28 @@
-"""Drives a goal's state machine, and checks after each event what must hold in every order."""
+"""Drives a goal's state machine, and checks after each event what must hold in every order.
+
+Beside the machine stands a model of what a server may be doing with the goal. It learns from the
+events that the machine is told and from the effects that it asks for, and never looks at the fields
+of the machine. What others read there (`in_flight`, `may_run`, `settled`) is compared with it.
+"""
 
 from __future__ import annotations
 
 import copy
 import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 from actionkit._goal.effects import (
     Arm,
     AskCancel,
+    AwaitServer,
     Disarm,
     Effect,
     End,
     Ending,
-    Known,
+    GoalFate,
+    GoalProgress,
     LateResult,
-    Reached,
     Record,
     Release,
     SendGoal,
@@ -23,7 +30,7 @@ from actionkit._goal.effects import (
     Timer,
     Withdraw,
 )
-from actionkit._goal.machine import Goal, Stage
+from actionkit._goal.machine import Goal
 from actionkit._goal.stages import DOUBT
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
@@ -35,6 +42,115 @@ UNTIL_ACCEPTED = (*UNTIL_SENT, "accepted")
 
 class Broken(AssertionError):
     """The machine did what it must never do."""
+
+
+@dataclass
+class OnServer:
+    """What a server may be doing with the goal, by all that was said so far.
+
+    Attributes:
+        copies: How many requests for the goal were sent to the server; one by an earlier attempt.
+        awaiting: Whether a server is waited for, to send a request.
+        queued: Whether a request waits for its turn.
+        accepted: Whether the server has shown that it took the goal.
+        lost: Whether the server is out of sight.
+        ended: Whether a terminal state was seen.
+        denied: Whether the server did not know it when it was asked last, and may yet take it (R6).
+        forgotten_at: When it first did not know the goal any more that it had shown to have.
+        rejections: How many requests were rejected.
+        over: Whether it is known that the goal does not run and never will.
+    """
+
+    resent: bool
+    copies: int = 0
+    awaiting: bool = False
+    queued: bool = False
+    accepted: bool = False
+    lost: bool = False
+    ended: bool = False
+    denied: bool = False
+    forgotten_at: float | None = None
+    rejections: int = 0
+    over: bool = False
+    progress: GoalProgress = GoalProgress.NEVER_SENT
+
+    @property
+    def has_it(self) -> bool:
+        """Whether a server may be running the goal, or may yet come to run it."""
+        return self.copies > 0 and not self.over
+
+    @property
+    def fate(self) -> GoalFate:
+        """What the caller may be told of it."""
+        if self.ended or not self.has_it:
+            return GoalFate.STOPPED
+        if self.lost:
+            return GoalFate.SERVER_GONE
+        return GoalFate.UNKNOWN_TO_SERVER if self.denied else GoalFate.NOTHING
+
+    @property
+    def waits(self) -> bool:
+        return self.awaiting or self.queued
+
+    def learn(self, event: str, args: tuple[Any, ...], now: float) -> None:
+        """Take in an event, before the machine is told of it."""
+        if event == "start" and self.resent:
+            self.copies = 1
+            self.progress = GoalProgress.UNANSWERED
+        elif event == "sent" and self.queued:
+            self.copies += 1
+            self.awaiting = self.queued = False
+            self.progress = GoalProgress.UNANSWERED
+        elif not self.has_it:
+            return
+        elif event == "server_lost" and not self.lost:
+            self.lost = True
+            self.over = self.ended  # its result went with it
+        elif event == "server_back":
+            self.lost = self.lost and self.accepted
+        elif event == "rejected" and not (self.accepted or self.lost or self.waits):
+            self._rejected()
+        elif event == "result" and args[0] is None:
+            if self.accepted and not self.lost:
+                self._forgotten(now)
+            elif self.rejections and not self.lost:
+                self._rejected()
+            else:
+                self._unknown(final=self.lost)
+        elif (event, args) == ("cancel_answered", (CancelAnswer.UNKNOWN_GOAL,)):
+            if self.lost or not self.accepted:
+                self._unknown(final=self.lost)
+        elif event in ("accepted", "feedback", "status", "result", "cancel_answered"):
+            # Whatever else a server says of a goal proves that it took it.
+            self.accepted, self.lost, self.denied = True, False, False
+            self.progress = GoalProgress.ACCEPTED
+            self.over = event == "result"
+            self.ended |= self.over or (event == "status" and args[0].is_terminal)
+
+    def _rejected(self) -> None:
+        """A server that was sent the same id twice rejects the second of them (R5)."""
+        self.rejections += 1
+        if self.rejections > self.resent:
+            self.over = True
+            self.progress = GoalProgress.REJECTED
+
+    def _forgotten(self, now: float) -> None:
+        """A server may say so of a goal that it is just accepting: it counts when said again."""
+        if self.forgotten_at is None:
+            self.forgotten_at = now
+        elif now >= self.forgotten_at + DOUBT:
+            self.over = True
+
+    def _unknown(self, *, final: bool) -> None:
+        self.over, self.denied = final, not final
+
+    def carry_out(self, effect: Effect) -> None:
+        if isinstance(effect, AwaitServer):
+            self.awaiting = True
+        elif isinstance(effect, SendGoal):
+            self.awaiting, self.queued = False, True
+        elif isinstance(effect, Withdraw):
+            self.awaiting = self.queued = False
 
 
 class Life:
@@ -52,17 +168,11 @@ class Life:
         self.all: list[Effect] = []
         self.told: list[tuple[Any, ...]] = []
         self.ending: Ending | None = None
-        self.queued = self.released = self.abandoned = self.broke = self.superseded = False
-        self.cancel_asked = self.cancel_accepted = False
-        self.denied = self.rejected = self.unknown = self.stopped = False
-        self.refused = self.refused_lately = False
-        self.missed = False
-        self.missed_at: float | None = None
-        self.resent = resent
-        self.sent = False
-        # What the caller may be told of the goal, from what was told so far alone.
-        self.reached = Reached.UNANSWERED if resent else Reached.NEVER_SENT
-        self.known = Known.NOTHING if resent else Known.STOPPED
+        self.server = OnServer(resent)
+        self.started = self.released = self.abandoned = self.broke = self.superseded = False
+        self.cancel_asked = self.cancel_accepted = self.cancelling = False
+        self.refused = self.refused_lately = self.refusal_meant = False
+        self.refused_at: float | None = None
 
     # --- driving ---------------------------------------------------------------------------
 
@@ -75,17 +185,22 @@ class Life:
 
     def tell(self, event: str, *args: Any, **options: Any) -> list[Effect]:
         """Let an event happen now; return what it asks for."""
-        before, wanted = self.goal.stage, self.goal.gave_up is None
-        self._note(event, args, options, before)
+        before = replace(self.server)
+        self._note(event, args, options)
         try:
             effects: list[Effect] = getattr(self.goal, event)(*args, self.now, **options)
         except AssertionError as error:
             raise Broken(f"the machine takes every event: {self.told}") from error
         self.all += effects
-        if wanted and self.goal.gave_up is not None and self.known is Known.UNKNOWN_TO_SERVER:
-            self.known = Known.NOTHING  # what counts is what the server says from now on
+        if not self.cancelling and any(
+            isinstance(each, Arm) and each.timer is Timer.CANCEL for each in effects
+        ):
+            # Given up: what counts is what is said from now on.
+            self.server.denied = self.refusal_meant = False
+            self.refused_at = None
         for effect in effects:
-            self._carry_out(effect, event, args, before)
+            self._carry_out(effect, event, args)
+        self.cancelling = Timer.CANCEL in self.timers
         self._check(event, before, effects)
         return effects
 
@@ -120,86 +235,57 @@ class Life:
     def count(self, effect: type) -> int:
         return sum(isinstance(each, effect) for each in self.all)
 
+    @property
+    def left_alone(self) -> bool:
+        """Whether this side takes care of the goal no more, whatever it does."""
+        return self.abandoned or self.broke or self.superseded
+
+    @property
+    def in_flight(self) -> bool:
+        return self.server.has_it and not self.left_alone and not self.released
+
     # --- what must hold --------------------------------------------------------------------
 
-    def _note(self, event: str, args: Any, options: Any, before: Stage) -> None:
+    def _note(self, event: str, args: Any, options: Any) -> None:
         given = () if event == "timer" else options.values()
         self.told.append((event, *args, *given))
-        in_flight = self._on_server(before)
-        if event == "sent" and before is Stage.QUEUED:
-            self.sent = True
-        if before is Stage.SENT:
-            # A server that was sent the same id twice denies the second of them (R5).
-            no = event == "rejected" or (self.denied and event == "result" and args[0] is None)
-            self.rejected |= no and (self.denied or not self.resent)
-            self.denied |= no
-        if event == "result" and in_flight:
-            self.stopped |= args[0] is not None
-            sure = args[0] is None and self._sure_of_unknown(before)
-            self.unknown |= sure
-            self.missed |= sure and before is Stage.ACCEPTED
-        if event == "status" and in_flight:
-            self.stopped |= args[0].is_terminal
-        if event == "cancel_answered" and in_flight:
-            self.cancel_accepted |= args[0] is CancelAnswer.ACCEPTED
-            if args[0] is not CancelAnswer.UNKNOWN_GOAL:
-                self.refused_lately = args[0] is CancelAnswer.REFUSED
-                self.refused |= self.refused_lately
-        if event == "close" and options["abandon"] and in_flight and self.goal.gave_up is None:
-            self.abandoned = True
-        if event == "server_lost" and before in (Stage.SENT, Stage.ACCEPTED):
-            self.refused_lately = False
-        self.broke |= event == "fail"
+        in_flight, ended = self.in_flight, self.ending is not None
+        self.started |= event == "start"
+        if in_flight:
+            if event == "cancel_answered":
+                self.cancel_accepted |= args[0] is CancelAnswer.ACCEPTED
+                if args[0] is not CancelAnswer.UNKNOWN_GOAL:
+                    self.refused_lately = args[0] is CancelAnswer.REFUSED
+                    self.refused |= self.refused_lately
+                    self._count_refusals(ended or self.cancelling)
+            if event == "server_lost" and not self.server.lost:
+                self.refused_lately = False
+            if event == "server_lost" or (event == "status" and args[0].is_terminal):
+                self.refused_at, self.refusal_meant = None, False
+            if event == "close" and not ended and not self.cancelling:
+                self.abandoned = options["abandon"]
+        self.broke |= event == "fail" and not ended
         self.superseded |= event == "supersede"
-        self._learn(event, args, before)
+        if not self.left_alone and not self.released:
+            self.server.learn(event, args, self.now)
 
-    def _on_server(self, stage: Stage) -> bool:
-        """Whether a server may have the goal; one that is sent again may be there already."""
-        waits = stage in (Stage.AWAITING_SERVER, Stage.QUEUED)
-        return stage in (Stage.SENT, Stage.ACCEPTED, Stage.LOST) or (self.resent and waits)
-
-    def _learn(self, event: str, args: Any, before: Stage) -> None:
-        """Keep the books of how far the goal got, and of what is known of it now."""
-        in_flight = self._on_server(before)
-        unknown = (event == "cancel_answered" and args[0] is CancelAnswer.UNKNOWN_GOAL) or (
-            event == "result" and args[0] is None
-        )
-        if event == "sent" and before is Stage.QUEUED:
-            self.reached, self.known = Reached.UNANSWERED, Known.NOTHING
-        elif self.rejected and before is Stage.SENT:
-            self.reached, self.known = Reached.REJECTED, Known.STOPPED
-        elif in_flight and unknown:
-            if before not in (Stage.ACCEPTED, Stage.LOST):
-                self.known = Known.UNKNOWN_TO_SERVER
-            elif before is Stage.LOST or (event == "result" and self.missed):
-                self.known = Known.STOPPED
-        elif in_flight and event in ("accepted", "feedback", "status", "result", "cancel_answered"):
-            # Whatever a server says of a goal proves that it took it.
-            self.reached = Reached.ACCEPTED
-            ended = event == "result" or (event == "status" and args[0].is_terminal)
-            if self.known is not Known.STOPPED:
-                self.known = Known.STOPPED if ended else Known.NOTHING
-        elif event == "server_lost" and in_flight and self.known is not Known.STOPPED:
-            self.known = Known.SERVER_GONE
-
-    def _sure_of_unknown(self, before: Stage) -> bool:
-        """Whether a server that does not know a goal means it; an accepted one, only if twice."""
-        if before is not Stage.ACCEPTED:
-            return True
-        if self.missed_at is None:
-            self.missed_at = self.now
-            return False
-        return self.now >= self.missed_at + DOUBT
+    def _count_refusals(self, unwanted: bool) -> None:
+        """A refusal says little (R12), before it was said again to what was asked after a while."""
+        if not self.refused_lately:
+            self.refused_at, self.refusal_meant = None, False
+        elif unwanted and not (self.cancel_accepted or self.server.ended):
+            if self.refused_at is None:
+                self.refused_at = self.now
+            self.refusal_meant |= self.now >= self.refused_at + DOUBT
 
     def _require(self, holds: bool, promise: str) -> None:
         if not holds:
             raise Broken(f"{promise}: {self.told}")
 
-    def _carry_out(self, effect: Effect, event: str, args: Any, before: Stage) -> None:
-        late = event == "accepted" and before is Stage.OVER
+    def _carry_out(self, effect: Effect, event: str, args: Any) -> None:
+        late = event == "accepted" and isinstance(effect, AskCancel)
         self._require(
-            not self.released or (late and isinstance(effect, AskCancel)),
-            f"after Release nothing more is done, such as {effect}",
+            not self.released or late, f"after Release nothing more is done, such as {effect}"
         )
         if isinstance(effect, Arm):
             self._require(effect.at >= self.now, "no timer is armed in the past")
@@ -207,12 +293,10 @@ class Life:
         elif isinstance(effect, Disarm):
             self.timers.pop(effect.timer, None)
         elif isinstance(effect, SendGoal):
-            wanted = self.ending is None and self.goal.gave_up is None
+            wanted = self.ending is None and not self.cancelling
             self._require(wanted, "nothing is sent that nobody wants")
-            self._require(not self.sent and not self.queued, "nothing is sent twice")
-            self.queued = True
-        elif isinstance(effect, Withdraw):
-            self.queued = False
+            first = self.server.copies == self.server.resent and not self.server.accepted
+            self._require(first, "nothing is sent twice")
         elif isinstance(effect, AskCancel):
             self.cancel_asked = True
         elif isinstance(effect, LateResult):
@@ -226,12 +310,14 @@ class Life:
             )
         elif isinstance(effect, Release):
             self.released = True
-        elif isinstance(effect, Settle):
+        self.server.carry_out(effect)
+        if isinstance(effect, Settle):
             self._require(self.ending is None, "it ends once")
             self.ending = effect.ending
             self._check_ending(event, args, effect.ending)
 
     def _check_ending(self, event: str, args: Any, ending: Ending) -> None:
+        server, report = self.server, ending.cancel
         success = event == "result" and args[0] is GoalState.SUCCEEDED
         if ending.end is End.SUCCEEDED:
             self._require(success and ending.result is args[1], "success is the server's word")
@@ -240,80 +326,86 @@ class Life:
                 ending.end is End.DEADLINE and ending.result is args[1],
                 "a success is given to the caller, or with the deadline's error (C2.3)",
             )
-        stage, report = self.goal.stage, ending.cancel
-        if stage in (Stage.SENT, Stage.ACCEPTED) and not self.abandoned:
+        runs = server.has_it and not (server.ended or server.lost or self.left_alone)
+        if runs:
             self._require(self.cancel_asked, "nothing is left behind without a cancel (C2.4)")
         if report is CancelReport.CONFIRMED:
-            self._require(self.stopped, "CONFIRMED means that a terminal state was seen")
-        if report is CancelReport.UNKNOWN and not self.abandoned and not self.broke:
-            self._require(not self.stopped, "UNKNOWN means that no terminal state was seen")
+            self._require(server.ended, "CONFIRMED means that a terminal state was seen")
+        if report is CancelReport.UNKNOWN and not self.left_alone:
+            self._require(not server.ended, "UNKNOWN means that no terminal state was seen")
         if report is CancelReport.REFUSED:
             self._require(self.refused, "REFUSED is what the server said")
             self._require(ending.end is not End.LOST, "who is gone refuses nothing")
             if ending.end in (End.DEADLINE, End.CLOSED, End.STALLED, End.NO_ACCEPTANCE):
-                runs = self.refused_lately and not self.stopped
+                runs = self.refused_lately and not server.ended
                 self._require(runs, "REFUSED means that it runs on")
         if report is CancelReport.NOT_NEEDED:
-            idle = not self.sent or self.rejected or self.unknown
-            self._require(idle, "NOT_NEEDED means that nothing was running")
+            self._require(not server.has_it, "NOT_NEEDED means that nothing was running")
         lost = ending.end is End.LOST and not self.broke
-        self._require(not (lost and self.stopped), "a goal that ended was not lost with its server")
+        self._require(not (lost and server.ended), "a goal that ended was not lost with its server")
         others = ending.end is End.CANCELED_BY_OTHER
         self._require(not (others and self.cancel_accepted), "our cancel is nobody else's")
         self._require((ending.phase != "") == (ending.end is End.DEADLINE), "deadlines have phases")
         self._require((ending.end is End.DEADLINE) <= (report is not None), "(C2.3)")
-        self._require(ending.reached is self.reached, f"it reached {self.reached}")
-        if (self.broke or self.abandoned) and not self.stopped:
-            self._require(ending.known is not Known.STOPPED, "a goal left behind may run on")
+        self._require(ending.progress is server.progress, f"it reached {server.progress}")
+        if self.left_alone and not server.ended:
+            self._require(ending.fate is not GoalFate.STOPPED, "a goal left behind may run on")
         else:
-            self._require(ending.known is self.known, f"what is known of it is {self.known}")
+            self._require(ending.fate is server.fate, f"what is known of it is {server.fate}")
 
-    def _check(self, event: str, before: Stage, effects: list[Effect]) -> None:
-        goal, armed = self.goal, set(self.timers)
-        self._require(goal.settled == (self.ending is not None), "`settled` tells of Settle")
-        self._require(before is not Stage.OVER or goal.stage is Stage.OVER, "OVER is for good")
-        self._require(
-            goal.settled or goal.stage not in (Stage.OVER, Stage.LOST), "no caller is left waiting"
-        )
-        over = goal.stage is Stage.OVER
+    def _check(self, event: str, before: OnServer, effects: list[Effect]) -> None:
+        goal, armed, server = self.goal, set(self.timers), self.server
+        settled = self.ending is not None
+        self._require(goal.settled == settled, "`settled` tells of Settle")
+        self._require(goal.in_flight == self.in_flight, "`in_flight`: a server may be running it")
+        denied = server.denied and not server.waits
+        may_run = self.in_flight and not server.lost and not denied
+        self._require(goal.may_run == may_run, "`may_run`: a server in sight may be running it")
+        known = server.over or server.lost or self.left_alone
+        self._require(settled or self.superseded or not known, "no caller is left waiting")
         if self.superseded:  # what the link holds is another's now, with the same id
-            self._require(over and not armed, "who is superseded leaves all to another")
+            self._require(not armed, "who is superseded leaves all to another")
         else:
-            self._require(self.released == over, "what is over is released")
-        if event == "result" and self.told[-1][1] is not None and self.ending is not None:
-            late = before in (Stage.SENT, Stage.ACCEPTED, Stage.LOST) and Settle not in map(
-                type, effects
-            )
+            over = server.over or self.left_alone or (settled and not server.copies)
+            self._require(self.released or not over, "what is over is released")
+            # Nobody waits for ever for the result of a goal that ended.
+            forgotten = settled and server.ended
+            self._require(over or forgotten or not self.released, "what may run is watched on")
+        if event == "result" and self.told[-1][1] is not None and settled:
+            late = before.has_it and self._was_watched(effects)
+            late = late and Settle not in map(type, effects)
             self._require(late == (LateResult in map(type, effects)), "a late result is told of")
-        if event == "accepted" and before in (Stage.SENT, Stage.LOST):
-            unwanted = goal.settled or goal.gave_up is not None
-            self._require(
-                not unwanted or AskCancel() in effects, "a late acceptance is cancelled (C2.4)"
-            )
-        if goal.stage in (Stage.SENT, Stage.ACCEPTED):
-            self._require(Timer.NUDGE in armed, "what may have been lost is asked for again")
-        if goal.settled:
-            self._require(armed <= {Timer.NUDGE}, f"a caller that left has no timers ({armed})")
-        else:
+        taken = before.has_it and not before.waits and (before.lost or not before.accepted)
+        if event == "accepted" and taken and self.in_flight and (settled or self.cancelling):
+            self._require(AskCancel() in effects, "a late acceptance is cancelled (C2.4)")
+        doubted = self.refused_at is not None and not self.refusal_meant
+        if self.told[-1] == ("timer", Timer.REASK) and doubted and self.in_flight:
+            wanted = not (settled or self.cancelling)
+            self._require(wanted or AskCancel() in effects, "a refusal is asked about once more")
+        if self.in_flight and not server.lost and not server.waits:
+            self._require(Timer.REASK in armed, "what may have been lost is asked for again")
+        if settled:
+            self._require(armed <= {Timer.REASK}, f"a caller that left has no timers ({armed})")
+        elif self.started:
             self._check_limits(armed)
+
+    def _was_watched(self, effects: list[Effect]) -> bool:
+        """Whether the goal had not been released, nor left alone, before these effects."""
+        return Release in map(type, effects) or self.in_flight
 
     def _check_limits(self, armed: set[Timer]) -> None:
         """An open goal has every timer that the user's limits ask for in its phase."""
-        goal, limits = self.goal, self.timeouts
-        if goal.stage is Stage.NEW:
-            return
-        needed: dict[Timer, bool]
-        if goal.gave_up is not None:
-            needed = {Timer.CANCEL: True}
-        else:
+        server, limits = self.server, self.timeouts
+        if not self.cancelling:
+            unanswered = server.has_it and not (server.accepted or server.waits)
             needed = {
                 Timer.DEADLINE: self.deadline is not None,
-                Timer.SERVER: goal.stage is Stage.AWAITING_SERVER and limits.server is not None,
-                Timer.ACCEPT: goal.stage is Stage.SENT and limits.accept is not None,
-                Timer.STALL: goal.stage is Stage.ACCEPTED and limits.feedback is not None,
+                Timer.SERVER: server.awaiting and limits.server is not None,
+                Timer.ACCEPT: unanswered and limits.accept is not None,
+                Timer.STALL: server.accepted and limits.feedback is not None,
             }
-        for timer, wanted in needed.items():
-            self._require(not wanted or timer in armed, f"the limit {timer} is kept")
+            for timer, wanted in needed.items():
+                self._require(not wanted or timer in armed, f"the limit {timer} is kept")
         if self.deadline is not None:
             latest = max(self.deadline, 0.0) + limits.cancel
             self._require(self.now < latest or bool(self._due()), "the deadline is kept (C2.3)")
@@ -324,14 +416,23 @@ class Life:
     def copy(self) -> Life:
         """Return a life that goes its own way from here."""
         twin = copy.copy(self)
-        twin.goal = copy.copy(self.goal)
+        twin.goal, twin.server = copy.copy(self.goal), copy.copy(self.server)
         twin.timers, twin.all, twin.told = dict(self.timers), [], list(self.told)
         return twin
 
     def situation(self) -> tuple[object, ...]:
         """Return what the future depends on: alike for two lives that differ in the time only."""
-        goal = {k: v for k, v in vars(self.goal).items() if k not in ("_timeouts", "_deadline")}
+        fields = [*vars(self.goal).items(), *vars(self.server).items()]
+        same = ("_timeouts", "_deadline")
+        facts = [self._age(name, value) for name, value in fields if name not in same]
         armed = sorted((t.value, max(at - self.now, 0.0)) for t, at in self.timers.items())
         left = None if self.deadline is None else max(self.deadline - self.now, 0.0)
         flags = [v for v in vars(self).values() if isinstance(v, bool)]
-        return (*goal.values(), *armed, left, self.reached, self.known, *flags)
+        return (*facts, self._age("refused_at", self.refused_at), *armed, left, *flags)
+
+    def _age(self, name: str, value: Any) -> Any:
+        """Return how long ago a moment was, as far as it matters; all else as it is."""
+        if not name.endswith("_at") or value is None:
+            return value
+        age = self.now - value
+        return age if name == "_cancelled_at" else min(age, DOUBT)

@@ -30,7 +30,7 @@ def event(name: str, *arguments: Any) -> st.SearchStrategy[Event]:
     return st.tuples(st.just(name), *arguments)
 
 
-servers = [event("ready"), event("settling"), event("gone"), event("restarted")]
+servers = [event("ready"), event("settling"), event("gone"), event("back"), event("restarted")]
 answers = [
     event("accepted", which),
     event("rejected", which),
@@ -204,6 +204,21 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
         NO_LIMITS | {"accept": 5.0},
         [*AGAIN, ("restarted",), ("busy", False)],
         1,
+    ),
+    "an id is sent again to a server that was only out of reach": (
+        NO_LIMITS | {"accept": 5.0},
+        [*UNANSWERED, ("gone",), ("back",), *PAUSE],
+        2,
+    ),
+    "what its server may take yet, after an outage, keeps the next goal back": (
+        NO_LIMITS,
+        [*SENT, ("gone",), *PAUSE, ("back",), ("cancel_answer", 0, UNKNOWN)],
+        1,
+    ),
+    "what its server had, and does not know after an outage, makes room for the next": (
+        NO_LIMITS,
+        [*LOST, *PAUSE, ("back",), ("cancel_answer", 0, UNKNOWN)],
+        2,
     ),
     "what was accepted late is not sent again": ({}, [*AGAIN, ("accepted", 0), ("busy", False)], 1),
     "what was cancelled while it waited to be sent again is not sent, and watched": (

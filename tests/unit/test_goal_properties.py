@@ -15,8 +15,8 @@ from hunting import examples, steps
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit._goal.effects import AskCancel, End, Release, SendGoal, Timer
-from actionkit._goal.machine import GaveUp, Stage
+from actionkit._goal.effects import AskCancel, End, GoalProgress, Release, SendGoal, Timer
+from actionkit._goal.stages import CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.values import CancelReport, GoalState
 
@@ -88,6 +88,8 @@ SUBTLE: dict[str, tuple[dict[str, float | None], list[Event]]] = {
 
 def happens(life: Life, event: Event) -> None:
     name, *args = event
+    if name in ("sent", "send_failed") and not life.server.queued:
+        return  # nobody tells of the sending of what was not to be sent
     if name == "close":
         life.tell("close", abandon=args[0])
     elif name == "fire":
@@ -117,7 +119,7 @@ def next_lives(life: Life) -> Iterator[Life]:
     first = min(life.timers.values(), default=None)
     due = [("fire", timer) for timer, at in life.timers.items() if at == first]
     for event in [*EVENTS, *due]:
-        if event == ("server_back",) and life.goal.stage is not Stage.LOST:
+        if event == ("server_back",) and not life.server.lost:
             continue  # the same as server_ready
         twin = life.copy()
         happens(twin, event)
@@ -143,7 +145,8 @@ def test_every_order_of_the_first_events(limits: dict[str, float | None]) -> Non
                     seen.add(situation)
                     found.append(twin)
         frontier = found
-    assert {stage for stage, _ in reached} == set(Stage) - {Stage.NEW}
+    waiting = {Stage.RESENDING}, {Stage.AWAITING_SERVER, Stage.QUEUED}
+    assert {stage for stage, _ in reached} == set(Stage) - {Stage.NEW} - waiting["resent" in limits]
     never = {End.STALLED} if "feedback" not in limits else set()
     if limits.get("server", 1) is None:
         never |= {End.NO_SERVER, End.NO_ACCEPTANCE}
@@ -151,7 +154,10 @@ def test_every_order_of_the_first_events(limits: dict[str, float | None]) -> Non
         never |= {End.NO_ACCEPTANCE}
     if limits.get("deadline", 9) <= 1:  # type: ignore[operator]
         never |= {End.NO_SERVER, End.NO_ACCEPTANCE}
-    assert {end for _, end in reached if end} == set(End) - never - {End.JUDGED, End.UNJUDGED}
+    assert {end for _, end in reached if end} == set(End) - never - {
+        End.REJECTED_BY_CLASSIFIER,
+        End.CLASSIFIER_FAILED,
+    }
 
 
 # --- long lives --------------------------------------------------------------------------------
@@ -200,7 +206,7 @@ def test_silence_ends_every_goal_with_limits(
     """Whatever happened so far: when nobody says anything more, the limits end it."""
     life = Life(server=5.0, accept=5.0, feedback=5.0, cancel=2.0)
     lead(life, beginning, events)
-    if life.goal.stage is Stage.QUEUED:
+    if life.server.queued:
         return  # it waits for its turn, which the answers to others give it
     life.wait_until(life.now + 30.0)
     assert life.ending is not None
@@ -213,7 +219,7 @@ def test_whatever_happened_the_result_of_a_goal_in_flight_ends_it(
 ) -> None:
     life = Life(10.0)
     lead(life, UNTIL_SENT, events)
-    if life.goal.in_flight:
+    if life.in_flight:
         life.tell("result", status, RESULT)
         assert life.ending is not None
         assert life.goal.stage is Stage.OVER
@@ -231,9 +237,9 @@ def test_a_goal_given_up_in_flight_is_watched_until_it_is_known_to_run_no_more(
         CancelReport.UNKNOWN,
         CancelReport.REFUSED,
     ):
-        over = life.abandoned or life.broke or life.stopped or life.unknown
+        over = life.left_alone or life.server.ended or not life.server.has_it
         forgotten = ("cancel_answered", CancelAnswer.UNKNOWN_GOAL) in life.told
-        rejected = life.rejected
+        rejected = life.server.progress is GoalProgress.REJECTED
         assert life.count(Release) <= (over or forgotten or rejected)
 
 
@@ -244,9 +250,9 @@ def test_known_reasons_to_give_up_are_all_reachable() -> None:
             life = Life(None, feedback=4.0)
             life.see(*beginning)
             happens(life, event)
-            reasons.add(life.goal.gave_up)
+            reasons.add(life.goal.cancel_reason)
     life = Life(1.0)
     life.see(*UNTIL_ACCEPTED)
     life.wait_until(1.0)
     assert AskCancel() in life.all
-    assert reasons | {life.goal.gave_up} == set(GaveUp)
+    assert reasons | {life.goal.cancel_reason} == set(CancelReason)
