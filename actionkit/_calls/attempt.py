@@ -13,23 +13,45 @@ from typing import Any, Protocol
 from actionkit._goal import effects as fx
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import GaveUp, Stage
+from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState
-from actionkit._threads.clock import TimerHandle
+from actionkit._threads.clock import TimerHandle, Timers
 
-STATES = {
-    1: GoalState.ACCEPTED,
-    2: GoalState.EXECUTING,
-    3: GoalState.CANCELING,
-    4: GoalState.SUCCEEDED,
-    5: GoalState.CANCELED,
-    6: GoalState.ABORTED,
-}
-"""The status codes of `action_msgs/msg/GoalStatus`; 0 means that the goal is not known."""
 
-_REJECTED = 1
-_UNKNOWN_GOAL_ID = 2
-_GOAL_TERMINATED = 3
+class Clock(Timers, Protocol):
+    """The communication thread's clock and timers."""
+
+    def cancel_timer(self, handle: TimerHandle) -> None: ...
+
+
+class LivenessCheck(Protocol):
+    """What asks the servers from time to time whether they are there."""
+
+    def start(self, limit: float) -> None: ...
+
+
+class AttemptLink(Protocol):
+    """What an attempt asks of the link to the servers; `_ros.link.Link` is the real one."""
+
+    @property
+    def runtime(self) -> Clock: ...
+    @property
+    def liveness(self) -> LivenessCheck: ...
+    @property
+    def others_confirmed_at(self) -> float: ...
+    def adopt(self, listener: Attempt) -> None: ...
+    def await_server(self, listener: Attempt) -> None: ...
+    def hold(self, listener: Attempt) -> None: ...
+    def withdraw(self, listener: Attempt) -> None: ...
+    def send_goal(self, listener: Attempt, goal: Any) -> None: ...
+    def leave_outbox(self, listener: Attempt) -> None: ...
+    def sees_server_of(self, listener: Attempt) -> bool: ...
+    def ask_result(self, listener: Attempt, *, anew: bool = False) -> None: ...
+    def ask_cancel(self, listener: Attempt, *, urgent: bool) -> None: ...
+    def stop_cancel(self, listener: Attempt) -> None: ...
+    def watch_status(self) -> None: ...
+    def forget(self, listener: Attempt, *, abandoned: bool, finished: bool) -> None: ...
 
 
 class AttemptOwner(Protocol):
@@ -52,7 +74,7 @@ class Attempt:
 
     def __init__(
         self,
-        link: Any,
+        link: AttemptLink,
         goal_id: uuid.UUID,
         goal_message: Any,
         timeouts: Timeouts,
@@ -65,7 +87,7 @@ class Attempt:
         """Make an attempt that has not begun.
 
         Args:
-            link: The `Link` to the servers.
+            link: The link to the servers.
             goal_id: Our own id for it, so that the goal can be cancelled before it was ever
                 acknowledged (R5).
             goal_message: The action's goal message; not changed by anybody any more.
@@ -172,16 +194,12 @@ class Attempt:
         self._apply(self.goal.feedback(self._now()))
         self._owner.on_feedback(self, messages)
 
-    def on_status(self, status: int) -> None:
-        if status in STATES:
-            self._apply(self.goal.status(STATES[status], self._now()))
+    def on_status(self, state: GoalState) -> None:
+        self._apply(self.goal.status(state, self._now()))
 
-    def on_result(self, status: int, result: Any, *, outdated: bool = False) -> None:
-        state = STATES.get(status)
+    def on_result(self, state: GoalState | None, result: Any, *, outdated: bool = False) -> None:
         if state is None and outdated:
             return  # that the goal was not known then says nothing of now; it was asked again
-        if state is not None and not state.is_terminal:
-            return  # no server should answer with one; the nudge asks again
         self._has_result = state is not None
         ours = self.cancel_is_ours
         self._apply(self.goal.result(state, result, self._now(), ours=ours))
@@ -189,17 +207,9 @@ class Attempt:
     def on_cancel_sent(self) -> None:
         self._cancels += 1
 
-    def on_cancel_answer(self, code: int, ours_is_canceling: bool) -> None:
-        if ours_is_canceling:
-            answer = fx.CancelAnswer.ACCEPTED
-        elif code == _UNKNOWN_GOAL_ID:
-            answer = fx.CancelAnswer.UNKNOWN_GOAL
+    def on_cancel_answer(self, answer: CancelAnswer) -> None:
+        if answer is CancelAnswer.UNKNOWN_GOAL:
             self._cancels = max(0, self._cancels - 1)  # some answer an earlier attempt's
-        elif code == _GOAL_TERMINATED:
-            answer = fx.CancelAnswer.TERMINATED
-        else:
-            # Code 0 with our id not in the list is how rclpy's servers refuse (R12).
-            answer = fx.CancelAnswer.REFUSED
         self._apply(self.goal.cancel_answered(answer, self._now()))
 
     def on_server_lost(self, reason: str) -> None:
@@ -211,7 +221,7 @@ class Attempt:
     # --- carrying out ----------------------------------------------------------------------
 
     def _now(self) -> float:
-        return float(self._runtime.now())
+        return self._runtime.now()
 
     def _apply(self, effects: list[fx.Effect]) -> None:
         """Carry out effects in order, those after others that they themselves cause."""
@@ -273,4 +283,4 @@ class Attempt:
     def _disarm(self, timer: fx.Timer) -> None:
         handle = self._timers.pop(timer, None)
         if handle is not None:
-            self._runtime.timers.cancel(handle)
+            self._runtime.cancel_timer(handle)

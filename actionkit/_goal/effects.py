@@ -28,17 +28,6 @@ class Timer(IntEnum):
     """The end of the wait for the result of a goal that has ended, in a call without deadline."""
 
 
-class CancelAnswer(Enum):
-    """A server's answer to a cancel request, return code and list read together (R12)."""
-
-    ACCEPTED = auto()
-    REFUSED = auto()
-    UNKNOWN_GOAL = auto()
-    """Not accepted so far, expired, or of another incarnation of the server."""
-    TERMINATED = auto()
-    """The goal had ended before the request came."""
-
-
 class Reached(Enum):
     """How far the earlier goal got, as far as this side knows."""
 

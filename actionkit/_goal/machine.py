@@ -16,7 +16,6 @@ from actionkit._goal.effects import (
     AskCancel,
     AskResult,
     AwaitServer,
-    CancelAnswer,
     Disarm,
     Effect,
     End,
@@ -47,6 +46,7 @@ from actionkit._goal.stages import (
     GaveUp,
     Stage,
 )
+from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import LONGEST_GRACE, Timeouts
 from actionkit._model.values import CancelReport, GoalState
 

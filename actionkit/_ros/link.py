@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from action_msgs.srv import CancelGoal
-
+from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._ros.codes import STATES, cancel_answer
 from actionkit._ros.entities import Entities
 from actionkit._ros.feedback import FeedbackWatch
 from actionkit._ros.listener import GoalListener, SentGoal
@@ -21,8 +21,6 @@ from actionkit._ros.servers.monitor import Lookout
 from actionkit._ros.servers.readiness import Presence
 from actionkit._ros.status import StatusWatch
 
-_UNKNOWN = CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
-_TERMINATED = CancelGoal.Response.ERROR_GOAL_TERMINATED
 _ANSWERED_WITHIN = 0.1
 """Seconds; a server that does not answer for so long may have been stopped or killed."""
 _CLEARED_WITHIN = 4.0
@@ -274,7 +272,8 @@ class Link:
 
     def _take_result(self, seq: int, response: Any) -> None:
         self.liveness.heard()
-        if response.status == 0 and self.presence.count > 1:
+        state = STATES.get(response.status)
+        if state is None and self.presence.count > 1:
             # From a server that does not know the goal. Another may; or it was the goal's
             # server, and is dead (R1).
             if self._requests.awaits("result", seq):
@@ -287,7 +286,9 @@ class Link:
             listener = self._sent[key].listener
             if listener.unwanted:
                 self._requests.cancel_window.confirmed(self.runtime.now())
-            listener.on_result(response.status, response.result, outdated=outdated)
+            if state is None or state.is_terminal:
+                listener.on_result(state, response.result, outdated=outdated)
+            # A state in which a goal goes on is no answer to this: it is asked for again.
 
     def _take_cancel(self, seq: int, response: Any) -> None:
         self.liveness.heard()
@@ -297,15 +298,17 @@ class Link:
             if not self.lookout.counting:
                 self._requests.forget_questions()
             self.presence.answered()
-        if response.return_code == _UNKNOWN and self._may_be_elsewhere(seq):
+        canceling = {bytes(info.goal_id.uuid) for info in response.goals_canceling}
+        answer = cancel_answer(response, self._requests.goal_of("cancel", seq), canceling)
+        known = answer is not CancelAnswer.UNKNOWN_GOAL
+        if not known and self._may_be_elsewhere(seq):
             self.lookout.suspect()
             return
-        canceling = {bytes(info.goal_id.uuid) for info in response.goals_canceling}
-        self._requests.stray_answered(seq, canceling, over=response.return_code == _TERMINATED)
-        known = response.return_code != _UNKNOWN
+        over = answer is CancelAnswer.TERMINATED
+        self._requests.stray_answered(seq, canceling, over=over)
         key = self._requests.cancel_answered(seq, known=known)
         if key is not None:
-            self._sent[key].listener.on_cancel_answer(response.return_code, key in canceling)
+            self._sent[key].listener.on_cancel_answer(answer)
 
     def _may_be_elsewhere(self, seq: int) -> bool:
         """Whether not the server that was asked, but another, may have said what it knows."""
@@ -323,5 +326,5 @@ class Link:
 
     def _take_status(self, key: bytes, code: int) -> None:
         goal = self._sent.get(key)
-        if goal is not None:
-            goal.listener.on_status(code)
+        if goal is not None and code in STATES:
+            goal.listener.on_status(STATES[code])

@@ -1,10 +1,13 @@
-"""A goal as this room sees it: who is told of it, and the servers that may have it."""
+"""A goal as this package sees it: who is told of it, and the servers that may have it."""
 
 from __future__ import annotations
 
 import uuid
 from dataclasses import dataclass
 from typing import Any, Protocol
+
+from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._model.values import GoalState
 
 
 class GoalListener(Protocol):
@@ -21,10 +24,18 @@ class GoalListener(Protocol):
     def on_accepted(self) -> None: ...
     def on_rejected(self) -> None: ...
     def on_feedback(self, messages: list[bytes]) -> None: ...
-    def on_status(self, status: int) -> None: ...
-    def on_result(self, status: int, result: Any, *, outdated: bool = ...) -> None: ...
+    def on_status(self, state: GoalState) -> None: ...
+    def on_result(self, state: GoalState | None, result: Any, *, outdated: bool = False) -> None:
+        """The server answered a request for the result.
+
+        Args:
+            state: The state in which the goal ended; `None` where the server does not know it.
+            result: The result message; an empty one where the server does not know the goal.
+            outdated: Whether the goal was not known when this was asked, and may be known now.
+        """
+
     def on_cancel_sent(self) -> None: ...
-    def on_cancel_answer(self, code: int, ours_is_canceling: bool) -> None: ...
+    def on_cancel_answer(self, answer: CancelAnswer) -> None: ...
     def on_server_lost(self, reason: str) -> None: ...
 
 

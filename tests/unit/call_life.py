@@ -26,21 +26,14 @@ from actionkit import (
     Verdict,
 )
 from actionkit._calls import call as call_module
-from actionkit._calls.attempt import STATES, Attempt
+from actionkit._calls.attempt import Attempt
 from actionkit._calls.call import Call
 from actionkit._calls.graph_snapshot import Surroundings
 from actionkit._calls.request import Request
-from actionkit._goal.effects import CancelAnswer
+from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._threads.clock import TimerHandle, TimerQueue
 from actionkit._threads.pool import Pool
 
-CODES = {state: code for code, state in STATES.items()}
-ANSWERS = {
-    CancelAnswer.ACCEPTED: (0, True),
-    CancelAnswer.REFUSED: (0, False),
-    CancelAnswer.UNKNOWN_GOAL: (2, False),
-    CancelAnswer.TERMINATED: (3, False),
-}
 GRACE = 0.05
 """Seconds that a result waits for callbacks."""
 
@@ -401,7 +394,7 @@ class CallLife:
         if (found := self._goal(number)) and found[0].may_run:
             self._lives(found[0])
             found[0].may_run = not state.is_terminal
-            self.does(found[1].on_status, CODES[state])
+            self.does(found[1].on_status, state)
 
     def result(self, number: int, state: GoalState | None) -> None:
         found = self._goal(number)
@@ -413,7 +406,7 @@ class CallLife:
             denied = goal.denied and not goal.accepted
             goal.may_run = goal.may_run and not (goal.accepted or goal.lost or denied)
             goal.unknown = True
-            self.does(listener.on_result, 0, None)
+            self.does(listener.on_result, None, None)
             return
         self._lives(goal)
         goal.may_run = False
@@ -421,7 +414,7 @@ class CallLife:
         self.cancelled_by_others |= (
             state is GoalState.CANCELED and goal.cancels_in_vain == goal.cancels_asked
         )
-        self.does(listener.on_result, CODES[state], object())
+        self.does(listener.on_result, state, object())
 
     def cancel_answer(self, number: int, answer: CancelAnswer) -> None:
         found = self._goal(number)
@@ -437,7 +430,7 @@ class CallLife:
             self.timers.arm(self.clock + 1.0, lambda: self.link.ask_cancel(listener, urgent=False))
         else:
             self._lives(goal)
-        self.does(listener.on_cancel_answer, *ANSWERS[answer])
+        self.does(listener.on_cancel_answer, answer)
 
     # --- events: the user, and time --------------------------------------------------------
 

@@ -9,7 +9,6 @@ from typing import Any
 from actionkit._goal.effects import (
     Arm,
     AskCancel,
-    CancelAnswer,
     Disarm,
     Effect,
     End,
@@ -26,6 +25,7 @@ from actionkit._goal.effects import (
 )
 from actionkit._goal.machine import Goal, Stage
 from actionkit._goal.stages import DOUBT
+from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState
 

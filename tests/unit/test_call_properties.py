@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import GoalState, RetryBudget, RetryPolicy, Verdict
-from actionkit._goal.effects import CancelAnswer
 from actionkit._model import errors
+from actionkit._model.cancel_answer import CancelAnswer
 
 Event = tuple[Any, ...]
 

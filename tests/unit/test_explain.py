@@ -18,7 +18,8 @@ from actionkit import CancelReport, GoalEvent, GoalState, Timeouts, Verdict
 from actionkit._calls import explain as _explain
 from actionkit._calls.explain import Story, explain
 from actionkit._calls.graph_snapshot import Surroundings
-from actionkit._goal.effects import CancelAnswer, End, Ending, Fault, Known, Reached
+from actionkit._goal.effects import End, Ending, Fault, Known, Reached
+from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.field_errors import FieldError
 
 EVENT = GoalEvent(uuid.uuid4(), 1, GoalState.SENDING, 1.0, 2.0)

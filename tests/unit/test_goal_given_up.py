@@ -8,7 +8,6 @@ from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
 from actionkit._goal.effects import (
     AskCancel,
     AskResult,
-    CancelAnswer,
     Disarm,
     End,
     Known,
@@ -21,6 +20,7 @@ from actionkit._goal.effects import (
     Withdraw,
 )
 from actionkit._goal.machine import DOUBT, Stage
+from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._model.values import CancelReport, GoalState
 

@@ -12,7 +12,6 @@ from actionkit._goal.effects import (
     AskCancel,
     AskResult,
     AwaitServer,
-    CancelAnswer,
     Disarm,
     End,
     Ending,
@@ -27,6 +26,7 @@ from actionkit._goal.effects import (
 )
 from actionkit._goal.machine import MAX_RESULT_NUDGE, Stage
 from actionkit._goal.stages import DOUBT
+from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.values import CancelReport, GoalState
 
 # --- what a server does of its own -------------------------------------------------------------

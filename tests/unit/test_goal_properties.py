@@ -15,8 +15,9 @@ from hunting import examples, steps
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit._goal.effects import AskCancel, CancelAnswer, End, Release, SendGoal, Timer
+from actionkit._goal.effects import AskCancel, End, Release, SendGoal, Timer
 from actionkit._goal.machine import GaveUp, Stage
+from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.values import CancelReport, GoalState
 
 Event = tuple[Any, ...]

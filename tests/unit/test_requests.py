@@ -183,7 +183,7 @@ def test_a_late_answer_to_an_early_question_ends_nothing(lost: bool) -> None:
     assert attempt is not None
     if lost:
         life.gone()
-    life.does(attempt.on_result, 0, None, outdated=True)
+    life.does(attempt.on_result, None, None, outdated=True)
     assert attempt.goal.in_flight
     life.result(0, None)
     assert not attempt.goal.in_flight

@@ -14,6 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from actionkit._ros import graph, runtimes
+from actionkit._ros.codes import STATES
 from actionkit._ros.native import MessageSource, RCLError
 from actionkit._threads.clock import TimerHandle
 
@@ -23,14 +24,6 @@ _DEPTH = 100
 _PERIOD = 0.25
 """Seconds between two looks at the graph for servers."""
 _JOIN = 5.0
-_NAMES = {
-    GoalStatus.STATUS_ACCEPTED: "ACCEPTED",
-    GoalStatus.STATUS_EXECUTING: "EXECUTING",
-    GoalStatus.STATUS_CANCELING: "CANCELING",
-    GoalStatus.STATUS_SUCCEEDED: "SUCCEEDED",
-    GoalStatus.STATUS_CANCELED: "CANCELED",
-    GoalStatus.STATUS_ABORTED: "ABORTED",
-}
 
 
 @dataclass(frozen=True)
@@ -127,7 +120,8 @@ def _seen(entry: GoalStatus) -> GoalSeen:
     info = entry.goal_info
     goal_id = bytes(info.goal_id.uuid).hex()
     accepted = info.stamp.sec + info.stamp.nanosec * 1e-9
-    return GoalSeen(goal_id, _NAMES.get(entry.status, f"UNKNOWN ({entry.status})"), accepted)
+    state = STATES.get(entry.status, f"UNKNOWN ({entry.status})")
+    return GoalSeen(goal_id, str(state), accepted)
 
 
 def _unused(_: Any) -> None:

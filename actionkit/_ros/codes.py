@@ -1,0 +1,40 @@
+"""The numbers of the action protocol, decoded for all who are told of a goal."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
+
+from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._model.values import GoalState
+
+STATES = {
+    GoalStatus.STATUS_ACCEPTED: GoalState.ACCEPTED,
+    GoalStatus.STATUS_EXECUTING: GoalState.EXECUTING,
+    GoalStatus.STATUS_CANCELING: GoalState.CANCELING,
+    GoalStatus.STATUS_SUCCEEDED: GoalState.SUCCEEDED,
+    GoalStatus.STATUS_CANCELED: GoalState.CANCELED,
+    GoalStatus.STATUS_ABORTED: GoalState.ABORTED,
+}
+"""The states by their codes; STATUS_UNKNOWN, 0, means that the server does not know the goal."""
+
+
+def cancel_answer(response: Any, goal_id: bytes, canceling: Collection[bytes]) -> CancelAnswer:
+    """Return what a server answers about one goal.
+
+    Args:
+        response: The `CancelGoal` response.
+        goal_id: The goal's id.
+        canceling: The ids in the response's list of the goals that are being cancelled now.
+    """
+    if goal_id in canceling:
+        return CancelAnswer.ACCEPTED
+    if response.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
+        return CancelAnswer.UNKNOWN_GOAL
+    if response.return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED:
+        return CancelAnswer.TERMINATED
+    # rclpy's servers refuse with the code for "no error" and a list without the goal (R12).
+    return CancelAnswer.REFUSED
