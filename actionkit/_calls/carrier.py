@@ -45,7 +45,7 @@ class PortCarrier:
         self.call_at = port.call_at
         self.cancel_timer = port.cancel_timer
         port.on_failure(self._broken)
-        port.link.on_strays_gone(self._free_if_done)
+        port.link.on_orphans_gone(self._free_if_done)
 
     def begin(self, call: Call) -> None:
         """Count a call among those in flight, and start it soon. From any thread."""
@@ -91,7 +91,7 @@ class PortCarrier:
 
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now."""
-        return self.port.link.presence.ready
+        return self.port.link.readiness.ready
 
     def surroundings(self) -> Surroundings:
         """Look at the graph, for an error's text."""
@@ -155,7 +155,7 @@ class PortCarrier:
     def _done(self) -> bool:
         # A goal whose server is gone is watched only for as long as the client lives (C2.4).
         watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)
-        return not self.calls and not watched and not self.port.link.cancels_strays
+        return not self.calls and not watched and not self.port.link.cancels_orphans
 
     def _free_if_done(self) -> None:
         if self._retiring and self._done:

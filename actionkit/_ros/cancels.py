@@ -35,14 +35,14 @@ class _Wanted:
     Attributes:
         urgent: Whether its caller has little time left.
         requests: How many were made since it was wanted last.
-        anew: Whether more has become known of it since the request on its way was sent, so that an
+        request_outdated: Whether more has become known of it since the request on its way was sent, so that an
             answer "unknown goal" says nothing of now.
         again: Fires when it is to be asked for again; `None` while it waits for its turn.
     """
 
     urgent: bool
     requests: int = 0
-    anew: bool = False
+    request_outdated: bool = False
     again: TimerHandle | None = None
 
 
@@ -93,7 +93,7 @@ class CancelQueue:
         wanted.urgent |= urgent
         wanted.requests = 0
         if key in self._unanswered:
-            wanted.anew = True
+            wanted.request_outdated = True
         else:
             self._queue(key, wanted)
 
@@ -112,7 +112,7 @@ class CancelQueue:
         wanted = self._wanted.get(key)
         if known:
             self.forget(key)
-        elif wanted is not None and wanted.anew:
+        elif wanted is not None and wanted.request_outdated:
             self._queue(key, wanted)
 
     def forget(self, key: bytes) -> None:
@@ -155,7 +155,7 @@ class CancelQueue:
         )
         pause = _PAUSES[min(wanted.requests, len(_PAUSES) - 1)]
         wanted.requests += 1
-        wanted.anew = False
+        wanted.request_outdated = False
         wanted.again = self._timers.call_at(now + pause, partial(self._again, key))
         self._send(key)
 

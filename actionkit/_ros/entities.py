@@ -61,7 +61,7 @@ class Entities:
         self._subscriptions: list[Subscription] = []
         try:
             # In this order: servers learn of the endpoints in the order of their making, so
-            # that one which answers a cancel request knows all the others (see presence).
+            # that one which answers a cancel request knows all the others (see readiness).
             subscription = self._subscribe_feedback()
             self.feedback = MessageSource(subscription, on_feedback)
             self.matched: EventSource | None = None

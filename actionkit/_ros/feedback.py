@@ -39,7 +39,7 @@ class FeedbackWatch:
         *,
         goals: Container[bytes],
         on_feedback: Callable[[bytes, list[bytes]], None],
-        attentive: Callable[[], bool],
+        has_waiters: Callable[[], bool],
     ) -> None:
         """Wait for the event, where there is one.
 
@@ -49,14 +49,14 @@ class FeedbackWatch:
             matched: Its event that tells of servers, or `None`.
             goals: The ids of the goals wanted; read at each message.
             on_feedback: Called with a goal's id and serialised feedback messages of it, in order.
-            attentive: Whether anybody waits for servers coming and going.
+            has_waiters: Whether anybody waits for servers coming and going.
         """
         self._runtime = runtime
         self._messages = messages
         self._matched = matched
         self._goals = goals
         self._on_feedback = on_feedback
-        self._attentive = attentive
+        self._has_waiters = has_waiters
         self._on = False
         self._ours = 0  # how many messages were
         self._looked = 0.0  # when some were taken last
@@ -76,7 +76,7 @@ class FeedbackWatch:
         self._on = False
         self._wait()
 
-    def heed(self) -> None:
+    def poll_now(self) -> None:
         """See at once what servers there are."""
         if self._pause is not None and self._matched is not None:
             self._matched.take()
@@ -97,7 +97,7 @@ class FeedbackWatch:
         now = self._runtime.now()
         since, self._looked = now - self._looked, now
         pause = _PAUSE if self._ours > before else _PAUSE_FOR_OTHERS
-        if not self._on and not self._attentive():
+        if not self._on and not self._has_waiters():
             self._rest(_PAUSE_WHEN_IDLE)
         elif since > 2 * pause:
             self._wait()

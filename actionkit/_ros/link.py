@@ -17,8 +17,8 @@ from actionkit._ros.outbox import Outbox
 from actionkit._ros.requests import Requests
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.liveness import Liveness
-from actionkit._ros.servers.monitor import Lookout
-from actionkit._ros.servers.readiness import Presence
+from actionkit._ros.servers.monitor import ServerMonitor
+from actionkit._ros.servers.readiness import ServerReadiness
 from actionkit._ros.status import StatusWatch
 
 _ANSWERED_WITHIN = 0.1
@@ -63,11 +63,11 @@ class Link:
             self._entities,
             action_type.Impl,
             action_name=name,
-            count_servers=lambda: self.presence.count,
+            count_servers=lambda: self.readiness.count,
             on_cancel_sent=lambda key: self._sent[key].listener.on_cancel_sent(),
         )
         self._status = StatusWatch(runtime, self._entities, self._sent, self._take_status)
-        self.lookout = Lookout(
+        self.monitor = ServerMonitor(
             runtime,
             self._entities,
             name=name,
@@ -83,38 +83,38 @@ class Link:
             self._entities.matched,
             goals=self._sent,
             on_feedback=self._take_feedback,
-            attentive=lambda: self.lookout.waiting > 0,
+            has_waiters=lambda: self.monitor.waiting > 0,
         )
 
     @property
-    def presence(self) -> Presence:
+    def readiness(self) -> ServerReadiness:
         """Whether servers are there."""
-        return self.lookout.presence
+        return self.monitor.readiness
 
     @property
     def liveness(self) -> Liveness:
         """What asks the servers now and then, where that is wanted."""
-        return self.lookout.liveness
+        return self.monitor.liveness
 
     # --- what goals ask for ----------------------------------------------------------------
 
     def await_server(self, listener: GoalListener) -> None:
         """Tell the listener once when a server is ready, or while another type is served."""
-        self._feedback.heed()
-        self.lookout.await_server(listener)
+        self._feedback.poll_now()
+        self.monitor.await_server(listener)
 
-    def hold(self, listener: GoalListener) -> None:
-        """Tell the listener again when a server is ready anew."""
-        self._feedback.heed()
-        self.lookout.hold(listener)
+    def await_next_ready(self, listener: GoalListener) -> None:
+        """Tell the listener again when a server becomes ready the next time."""
+        self._feedback.poll_now()
+        self.monitor.await_next_ready(listener)
 
     def send_goal(self, listener: GoalListener, goal: Any) -> None:
         """Queue a goal request; the listener is told when it was sent."""
-        self.lookout.withdraw(listener)
+        self.monitor.dequeue(listener)
         self._outbox.put(listener.goal_id.bytes, (listener, goal))
         self._flush()
 
-    def adopt(self, listener: GoalListener) -> None:
+    def rebind(self, listener: GoalListener) -> None:
         """Tell this listener what comes for its goal id, instead of the one before."""
         key = listener.goal_id.bytes
         goal = self._sent.get(key)
@@ -122,9 +122,9 @@ class Link:
             goal.listener = listener
             self._requests.stop_cancel(key)  # it is wanted again
 
-    def withdraw(self, listener: GoalListener) -> None:
+    def dequeue(self, listener: GoalListener) -> None:
         """Await and send nothing any more for the listener."""
-        self.lookout.withdraw(listener)
+        self.monitor.dequeue(listener)
         self.leave_outbox(listener)
 
     def leave_outbox(self, listener: GoalListener) -> None:
@@ -135,11 +135,11 @@ class Link:
     def sees_server_of(self, listener: GoalListener) -> bool:
         """Whether a server is there that the goal was sent to."""
         goal = self._sent.get(listener.goal_id.bytes)
-        return goal is not None and bool(goal.sent_to & self.presence.servers)
+        return goal is not None and bool(goal.sent_to & self.readiness.servers)
 
-    def ask_result(self, listener: GoalListener, *, anew: bool = False) -> None:
-        """Ask for the goal's result; again only at a measured pace, unless it is `anew`."""
-        self._requests.ask_result(listener.goal_id.bytes, anew=anew)
+    def ask_result(self, listener: GoalListener, *, supersedes_earlier: bool = False) -> None:
+        """Ask for the goal's result; again only at a measured pace, unless it `supersedes_earlier` requests."""
+        self._requests.ask_result(listener.goal_id.bytes, supersedes_earlier=supersedes_earlier)
 
     def ask_cancel(self, listener: GoalListener, *, urgent: bool) -> None:
         """Ask for the goal's cancellation until it is answered; those that are urgent first."""
@@ -167,7 +167,7 @@ class Link:
             finished: Whether a server has told its result.
         """
         key = listener.goal_id.bytes
-        self.withdraw(listener)
+        self.dequeue(listener)
         if self._sent.pop(key, None) is None:
             return
         self._requests.forget(key, abandoned=abandoned, finished=finished)
@@ -177,7 +177,7 @@ class Link:
 
     def _flush(self) -> None:
         """Send what may be sent now."""
-        while self.presence.ready and (taken := self._outbox.take()) is not None:
+        while self.readiness.ready and (taken := self._outbox.take()) is not None:
             key, (listener, goal) = taken
             if listener.unwanted:
                 self._outbox.discard(key)
@@ -190,7 +190,7 @@ class Link:
                 listener.on_send_failed(error)
                 continue
             # Where it is sent again (R5), it is no longer the earlier server that matters.
-            servers = self.presence.servers
+            servers = self.readiness.servers
             self._sent[key] = SentGoal(listener, self.runtime.now(), servers, servers)
             listener.on_sent()
 
@@ -201,28 +201,28 @@ class Link:
     # --- what its owner asks for -----------------------------------------------------------
 
     @property
-    def cancels_strays(self) -> bool:
+    def cancels_orphans(self) -> bool:
         """Whether goals that ended here are being cancelled elsewhere (R14)."""
-        return self._requests.cancels_strays
+        return self._requests.cancels_orphans
 
-    def on_strays_gone(self, callback: Callable[[], None]) -> None:
+    def on_orphans_gone(self, callback: Callable[[], None]) -> None:
         """Call `callback` whenever no such goal is left."""
-        self._requests.on_strays_gone = callback
+        self._requests.on_orphans_gone = callback
 
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now."""
-        self._feedback.heed()
-        return self.presence.ready
+        self._feedback.poll_now()
+        return self.readiness.ready
 
     def add_ready_waiter(self, callback: Callable[[], None]) -> None:
         """Call `callback` at once where a server is ready, and whenever one becomes so."""
-        self.lookout.add_ready_waiter(callback)
+        self.monitor.add_ready_waiter(callback)
         if self.server_is_ready():
             callback()
 
     def remove_ready_waiter(self, callback: Callable[[], None]) -> None:
         """Undo `add_ready_waiter`."""
-        self.lookout.remove_ready_waiter(callback)
+        self.monitor.remove_ready_waiter(callback)
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table holds, for tests of growth (C7.5)."""
@@ -230,13 +230,13 @@ class Link:
             **self._requests.table_sizes(),
             "goals": len(self._sent),
             "outbox": len(self._outbox),
-            "awaiting": self.lookout.waiting,
+            "awaiting": self.monitor.waiting,
         }
 
     def close(self) -> None:
         """Destroy the entities. No listener is told anything any more."""
         self._outbox.close()
-        self.lookout.close()
+        self.monitor.close()
         self._requests.close()
         since = self._requests.unheard_since
         if since is not None and self.runtime.now() - since > _ANSWERED_WITHIN:
@@ -258,7 +258,7 @@ class Link:
         self._status.take_now()
         if count == 0:
             self._requests.heard()  # nobody is left to be heard
-        self.lookout.matched(count, came)
+        self.monitor.matched(count, came)
 
     def _take_goal(self, seq: int, response: Any) -> None:
         self.liveness.heard()
@@ -273,11 +273,11 @@ class Link:
     def _take_result(self, seq: int, response: Any) -> None:
         self.liveness.heard()
         state = STATES.get(response.status)
-        if state is None and self.presence.count > 1:
+        if state is None and self.readiness.count > 1:
             # From a server that does not know the goal. Another may; or it was the goal's
             # server, and is dead (R1).
             if self._requests.awaits("result", seq):
-                self.lookout.suspect()
+                self.monitor.suspect()
             return
         outdated = self._requests.is_outdated(seq)
         key = self._requests.answered("result", seq)
@@ -293,19 +293,19 @@ class Link:
     def _take_cancel(self, seq: int, response: Any) -> None:
         self.liveness.heard()
         self._requests.heard()
-        self.lookout.count_answer(seq)
+        self.monitor.count_answer(seq)
         if self._requests.is_question(seq):
-            if not self.lookout.counting:
+            if not self.monitor.counting:
                 self._requests.forget_questions()
-            self.presence.answered()
+            self.readiness.answered()
         canceling = {bytes(info.goal_id.uuid) for info in response.goals_canceling}
         answer = cancel_answer(response, self._requests.goal_of("cancel", seq), canceling)
         known = answer is not CancelAnswer.UNKNOWN_GOAL
         if not known and self._may_be_elsewhere(seq):
-            self.lookout.suspect()
+            self.monitor.suspect()
             return
         over = answer is CancelAnswer.TERMINATED
-        self._requests.stray_answered(seq, canceling, over=over)
+        self._requests.orphan_answered(seq, canceling, over=over)
         key = self._requests.cancel_answered(seq, known=known)
         if key is not None:
             self._sent[key].listener.on_cancel_answer(answer)
@@ -313,7 +313,7 @@ class Link:
     def _may_be_elsewhere(self, seq: int) -> bool:
         """Whether not the server that was asked, but another, may have said what it knows."""
         goal = self._sent.get(self._requests.goal_of("cancel", seq))
-        return goal is not None and bool(goal.servers) and self.presence.count > 1
+        return goal is not None and bool(goal.servers) and self.readiness.count > 1
 
     def _look_at_feedback(self) -> None:
         self._feedback.look()

@@ -71,8 +71,8 @@ class Source:
 
     kind: str
 
-    def __init__(self, on_ready: Callable[[], None]) -> None:
-        self.on_ready = on_ready
+    def __init__(self, on_readable: Callable[[], None]) -> None:
+        self.on_readable = on_readable
 
     def add_to(self, wait_set: Any) -> int:
         """Add this entity to the wait set and return its index there."""
@@ -111,8 +111,8 @@ class MessageSource(Source):
 
     kind = "subscription"
 
-    def __init__(self, subscription: Subscription, on_ready: Callable[[], None]) -> None:
-        super().__init__(on_ready)
+    def __init__(self, subscription: Subscription, on_readable: Callable[[], None]) -> None:
+        super().__init__(on_readable)
         self._handle = subscription.handle
 
     def add_to(self, wait_set: Any) -> int:

@@ -55,7 +55,7 @@ class _Request:
 
 
 @dataclass(slots=True)
-class _Stray:
+class _Orphan:
     """A goal that is to be cancelled wherever it runs.
 
     Attributes:
@@ -75,7 +75,7 @@ class _Stray:
     requests: list[int] = field(default_factory=list)
 
 
-class Strays:
+class OrphanedGoals:
     """Finds and cancels them. On the communication thread only."""
 
     def __init__(
@@ -108,50 +108,52 @@ class Strays:
         self._on_change = on_change
         self._closed = False
         self._ended: OrderedDict[int, _Ended] = OrderedDict()
-        self._strays: dict[bytes, _Stray] = {}
-        self._proven: OrderedDict[bytes, None] = OrderedDict()
-        self._guessed: OrderedDict[bytes, None] = OrderedDict()
+        self._orphans: dict[bytes, _Orphan] = {}
+        self._confirmed: OrderedDict[bytes, None] = OrderedDict()
+        self._suspected: OrderedDict[bytes, None] = OrderedDict()
         self._on_the_way: set[int] = set()
 
     def __len__(self) -> int:
         """How many goals are being cancelled."""
-        return len(self._strays)
+        return len(self._orphans)
 
     @property
-    def proven(self) -> bool:
+    def confirmed(self) -> bool:
         """Whether any of them is known to have been taken by another server."""
-        return any(stray.late for stray in self._strays.values())
+        return any(orphan.late for orphan in self._orphans.values())
 
     @property
     def awaited(self) -> Sized:
         """The requests of which late acceptances are worth waking up for."""
         return self._ended if self._count_servers() > 1 else ()
 
-    def ended(self, seq: int, key: bytes, *, accepted: int, owed: bool = False) -> None:
+    def ended(
+        self, seq: int, key: bytes, *, accepted: int, acceptance_pending: bool = False
+    ) -> None:
         """Remember a goal that has ended here.
 
         Args:
             seq: The number of its request.
             key: Its id.
             accepted: How many servers have accepted it so far.
-            owed: Whether the server that ended it has not said yet that it had accepted it.
+            acceptance_pending: Whether the server that ended it has not said yet that it had accepted it.
         """
-        self._ended[seq] = (key, self._timers.now(), accepted, owed)
+        self._ended[seq] = (key, self._timers.now(), accepted, acceptance_pending)
         if len(self._ended) > _REMEMBERED:
             self._ended.popitem(last=False)
         if accepted > 1:
             self._found(key, accepted, accepted - 1)
         elif self._count_servers() > 1:
-            self._guess(key)
+            self._suspect(key)
 
     def accepted_late(self, seq: int) -> None:
         """A server has accepted a goal that had ended here."""
         ended = self._ended.get(seq)
         if ended is None:
             return
-        key, at, accepted, owed = ended
+        key, at, accepted, acceptance_pending = ended
         self._ended[seq] = (key, at, accepted + 1, False)
-        if not owed:
+        if not acceptance_pending:
             self._found(key, accepted + 1, 1)
 
     def server_came(self) -> None:
@@ -159,7 +161,7 @@ class Strays:
         since = self._timers.now() - _RECENT
         for key, at, _, _ in list(self._ended.values()):
             if at >= since:
-                self._guess(key)
+                self._suspect(key)
 
     def answered(self, seq: int, canceling: Collection[bytes], *, over: bool) -> None:
         """A server has answered a cancel request.
@@ -172,13 +174,13 @@ class Strays:
         request = self.asked.get(seq)
         if request is None:
             return
-        stray = self._strays[request.key]
-        stray.canceling += request.key in canceling
+        orphan = self._orphans[request.key]
+        orphan.canceling += request.key in canceling
         request.ends += over or request.key in canceling
         request.answers += 1
         by_all = request.answers >= self._count_servers()
-        over_everywhere = request.ends >= stray.accepted if stray.late else by_all
-        if over_everywhere or stray.canceling >= max(1, stray.late):
+        over_everywhere = request.ends >= orphan.accepted if orphan.late else by_all
+        if over_everywhere or orphan.canceling >= max(1, orphan.late):
             self._drop(request.key)
         elif by_all:
             self._arrived(seq)
@@ -186,46 +188,46 @@ class Strays:
     def close(self) -> None:
         """Ask nobody any more."""
         self._closed = True
-        for key in list(self._strays):
+        for key in list(self._orphans):
             self._give_up(key)
         self._window.forget(self._fill)
 
-    def _guess(self, key: bytes) -> None:
-        if key in self._strays:
+    def _suspect(self, key: bytes) -> None:
+        if key in self._orphans:
             return
-        self._strays[key] = _Stray()
-        self._guessed[key] = None
-        if len(self._guessed) > _REMEMBERED:
-            self._drop(next(iter(self._guessed)))
+        self._orphans[key] = _Orphan()
+        self._suspected[key] = None
+        if len(self._suspected) > _REMEMBERED:
+            self._drop(next(iter(self._suspected)))
         self._fill()
 
     def _found(self, key: bytes, accepted: int, late: int) -> None:
-        stray = self._strays.setdefault(key, _Stray())
-        stray.accepted = accepted
-        stray.late += late
-        stray.left, stray.pause = _TRIES, _FIRST_PAUSE
-        self._guessed.pop(key, None)
-        self._proven[key] = None
+        orphan = self._orphans.setdefault(key, _Orphan())
+        orphan.accepted = accepted
+        orphan.late += late
+        orphan.left, orphan.pause = _TRIES, _FIRST_PAUSE
+        self._suspected.pop(key, None)
+        self._confirmed[key] = None
         self._fill()
 
     def _fill(self) -> None:
         while len(self._on_the_way) < _AT_ONCE and not self._closed:
-            queue = self._proven or self._guessed
+            queue = self._confirmed or self._suspected
             if not queue or not self._window.enter(self._fill):
                 break
             self._ask(queue.popitem(last=False)[0])
 
     def _ask(self, key: bytes) -> None:
-        stray = self._strays[key]
+        orphan = self._orphans[key]
         seq = self._cancel(key)
         self._on_the_way.add(seq)
         self.asked[seq] = _Request(key)
-        stray.requests.append(seq)
-        stray.left -= 1
+        orphan.requests.append(seq)
+        orphan.left -= 1
         now = self._timers.now()
         self._timers.call_at(now + _ANSWERED_WITHIN, partial(self._arrived, seq))
-        self._timers.call_at(now + stray.pause, partial(self._again, seq))
-        stray.pause *= 2
+        self._timers.call_at(now + orphan.pause, partial(self._again, seq))
+        orphan.pause *= 2
         self._on_change()
 
     def _arrived(self, seq: int) -> None:
@@ -237,19 +239,19 @@ class Strays:
 
     def _again(self, seq: int) -> None:
         request = self.asked.get(seq)
-        if request is None or self._strays[request.key].requests[-1] != seq:
+        if request is None or self._orphans[request.key].requests[-1] != seq:
             return  # it was answered, or there is a later one
-        stray = self._strays[request.key]
-        if not stray.left:
+        orphan = self._orphans[request.key]
+        if not orphan.left:
             self._give_up(request.key)
-        elif stray.late:
-            self._proven[request.key] = None
+        elif orphan.late:
+            self._confirmed[request.key] = None
         else:
-            self._guessed[request.key] = None
+            self._suspected[request.key] = None
         self._fill()
 
     def _give_up(self, key: bytes) -> None:
-        if self._strays[key].late:
+        if self._orphans[key].late:
             log_later(
                 logging.WARNING,
                 "goal %s of action %s was accepted by a server after it had ended for its caller,"
@@ -261,10 +263,10 @@ class Strays:
         self._drop(key)
 
     def _drop(self, key: bytes) -> None:
-        for seq in self._strays.pop(key).requests:
+        for seq in self._orphans.pop(key).requests:
             del self.asked[seq]
             self._arrived(seq)
-        self._proven.pop(key, None)
-        self._guessed.pop(key, None)
+        self._confirmed.pop(key, None)
+        self._suspected.pop(key, None)
         self._on_change()
         self._fill()

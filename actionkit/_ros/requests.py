@@ -18,7 +18,7 @@ from unique_identifier_msgs.msg import UUID
 from actionkit._ros.cancels import CancelQueue
 from actionkit._ros.entities import Entities
 from actionkit._ros.native import Source
-from actionkit._ros.orphans import Strays
+from actionkit._ros.orphans import OrphanedGoals
 from actionkit._ros.runtime import Runtime
 
 _UUIDS = 64
@@ -70,21 +70,21 @@ class Requests:
             send=self._ask_cancel_now,
             cancel_timer=runtime.cancel_timer,
         )
-        self._strays = Strays(
+        self._orphans = OrphanedGoals(
             runtime,
             action_name,
             window=self.cancel_window,
             count_servers=count_servers,
             cancel=self._send_cancel,
-            on_change=self._on_strays_changed,
+            on_change=self._on_orphans_changed,
         )
-        self.on_strays_gone: Callable[[], None] = lambda: None
-        """Called when `cancels_strays` may have become false."""
-        unanswered, strays = self._unanswered, self._strays
+        self.on_orphans_gone: Callable[[], None] = lambda: None
+        """Called when `cancels_orphans` may have become false."""
+        unanswered, orphans = self._unanswered, self._orphans
         self._answers: dict[str, tuple[Source, tuple[Sized, ...]]] = {
             "goal": (entities.goal, (unanswered["goal"],)),
             "result": (entities.result, (unanswered["result"],)),
-            "cancel": (entities.cancel, (unanswered["cancel"], self._questions, strays.asked)),
+            "cancel": (entities.cancel, (unanswered["cancel"], self._questions, orphans.asked)),
         }  # and what makes them wanted
         self.unheard_since: float | None = None
         """When the first question or cancel request was sent after the last answer to one."""
@@ -108,7 +108,7 @@ class Requests:
         self._made.setdefault(key, [])
         self._register("goal", key, seq)
 
-    def ask_result(self, key: bytes, *, anew: bool = False) -> None:
+    def ask_result(self, key: bytes, *, supersedes_earlier: bool = False) -> None:
         """Ask for a sent goal's result; again only at a measured pace.
 
         Hundreds of goals that ask again at the same moment would overrun the server's queue
@@ -116,14 +116,14 @@ class Requests:
 
         Args:
             key: The goal's id.
-            anew: Whether what was asked so far is outdated: see `is_outdated`.
+            supersedes_earlier: Whether what was asked so far is outdated: see `is_outdated`.
         """
         if key not in self._made:
             return
         asked = [seq for what, seq in self._made[key] if what == "result"]
-        if anew:
+        if supersedes_earlier:
             self._outdated.update(seq for seq in asked if self.awaits("result", seq))
-        if anew or not asked:
+        if supersedes_earlier or not asked:
             self._send_ask(key)
             return
         self._asks[key] = None
@@ -186,27 +186,29 @@ class Requests:
                 accepted[seq] = self._accepted.pop(seq, 0)
         if not abandoned:
             # Where packets are lost, an acceptance may come after the result.
-            owed = finished and not any(accepted.values())
+            acceptance_pending = finished and not any(accepted.values())
             for seq, servers in accepted.items():
-                self._strays.ended(seq, key, accepted=servers, owed=owed)
+                self._orphans.ended(
+                    seq, key, accepted=servers, acceptance_pending=acceptance_pending
+                )
         for what in self._unanswered:
             self._sync(what)
 
     def server_came(self) -> None:
         """A server is ready that was not: it may run goals that have ended here (R14)."""
-        self._strays.server_came()
+        self._orphans.server_came()
         self._sync("goal")
 
     @property
-    def cancels_strays(self) -> bool:
+    def cancels_orphans(self) -> bool:
         """Whether goals that ended here are being cancelled elsewhere, where they surely are."""
-        return self._strays.proven
+        return self._orphans.confirmed
 
     def close(self) -> None:
         """Send nothing any more."""
         self._closed = True
         self._cancels.close()
-        self._strays.close()
+        self._orphans.close()
 
     def _ask_soon(self) -> None:
         if self._asks and not self._asking:
@@ -276,12 +278,12 @@ class Requests:
         if not accepted:
             return key
         if key is None and seq not in self._accepted:
-            self._strays.accepted_late(seq)
+            self._orphans.accepted_late(seq)
         else:
             self._accepted[seq] = self._accepted.get(seq, 0) + 1
         return key
 
-    def stray_answered(self, seq: int, canceling: Collection[bytes], *, over: bool) -> None:
+    def orphan_answered(self, seq: int, canceling: Collection[bytes], *, over: bool) -> None:
         """A server has answered a cancel request that may be about a goal that ended here.
 
         Args:
@@ -289,7 +291,7 @@ class Requests:
             canceling: The ids of the goals that it cancels now.
             over: Whether it says that the goal ends or has ended already.
         """
-        self._strays.answered(seq, canceling, over=over)
+        self._orphans.answered(seq, canceling, over=over)
 
     def heard(self) -> None:
         """Somebody has answered a question or a cancel request, or nobody is left to do so."""
@@ -309,15 +311,15 @@ class Requests:
     def _sync(self, what: str) -> None:
         """Wait for answers that are wanted, and for no others: an idle client costs no turn."""
         source, wanted = self._answers[what]
-        if any(wanted) or (what == "goal" and self._strays.awaited):
+        if any(wanted) or (what == "goal" and self._orphans.awaited):
             self._runtime.enable(source)
         else:
             self._runtime.disable(source)
 
-    def _on_strays_changed(self) -> None:
+    def _on_orphans_changed(self) -> None:
         self._sync("cancel")
-        if not self._strays.proven:
-            self.on_strays_gone()
+        if not self._orphans.confirmed:
+            self.on_orphans_gone()
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table holds."""
@@ -328,7 +330,7 @@ class Requests:
             "accepted": len(self._accepted),
             "asks": len(self._asks) + len(self._outdated),
             "cancels": len(self._cancels),
-            "strays": len(self._strays) + len(self._strays.asked),
+            "orphans": len(self._orphans) + len(self._orphans.asked),
         }
 
 

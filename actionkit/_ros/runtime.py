@@ -278,7 +278,7 @@ class Runtime:
             self._waited_for = tuple(self._sources)
         for source in self._waiter.wait(self._waited_for, timeout):
             if source in self._sources:  # an earlier one may have ended its use
-                self._guarded(source.on_ready)
+                self._guarded(source.on_readable)
 
     def _guarded(self, callback: Callable[[], None]) -> None:
         try:

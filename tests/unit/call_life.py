@@ -76,7 +76,7 @@ class Link:
         self.queue: OrderedDict[bytes, Attempt] = OrderedDict()
         self.listeners: dict[bytes, Attempt] = {}
 
-    def adopt(self, listener: Attempt) -> None:
+    def rebind(self, listener: Attempt) -> None:
         if listener.goal_id.bytes in self.listeners:
             self.listeners[listener.goal_id.bytes] = listener
 
@@ -86,7 +86,7 @@ class Link:
         else:
             self.awaiting[listener] = None
 
-    def hold(self, listener: Attempt) -> None:
+    def await_next_ready(self, listener: Attempt) -> None:
         self.awaiting[listener] = None
 
     def send_goal(self, listener: Attempt, goal: Any) -> None:
@@ -103,7 +103,7 @@ class Link:
             self.life.note_sent(key)
             listener.on_sent()
 
-    def withdraw(self, listener: Attempt) -> None:
+    def dequeue(self, listener: Attempt) -> None:
         self.awaiting.pop(listener, None)
         self.queue.pop(listener.goal_id.bytes, None)
 
@@ -113,10 +113,10 @@ class Link:
     def sees_server_of(self, listener: Attempt) -> bool:
         return False  # a server that is lost here does not come back
 
-    def ask_result(self, listener: Attempt, *, anew: bool = False) -> None:
+    def ask_result(self, listener: Attempt, *, supersedes_earlier: bool = False) -> None:
         if listener.goal_id.bytes in self.listeners:
             asked = self.life.goals[listener.goal_id.bytes]
-            if anew:
+            if supersedes_earlier:
                 asked.results_answered = asked.results_asked
             asked.results_asked += 1
 
@@ -134,7 +134,7 @@ class Link:
         pass
 
     def forget(self, listener: Attempt, *, abandoned: bool, finished: bool) -> None:
-        self.withdraw(listener)
+        self.dequeue(listener)
         key = listener.goal_id.bytes
         if self.listeners.pop(key, None) is not None:
             self.life.note_forgotten(key, abandoned=abandoned, finished=finished)

@@ -15,9 +15,9 @@ class Link:
     """Goals that are being cancelled on a second server, or not."""
 
     def __init__(self) -> None:
-        self.cancels_strays = True
+        self.cancels_orphans = True
 
-    def on_strays_gone(self, callback: Any) -> None:
+    def on_orphans_gone(self, callback: Any) -> None:
         self.tell = callback
 
 
@@ -49,7 +49,7 @@ def test_it_stays_while_goals_are_cancelled_on_a_second_server() -> None:
     world.carrier.retire()
     assert world.carrier.retired.is_set()  # whoever closes does not wait for it
     assert not world.freed.is_set()
-    world.link.cancels_strays = False
+    world.link.cancels_orphans = False
     world.link.tell()
     assert world.freed.is_set()
 
@@ -65,7 +65,7 @@ def test_but_not_for_ever() -> None:
 
 def test_nothing_keeps_it_otherwise() -> None:
     world = World()
-    world.link.cancels_strays = False
+    world.link.cancels_orphans = False
     world.link.tell()  # while it is in use
     assert not world.freed.is_set()
     world.carrier.retire()
@@ -77,7 +77,7 @@ def test_what_was_freed_is_held_by_no_timer() -> None:
     world = World()
     world.carrier.retire()
     assert len(world.queue) == 1
-    world.link.cancels_strays = False
+    world.link.cancels_orphans = False
     world.link.tell()
     assert world.freed.is_set()
     assert len(world.queue) == 0
@@ -85,7 +85,7 @@ def test_what_was_freed_is_held_by_no_timer() -> None:
 
 def test_what_is_freed_at_once_arms_no_timer() -> None:
     world = World()
-    world.link.cancels_strays = False
+    world.link.cancels_orphans = False
     world.carrier.retire()
     assert world.freed.is_set()
     assert len(world.queue) == 0

@@ -77,7 +77,7 @@ def test_what_was_asked_before_is_outdated_when_asked_anew(
 ) -> None:
     requests.ask_result(KEY)
     requests.ask_result(KEY)  # at a measured pace, and so not at once
-    requests.ask_result(KEY, anew=True)
+    requests.ask_result(KEY, supersedes_earlier=True)
     thread.advance(1.0)
     assert [requests.is_outdated(seq) for seq in (1, 2, 3)] == [True, False, False]
     # A result counts all the same.
@@ -87,7 +87,7 @@ def test_what_was_asked_before_is_outdated_when_asked_anew(
 
 def test_a_forgotten_goal_leaves_nothing_behind(requests: Requests, thread: Thread) -> None:
     requests.ask_result(KEY)
-    requests.ask_result(KEY, anew=True)
+    requests.ask_result(KEY, supersedes_earlier=True)
     requests.ask_cancel(KEY)
     requests.forget(KEY, abandoned=False, finished=False)
     requests.ask_result(KEY)
@@ -128,11 +128,11 @@ def test_a_goal_that_two_servers_accepted_is_cancelled_when_it_has_ended_on_one(
 ) -> None:
     assert requests.goal_answered(1, accepted=True) == KEY
     assert requests.goal_answered(1, accepted=True) is None
-    assert not requests.cancels_strays
+    assert not requests.cancels_orphans
     requests.forget(KEY, abandoned=False, finished=False)
-    assert requests.cancels_strays
-    requests.stray_answered(1, [KEY], over=False)
-    assert not requests.cancels_strays
+    assert requests.cancels_orphans
+    requests.orphan_answered(1, [KEY], over=False)
+    assert not requests.cancels_orphans
     assert not any(requests.table_sizes().values())
 
 
@@ -159,9 +159,9 @@ def test_an_acceptance_that_comes_after_the_result_is_that_servers(
 ) -> None:
     requests.forget(KEY, abandoned=False, finished=finished)
     requests.goal_answered(1, accepted=True)
-    assert requests.cancels_strays == (not finished)
+    assert requests.cancels_orphans == (not finished)
     requests.goal_answered(1, accepted=True)
-    assert requests.cancels_strays
+    assert requests.cancels_orphans
 
 
 def test_a_goal_that_was_abandoned_is_never_cancelled(requests: Requests, thread: Thread) -> None:

@@ -209,7 +209,7 @@ class Port(SimpleNamespace):
         freed = Flag()
         super().__init__(
             identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm"),
-            link=SimpleNamespace(on_strays_gone=lambda _: None, cancels_strays=False),
+            link=SimpleNamespace(on_orphans_gone=lambda _: None, cancels_orphans=False),
             runtime=SimpleNamespace(failure=None),
             freed=freed,
             free=freed.set,

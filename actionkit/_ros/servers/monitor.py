@@ -1,6 +1,6 @@
 """Who waits for the servers of one action, and who loses them.
 
-What is known of the servers comes from `presence`, `rollcall` and `liveness`; here it is told to
+What is known of the servers comes from `readiness`, `restarts` and `liveness`; here it is told to
 the goals that it is about. All of it happens on the communication thread.
 """
 
@@ -17,8 +17,8 @@ from actionkit._ros.listener import GoalListener, SentGoal
 from actionkit._ros.native import RCLError
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.liveness import Liveness
-from actionkit._ros.servers.readiness import UNNAMED, Presence
-from actionkit._ros.servers.restarts import RollCall
+from actionkit._ros.servers.readiness import UNNAMED, ServerReadiness
+from actionkit._ros.servers.restarts import RestartDetector
 from actionkit._threads.clock import TimerGroup
 from actionkit._threads.diagnostics import log_later
 
@@ -29,7 +29,7 @@ _IN_SIGHT_WITHIN = 0.5
 """Seconds from when requests reach a new server until it is in sight here, on a busy machine."""
 
 
-class Lookout:
+class ServerMonitor:
     """Looks for servers, and tells the goals of those that come and go."""
 
     def __init__(
@@ -67,7 +67,7 @@ class Lookout:
         self._warned = False
         self._awaiting: dict[GoalListener, None] = {}
         self._ready_waiters: dict[Callable[[], None], None] = {}
-        self._rollcall = RollCall(self._timers, ask, self._on_one)
+        self.restarts = RestartDetector(self._timers, ask, self._on_one)
         self.liveness = Liveness(
             self._timers,
             probe=ask,
@@ -75,7 +75,7 @@ class Lookout:
             on_silence=self._on_silence,
             on_return=self._on_return,
         )
-        self.presence = Presence(
+        self.readiness = ServerReadiness(
             self._timers,
             list_servers=self._list_servers,
             services_ready=self._services_ready,
@@ -92,25 +92,25 @@ class Lookout:
         """Tell nobody anything any more."""
         self._closed = True
         self._timers.close()
-        self._rollcall.close()
-        self.presence.close()
+        self.restarts.close()
+        self.readiness.close()
 
     # --- who waits for a server ------------------------------------------------------------
 
     def await_server(self, listener: GoalListener) -> None:
         """Tell the listener once when a server is ready, or while another type is served."""
-        if self.presence.ready:
+        if self.readiness.ready:
             listener.on_server_ready()
             return
         self._awaiting[listener] = None
-        self.presence.look(lambda: bool(self._awaiting))
+        self.readiness.look(lambda: bool(self._awaiting))
 
-    def hold(self, listener: GoalListener) -> None:
-        """Tell the listener again when a server is ready anew."""
+    def await_next_ready(self, listener: GoalListener) -> None:
+        """Tell the listener again when a server is ready supersedes_earlier."""
         self._awaiting[listener] = None
 
-    def withdraw(self, listener: GoalListener) -> None:
-        """Undo `await_server` and `hold`."""
+    def dequeue(self, listener: GoalListener) -> None:
+        """Undo `await_server` and `await_next_ready`."""
         self._awaiting.pop(listener, None)
 
     def add_ready_waiter(self, callback: Callable[[], None]) -> None:
@@ -130,7 +130,7 @@ class Lookout:
 
     def matched(self, count: int, came: int = 0) -> None:
         """The middleware sees `count` feedback publishers now, `came` of them new."""
-        self.presence.matched(count, came)
+        self.readiness.matched(count, came)
         if count > 1 and not self._warned:
             self._warned = True
             # Their names are known a moment later.
@@ -138,23 +138,23 @@ class Lookout:
 
     def suspect(self) -> None:
         """One of several servers does not know a goal: find out whether another is left (R1)."""
-        self._rollcall.begin()
+        self.restarts.begin()
 
     def count_answer(self, question: int) -> None:
         """A question was answered, perhaps one that `suspect` asked."""
-        self._rollcall.answered(question)
+        self.restarts.answered(question)
 
     @property
     def counting(self) -> bool:
         """Whether further answers to the same question matter."""
-        return self._rollcall.running
+        return self.restarts.running
 
     def _poll_matched(self) -> None:
         """Where the middleware has no matched event: look once a second (C7.4)."""
         if self._closed:
             return
         listed = self._list_servers()
-        if listed is not None and len(listed) != self.presence.count:
+        if listed is not None and len(listed) != self.readiness.count:
             self.matched(len(listed))
         self._timers.call_at(self._timers.now() + _MATCHED_PERIOD, self._poll_matched)
 
@@ -180,7 +180,7 @@ class Lookout:
         try:
             return self._entities.services_ready()
         except (RCLError, InvalidHandle):
-            return self.presence.count > 0
+            return self.readiness.count > 0
 
     # --- who is told -----------------------------------------------------------------------
 
@@ -213,7 +213,7 @@ class Lookout:
         reason = "its action server is gone"
         for goal in list(self._sent.values()):
             self._lose(goal, gone, reason)
-        if not self.presence.servers:
+        if not self.readiness.servers:
             for listener in self._queued():
                 listener.on_server_lost(reason)
 
@@ -227,26 +227,26 @@ class Lookout:
         if unnamed or goal.sent_at > self._runtime.now() - _IN_SIGHT_WITHIN:
             goal.servers |= came
             goal.sent_to |= came
-        if unnamed and not unnamed & self.presence.servers:
-            goal.servers = goal.servers - UNNAMED | self.presence.servers
-            goal.sent_to |= self.presence.servers
+        if unnamed and not unnamed & self.readiness.servers:
+            goal.servers = goal.servers - UNNAMED | self.readiness.servers
+            goal.sent_to |= self.readiness.servers
 
     def _on_one(self) -> None:
         """Of several servers one answers, and it does not know a goal of ours."""
         nodes = {server.gid: server.node for server in self._list_servers() or ()}
         for goal in list(self._sent.values()):
-            newer = {nodes.get(gid, "") for gid in self.presence.servers - goal.servers} - {""}
+            newer = {nodes.get(gid, "") for gid in self.readiness.servers - goal.servers} - {""}
             replaced = frozenset(gid for gid in goal.servers if nodes.get(gid) in newer)
             if replaced:
                 goal.sent_to -= replaced
                 self._lose(goal, replaced, "its server was restarted")
-                if self.presence.ready:
+                if self.readiness.ready:
                     goal.listener.on_server_ready()  # the other may say that it has no such goal
         if "" in nodes.values() and self._sent and not self._closed:
             # Nodes get their names some time after their endpoints.
-            self._timers.call_at(self._timers.now() + _NAMING, self._rollcall.begin)
+            self._timers.call_at(self._timers.now() + _NAMING, self.restarts.begin)
 
     def _lose(self, goal: SentGoal, gone: frozenset[bytes], reason: str) -> None:
         goal.servers -= gone
-        if not goal.servers or not self.presence.servers:
+        if not goal.servers or not self.readiness.servers:
             goal.listener.on_server_lost(reason)

@@ -40,7 +40,7 @@ class State(Enum):
     READY = auto()
 
 
-class Presence:
+class ServerReadiness:
     """Follows the servers of one action on behalf of one link. On its thread only."""
 
     def __init__(

@@ -20,7 +20,7 @@ _PERIOD = 0.2
 _VERDICT_AFTER = 0.7
 
 
-class RollCall:
+class RestartDetector:
     """Counts the answers to harmless questions. On the communication thread only."""
 
     def __init__(

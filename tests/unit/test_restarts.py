@@ -7,7 +7,7 @@ from itertools import count
 
 import pytest
 
-from actionkit._ros.servers.restarts import RollCall
+from actionkit._ros.servers.restarts import RestartDetector
 from actionkit._threads.clock import TimerHandle, TimerQueue
 
 
@@ -20,7 +20,7 @@ class World:
         self.numbers = count(1)
         self.asked: list[int] = []
         self.found_one = 0
-        self.rollcall = RollCall(self, self.ask, self.on_one)
+        self.restarts = RestartDetector(self, self.ask, self.on_one)
 
     def now(self) -> float:
         return self.clock
@@ -46,27 +46,27 @@ class World:
             run()
             for question in self.asked[before:]:
                 for _ in range(answers):
-                    self.rollcall.answered(question)
+                    self.restarts.answered(question)
         self.clock = until
 
 
 @pytest.mark.parametrize(("answers", "found"), [(0, 0), (1, 1), (2, 0)])
 def test_what_the_answers_tell(answers: int, found: int) -> None:
     world = World()
-    world.rollcall.begin()
-    world.rollcall.begin()  # once is enough
+    world.restarts.begin()
+    world.restarts.begin()  # once is enough
     world.advance(2.0, answers)
     assert world.found_one == found
-    assert not world.rollcall.running
+    assert not world.restarts.running
 
 
 @pytest.mark.parametrize("after", [0.0, 0.3])
 def test_a_closed_client_asks_and_tells_nothing_any_more(after: float) -> None:
     world = World()
-    world.rollcall.begin()
+    world.restarts.begin()
     world.advance(after, answers=1)
     asked = len(world.asked)
-    world.rollcall.close()
+    world.restarts.close()
     world.advance(2.0, answers=1)
     assert len(world.asked) == asked
     assert world.found_one == 0

@@ -19,7 +19,7 @@ import pytest
 from actionkit._ros.entities import Entities
 from actionkit._ros.listener import GoalListener, SentGoal
 from actionkit._ros.runtime import Runtime
-from actionkit._ros.servers.monitor import Lookout
+from actionkit._ros.servers.monitor import ServerMonitor
 from tests.unit.clock import Clock
 
 TYPE = "test_msgs/action/Fibonacci"
@@ -58,7 +58,7 @@ class World:
             call_at=self.clock.call_at,
             node=SimpleNamespace(get_publishers_info_by_topic=self._publishers),
         )
-        self.lookout = Lookout(
+        self.monitor = ServerMonitor(
             cast(Runtime, runtime),
             cast(
                 Entities,
@@ -91,7 +91,7 @@ class World:
 
     def _answer(self) -> None:
         if self.alive & self.matched:
-            self.lookout.presence.answered()
+            self.monitor.readiness.answered()
 
     # -- what happens --------------------------------------------------------------------------
 
@@ -108,14 +108,14 @@ class World:
         """Let the communication thread read the middleware's event, of all that happened."""
         came, self._came = self._came, 0
         self._note(f"event: {len(self.matched)}, {came} came")
-        self.lookout.matched(len(self.matched), came)
+        self.monitor.matched(len(self.matched), came)
 
     def send(self) -> Goal | None:
         """Send a goal, as a link does; it is run by the one server that it reaches."""
-        if not self.lookout.presence.ready:
+        if not self.monitor.readiness.ready:
             return None
         goal = Goal(home=next(iter(self.alive & self.matched), None))
-        servers = self.lookout.presence.servers
+        servers = self.monitor.readiness.servers
         listener = cast(GoalListener, goal)
         self.sent[goal.goal_id.bytes] = SentGoal(listener, self.clock.time, servers, servers)
         self._note(f"goal to {goal.home!r}, view {sorted(servers)}")
