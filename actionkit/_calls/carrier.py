@@ -41,11 +41,11 @@ class PortCarrier:
         self._linger: TimerHandle | None = None
         self._closing = False
         self.decode_feedback = port.decode_feedback
-        self.call_soon = port.call_soon
-        self.call_at = port.call_at
-        self.cancel_timer = port.cancel_timer
+        self.call_soon = port.runtime.call_soon
+        self.call_at = port.runtime.call_at
+        self.cancel_timer = port.runtime.cancel_timer
         port.on_failure(self._broken)
-        port.link.on_orphans_gone(self._free_if_done)
+        port.link.orphans.on_none_confirmed = self._free_if_done
 
     def begin(self, call: Call) -> None:
         """Count a call among those in flight, and start it soon. From any thread."""
@@ -155,7 +155,7 @@ class PortCarrier:
     def _done(self) -> bool:
         # A goal whose server is gone is watched only for as long as the client lives (C2.4).
         watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)
-        return not self.calls and not watched and not self.port.link.cancels_orphans
+        return not self.calls and not watched and not self.port.link.orphans.confirmed
 
     def _free_if_done(self) -> None:
         if self._retiring and self._done:

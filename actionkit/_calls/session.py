@@ -262,7 +262,7 @@ class Session:
         for carrier in list(self._carriers):
             carrier.retired.wait(max(0.0, until - time.monotonic()))
             if carrier.port.freed.is_set():
-                carrier.port.join(max(0.0, until - time.monotonic()))
+                carrier.port.runtime.join_if_stopping(max(0.0, until - time.monotonic()))
 
     def drop(self) -> None:
         """The client is gone: free what is held when the last call is over. Never blocks."""

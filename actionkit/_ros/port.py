@@ -19,7 +19,6 @@ from actionkit._ros.link import Link
 from actionkit._ros.names import Identity, resolve, type_name_of
 from actionkit._ros.native import RCLError, domain_of
 from actionkit._ros.wire import feedback_alone
-from actionkit._threads.clock import TimerHandle
 from actionkit._threads.waiting import Flag
 
 
@@ -58,7 +57,7 @@ class Port:
             )
             self.runtime.run(lambda: self._open(action_type))
         except BaseException:  # whatever it was goes on, a Ctrl-C too, but nothing is held
-            self.call_soon(self._undo)
+            self.runtime.call_soon(self._undo)
             raise
         self._feedback_type: Any = action_type.Feedback
 
@@ -68,10 +67,6 @@ class Port:
     def usable(self) -> bool:
         """Whether new goals can be sent from here."""
         return self.runtime.usable and not self.freed.is_set()
-
-    def call_soon(self, callback: Callable[[], None]) -> None:
-        """Call `callback` on the communication thread; calls keep their order."""
-        self.runtime.call_soon(callback)
 
     def on_failure(self, callback: Callable[[BaseException], None]) -> None:
         """Call `callback` where the communication thread dies."""
@@ -114,28 +109,26 @@ class Port:
                 over.set()
                 return
             self._waits.add(over)
-            self.link.add_ready_waiter(tell)
+            self.link.monitor.add_ready_waiter(tell)
+            if self.link.server_is_ready():
+                tell()
 
         def end() -> None:
             self._waits.discard(over)
-            self.link.remove_ready_waiter(tell)
+            self.link.monitor.remove_ready_waiter(tell)
 
-        self.call_soon(begin)
+        self.runtime.call_soon(begin)
         try:
             over.wait(timeout)
             return ready[0] or (timeout == 0 and self.server_is_ready())
         finally:
-            self.call_soon(end)
+            self.runtime.call_soon(end)
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table of the link and the timers hold."""
         return self.runtime.run(
             lambda: {**self.link.table_sizes(), "timers": len(self.runtime.timers)}
         )
-
-    def join(self, timeout: float) -> None:
-        """Wait for the thread where it is ending."""
-        self.runtime.join_if_stopping(timeout)
 
     # --- on the communication thread -------------------------------------------------------
 
@@ -166,14 +159,6 @@ class Port:
             self.free()
         else:
             runtimes.release(self.runtime, self)
-
-    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
-        """Call `callback` at the monotonic time `at`."""
-        return self.runtime.call_at(at, callback)
-
-    def cancel_timer(self, handle: TimerHandle) -> None:
-        """Do not call the callback of `call_at`."""
-        self.runtime.timers.cancel(handle)
 
     def actions(self) -> dict[str, tuple[str, ...]] | None:
         """Return every served action with its types; `None` where the graph is gone (R10)."""

@@ -19,7 +19,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 from weakref import WeakValueDictionary
 
 from rclpy.context import Context
@@ -28,12 +28,13 @@ from rclpy.parameter import Parameter
 
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.native import Source, Waiter, is_up
-from actionkit._ros.outbox import CancelWindow, Window
+from actionkit._ros.outbox import Window
 from actionkit._threads.clock import TimerHandle, TimerQueue
 from actionkit._threads.diagnostics import log_later, log_own_error
 from actionkit._threads.waiting import Flag, taken_from
 
 _T = TypeVar("_T")
+_W = TypeVar("_W", bound=Window)
 _START_TIMEOUT = 30.0
 _LAST_STEP = 0.5
 """Seconds for a thread to end that has done everything; it takes microseconds."""
@@ -58,8 +59,7 @@ class Runtime:
         """What ended the thread, where anything but `stop` did."""
         self.names_in_use: list[tuple[str, str]] = []
         """The action name and type of each client here, once for each."""
-        self._windows: WeakValueDictionary[str, Window] = WeakValueDictionary()
-        self._cancel_windows: WeakValueDictionary[str, CancelWindow] = WeakValueDictionary()
+        self._windows: WeakValueDictionary[tuple[type, str], Any] = WeakValueDictionary()
         self.on_failure: list[Callable[[BaseException], None]] = []
         self._pid = os.getpid()
         self._domain_id = domain_id
@@ -169,20 +169,18 @@ class Runtime:
             self._on_last(self)
             self._stopping = True
 
-    def window(self, action_name: str) -> Window:
-        """Return what all who send goals to one action here share."""
-        # Not setdefault: nothing but the caller would hold what it makes.
-        window = self._windows.get(action_name)
-        if window is None:
-            window = self._windows[action_name] = Window()
-        return window
+    def window(self, kind: type[_W], action_name: str) -> _W:
+        """Return the window that all clients of one action here share.
 
-    def cancel_window(self, action_name: str) -> CancelWindow:
-        """Return what all who cancel goals of one action here share."""
-        window = self._cancel_windows.get(action_name)
+        Args:
+            kind: The class of the window: requests of each kind have one of their own.
+            action_name: The action's full name.
+        """
+        # Not setdefault: nothing but the caller would hold what it makes.
+        window = self._windows.get((kind, action_name))
         if window is None:
-            window = self._cancel_windows[action_name] = CancelWindow()
-        return window
+            window = self._windows[kind, action_name] = kind()
+        return cast(_W, window)
 
     def now(self) -> float:
         """Monotonic seconds, whatever simulated time does (R23)."""

@@ -17,7 +17,7 @@ from typing import Any, cast
 import pytest
 
 from actionkit._ros.entities import Entities
-from actionkit._ros.listener import GoalListener, SentGoal
+from actionkit._ros.listener import GoalListener
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.monitor import ServerMonitor
 from tests.unit.clock import Clock
@@ -50,10 +50,10 @@ class World:
         self.matched: set[bytes] = set()
         self.graph: list[bytes] = []
         self.story: list[str] = []
-        self.sent: dict[bytes, SentGoal] = {}
+        self.listeners: dict[bytes, GoalListener] = {}
         self._came = 0
         runtime = SimpleNamespace(
-            timers=self.clock.queue,
+            cancel_timer=self.clock.queue.cancel,
             now=self.clock.now,
             call_at=self.clock.call_at,
             node=SimpleNamespace(get_publishers_info_by_topic=self._publishers),
@@ -66,8 +66,8 @@ class World:
             ),
             name="/fibonacci",
             type_name=TYPE,
-            ask=self.ask,
-            sent=self.sent,
+            probe=self.probe,
+            listeners=self.listeners,
             queued=list,
             on_ready=lambda: None,
         )
@@ -84,7 +84,7 @@ class World:
             for gid in self.graph
         ]
 
-    def ask(self) -> int:
+    def probe(self) -> int:
         if self.alive & self.matched:
             self.clock.call_at(self.clock.time + self.answers_after(), self._answer)
         return 0
@@ -116,8 +116,8 @@ class World:
             return None
         goal = Goal(home=next(iter(self.alive & self.matched), None))
         servers = self.monitor.readiness.servers
-        listener = cast(GoalListener, goal)
-        self.sent[goal.goal_id.bytes] = SentGoal(listener, self.clock.time, servers, servers)
+        self.listeners[goal.goal_id.bytes] = cast(GoalListener, goal)
+        self.monitor.goal_sent(goal.goal_id.bytes)
         self._note(f"goal to {goal.home!r}, view {sorted(servers)}")
         return goal
 

@@ -63,7 +63,7 @@ class World:
         """Whether nothing is done, awaited or kept for any of them any more."""
         before = len(self.sent)
         self.clock.advance(100)
-        left = len(self.orphans) + len(self.orphans.asked) + len(self.clock.queue)
+        left = len(self.orphans) + len(self.orphans.requests) + len(self.clock.queue)
         return len(self.sent) == before and left == 0
 
 

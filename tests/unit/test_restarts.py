@@ -1,72 +1,80 @@
-"""How many of several servers answer (R1, R14), over a clock that the test moves."""
+"""How many of several servers answer (R1, R14), on a clock that the test moves."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import count
 
 import pytest
 
 from actionkit._ros.servers.restarts import RestartDetector
-from actionkit._threads.clock import TimerHandle, TimerQueue
+from actionkit._threads.clock import TimerGroup
+from tests.unit.clock import Clock
 
 
 class World:
-    """A communication thread's clock, and the questions asked on it."""
+    """Servers that answer each probe at once."""
 
-    def __init__(self) -> None:
-        self.clock = 0.0
-        self.timers = TimerQueue()
+    def __init__(self, answers: int) -> None:
+        self.clock = Clock()
+        self.timers = TimerGroup(self.clock, self.clock.queue.cancel)
+        self.answers = answers
         self.numbers = count(1)
-        self.asked: list[int] = []
-        self.found_one = 0
-        self.restarts = RestartDetector(self, self.ask, self.on_one)
+        self.sent = 0
+        self.verdicts = 0
+        self.detector = RestartDetector(self.timers, self.probe, self.on_one_answers)
 
-    def now(self) -> float:
-        return self.clock
+    def probe(self) -> int:
+        self.sent = next(self.numbers)
+        self.clock.call_at(self.clock.time + 0.001, lambda seq=self.sent: self.answer(seq))  # type: ignore[misc]
+        return self.sent
 
-    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
-        return self.timers.arm(at, callback)
+    def answer(self, seq: int) -> None:
+        for _ in range(self.answers):
+            self.detector.count_answer(seq)
 
-    def ask(self) -> int:
-        self.asked.append(next(self.numbers))
-        return self.asked[-1]
-
-    def on_one(self) -> None:
-        self.found_one += 1
-
-    def advance(self, seconds: float, answers: int = 0) -> None:
-        """Let time pass; each question is answered by so many servers at once."""
-        until = self.clock + seconds
-        while (due := self.timers.next_due()) is not None and due <= until:
-            self.clock = due
-            before = len(self.asked)
-            run = self.timers.pop_due(due)
-            assert run is not None
-            run()
-            for question in self.asked[before:]:
-                for _ in range(answers):
-                    self.restarts.answered(question)
-        self.clock = until
+    def on_one_answers(self) -> None:
+        self.verdicts += 1
 
 
-@pytest.mark.parametrize(("answers", "found"), [(0, 0), (1, 1), (2, 0)])
-def test_what_the_answers_tell(answers: int, found: int) -> None:
-    world = World()
-    world.restarts.begin()
-    world.restarts.begin()  # once is enough
-    world.advance(2.0, answers)
-    assert world.found_one == found
-    assert not world.restarts.running
+@pytest.mark.parametrize(("answers", "verdicts"), [(0, 0), (1, 1), (2, 0)])
+def test_what_the_answers_tell(answers: int, verdicts: int) -> None:
+    world = World(answers)
+    world.detector.start()
+    world.detector.start()  # once is enough
+    world.clock.advance(2.0)
+    assert (world.sent, world.verdicts) == (3, verdicts)
+    assert not world.detector.running
+    assert len(world.clock.queue) == 0
+
+
+def test_one_probe_with_two_answers_shows_that_both_servers_live() -> None:
+    world = World(1)
+    world.detector.start()
+    world.clock.advance(0.1)
+    world.answer(1)  # the second server's; its answers to the others are lost
+    world.clock.advance(2.0)
+    assert world.verdicts == 0
+
+
+def test_each_run_counts_anew_and_no_answers_to_others() -> None:
+    world = World(2)
+    world.detector.start()
+    world.clock.advance(2.0)
+    world.answers = 1  # one of them has died
+    world.detector.start()
+    world.clock.advance(0.1)
+    world.answer(1)  # late answers to the first run
+    world.answer(99)  # the answer to a cancel request
+    world.clock.advance(2.0)
+    assert (world.sent, world.verdicts) == (6, 1)
 
 
 @pytest.mark.parametrize("after", [0.0, 0.3])
-def test_a_closed_client_asks_and_tells_nothing_any_more(after: float) -> None:
-    world = World()
-    world.restarts.begin()
-    world.advance(after, answers=1)
-    asked = len(world.asked)
-    world.restarts.close()
-    world.advance(2.0, answers=1)
-    assert len(world.asked) == asked
-    assert world.found_one == 0
+def test_nothing_is_sent_or_told_when_the_timers_have_ended(after: float) -> None:
+    world = World(1)
+    world.detector.start()
+    world.clock.advance(after)
+    sent = world.sent
+    world.timers.close()
+    world.clock.advance(2.0)
+    assert (world.sent, world.verdicts) == (sent, 0)
