@@ -9,8 +9,8 @@ import pytest
 
 from actionkit._ros.cancels import CancelWindow
 from actionkit._ros.requests import ServiceRequests
+from tests.unit import clock
 from tests.unit.call_life import CallLife
-from tests.unit.clock import Clock
 
 KEY = bytes(range(16))
 
@@ -26,16 +26,12 @@ class Client:
         return len(self.requests)
 
 
-class Thread(Clock):
-    """The clock and the sources of a communication thread."""
+class Thread(clock.Thread):
+    """A communication thread, and what is seen on it."""
 
     def __init__(self) -> None:
         super().__init__()
         self.servers = 1
-        self.sources: set[object] = set()
-        self.enable = self.sources.add
-        self.disable = self.sources.discard
-        self.cancel_timer = self.queue.cancel
         self.cancelled: list[bytes] = []
 
     def window(self, kind: type[CancelWindow], action_name: str) -> CancelWindow:
