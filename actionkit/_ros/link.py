@@ -113,7 +113,7 @@ class Link:
         key = listener.goal_id.bytes
         if key in self._listeners:
             self._listeners[key] = listener
-            self._requests.stop_cancel(key)  # the caller wants the goal again
+            self._requests.cancels.stop(key)  # the caller wants the goal again
 
     def dequeue(self, listener: GoalListener) -> None:
         """Wait for no server any more for the listener, and do not send its goal."""
@@ -121,9 +121,8 @@ class Link:
         self.leave_outbox(listener)
 
     def leave_outbox(self, listener: GoalListener) -> None:
-        """Let the next goal request be sent: this one is answered, or is waited for no more."""
+        """Give the goal's place in the window, or in the queue for it, to the next goal."""
         self._outbox.discard(listener.goal_id.bytes)
-        self._send_next()
 
     def sees_server_of(self, listener: GoalListener) -> bool:
         """Whether a server is there that the goal was sent to."""
@@ -141,11 +140,13 @@ class Link:
 
     def ask_cancel(self, listener: GoalListener, *, urgent: bool) -> None:
         """Ask for the goal's cancellation until it is answered; those that are urgent first."""
-        self._requests.ask_cancel(listener.goal_id.bytes, urgent=urgent)
+        key = listener.goal_id.bytes
+        if key in self._listeners:
+            self._requests.cancels.ask(key, urgent=urgent)
 
     def stop_cancel(self, listener: GoalListener) -> None:
         """Send no cancel requests for the goal while its server is gone."""
-        self._requests.stop_cancel(listener.goal_id.bytes)
+        self._requests.cancels.stop(listener.goal_id.bytes)
 
     @property
     def others_confirmed_at(self) -> float:
@@ -273,9 +274,7 @@ class Link:
         self.liveness.heard()
         self._requests.heard()
         self.monitor.restarts.count_answer(seq)
-        if self._requests.is_probe(seq):
-            if not self.monitor.restarts.running:
-                self._requests.forget_probes()
+        if self._requests.probe_answered(seq, others_matter=self.monitor.restarts.running):
             self.readiness.answered()
         canceling = {bytes(info.goal_id.uuid) for info in response.goals_canceling}
         goal = self._requests.goal_of("cancel", seq)

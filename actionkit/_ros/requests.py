@@ -69,7 +69,7 @@ class ServiceRequests:
         self.unheard_since: float | None = None
         """When the first probe or cancel request was sent after the last answer to one."""
         self.cancel_window = runtime.window(CancelWindow, action_name)
-        self._cancels = CancelQueue(
+        self.cancels = CancelQueue(
             runtime,
             self.cancel_window,
             send=self._send_goal_cancel,
@@ -135,20 +135,6 @@ class ServiceRequests:
         self._asks[key] = None
         self._ask_soon()
 
-    def ask_cancel(self, key: bytes, *, urgent: bool = False) -> None:
-        """Ask for a sent goal's cancellation, in its turn, until that is answered.
-
-        Args:
-            key: The goal's id.
-            urgent: Whether its caller has little time left.
-        """
-        if key in self._made:
-            self._cancels.ask(key, urgent=urgent)
-
-    def stop_cancel(self, key: bytes) -> None:
-        """Send no more cancel requests for a goal until `ask_cancel` is called again."""
-        self._cancels.stop(key)
-
     def probe(self) -> int:
         """Ask to cancel a goal that cannot exist: every live server answers, nothing changes (R2).
 
@@ -170,7 +156,7 @@ class ServiceRequests:
             finished: Whether a server has told its result.
         """
         self._asks.pop(key, None)
-        self._cancels.stop(key)
+        self.cancels.stop(key)
         accepted: dict[int, int] = {}
         for what, seq in self._made.pop(key, ()):
             self._unanswered[what].pop(seq, None)
@@ -194,7 +180,7 @@ class ServiceRequests:
     def close(self) -> None:
         """Send nothing any more."""
         self._closed = True
-        self._cancels.close()
+        self.cancels.close()
         self.orphans.close()
 
     def _ask_soon(self) -> None:
@@ -285,17 +271,22 @@ class ServiceRequests:
         """
         key = self.answered("cancel", seq)
         if key is not None:
-            self._cancels.answered(key, known=known)
+            self.cancels.answered(key, known=known)
         return key
 
-    def is_probe(self, seq: int) -> bool:
-        """Whether it is the number of a probe whose answers count."""
-        return seq in self._probes
+    def probe_answered(self, seq: int, *, others_matter: bool) -> bool:
+        """Return whether an answer is to a probe.
 
-    def forget_probes(self) -> None:
-        """Stop waiting for answers to the probes that were sent."""
-        self._probes.clear()
-        self._sync("cancel")
+        Args:
+            seq: The request's number.
+            others_matter: Whether the answers of other servers are to be waited for.
+        """
+        if seq not in self._probes:
+            return False
+        if not others_matter:
+            self._probes.clear()
+            self._sync("cancel")
+        return True
 
     def heard(self) -> None:
         """Note that a cancel request was answered, or that nobody is left who could answer."""
@@ -319,7 +310,7 @@ class ServiceRequests:
             "sent": len(self._made),
             "accepted": len(self._accepted),
             "asks": len(self._asks) + len(self._outdated),
-            "cancels": len(self._cancels),
+            "cancels": len(self.cancels),
             "orphans": len(self.orphans) + len(self.orphans.requests),
         }
 

@@ -191,6 +191,27 @@ def test_a_goal_that_is_unwanted_meanwhile_is_not_sent(world: World) -> None:
     assert len(world.entities.goal.sent) == 1
 
 
+def test_goals_that_are_unwanted_hold_up_no_other(world: World) -> None:
+    unwanted = [world.send() for _ in range(2 * WINDOW)]
+    for goal in unwanted:
+        goal.unwanted = True
+    wanted = world.send()
+    world.serve(A)
+    assert wanted.news() == ["sent"]
+
+
+def test_a_goal_that_was_not_sent_or_is_forgotten_is_not_cancelled(world: World) -> None:
+    goal = world.send()
+    world.link.ask_cancel(goal, urgent=False)
+    world.serve(A)
+    world.link.forget(goal, abandoned=False, finished=False)
+    asked = len(world.entities.cancel.sent)
+    world.link.ask_cancel(goal, urgent=False)
+    world.advance(10.0)
+    assert goal.news() == ["sent"]
+    assert len(world.entities.cancel.sent) == asked
+
+
 def test_a_goal_that_cannot_be_sent_holds_up_no_other(world: World) -> None:
     world.serve(A)
     broken = [Listener() for _ in range(2 * WINDOW)]
@@ -248,6 +269,11 @@ def test_what_a_server_said_before_it_went_is_read_first(world: World) -> None:
     world.serve()
     # Accepted, then all feedback, which the result may have overtaken, and only then lost.
     assert goal.news() == ["sent", "accepted", "feedback", "result", "server_lost"]
+    world.serve(A)
+    other = world.send()
+    world.entities.feedback.queue.append(bytes(4) + other.goal_id.bytes)
+    world.serve()
+    assert other.news() == ["sent", "feedback", "server_lost"]
 
 
 def test_of_two_servers_one_that_does_not_know_a_goal_proves_nothing(world: World) -> None:
@@ -311,5 +337,15 @@ def test_the_node_is_not_kept_where_no_server_is_left_to_answer(world: World) ->
     world.link.ask_cancel(world.send(), urgent=False)
     world.advance(1.0)
     world.serve()
+    world.link.close()
+    assert world.kept_until == 0.0
+
+
+def test_the_node_is_not_kept_where_a_server_has_answered(world: World) -> None:
+    world.serve(A)
+    world.link.ask_cancel(world.send(), urgent=False)
+    world.advance(0.3)
+    world.entities.cancel.answer(CancelGoal.Response())
+    world.advance(0.05)
     world.link.close()
     assert world.kept_until == 0.0

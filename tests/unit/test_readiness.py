@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from actionkit._ros.graph import ServerInfo
+from actionkit._ros.graph import Endpoint
 from actionkit._ros.servers.readiness import ServerReadiness, State
 from tests.unit.clock import Clock
 
@@ -18,7 +18,7 @@ class World:
 
     def __init__(self) -> None:
         self.clock = Clock()
-        self.graph: list[ServerInfo] | None = []
+        self.graph: list[Endpoint] | None = []
         self.services = True
         self.told: list[object] = []
         self.probes: list[float] = []
@@ -34,7 +34,7 @@ class World:
             action_type=OURS,
         )
 
-    def _list(self) -> list[ServerInfo] | None:
+    def _list(self) -> list[Endpoint] | None:
         self.looks += 1
         return self.graph
 
@@ -44,7 +44,7 @@ class World:
 
     def serve(self, *gids: bytes, action_type: str = OURS) -> None:
         """Let the graph show these servers."""
-        self.graph = [ServerInfo(gid, action_type, "/node") for gid in gids]
+        self.graph = [Endpoint(gid, action_type, "/node") for gid in gids]
 
     def match(self, *gids: bytes) -> None:
         """Let these servers be there, seen by the graph and by the middleware's event."""
@@ -241,8 +241,8 @@ def test_another_type_is_told_once_a_second_while_somebody_waits(world: World) -
 
 
 def test_our_own_type_among_others_is_no_mismatch(world: World) -> None:
-    other = ServerInfo(C, "a/action/Other", "/node")
-    world.graph = [ServerInfo(A, OURS, "/node"), other]
+    other = Endpoint(C, "a/action/Other", "/node")
+    world.graph = [Endpoint(A, OURS, "/node"), other]
     world.readiness.look(lambda: True)
     world.graph = []
     world.clock.advance(1.0)
@@ -265,8 +265,8 @@ def test_looking_ends_with_the_coming_of_a_server_and_with_close(world: World) -
 
 
 def test_a_server_of_another_type_is_none_of_ours(ready: World) -> None:
-    other = ServerInfo(C, "a/action/Other", "/node")
-    ready.graph = [ServerInfo(A, OURS, "/node"), other]
+    other = Endpoint(C, "a/action/Other", "/node")
+    ready.graph = [Endpoint(A, OURS, "/node"), other]
     ready.readiness.matched(1)
     assert ready.readiness.servers == {A}
     assert ready.news() == []

@@ -83,10 +83,9 @@ def test_what_was_asked_before_is_outdated_when_asked_anew(
 def test_a_forgotten_goal_leaves_nothing_behind(requests: ServiceRequests, thread: Thread) -> None:
     requests.ask_result(KEY)
     requests.ask_result(KEY, supersedes_earlier=True)
-    requests.ask_cancel(KEY)
+    requests.cancels.ask(KEY)
     requests.forget(KEY, abandoned=False, finished=False)
     requests.ask_result(KEY)
-    requests.ask_cancel(KEY)
     thread.advance(1.0)
     assert not any(requests.table_sizes().values())
 
@@ -95,7 +94,7 @@ def test_each_cancel_request_is_told_of_also_those_that_are_repeated(
     requests: ServiceRequests, thread: Thread
 ) -> None:
     """By these, less those in vain, one knows whether a cancellation was ours (C4.4)."""
-    requests.ask_cancel(KEY)
+    requests.cancels.ask(KEY)
     assert thread.cancelled == [KEY]
     assert requests.cancel_answered(1, known=False) == KEY
     thread.advance(0.6)
@@ -109,7 +108,7 @@ def test_unheard_is_since_the_first_that_was_not_answered(
     thread.advance(1.0)
     requests.probe()
     thread.advance(1.0)
-    requests.ask_cancel(KEY)
+    requests.cancels.ask(KEY)
     assert requests.unheard_since == thread.now() - 1.0
     requests.heard()
     assert requests.unheard_since is None

@@ -63,8 +63,9 @@ def test_each_run_counts_anew_and_no_answers_to_others() -> None:
     world.answers = 1  # one of them has died
     world.detector.start()
     world.clock.advance(0.1)
-    world.answer(1)  # late answers to the first run
-    world.answer(99)  # the answer to a cancel request
+    for seq in (1, 99):  # late answers to the first run; those to a cancel request
+        world.answer(seq)
+        world.answer(seq)
     world.clock.advance(2.0)
     assert (world.sent, world.verdicts) == (6, 1)
 

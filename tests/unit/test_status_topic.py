@@ -83,6 +83,8 @@ def test_our_goals_states_are_told_while_it_is_started(world: World) -> None:
     assert (world.source, world.thread.sources, len(world.thread.queue)) == (None, set(), 0)
     world.watch.take_now()
     world.watch.start()
+    world.watch.stop()  # while it is waited for
+    world.watch.start()
     world.come((OURS, EXECUTING))
     assert world.told[1:] == [(OURS, EXECUTING)]
 
