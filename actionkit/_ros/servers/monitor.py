@@ -194,7 +194,7 @@ class ServerMonitor:
                 ", ".join(server.node or "unnamed" for server in servers),
             )
 
-    def _list_servers(self) -> list[graph.ServerInfo] | None:
+    def _list_servers(self) -> list[graph.Endpoint] | None:
         try:
             return graph.servers(self._runtime.node, self._name)
         except (RCLError, InvalidHandle):

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import Enum, auto
 
-from actionkit._ros.graph import ServerInfo
+from actionkit._ros.graph import Endpoint
 from actionkit._threads.clock import Timers
 
 _FIRST_STEP = 0.001
@@ -57,7 +57,7 @@ class ServerReadiness:
         self,
         timers: Timers,
         *,
-        list_servers: Callable[[], list[ServerInfo] | None],
+        list_servers: Callable[[], list[Endpoint] | None],
         services_ready: Callable[[], bool],
         probe: Callable[[], object],
         on_ready: Callable[[], None],
