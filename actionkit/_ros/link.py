@@ -22,8 +22,8 @@ from actionkit._ros.status import StatusWatch
 _ANSWERED_WITHIN = 0.1
 """Seconds; a server that does not answer for so long may have been stopped or killed."""
 _CLEARED_WITHIN = 4.0
-"""Seconds until Fast DDS has cleared away after a process that stopped: it looks once a second,
-at whoever has not moved for a second, and waits for a lock for a second."""
+"""Seconds until Fast DDS has cleaned up after a process that stopped: once a second it looks for
+processes that did nothing for a second, and then it waits for their lock for a second."""
 
 
 class Link:
@@ -109,7 +109,7 @@ class Link:
         self._send_next()
 
     def rebind(self, listener: GoalListener) -> None:
-        """Tell this listener what comes for its goal id, instead of the one before."""
+        """Tell this listener what servers say of its goal id, instead of the earlier listener."""
         key = listener.goal_id.bytes
         if key in self._listeners:
             self._listeners[key] = listener
@@ -181,7 +181,7 @@ class Link:
             key, (listener, goal) = taken
             if listener.unwanted:
                 self._outbox.discard(key)
-                continue  # its cancellation is on the way to this thread
+                continue  # the caller has cancelled, which this thread will hear soon
             self._feedback.start()
             try:
                 self._requests.send_goal(key, goal)
@@ -197,7 +197,7 @@ class Link:
         self._requests.server_came()
         self._send_next()  # goals that got their turn while no server was ready
 
-    # --- what its owner asks for -----------------------------------------------------------
+    # --- what the port asks for ------------------------------------------------------------
 
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now, after a look at the middleware's latest event."""
@@ -254,8 +254,8 @@ class Link:
         self.liveness.heard()
         state = STATES.get(response.status)
         if state is None and self.readiness.count > 1:
-            # From a server that does not know the goal. Another may; or it was the goal's
-            # server, and is dead (R1).
+            # This server does not know the goal. Another one may know it, or the one that had
+            # the goal is dead (R1).
             if self._requests.goal_of("result", seq):
                 self.monitor.restarts.start()
             return

@@ -31,7 +31,7 @@ class Clock:
         self.time = end
 
 
-class Thread(Clock):
+class CommunicationThread(Clock):
     """The part of the communication thread that sends and waits, without the thread."""
 
     def __init__(self) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from actionkit._ros.feedback import FeedbackWatch
-from tests.unit.clock import Thread
+from tests.unit.clock import CommunicationThread
 
 OURS, ALSO_OURS, THEIRS = (bytes([number]) * 16 for number in (1, 2, 3))
 
@@ -46,7 +46,7 @@ class World:
     """The topic, and what is passed on."""
 
     def __init__(self, matched: Matched | None) -> None:
-        self.thread = Thread()
+        self.thread = CommunicationThread()
         self.topic = Subscription()
         self.matched = matched
         self.passed_on: list[tuple[bytes, list[bytes]]] = []

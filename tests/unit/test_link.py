@@ -15,7 +15,7 @@ from test_msgs.action import Fibonacci
 from actionkit._ros import link
 from actionkit._ros.link import Link
 from actionkit._ros.outbox import WINDOW
-from tests.unit.clock import Thread
+from tests.unit.clock import CommunicationThread
 
 TYPE = "test_msgs/action/Fibonacci"
 UNKNOWN = CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
@@ -102,7 +102,7 @@ class Listener:
         return told
 
 
-class World(Thread):
+class World(CommunicationThread):
     """A link on a thread whose clock the test moves."""
 
     def __init__(self) -> None:
@@ -295,6 +295,16 @@ def test_of_two_servers_one_that_does_not_know_a_goal_proves_nothing(world: Worl
     world.result(0)
     world.entities.cancel.answer(CancelGoal.Response(return_code=UNKNOWN))
     assert goal.news() == ["result", "cancel_answer"]
+
+
+@pytest.mark.parametrize(("status", "told"), [(0, True), (2, False), (4, True), (9, True)])
+def test_a_result_that_tells_of_no_end_is_not_told(world: World, status: int, told: bool) -> None:
+    world.serve(A)
+    goal = world.send()
+    world.link.ask_result(goal)
+    goal.news()
+    world.result(status)
+    assert goal.news() == (["result"] if told else [])
 
 
 def test_whether_a_server_is_ready_is_asked_of_the_middleware(world: World) -> None:

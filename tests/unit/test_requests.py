@@ -26,7 +26,7 @@ class Client:
         return len(self.requests)
 
 
-class Thread(clock.Thread):
+class Thread(clock.CommunicationThread):
     """A communication thread, and what is seen on it."""
 
     def __init__(self) -> None:

@@ -9,7 +9,7 @@ import pytest
 from rclpy.exceptions import InvalidHandle
 
 from actionkit._ros.status import StatusWatch
-from tests.unit.clock import Thread
+from tests.unit.clock import CommunicationThread
 from tests.unit.test_wire import status_array
 
 OURS, THEIRS = bytes([1]) * 16, bytes([2]) * 16
@@ -20,7 +20,7 @@ class World:
     """A status topic with a queue of one message, and what is told of it."""
 
     def __init__(self) -> None:
-        self.thread = Thread()
+        self.thread = CommunicationThread()
         self.up = True
         self.thread.context = SimpleNamespace(ok=lambda: self.up)  # type: ignore[attr-defined]
         self.told: list[tuple[bytes, int]] = []
