@@ -260,6 +260,7 @@ def test_who_waits_is_told_once(world: World) -> None:
     world.serve(b"a")
     assert (waiting.ready, other.ready, gone.ready, world.ready) == (1, 1, 0, 1)
     assert world.wait().ready == 1  # one is there
+    assert world.monitor.waiting == 0
     world.serve(b"a", b"b")
     assert (waiting.ready, world.monitor.waiting) == (1, 0)
 
@@ -405,6 +406,11 @@ def test_a_server_that_may_live_is_not_taken_for_restarted(node: str, answers: i
     assert (goal.lost, world.monitor.sees_server_of(goal.goal_id.bytes)) == ([], True)
 
 
+def test_two_nodes_of_unknown_names_are_not_taken_for_one(world: World) -> None:
+    world.nodes[b"a"] = "_NODE_NAME_UNKNOWN_"
+    assert restart(world, "_NODE_NAME_UNKNOWN_").lost == []
+
+
 def test_servers_are_asked_again_until_the_names_of_their_nodes_are_known(world: World) -> None:
     goal = restart(world, "_NODE_NAME_UNKNOWN_")
     assert goal.lost == []
@@ -459,6 +465,11 @@ def test_servers_are_looked_for_once_a_second_where_there_is_no_event() -> None:
     world.clock.advance(1.1)
     assert waiting.ready == 1
     goal = world.sent()
+    seen: list[int] = []
+    world.monitor.readiness.matched = lambda count, came=0: seen.append(count)  # type: ignore[method-assign, assignment]
+    world.clock.advance(5.0)
+    assert seen == []  # nothing has changed
+    del world.monitor.readiness.matched
     world.graph = None  # the context was shut down
     world.clock.advance(2.0)
     assert goal.lost == []
@@ -482,6 +493,14 @@ def test_closing_leaves_no_timer(matched: object) -> None:
     world.clock.advance(0.002)  # an answer is on its way
     assert len(world.clock.queue) == 0
     probes = len(world.probes)
-    world.monitor.liveness.start(1.0)
     world.clock.advance(100.0)
+    assert len(world.probes) == probes
+
+
+def test_a_closed_monitor_begins_no_probes(world: World) -> None:
+    world.serve(b"a")
+    world.sent()
+    world.monitor.close()
+    probes = len(world.probes)
+    world.monitor.liveness.start(1.0)
     assert len(world.probes) == probes
