@@ -140,7 +140,7 @@ class Floor(Variant):
         while not self._closing:
             pause = None if self._callback is None else _PAUSE
             for source in self._waiter.wait(answers, pause):
-                source.on_ready()
+                source.on_readable()
             if pause is not None and time.monotonic() - looked >= _PAUSE:
                 self._look_at_feedback()
                 looked = time.monotonic()

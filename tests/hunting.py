@@ -22,9 +22,14 @@ REPEAT = int(os.environ.get("ACTIONKIT_REPEAT", "1"))
 """By this a test multiplies how often it does the same thing."""
 
 
+def many(usual: int) -> int:
+    """Return how many to try where it is so many at `ACTIONKIT_HUNT=1`."""
+    return max(1, round(usual * _TIMES))
+
+
 def examples(usual: int) -> settings:
     """Return settings for a test that tries so many orders at `ACTIONKIT_HUNT=1`."""
-    return settings(max_examples=max(1, round(usual * _TIMES)), deadline=None)
+    return settings(max_examples=many(usual), deadline=None)
 
 
 def steps(usual: int) -> int:

@@ -42,11 +42,11 @@ class PortCarrier:
         self._linger_timer: TimerHandle | None = None
         self._closing = False
         self.decode_feedback = port.decode_feedback
-        self.call_soon = port.call_soon
-        self.call_at = port.call_at
-        self.cancel_timer = port.cancel_timer
+        self.call_soon = port.runtime.call_soon
+        self.call_at = port.runtime.call_at
+        self.cancel_timer = port.runtime.cancel_timer
         port.on_failure(self._on_failure)
-        port.link.on_strays_gone(self._free_if_done)
+        port.link.orphans.on_none_confirmed = self._free_if_done
 
     def begin(self, call: Call) -> None:
         """Count a call among those in flight, and start it soon. From any thread."""
@@ -92,7 +92,7 @@ class PortCarrier:
 
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now."""
-        return self.port.link.presence.ready
+        return self.port.link.readiness.ready
 
     def graph_snapshot(self) -> GraphSnapshot:
         """Return what the graph shows now, for an error's text."""
@@ -156,7 +156,7 @@ class PortCarrier:
     def _done(self) -> bool:
         # A goal whose server is gone is watched only for as long as the client lives (C2.4).
         watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)
-        return not self.calls and not watched and not self.port.link.cancels_strays
+        return not self.calls and not watched and not self.port.link.orphans.confirmed
 
     def _free_if_done(self) -> None:
         if self._releasing and self._done:

@@ -266,7 +266,7 @@ class Session:
         for carrier in list(self._carriers):
             carrier.released.wait(max(0.0, until - time.monotonic()))
             if carrier.port.freed.is_set():
-                carrier.port.join(max(0.0, until - time.monotonic()))
+                carrier.port.runtime.join_if_stopping(max(0.0, until - time.monotonic()))
 
     def release(self) -> None:
         """Free each port as soon as no goal needs it. Never blocks.

@@ -1,1 +1,1 @@
-"""The only room that touches rclpy."""
+"""The only package that uses rclpy."""

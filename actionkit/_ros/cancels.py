@@ -1,53 +1,89 @@
-"""The cancel requests of one client, a few at a time, each until it is answered.
+"""The cancel requests of one client: a few at a time, each repeated until it is answered.
 
-A server's queue of cancel requests is 10 deep and drops what does not fit (R3), and who cancels a
-thousand goals at once has a thousand requests. So no more than a window of them is on its way
-unanswered; all clients of a process for one action share it. Those whose caller has little time
-left go first, in every client.
+A client that cancels a thousand goals at once has a thousand requests, and a server's queue holds
+ten (R3). So they go through an outbox. Those whose caller has little time left go first.
 
-A request that is not answered, or whose answer is that the server does not know the goal (which it
-may yet accept, R6), is made again, less and less often. That is counted from the request itself,
-so that what was spread over the window stays spread.
+A request is repeated, at growing intervals, when it is not answered, or when the server answers
+that it does not know the goal, because it may still accept it (R6). The interval is counted from
+the request itself, so that requests which the window has spread over time stay spread.
 """
 
 from __future__ import annotations
 
-from collections import OrderedDict
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from actionkit._ros.outbox import CancelWindow
+from actionkit._ros.outbox import WINDOW, Outbox, Window
 from actionkit._threads.clock import TimerHandle, Timers
 
 ANSWERED_WITHIN = 0.5
-"""Seconds after which an answer is not waited for any more before others are asked for. A server
-that lives takes milliseconds, and some ten where it remembers thousands of goals."""
+"""Seconds after which a request gives its place in the window to another. A server that lives
+takes milliseconds to answer, and some tens where it remembers thousands of goals."""
 _PAUSES = (0.5, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)
-"""Seconds from each request for one goal to the next; the last is repeated. The first few come
-soon, because a process that ends waits for two seconds only."""
+"""Seconds from each request for one goal to the next; the last is repeated. The first few are
+short, because a process that ends waits for only two seconds."""
+
+
+class CancelWindow(Window):
+    """A window that is smaller while answers do not come.
+
+    Where several processes cancel at the same time, their windows together overrun the server's
+    queue. They notice it only by requests that are not answered. Each of these halves the window,
+    and each answer widens it by a part of a place, so that the processes come to share the queue.
+    """
+
+    def __init__(self, size: int = WINDOW) -> None:
+        super().__init__(size)
+        self._most = size
+        self._room = float(size)
+        self.progressed_at = -math.inf
+        """Monotonic time at which a goal was last confirmed while other requests waited.
+
+        As long as a server goes on like that, it is worth waiting for (contract C2.5).
+        """
+
+    def answered(self) -> None:
+        """Widen the window: a request was answered."""
+        self._resize(self._room + 1.0 / self._room)
+
+    def unanswered(self) -> None:
+        """Halve the window: a request that is not answered may have overrun the queue."""
+        self._resize(self._room / 2)
+
+    def note_progress(self, now: float) -> None:
+        """Note that a server has answered that it knows a goal, or has ended it."""
+        if self._taken >= self._size or self._waiting[0] or self._waiting[1]:
+            self.progressed_at = now
+
+    def _resize(self, room: float) -> None:
+        self._room = min(max(room, 1.0), float(self._most))
+        self._size = int(self._room)
 
 
 @dataclass(slots=True)
-class _Wanted:
+class _Cancellation:
     """A goal that is to be cancelled.
 
     Attributes:
         urgent: Whether its caller has little time left.
-        requests: How many were made since it was wanted last.
-        anew: Whether more has become known of it since the request on its way was sent, so that an
-            answer "unknown goal" says nothing of now.
-        again: Fires when it is to be asked for again; `None` while it waits for its turn.
+        requests: How many requests were sent since `ask` was last called.
+        outdated: Whether `ask` was called after the request that is unanswered. An answer
+            "unknown goal" to that request then says nothing about now.
+        timeout: Ends the wait for the answer to a request; `None` while no request is unanswered.
+        repeat: Starts the next request; `None` while the goal waits for a place in the window.
     """
 
     urgent: bool
     requests: int = 0
-    anew: bool = False
-    again: TimerHandle | None = None
+    outdated: bool = False
+    timeout: TimerHandle | None = None
+    repeat: TimerHandle | None = None
 
 
 class CancelQueue:
-    """Asks for cancellations. On the communication thread only."""
+    """Sends the cancel requests. On the communication thread only."""
 
     def __init__(
         self,
@@ -57,120 +93,108 @@ class CancelQueue:
         send: Callable[[bytes], None],
         cancel_timer: Callable[[TimerHandle], None],
     ) -> None:
-        """Ask for nothing so far.
+        """Make a queue without requests.
 
         Args:
             timers: The clock and timers of the thread.
             window: Shared by all in this process who cancel goals of the same servers.
             send: Sends the request to cancel the goal with this id.
-            cancel_timer: Takes back a timer.
+            cancel_timer: Cancels a timer.
         """
         self._timers = timers
         self._window = window
         self._send = send
         self._cancel_timer = cancel_timer
-        self._wanted: dict[bytes, _Wanted] = {}
-        self._turn: tuple[OrderedDict[bytes, None], OrderedDict[bytes, None]] = (
-            OrderedDict(),  # urgent
-            OrderedDict(),
-        )
-        self._unanswered: dict[bytes, TimerHandle] = {}
+        self._cancellations: dict[bytes, _Cancellation] = {}
+        self._outbox: Outbox[_Cancellation] = Outbox(window, on_free=self._send_next)
 
     def __len__(self) -> int:
         """How many goals are being cancelled."""
-        return len(self._wanted)
+        return len(self._cancellations)
 
     def ask(self, key: bytes, *, urgent: bool = False) -> None:
-        """Ask for a goal's cancellation until it is answered; at once, where it was asked before.
+        """Ask for a goal's cancellation until it is answered; now, if it was asked for before.
 
         Args:
             key: The goal's id.
             urgent: Whether its caller has little time left.
         """
-        wanted = self._wanted.get(key)
-        if wanted is None:
-            wanted = self._wanted[key] = _Wanted(urgent)
-        wanted.urgent |= urgent
-        wanted.requests = 0
-        if key in self._unanswered:
-            wanted.anew = True
+        cancellation = self._cancellations.get(key)
+        if cancellation is None:
+            cancellation = self._cancellations[key] = _Cancellation(urgent)
+        cancellation.urgent |= urgent
+        cancellation.requests = 0
+        if cancellation.timeout is not None:
+            cancellation.outdated = True
         else:
-            self._queue(key, wanted)
+            self._enqueue(key, cancellation)
 
     def answered(self, key: bytes, *, known: bool) -> None:
-        """A server has answered.
+        """Take a server's answer into account.
 
         Args:
             key: The goal's id.
-            known: Whether the server knows the goal. Else it is asked again.
+            known: Whether the server knows the goal. Otherwise the request will be repeated.
         """
-        if key in self._unanswered:
+        cancellation = self._cancellations.get(key)
+        if cancellation is None:
+            return
+        if cancellation.timeout is not None:
             self._window.answered()
             if known:
-                self._window.confirmed(self._timers.now())
-            self._give_back(key)
-        wanted = self._wanted.get(key)
+                self._window.note_progress(self._timers.now())
+            self._end_wait(key, cancellation)
         if known:
-            self.forget(key)
-        elif wanted is not None and wanted.anew:
-            self._queue(key, wanted)
+            self.stop(key)
+        elif cancellation.outdated:
+            self._enqueue(key, cancellation)
 
-    def forget(self, key: bytes) -> None:
-        """Ask no more: the goal has ended, or nobody is there to be asked."""
-        wanted = self._wanted.pop(key, None)
-        if wanted is not None:
-            self._unqueue(key, wanted)
-            self._give_back(key)
+    def stop(self, key: bytes) -> None:
+        """Send no more requests for a goal: it has ended, or nobody is there to answer."""
+        cancellation = self._cancellations.pop(key, None)
+        if cancellation is not None:
+            self._stop_repeat(cancellation)
+            self._end_wait(key, cancellation)
 
     def close(self) -> None:
-        """Ask for nothing any more."""
-        for queue in self._turn:
-            queue.clear()  # first, or the places that are given back would be taken again
-        self._window.forget(self._fill)
-        for key in list(self._wanted):
-            self.forget(key)
+        """Send no more requests."""
+        self._outbox.close()
+        for key in list(self._cancellations):
+            self.stop(key)
 
-    def _queue(self, key: bytes, wanted: _Wanted) -> None:
-        self._unqueue(key, wanted)
-        self._turn[0 if wanted.urgent else 1][key] = None
-        self._fill()
+    def _enqueue(self, key: bytes, cancellation: _Cancellation) -> None:
+        self._stop_repeat(cancellation)
+        self._outbox.discard(key)  # it may be among those that are not urgent
+        self._outbox.put(key, cancellation, urgent=cancellation.urgent)
+        self._send_next()
 
-    def _unqueue(self, key: bytes, wanted: _Wanted) -> None:
-        for queue in self._turn:
-            queue.pop(key, None)
-        if wanted.again is not None:
-            self._cancel_timer(wanted.again)
-            wanted.again = None
+    def _send_next(self) -> None:
+        while (taken := self._outbox.take()) is not None:
+            key, cancellation = taken
+            now = self._timers.now()
+            cancellation.timeout = self._timers.call_at(
+                now + ANSWERED_WITHIN, partial(self._not_answered, key, cancellation)
+            )
+            pause = _PAUSES[min(cancellation.requests, len(_PAUSES) - 1)]
+            cancellation.requests += 1
+            cancellation.outdated = False
+            cancellation.repeat = self._timers.call_at(
+                now + pause, partial(self._enqueue, key, cancellation)
+            )
+            self._send(key)
 
-    def _fill(self) -> None:
-        for queue, urgent in zip(self._turn, (True, False), strict=True):
-            while queue and self._window.enter(self._fill, urgent=urgent):
-                self._ask(queue.popitem(last=False)[0])
-
-    def _ask(self, key: bytes) -> None:
-        wanted = self._wanted[key]
-        now = self._timers.now()
-        self._unanswered[key] = self._timers.call_at(
-            now + ANSWERED_WITHIN, partial(self._not_answered, key)
-        )
-        pause = _PAUSES[min(wanted.requests, len(_PAUSES) - 1)]
-        wanted.requests += 1
-        wanted.anew = False
-        wanted.again = self._timers.call_at(now + pause, partial(self._again, key))
-        self._send(key)
-
-    def _not_answered(self, key: bytes) -> None:
+    def _not_answered(self, key: bytes, cancellation: _Cancellation) -> None:
         self._window.unanswered()
-        self._give_back(key)
+        self._end_wait(key, cancellation)
 
-    def _again(self, key: bytes) -> None:
-        wanted = self._wanted[key]
-        wanted.again = None
-        self._queue(key, wanted)
+    def _stop_repeat(self, cancellation: _Cancellation) -> None:
+        if cancellation.repeat is not None:
+            self._cancel_timer(cancellation.repeat)
+            cancellation.repeat = None
 
-    def _give_back(self, key: bytes) -> None:
-        """Whatever has come of the request: another may be sent."""
-        timer = self._unanswered.pop(key, None)
-        if timer is not None:
-            self._cancel_timer(timer)
-            self._window.leave()
+    def _end_wait(self, key: bytes, cancellation: _Cancellation) -> None:
+        """Give back the place in the window, or in the queue for it."""
+        if cancellation.timeout is not None:
+            self._cancel_timer(cancellation.timeout)
+            cancellation.timeout = None
+        self._outbox.discard(key)

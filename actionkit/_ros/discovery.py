@@ -1,14 +1,14 @@
-"""Keeping Fast DDS from hanging for ever where a node goes while others come or go.
+"""Works around a hang of Fast DDS that can happen when a node is destroyed.
 
-The last node of a context takes its DDS participant with it. Before that, rmw_fastrtps detaches
-the participant's listener with `DomainParticipant::set_listener(nullptr)`, which waits for
-callbacks under way without end. In Fast DDS 2.14 that endless wait overflows and never lets go of
-the lock that the callback needs: where a remote endpoint is discovered, or leaves, at just that
-moment, the thread spins for ever, with Python's GIL held, and not even Ctrl-C is heard. (Seen
-once in some 500 nodes that were destroyed while others came and went.)
+When the last node of a context is destroyed, so is its DDS participant. Before that, rmw_fastrtps
+removes the participant's listener with `DomainParticipant::set_listener(nullptr)`, which waits
+without limit for callbacks that are running. In Fast DDS 2.14 the time of that unlimited wait
+overflows, and the wait never releases the lock that the callback needs. If a remote endpoint is
+discovered or leaves at that moment, the thread spins for ever and holds Python's GIL, so that not
+even Ctrl-C works. (Seen once in about 500 nodes that were destroyed while others came and went.)
 
-A wait with an end is done right there. So the listener is detached here first, after which the
-endless one has nothing to wait for.
+A wait with a limit works as it should. So the listener is removed here first, with a limit; after
+that the unlimited wait has nothing to wait for.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SET_LISTENER = (
 
 
 class _FastDds:
-    """What is needed of the libraries; loads none that is not loaded."""
+    """The functions that are needed. Uses libraries only that rclpy has loaded already."""
 
     def __init__(self) -> None:
         mode = os.RTLD_NOLOAD | os.RTLD_LAZY
@@ -60,16 +60,16 @@ def _fast_dds() -> _FastDds | None:
 
 
 def stop_listening(node: Node) -> bool:
-    """Let the participant of a node hear no more of others, before it is destroyed.
+    """Remove the listener of a node's participant, before the node is destroyed.
 
-    Call it for the last node of a context, with its entities destroyed; no event of discovery
-    reaches the node afterwards. Lets go of the GIL while it waits.
+    Call it for the last node of a context, after its entities were destroyed. The node discovers
+    nothing afterwards. The GIL is released while this waits.
 
     Args:
         node: A node that is not destroyed.
 
     Returns:
-        Whether it was done; `False` with another middleware, or where a callback did not end.
+        Whether it was done; `False` with another middleware, or if a callback did not end.
     """
     library = _fast_dds()
     if library is None:

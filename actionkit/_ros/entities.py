@@ -1,8 +1,8 @@
-"""The DDS entities of one client, made from rclpy's public interface.
+"""The DDS entities of one client, made with rclpy's public functions.
 
-Three service clients and one or two raw subscriptions, not rclpy's `ActionClient`: that one
-turns every goal that the server remembers into Python objects at each status message, decodes
-the feedback of everybody's goals, and walks its tables at each completion (contract C7.2).
+They are three service clients and one or two raw subscriptions. rclpy's own `ActionClient` turns
+every goal that the server remembers into Python objects at each status message, decodes the
+feedback of everybody's goals, and searches its tables whenever a goal ends (contract C7.2).
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from actionkit._ros.graph import feedback_topic
 from actionkit._ros.native import EventSource, MessageSource, ResponseSource, Source
 
 _DEEP = 2000
-"""Depth of our queues: a thousand results may come together (R3)."""
+"""Depth of our queues: a thousand results, with as much feedback, may come together (R3)."""
 
 
 class Entities:
-    """What a client needs of the middleware for one action. On the communication thread."""
+    """One client's entities for one action. On the communication thread only."""
 
     def __init__(
         self,
@@ -48,8 +48,9 @@ class Entities:
             on_goal: Called with the sequence number of, and the response to, a goal request.
             on_result: The same for result requests.
             on_cancel: The same for cancel requests.
-            on_feedback: Called when feedback of the action has come, of whichever goal.
-            on_matched: Called with the number of servers when it changes, and how many have come.
+            on_feedback: Called when feedback of the action has come, for any goal.
+            on_matched: Called when servers come or go, with how many there are, and how many of
+                them are new.
 
         Raises:
             Exception: Whatever rclpy raises for a bad name or type.
@@ -60,8 +61,8 @@ class Entities:
         self._clients: list[ServiceClient] = []
         self._subscriptions: list[Subscription] = []
         try:
-            # In this order: servers learn of the endpoints in the order of their making, so
-            # that one which answers a cancel request knows all the others (see presence).
+            # The order matters: servers discover the endpoints in the order in which they are
+            # made, so a server that answers a cancel request knows all the others (R4).
             subscription = self._subscribe_feedback()
             self.feedback = MessageSource(subscription, on_feedback)
             self.matched: EventSource | None = None
@@ -79,7 +80,7 @@ class Entities:
 
     @property
     def sources(self) -> list[Source]:
-        """All that can be waited for, status excepted."""
+        """What can be waited for, except for the status."""
         always: list[Source] = [self.goal, self.result, self.cancel, self.feedback]
         return always if self.matched is None else [*always, self.matched]
 
@@ -91,8 +92,8 @@ class Entities:
         """
         return all(client.service_is_ready() for client in self._clients)
 
-    def subscribe_status(self, on_status: Callable[[], None]) -> StatusSubscription:
-        """Subscribe to the status messages, the latest of which comes at once."""
+    def subscribe_status(self, on_status: Callable[[], None]) -> MessageSource:
+        """Subscribe to the status messages, of which the latest comes at once."""
         subscription = self._node.create_subscription(
             self._impl.GoalStatusMessage,
             f"{self._name}/_action/status",
@@ -101,10 +102,14 @@ class Entities:
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
         )
-        return StatusSubscription(self._node, subscription, on_status)
+        return MessageSource(subscription, on_status)
+
+    def unsubscribe_status(self, source: MessageSource) -> None:
+        """Destroy the subscription that `subscribe_status` made."""
+        self._node.destroy_subscription(source.subscription)
 
     def destroy(self) -> None:
-        """Destroy all of them."""
+        """Destroy all of them, except for the subscription to the status."""
         for client in self._clients:
             self._node.destroy_client(client)
         for subscription in self._subscriptions:
@@ -126,7 +131,7 @@ class Entities:
             return self._subscription(
                 SubscriptionEventCallbacks(matched=_unused, use_default_callbacks=False)
             )
-        except UnsupportedEventTypeError:  # another middleware: servers are looked for instead
+        except UnsupportedEventTypeError:  # another middleware: the monitor asks the graph instead
             return self._subscription(SubscriptionEventCallbacks(use_default_callbacks=False))
 
     def _subscription(self, events: SubscriptionEventCallbacks) -> Subscription:
@@ -142,20 +147,5 @@ class Entities:
         return subscription
 
 
-class StatusSubscription:
-    """A subscription to the status topic that comes and goes."""
-
-    def __init__(
-        self, node: Node, subscription: Subscription, on_status: Callable[[], None]
-    ) -> None:
-        self.source = MessageSource(subscription, on_status)
-        self._node = node
-        self._subscription = subscription
-
-    def destroy(self) -> None:
-        """Destroy the subscription."""
-        self._node.destroy_subscription(self._subscription)
-
-
 def _unused(_: Any) -> None:
-    """Stand in for a callback: nothing here is spun, the sources take what comes."""
+    """Stand in for a callback, which rclpy demands. No executor calls it: the sources take."""

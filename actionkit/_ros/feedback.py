@@ -1,12 +1,13 @@
-"""The subscription to the feedback topic: its messages, and the event that tells of servers.
+"""Reads the subscription to the feedback topic: its messages, and the event that tells of servers.
 
-Everybody's feedback comes over it, and a turn of the thread costs more than taking a dozen
-messages. So where messages come fast, nothing is waited for during a pause after each look. What
-a result has overtaken is taken with it (R15).
+The feedback of all clients' goals comes over it, and a turn of the communication thread costs more
+than reading a dozen messages. So where messages come fast, the thread does not wait for them for a
+while after each read. When a result comes, all feedback is read first, because the result may have
+overtaken some (R15).
 
-The two go together for another reason. With Fast DDS both wake a wait by one condition of the
-reader: whoever waits for the event alone, with messages unread, waits no time at all, and again
-and again. So either both are waited for, or neither.
+Messages and event go together, because with Fast DDS one condition of the reader wakes the wait
+for both. If the thread waited for the event alone while messages are unread, each wait would
+return at once. So it waits either for both or for neither.
 """
 
 from __future__ import annotations
@@ -19,17 +20,17 @@ from actionkit._ros.wire import feedback_goal_id
 from actionkit._threads.clock import TimerHandle
 
 _PAUSE = 0.002
-"""Seconds; a goal may send a thousand a second."""
+"""Seconds; short for a human or a control loop, and two messages' worth at a thousand a second."""
 _PAUSE_FOR_OTHERS = 0.01
-"""Seconds where all that came was others'; within the 20 ms of contract C7.4."""
+"""Seconds when all messages were for others; a server is to be noticed within 20 ms (C7.4)."""
 _PAUSE_WHEN_IDLE = 1.0
-"""Seconds where nobody waits for anything here."""
-_HANDFULS = 32
-"""As much as the subscription's queue holds, so that no flood can keep the thread."""
+"""Seconds when nobody waits for anything here; an idle client may wake up so often (C7.4)."""
+_READS = 32
+"""Of 64 messages each, which is all that the queue holds: a flood cannot keep the thread."""
 
 
 class FeedbackWatch:
-    """Tells the feedback of goals, and lets nobody else's disturb. On its thread only."""
+    """Passes on the feedback of our goals. On the communication thread only."""
 
     def __init__(
         self,
@@ -39,57 +40,57 @@ class FeedbackWatch:
         *,
         goals: Container[bytes],
         on_feedback: Callable[[bytes, list[bytes]], None],
-        attentive: Callable[[], bool],
+        has_waiters: Callable[[], bool],
     ) -> None:
-        """Wait for the event, where there is one.
+        """Wait for the event, if the middleware has it. Feedback is passed on after `start`.
 
         Args:
             runtime: Whose thread this is.
-            messages: The subscription; `look` is to be called when it is ready.
+            messages: The subscription. `look` is to be called when it is readable.
             matched: Its event that tells of servers, or `None`.
-            goals: The ids of the goals wanted; read at each message.
-            on_feedback: Called with a goal's id and serialised feedback messages of it, in order.
-            attentive: Whether anybody waits for servers coming and going.
+            goals: The ids of the goals wanted. Read at each message.
+            on_feedback: Called with a goal's id and its serialised feedback messages, in order.
+            has_waiters: Whether anybody waits for servers coming and going.
         """
         self._runtime = runtime
         self._messages = messages
         self._matched = matched
         self._goals = goals
         self._on_feedback = on_feedback
-        self._attentive = attentive
+        self._has_waiters = has_waiters
         self._on = False
-        self._ours = 0  # how many messages were
-        self._looked = 0.0  # when some were taken last
+        self._ours = 0  # how many messages were for our goals
+        self._looked = 0.0  # when messages were last found
         self._pause: TimerHandle | None = None
         self._wait()
 
     def start(self) -> None:
-        """Tell feedback from now on. What has come before is nobody's, however much it is."""
+        """Pass on feedback from now on. What has come before is thrown away."""
         if not self._on:
             self._on = True
             self._messages.discard()
-            # A goal that ends within the pause costs no look: its result takes its feedback.
-            self._rest(_PAUSE)
+            # If a goal ends within the pause, its feedback is read with its result.
+            self._start_pause(_PAUSE)
 
     def stop(self) -> None:
-        """Tell none any more."""
+        """Pass on none until `start` is called again."""
         self._on = False
         self._wait()
 
-    def heed(self) -> None:
-        """See at once what servers there are."""
+    def poll_now(self) -> None:
+        """Read the event now, also within a pause."""
         if self._pause is not None and self._matched is not None:
             self._matched.take()
             self._wait()
 
     def take_all(self) -> None:
-        """Take what has come."""
-        for _ in range(_HANDFULS):
+        """Read everything that has come."""
+        for _ in range(_READS):
             if not self._take():
                 return
 
     def look(self) -> None:
-        """Take some of what has come; then pause, unless messages come one by one."""
+        """Read some of what has come; then pause, unless messages come rarely."""
         before = self._ours
         if not self._take():
             self._wait()
@@ -97,27 +98,27 @@ class FeedbackWatch:
         now = self._runtime.now()
         since, self._looked = now - self._looked, now
         pause = _PAUSE if self._ours > before else _PAUSE_FOR_OTHERS
-        if not self._on and not self._attentive():
-            self._rest(_PAUSE_WHEN_IDLE)
+        if not self._on and not self._has_waiters():
+            self._start_pause(_PAUSE_WHEN_IDLE)
         elif since > 2 * pause:
             self._wait()
         else:
-            self._rest(pause)
+            self._start_pause(pause)
 
     def close(self) -> None:
-        """Wait for nothing."""
+        """Wait for neither messages nor event, and end the pause."""
         for source in (self._messages, self._matched):
             if source is not None:
                 self._runtime.disable(source)
         if self._pause is not None:
-            self._runtime.timers.cancel(self._pause)
+            self._runtime.cancel_timer(self._pause)
             self._pause = None
 
-    def _rest(self, pause: float) -> None:
+    def _start_pause(self, pause: float) -> None:
         self.close()
-        self._pause = self._runtime.call_at(self._runtime.now() + pause, self._end_rest)
+        self._pause = self._runtime.call_at(self._runtime.now() + pause, self._end_pause)
 
-    def _end_rest(self) -> None:
+    def _end_pause(self) -> None:
         self._pause = None
         self.look()
 
@@ -135,7 +136,7 @@ class FeedbackWatch:
             goal_id = feedback_goal_id(message)
             if goal_id in self._goals:
                 ours.setdefault(goal_id, []).append(message)
-        for goal_id, handful in ours.items():
-            self._ours += len(handful)
-            self._on_feedback(goal_id, handful)
+        for goal_id, its_messages in ours.items():
+            self._ours += len(its_messages)
+            self._on_feedback(goal_id, its_messages)
         return bool(messages)

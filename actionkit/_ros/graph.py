@@ -13,13 +13,13 @@ _FEEDBACK_TYPE = "_FeedbackMessage"
 
 
 @dataclass(frozen=True)
-class ServerInfo:
-    """One action server, as the publisher of its feedback topic shows it.
+class Endpoint:
+    """One server of an action, or one client, as its end of the feedback topic shows it.
 
     Attributes:
-        gid: The id of that publisher: each incarnation of a server has its own (R1).
+        gid: The id of that publisher or subscription. A restarted server has another one (R1).
         action_type: Such as `test_msgs/action/Fibonacci`.
-        node: The full name of the server's node; `""` while it is not known yet.
+        node: The full name of its node; `""` while it is not known yet.
     """
 
     gid: bytes
@@ -32,32 +32,25 @@ def feedback_topic(action_name: str) -> str:
     return action_name + _FEEDBACK
 
 
-def servers(node: Node, action_name: str) -> list[ServerInfo]:
+def servers(node: Node, action_name: str) -> list[Endpoint]:
     """Return the servers of a fully qualified action name.
 
     Raises:
         RCLError: The node's context was shut down.
     """
-    return [
-        ServerInfo(
-            gid=bytes(info.endpoint_gid),
-            action_type=action_type_of(info),
-            node=node_of(info),
-        )
-        for info in node.get_publishers_info_by_topic(feedback_topic(action_name))
-    ]
+    infos = node.get_publishers_info_by_topic(feedback_topic(action_name))
+    return [endpoint_of(info) for info in infos]
 
 
-def action_type_of(info: TopicEndpointInfo) -> str:
-    """Return the action type of a publisher or subscription of a feedback topic."""
-    return info.topic_type.removesuffix(_FEEDBACK_TYPE)
-
-
-def node_of(info: TopicEndpointInfo) -> str:
-    """Return the full name of an endpoint's node; `""` while it is not known."""
-    if "_UNKNOWN_" in info.node_name:
-        return ""  # the middleware's placeholder for a moment after discovery
-    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+def endpoint_of(info: TopicEndpointInfo) -> Endpoint:
+    """Return what a publisher or subscription of a feedback topic tells of its action."""
+    name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+    return Endpoint(
+        gid=bytes(info.endpoint_gid),
+        action_type=info.topic_type.removesuffix(_FEEDBACK_TYPE),
+        # The middleware has a placeholder for a moment after discovery.
+        node="" if "_UNKNOWN_" in info.node_name else name,
+    )
 
 
 def action_names(node: Node) -> list[str]:

@@ -1,31 +1,29 @@
-"""What ties one client to the servers of one action: routes what comes to whom it is about.
+"""Connects the goals of one client with the servers of its action.
 
-All of it happens on the communication thread.
+It sends what goals ask for, and tells each goal's listener what the servers answer. All of it
+happens on the communication thread.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.codes import STATES, cancel_answer
 from actionkit._ros.entities import Entities
 from actionkit._ros.feedback import FeedbackWatch
-from actionkit._ros.listener import GoalListener, SentGoal
-from actionkit._ros.outbox import Outbox
-from actionkit._ros.requests import Requests
+from actionkit._ros.listener import GoalListener
+from actionkit._ros.outbox import Outbox, Window
+from actionkit._ros.requests import ServiceRequests
 from actionkit._ros.runtime import Runtime
-from actionkit._ros.servers.liveness import Liveness
-from actionkit._ros.servers.monitor import Lookout
-from actionkit._ros.servers.readiness import Presence
+from actionkit._ros.servers.monitor import ServerMonitor
 from actionkit._ros.status import StatusWatch
 
 _ANSWERED_WITHIN = 0.1
 """Seconds; a server that does not answer for so long may have been stopped or killed."""
 _CLEARED_WITHIN = 4.0
-"""Seconds until Fast DDS has cleared away after a process that stopped: it looks once a second,
-at whoever has not moved for a second, and waits for a lock for a second."""
+"""Seconds until Fast DDS has cleaned up after a process that stopped: once a second it looks for
+processes that did nothing for a second, and then it waits for their lock for a second."""
 
 
 class Link:
@@ -44,9 +42,9 @@ class Link:
             Exception: Whatever rclpy raises for a bad name or type.
         """
         self.runtime = runtime
-        self._sent: dict[bytes, SentGoal] = {}
+        self._listeners: dict[bytes, GoalListener] = {}  # of the goals that were sent, by id
         self._outbox: Outbox[tuple[GoalListener, Any]] = Outbox(
-            runtime.window(name), on_free=self._flush
+            runtime.window(Window, name), on_free=self._send_next
         )
         self._entities = Entities(
             runtime.node,
@@ -55,99 +53,100 @@ class Link:
             on_goal=self._take_goal,
             on_result=self._take_result,
             on_cancel=self._take_cancel,
-            on_feedback=self._look_at_feedback,
+            on_feedback=lambda: self._feedback.look(),  # noqa: PLW0108  it is made below
             on_matched=self._on_matched,
         )
-        self._requests = Requests(
+        self._requests = ServiceRequests(
             runtime,
             self._entities,
             action_type.Impl,
             action_name=name,
-            count_servers=lambda: self.presence.count,
-            on_cancel_sent=lambda key: self._sent[key].listener.on_cancel_sent(),
+            count_servers=lambda: self.readiness.count,
+            on_cancel_sent=lambda key: self._listeners[key].on_cancel_sent(),
         )
-        self._status = StatusWatch(runtime, self._entities, self._sent, self._take_status)
-        self.lookout = Lookout(
+        self.orphans = self._requests.orphans
+        """The goals that have ended here and are being cancelled on other servers."""
+        self._status = StatusWatch(runtime, self._entities, self._listeners, self._take_status)
+        self.monitor = ServerMonitor(
             runtime,
             self._entities,
             name=name,
             type_name=type_name,
-            ask=self._requests.question,
-            sent=self._sent,
+            probe=self._requests.probe,
+            listeners=self._listeners,
             queued=lambda: [listener for listener, _ in self._outbox.waiting()],
             on_ready=self._on_ready,
         )
+        self.readiness = self.monitor.readiness
+        """Whether servers are there."""
+        self.liveness = self.monitor.liveness
+        """Probes the servers now and then, where the user wants that."""
         self._feedback = FeedbackWatch(
             runtime,
             self._entities.feedback,
             self._entities.matched,
-            goals=self._sent,
+            goals=self._listeners,
             on_feedback=self._take_feedback,
-            attentive=lambda: self.lookout.waiting > 0,
+            has_waiters=lambda: self.monitor.waiting > 0,
         )
-
-    @property
-    def presence(self) -> Presence:
-        """Whether servers are there."""
-        return self.lookout.presence
-
-    @property
-    def liveness(self) -> Liveness:
-        """What asks the servers now and then, where that is wanted."""
-        return self.lookout.liveness
 
     # --- what goals ask for ----------------------------------------------------------------
 
     def await_server(self, listener: GoalListener) -> None:
         """Tell the listener once when a server is ready, or while another type is served."""
-        self._feedback.heed()
-        self.lookout.await_server(listener)
+        self._feedback.poll_now()
+        self.monitor.await_server(listener)
 
-    def hold(self, listener: GoalListener) -> None:
-        """Tell the listener again when a server is ready anew."""
-        self._feedback.heed()
-        self.lookout.hold(listener)
+    def await_next_ready(self, listener: GoalListener) -> None:
+        """Tell the listener when a server becomes ready the next time."""
+        self._feedback.poll_now()
+        self.monitor.await_next_ready(listener)
 
     def send_goal(self, listener: GoalListener, goal: Any) -> None:
         """Queue a goal request; the listener is told when it was sent."""
-        self.lookout.withdraw(listener)
+        self.monitor.stop_waiting(listener)
         self._outbox.put(listener.goal_id.bytes, (listener, goal))
-        self._flush()
+        self._send_next()
 
-    def adopt(self, listener: GoalListener) -> None:
-        """Tell this listener what comes for its goal id, instead of the one before."""
+    def rebind(self, listener: GoalListener) -> None:
+        """Tell this listener what servers say of its goal id, instead of the earlier listener."""
         key = listener.goal_id.bytes
-        goal = self._sent.get(key)
-        if goal is not None:
-            goal.listener = listener
-            self._requests.stop_cancel(key)  # it is wanted again
+        if key in self._listeners:
+            self._listeners[key] = listener
+            self._requests.cancels.stop(key)  # the caller wants the goal again
 
-    def withdraw(self, listener: GoalListener) -> None:
-        """Await and send nothing any more for the listener."""
-        self.lookout.withdraw(listener)
+    def dequeue(self, listener: GoalListener) -> None:
+        """Wait for no server any more for the listener, and do not send its goal."""
+        self.monitor.stop_waiting(listener)
         self.leave_outbox(listener)
 
     def leave_outbox(self, listener: GoalListener) -> None:
-        """Let the next goal request be sent: this one is answered, or is waited for no more."""
+        """Give the goal's place in the window, or in the queue for it, to the next goal."""
         self._outbox.discard(listener.goal_id.bytes)
-        self._flush()
 
     def sees_server_of(self, listener: GoalListener) -> bool:
         """Whether a server is there that the goal was sent to."""
-        goal = self._sent.get(listener.goal_id.bytes)
-        return goal is not None and bool(goal.sent_to & self.presence.servers)
+        return self.monitor.sees_server_of(listener.goal_id.bytes)
 
-    def ask_result(self, listener: GoalListener, *, anew: bool = False) -> None:
-        """Ask for the goal's result; again only at a measured pace, unless it is `anew`."""
-        self._requests.ask_result(listener.goal_id.bytes, anew=anew)
+    def ask_result(self, listener: GoalListener, *, supersedes_earlier: bool = False) -> None:
+        """Ask for the goal's result.
+
+        Args:
+            listener: Whose goal it is.
+            supersedes_earlier: Whether to ask at once, because more is known of the goal than
+                when it was asked before. Else a goal asks again at a limited rate.
+        """
+        self._requests.ask_result(listener.goal_id.bytes, supersedes_earlier=supersedes_earlier)
 
     def ask_cancel(self, listener: GoalListener, *, urgent: bool) -> None:
         """Ask for the goal's cancellation until it is answered; those that are urgent first."""
-        self._requests.ask_cancel(listener.goal_id.bytes, urgent=urgent)
+        key = listener.goal_id.bytes
+        if key in self._listeners:
+            self._requests.cancels.ask(key, urgent=urgent)
 
     def stop_cancel(self, listener: GoalListener) -> None:
-        """Ask for it no more, for now: the goal's server is gone."""
-        self._requests.stop_cancel(listener.goal_id.bytes)
+        """Send no cancel requests for the goal while its server is gone."""
+        self._requests.cancels.stop(listener.goal_id.bytes)
 
     @property
     def others_confirmed_at(self) -> float:
@@ -167,21 +166,22 @@ class Link:
             finished: Whether a server has told its result.
         """
         key = listener.goal_id.bytes
-        self.withdraw(listener)
-        if self._sent.pop(key, None) is None:
+        self.dequeue(listener)
+        if self._listeners.pop(key, None) is None:
             return
+        self.monitor.forget(key)
         self._requests.forget(key, abandoned=abandoned, finished=finished)
-        if not self._sent:
+        if not self._listeners:
             self._status.stop()
             self._feedback.stop()
 
-    def _flush(self) -> None:
-        """Send what may be sent now."""
-        while self.presence.ready and (taken := self._outbox.take()) is not None:
+    def _send_next(self) -> None:
+        """Send the goals that may be sent now."""
+        while self.readiness.ready and (taken := self._outbox.take()) is not None:
             key, (listener, goal) = taken
             if listener.unwanted:
                 self._outbox.discard(key)
-                continue  # its cancellation is on the way to this thread
+                continue  # the caller has cancelled, which this thread will hear soon
             self._feedback.start()
             try:
                 self._requests.send_goal(key, goal)
@@ -189,54 +189,34 @@ class Link:
                 self._outbox.discard(key)
                 listener.on_send_failed(error)
                 continue
-            # Where it is sent again (R5), it is no longer the earlier server that matters.
-            servers = self.presence.servers
-            self._sent[key] = SentGoal(listener, self.runtime.now(), servers, servers)
+            self._listeners[key] = listener
+            self.monitor.goal_sent(key)
             listener.on_sent()
 
     def _on_ready(self) -> None:
         self._requests.server_came()
-        self._flush()  # what got its turn while none was ready
+        self._send_next()  # goals that got their turn while no server was ready
 
-    # --- what its owner asks for -----------------------------------------------------------
-
-    @property
-    def cancels_strays(self) -> bool:
-        """Whether goals that ended here are being cancelled elsewhere (R14)."""
-        return self._requests.cancels_strays
-
-    def on_strays_gone(self, callback: Callable[[], None]) -> None:
-        """Call `callback` whenever no such goal is left."""
-        self._requests.on_strays_gone = callback
+    # --- what the port asks for ------------------------------------------------------------
 
     def server_is_ready(self) -> bool:
-        """Whether goals can be sent now."""
-        self._feedback.heed()
-        return self.presence.ready
-
-    def add_ready_waiter(self, callback: Callable[[], None]) -> None:
-        """Call `callback` at once where a server is ready, and whenever one becomes so."""
-        self.lookout.add_ready_waiter(callback)
-        if self.server_is_ready():
-            callback()
-
-    def remove_ready_waiter(self, callback: Callable[[], None]) -> None:
-        """Undo `add_ready_waiter`."""
-        self.lookout.remove_ready_waiter(callback)
+        """Whether goals can be sent now, after a look at the middleware's latest event."""
+        self._feedback.poll_now()
+        return self.readiness.ready
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table holds, for tests of growth (C7.5)."""
         return {
             **self._requests.table_sizes(),
-            "goals": len(self._sent),
+            "goals": len(self._listeners),
             "outbox": len(self._outbox),
-            "awaiting": self.lookout.waiting,
+            "awaiting": self.monitor.waiting,
         }
 
     def close(self) -> None:
         """Destroy the entities. No listener is told anything any more."""
         self._outbox.close()
-        self.lookout.close()
+        self.monitor.close()
         self._requests.close()
         since = self._requests.unheard_since
         if since is not None and self.runtime.now() - since > _ANSWERED_WITHIN:
@@ -247,7 +227,7 @@ class Link:
             self.runtime.disable(source)
         self._entities.destroy()
 
-    # --- what comes ------------------------------------------------------------------------
+    # --- what the servers send -------------------------------------------------------------
 
     def _on_matched(self, count: int, came: int) -> None:
         # What a server said before it went is not to be read after that: a result would come
@@ -257,8 +237,8 @@ class Link:
         self._feedback.take_all()
         self._status.take_now()
         if count == 0:
-            self._requests.heard()  # nobody is left to be heard
-        self.lookout.matched(count, came)
+            self._requests.heard()  # nobody is left who could answer
+        self.monitor.matched(count, came)
 
     def _take_goal(self, seq: int, response: Any) -> None:
         self.liveness.heard()
@@ -266,26 +246,26 @@ class Link:
         if key is None:
             return
         if response.accepted:
-            self._sent[key].listener.on_accepted()
+            self._listeners[key].on_accepted()
         else:
-            self._sent[key].listener.on_rejected()
+            self._listeners[key].on_rejected()
 
     def _take_result(self, seq: int, response: Any) -> None:
         self.liveness.heard()
         state = STATES.get(response.status)
-        if state is None and self.presence.count > 1:
-            # From a server that does not know the goal. Another may; or it was the goal's
-            # server, and is dead (R1).
-            if self._requests.awaits("result", seq):
-                self.lookout.suspect()
+        if state is None and self.readiness.count > 1:
+            # This server does not know the goal. Another one may know it, or the one that had
+            # the goal is dead (R1).
+            if self._requests.goal_of("result", seq):
+                self.monitor.restarts.start()
             return
         outdated = self._requests.is_outdated(seq)
         key = self._requests.answered("result", seq)
         if key is not None:
             self._feedback.take_all()  # the result may have overtaken some (R15)
-            listener = self._sent[key].listener
+            listener = self._listeners[key]
             if listener.unwanted:
-                self._requests.cancel_window.confirmed(self.runtime.now())
+                self._requests.cancel_window.note_progress(self.runtime.now())
             if state is None or state.is_terminal:
                 listener.on_result(state, response.result, outdated=outdated)
             # A state in which a goal goes on is no answer to this: it is asked for again.
@@ -293,38 +273,27 @@ class Link:
     def _take_cancel(self, seq: int, response: Any) -> None:
         self.liveness.heard()
         self._requests.heard()
-        self.lookout.count_answer(seq)
-        if self._requests.is_question(seq):
-            if not self.lookout.counting:
-                self._requests.forget_questions()
-            self.presence.answered()
+        self.monitor.restarts.count_answer(seq)
+        if self._requests.probe_answered(seq, others_matter=self.monitor.restarts.running):
+            self.readiness.answered()
         canceling = {bytes(info.goal_id.uuid) for info in response.goals_canceling}
-        answer = cancel_answer(response, self._requests.goal_of("cancel", seq), canceling)
+        goal = self._requests.goal_of("cancel", seq)
+        answer = cancel_answer(response, goal, canceling)
         known = answer is not CancelAnswer.UNKNOWN_GOAL
-        if not known and self._may_be_elsewhere(seq):
-            self.lookout.suspect()
+        if not known and self.monitor.may_be_elsewhere(goal):
+            self.monitor.restarts.start()
             return
-        over = answer is CancelAnswer.TERMINATED
-        self._requests.stray_answered(seq, canceling, over=over)
+        self.orphans.answered(seq, canceling, over=answer is CancelAnswer.TERMINATED)
         key = self._requests.cancel_answered(seq, known=known)
         if key is not None:
-            self._sent[key].listener.on_cancel_answer(answer)
-
-    def _may_be_elsewhere(self, seq: int) -> bool:
-        """Whether not the server that was asked, but another, may have said what it knows."""
-        goal = self._sent.get(self._requests.goal_of("cancel", seq))
-        return goal is not None and bool(goal.servers) and self.presence.count > 1
-
-    def _look_at_feedback(self) -> None:
-        self._feedback.look()
+            self._listeners[key].on_cancel_answer(answer)
 
     def _take_feedback(self, key: bytes, messages: list[bytes]) -> None:
         self.liveness.heard()
-        goal = self._sent.get(key)
-        if goal is not None:
-            goal.listener.on_feedback(messages)
+        if (listener := self._listeners.get(key)) is not None:
+            listener.on_feedback(messages)
 
     def _take_status(self, key: bytes, code: int) -> None:
-        goal = self._sent.get(key)
-        if goal is not None and code in STATES:
-            goal.listener.on_status(STATES[code])
+        listener = self._listeners.get(key)
+        if listener is not None and code in STATES:
+            listener.on_status(STATES[code])

@@ -1,9 +1,8 @@
-"""A goal as this package sees it: who is told of it, and the servers that may have it."""
+"""Who is told what the servers say of a goal."""
 
 from __future__ import annotations
 
 import uuid
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 from actionkit._model.cancel_answer import CancelAnswer
@@ -37,20 +36,3 @@ class GoalListener(Protocol):
     def on_cancel_sent(self) -> None: ...
     def on_cancel_answer(self, answer: CancelAnswer) -> None: ...
     def on_server_lost(self, reason: str) -> None: ...
-
-
-@dataclass
-class SentGoal:
-    """One goal that may be on a server.
-
-    Attributes:
-        listener: Who is told of it.
-        sent_at: When it was sent.
-        servers: The ids of the servers in sight that may have it.
-        sent_to: Of all that may have it, or take it yet, in sight or not.
-    """
-
-    listener: GoalListener
-    sent_at: float
-    servers: frozenset[bytes]
-    sent_to: frozenset[bytes]

@@ -1,4 +1,4 @@
-"""Which action a name means: resolved as a node of the user's would (contract C1.2)."""
+"""Finds the full name of an action, as a node of the user's would resolve it (contract C1.2)."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def resolve(node: Node, action_name: object) -> str:
             " Remove them: a ROS name has letters, digits, underscores and slashes only"
         )
     try:
-        # Also checks the characters, which a name alone would pass unnoticed.
+        # This also checks the characters, which resolving the topic's name alone does not.
         node.resolve_service_name(f"{action_name}/_action/send_goal")
         return str(node.resolve_topic_name(action_name))
     except (InvalidTopicNameException, InvalidServiceNameException, RCLError) as error:

@@ -1,11 +1,11 @@
-"""The only place that touches rclpy's private parts: one wait over chosen entities.
+"""The only module that uses private parts of rclpy: it waits for chosen entities.
 
-rclpy's executors rebuild their wait set from every entity of the node at each turn, wrap each
-event in a task, and end for good at a user's exception (R8) or at the shutdown of the context
-by rclpy's own signal handler (R10). Here the wait set holds just what is being waited for, and
-the wait goes on working in a context that was shut down, which is what lets a cancel reach the
-server after Ctrl-C. Seen on rclpy 7.1.x; `WaitSet`, `handle.send_request`,
-`handle.take_response` and `handle.take_message` are what rclpy's own executor uses.
+At each turn rclpy's executors rebuild their wait set from every entity of the node, and wrap each
+event in a task. They end for good when a user's callback raises (R8), or when rclpy's own signal
+handler shuts the context down (R10). Here the wait set holds just the entities that are waited
+for. Waiting also works in a context that was shut down, so a cancel request can be sent after
+Ctrl-C. Seen on rclpy 7.1.x; `WaitSet`, `handle.send_request`, `handle.take_response` and
+`handle.take_message` are what rclpy's own executor uses.
 """
 
 from __future__ import annotations
@@ -26,12 +26,14 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.subscription import Subscription
 
 _FOREVER = -1
+"""The timeout of a wait without end."""
 _LONGEST = 1e9
-"""Seconds; the middleware's nanoseconds end after nine times as many."""
+"""Seconds, which are 31 years; the middleware's 64 bits of nanoseconds hold nine times as many."""
 _MOST_AT_ONCE = 64
-"""Messages taken of one entity before the others get their turn."""
+"""Messages taken of one entity in a row, which takes about a millisecond; then others are read."""
 _SPARE = 4
-"""Places in a wait set beyond those needed, for each kind."""
+"""Places in a new wait set beyond twice those needed: a client has five sources at most, and making
+a wait set costs more than waiting on a sparse one."""
 
 
 RCLError = rclpy_implementation.RCLError
@@ -40,9 +42,9 @@ _call = operator.methodcaller("__call__")
 
 
 def is_up(context: Context) -> bool:
-    """Whether the context is not shut down; a signal handler may ask.
+    """Return whether the context is not shut down. Can be called from a signal handler.
 
-    `Context.ok()` has a lock: a handler that interrupted it and asked again would wait for ever.
+    `Context.ok()` takes a lock: a handler that interrupts it and calls it waits for ever.
     """
     handle = context.handle
     try:
@@ -67,12 +69,12 @@ def domain_of(context: Context) -> int:
 
 
 class Source:
-    """Something to wait for, and what to call when it is ready."""
+    """An entity to wait for, and what to call when there is something to read."""
 
     kind: str
 
-    def __init__(self, on_ready: Callable[[], None]) -> None:
-        self.on_ready = on_ready
+    def __init__(self, on_readable: Callable[[], None]) -> None:
+        self.on_readable = on_readable
 
     def add_to(self, wait_set: Any) -> int:
         """Add this entity to the wait set and return its index there."""
@@ -80,7 +82,7 @@ class Source:
 
 
 class ResponseSource(Source):
-    """The responses that a service client gets."""
+    """The responses to a service client."""
 
     kind = "client"
 
@@ -98,7 +100,7 @@ class ResponseSource(Source):
         return int(self._handle.send_request(request))
 
     def take(self) -> None:
-        """Take what has come, without waiting."""
+        """Read what has come, without waiting, and pass it on."""
         for _ in range(_MOST_AT_ONCE):
             header, response = self._handle.take_response(self._type)
             if header is None:
@@ -111,15 +113,16 @@ class MessageSource(Source):
 
     kind = "subscription"
 
-    def __init__(self, subscription: Subscription, on_ready: Callable[[], None]) -> None:
-        super().__init__(on_ready)
+    def __init__(self, subscription: Subscription, on_readable: Callable[[], None]) -> None:
+        super().__init__(on_readable)
+        self.subscription = subscription
         self._handle = subscription.handle
 
     def add_to(self, wait_set: Any) -> int:
         return int(wait_set.add_subscription(self._handle))
 
     def take(self) -> list[bytes]:
-        """Return some of what has come, without waiting; nothing where nothing has."""
+        """Return messages that have come, without waiting; a limited number at a time."""
         messages: list[bytes] = []
         while len(messages) < _MOST_AT_ONCE:
             taken = self._handle.take_message(None, True)
@@ -129,7 +132,7 @@ class MessageSource(Source):
         return messages
 
     def discard(self) -> None:
-        """Forget what has come."""
+        """Throw away what has come."""
         while self._handle.take_message(None, True) is not None:
             pass
 
@@ -153,7 +156,7 @@ class EventSource(Source):
         return bool(self._handler.is_ready(wait_set))
 
     def take(self) -> None:
-        """Take what has come, without waiting."""
+        """Read what has come, without waiting, and pass it on."""
         event = self._handler.take_data()
         if event is not None:
             self._on_event(event)
@@ -165,8 +168,7 @@ class Waiter:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._guard = GuardCondition(None, None, context=context)
-        self._capacity = (0, 0, 0)
-        self._room = -1  # for so many sources, whatever their kinds
+        self._room = -1  # for so many sources of each kind
         self._wait_set: Any = None
 
     def wake(self) -> None:
@@ -177,8 +179,8 @@ class Waiter:
     def wake_with(self, inbox: deque[_T], item: _T) -> None:
         """Append to the inbox and `wake`, with no signal handler between the two.
 
-        A handler runs between two bytecodes. Between these it could wait, for as long as it likes,
-        for what was put in and nobody was told of. So both are done by one call into C.
+        A handler runs between two bytecodes. If it ran between these two, it could wait for ever
+        for an item that is in the inbox while the thread sleeps. So one call into C does both.
         """
         trigger = self._guard.handle.trigger_guard_condition
         with contextlib.suppress(InvalidHandle, RCLError):  # as above
@@ -189,13 +191,13 @@ class Waiter:
 
         Args:
             sources: What to wait for.
-            timeout: Seconds; `None` waits for ever, and 31 years is the longest else.
+            timeout: Seconds; `None` waits for ever.
 
         Returns:
             The sources that are ready.
         """
         if len(sources) > self._room:
-            self._reserve(sources)
+            self._reserve(2 * len(sources) + _SPARE)
         wait_set = self._wait_set
         wait_set.clear_entities()
         wait_set.add_guard_condition(self._guard.handle)
@@ -211,21 +213,12 @@ class Waiter:
             )
         ]
 
-    def _reserve(self, sources: Sequence[Source]) -> None:
-        kinds = [source.kind for source in sources]
-        needed = (kinds.count("subscription"), kinds.count("client"), kinds.count("event"))
-        if self._wait_set is not None and all(
-            want <= have for want, have in zip(needed, self._capacity, strict=True)
-        ):
-            return
+    def _reserve(self, room: int) -> None:
         self._release_wait_set()
-        # Room to grow: making a wait set costs more than waiting on a sparse one.
-        self._capacity = tuple(2 * want + _SPARE for want in needed)  # type: ignore[assignment]
-        self._room = min(self._capacity)
-        subscriptions, clients, events = self._capacity
+        self._room = room
         # Subscriptions, guard conditions, timers, clients, services, events.
         self._wait_set = rclpy_implementation.WaitSet(
-            subscriptions, 1, 0, clients, 0, events, self._context.handle
+            room, 1, 0, room, 0, room, self._context.handle
         )
 
     def _release_wait_set(self) -> None:

@@ -1,13 +1,14 @@
-"""Goals that ended here and may be running on another server (R14).
+"""Goals that have ended for their caller and may still run on another server (R14).
 
-Two servers on one name both take every goal, and the first answer ends it here. A server takes
-goals before it is seen from here, and its acceptance may be lost on a way that it does not know
-yet (R4). So what ended lately is remembered:
+Two servers on one name both take every goal, and the first answer ends the goal for the caller.
+The other server may go on running it. It may even have taken the goal before this side saw it, and
+its acceptance may have been lost on the way (R4). So the goals that ended lately are remembered:
 
-- A server that accepts one of them has it. Its cancellation is asked for until whoever has it
-  has answered.
-- A server that has just come may have any of them. It is asked to cancel those that ended not
-  long before, and so are several servers whenever a goal ends on one of them.
+- A server that accepts one of them late runs it: the goal is a *confirmed* orphan. Its
+  cancellation is asked for until that server has answered.
+- A server that has just come may run any of them: the goals that ended not long before are
+  *suspected* orphans, and the server is asked to cancel them. So is a goal that ends while there
+  are several servers.
 
 No more is asked for than fits into a server's queue (R3).
 """
@@ -26,28 +27,37 @@ from actionkit._threads.clock import Timers
 from actionkit._threads.diagnostics import log_later
 
 _REMEMBERED = 256
+"""Goals; a bound for the memory. The newest are kept, because they are the likeliest to run."""
 _RECENT = 20.0
-"""Seconds; as long as a server may be in the making, and longer than any was seen to be."""
+"""Seconds; longer than any server took from accepting its first goals to being in sight here."""
 _AT_ONCE = 4
+"""Requests; half of a window, so that cancellations which a caller waits for are not held up."""
 _ANSWERED_WITHIN = 0.2
-"""Seconds after which the answers that a request has not got are waited for no more."""
+"""Seconds until the next request may be sent; a server that lives answers in milliseconds."""
 _TRIES = 5
-_GUESSES = 2
-"""How often a cancellation is asked for where nothing shows that anybody has the goal."""
+"""How often the cancellation of a confirmed orphan is asked for, within 15 seconds."""
+_TRIES_WHEN_SUSPECTED = 2
+"""The same where nothing shows that any server has the goal; one request may get lost."""
 _FIRST_PAUSE = 0.5
 """Seconds until a cancellation is asked for again; twice as long each time."""
 
 
 _Ended = tuple[bytes, float, int, bool]
-"""A goal's id, when it ended, how many servers have accepted it, whether one is yet to say so.
+"""A goal's id, when it ended, how many servers accepted it, whether an acceptance is pending.
 
 A plain tuple, which Python's collector need not look at again: every call leaves one.
 """
 
 
 @dataclass(slots=True)
-class _Request:
-    """A cancel request: how many answers it has got, and how many of them that the goal ends."""
+class _CancelRequest:
+    """A cancel request for an orphan.
+
+    Attributes:
+        key: The goal's id.
+        answers: How many servers have answered.
+        ends: How many of them answered that the goal is ending or has ended.
+    """
 
     key: bytes
     answers: int = 0
@@ -55,28 +65,28 @@ class _Request:
 
 
 @dataclass(slots=True)
-class _Stray:
+class _Orphan:
     """A goal that is to be cancelled wherever it runs.
 
     Attributes:
-        late: How many servers have accepted it when it had ended here, or was another's.
-        accepted: How many have accepted it in all, where any did so late.
-        left: How often its cancellation is still to be asked for.
-        pause: Seconds until then.
-        canceling: How many servers said that they are cancelling it.
+        late: How many servers accepted it after it had ended here, or beside the one it ended on.
+        accepted: How many servers accepted it in all; 0 while `late` is 0.
+        left: How many more times its cancellation is asked for.
+        pause: Seconds until the next time.
+        canceling: How many servers answered that they are cancelling it.
         requests: The numbers of the requests to cancel it.
     """
 
     late: int = 0
     accepted: int = 0
-    left: int = _GUESSES
+    left: int = _TRIES_WHEN_SUSPECTED
     pause: float = _FIRST_PAUSE
     canceling: int = 0
     requests: list[int] = field(default_factory=list)
 
 
-class Strays:
-    """Finds and cancels them. On the communication thread only."""
+class OrphanedGoals:
+    """Finds such goals and cancels them. On the communication thread only."""
 
     def __init__(
         self,
@@ -88,7 +98,7 @@ class Strays:
         cancel: Callable[[bytes], int],
         on_change: Callable[[], None],
     ) -> None:
-        """Remember nothing.
+        """Begin without any goal.
 
         Args:
             timers: The clock and timers of the thread.
@@ -96,10 +106,12 @@ class Strays:
             count_servers: Returns how many servers are in sight.
             window: Shared by all in this process who cancel goals of the same servers.
             cancel: Asks every server to cancel a goal; returns the request's number.
-            on_change: Called when there is more or less to wait for.
+            on_change: Called when there are more or fewer answers to wait for.
         """
-        self.asked: dict[int, _Request] = {}
-        """The cancel requests whose answers matter."""
+        self.requests: dict[int, _CancelRequest] = {}
+        """The cancel requests whose answers matter, by number."""
+        self.on_none_confirmed: Callable[[], None] = lambda: None
+        """Called when something has changed and no orphan is confirmed."""
         self._timers = timers
         self._action_name = action_name
         self._count_servers = count_servers
@@ -108,148 +120,151 @@ class Strays:
         self._on_change = on_change
         self._closed = False
         self._ended: OrderedDict[int, _Ended] = OrderedDict()
-        self._strays: dict[bytes, _Stray] = {}
-        self._proven: OrderedDict[bytes, None] = OrderedDict()
-        self._guessed: OrderedDict[bytes, None] = OrderedDict()
-        self._on_the_way: set[int] = set()
+        self._orphans: dict[bytes, _Orphan] = {}
+        # Those whose cancellation is to be asked for next, in order.
+        self._confirmed: OrderedDict[bytes, None] = OrderedDict()
+        self._suspected: OrderedDict[bytes, None] = OrderedDict()
+        self._unanswered: set[int] = set()
 
     def __len__(self) -> int:
         """How many goals are being cancelled."""
-        return len(self._strays)
+        return len(self._orphans)
 
     @property
-    def proven(self) -> bool:
-        """Whether any of them is known to have been taken by another server."""
-        return any(stray.late for stray in self._strays.values())
+    def confirmed(self) -> bool:
+        """Whether any goal is being cancelled that another server has surely accepted."""
+        return any(orphan.late for orphan in self._orphans.values())
 
     @property
     def awaited(self) -> Sized:
-        """The requests of which late acceptances are worth waking up for."""
+        """The goal requests whose late acceptances are worth waking up for."""
         return self._ended if self._count_servers() > 1 else ()
 
-    def ended(self, seq: int, key: bytes, *, accepted: int, owed: bool = False) -> None:
+    def ended(self, seq: int, key: bytes, *, accepted: int, pending: bool = False) -> None:
         """Remember a goal that has ended here.
 
         Args:
             seq: The number of its request.
             key: Its id.
             accepted: How many servers have accepted it so far.
-            owed: Whether the server that ended it has not said yet that it had accepted it.
+            pending: Whether the acceptance by the server that ended it has yet to come.
         """
-        self._ended[seq] = (key, self._timers.now(), accepted, owed)
+        self._ended[seq] = (key, self._timers.now(), accepted, pending)
         if len(self._ended) > _REMEMBERED:
             self._ended.popitem(last=False)
         if accepted > 1:
-            self._found(key, accepted, accepted - 1)
+            self._confirm(key, accepted, accepted - 1)
         elif self._count_servers() > 1:
-            self._guess(key)
+            self._suspect(key)
 
     def accepted_late(self, seq: int) -> None:
-        """A server has accepted a goal that had ended here."""
+        """Handle that a server accepts a goal which has ended here.
+
+        Args:
+            seq: The number of the goal's request.
+        """
         ended = self._ended.get(seq)
         if ended is None:
             return
-        key, at, accepted, owed = ended
+        key, at, accepted, pending = ended
         self._ended[seq] = (key, at, accepted + 1, False)
-        if not owed:
-            self._found(key, accepted + 1, 1)
+        if not pending:
+            self._confirm(key, accepted + 1, 1)
 
     def server_came(self) -> None:
-        """A server can be asked that could not be asked before."""
+        """Suspect the goals that ended lately: a server is ready that was not."""
         since = self._timers.now() - _RECENT
         for key, at, _, _ in list(self._ended.values()):
             if at >= since:
-                self._guess(key)
+                self._suspect(key)
 
     def answered(self, seq: int, canceling: Collection[bytes], *, over: bool) -> None:
-        """A server has answered a cancel request.
+        """Take a server's answer to a cancel request into account.
 
         Args:
             seq: The request's number.
             canceling: The ids of the goals that it cancels now.
-            over: Whether it says that the goal ends or has ended already.
+            over: Whether it says that the goal is ending or has ended already.
         """
-        request = self.asked.get(seq)
+        request = self.requests.get(seq)
         if request is None:
             return
-        stray = self._strays[request.key]
-        stray.canceling += request.key in canceling
+        orphan = self._orphans[request.key]
+        orphan.canceling += request.key in canceling
         request.ends += over or request.key in canceling
         request.answers += 1
         by_all = request.answers >= self._count_servers()
-        over_everywhere = request.ends >= stray.accepted if stray.late else by_all
-        if over_everywhere or stray.canceling >= max(1, stray.late):
-            self._drop(request.key)
+        over_everywhere = request.ends >= orphan.accepted if orphan.late else by_all
+        if over_everywhere or orphan.canceling >= max(1, orphan.late):
+            self._forget(request.key)
         elif by_all:
-            self._arrived(seq)
+            self._end_wait(seq)
 
     def close(self) -> None:
-        """Ask nobody any more."""
+        """Ask for nothing any more, and log the confirmed orphans that are left."""
         self._closed = True
-        for key in list(self._strays):
+        for key in list(self._orphans):
             self._give_up(key)
-        self._window.forget(self._fill)
+        self._window.stop_waiting(self._send_next)
 
-    def _guess(self, key: bytes) -> None:
-        if key in self._strays:
+    def _suspect(self, key: bytes) -> None:
+        if key in self._orphans:
             return
-        self._strays[key] = _Stray()
-        self._guessed[key] = None
-        if len(self._guessed) > _REMEMBERED:
-            self._drop(next(iter(self._guessed)))
-        self._fill()
+        self._orphans[key] = _Orphan()
+        self._suspected[key] = None
+        if len(self._suspected) > _REMEMBERED:
+            self._forget(next(iter(self._suspected)))
+        self._send_next()
 
-    def _found(self, key: bytes, accepted: int, late: int) -> None:
-        stray = self._strays.setdefault(key, _Stray())
-        stray.accepted = accepted
-        stray.late += late
-        stray.left, stray.pause = _TRIES, _FIRST_PAUSE
-        self._guessed.pop(key, None)
-        self._proven[key] = None
-        self._fill()
+    def _confirm(self, key: bytes, accepted: int, late: int) -> None:
+        orphan = self._orphans.setdefault(key, _Orphan())
+        orphan.accepted = accepted
+        orphan.late += late
+        orphan.left, orphan.pause = _TRIES, _FIRST_PAUSE
+        self._suspected.pop(key, None)
+        self._confirmed[key] = None
+        self._send_next()
 
-    def _fill(self) -> None:
-        while len(self._on_the_way) < _AT_ONCE and not self._closed:
-            queue = self._proven or self._guessed
-            if not queue or not self._window.enter(self._fill):
+    def _send_next(self) -> None:
+        while len(self._unanswered) < _AT_ONCE and not self._closed:
+            queue = self._confirmed or self._suspected
+            if not queue or not self._window.enter(self._send_next):
                 break
-            self._ask(queue.popitem(last=False)[0])
+            self._send(queue.popitem(last=False)[0])
 
-    def _ask(self, key: bytes) -> None:
-        stray = self._strays[key]
+    def _send(self, key: bytes) -> None:
+        orphan = self._orphans[key]
         seq = self._cancel(key)
-        self._on_the_way.add(seq)
-        self.asked[seq] = _Request(key)
-        stray.requests.append(seq)
-        stray.left -= 1
+        self._unanswered.add(seq)
+        self.requests[seq] = _CancelRequest(key)
+        orphan.requests.append(seq)
+        orphan.left -= 1
         now = self._timers.now()
-        self._timers.call_at(now + _ANSWERED_WITHIN, partial(self._arrived, seq))
-        self._timers.call_at(now + stray.pause, partial(self._again, seq))
-        stray.pause *= 2
-        self._on_change()
+        self._timers.call_at(now + _ANSWERED_WITHIN, partial(self._end_wait, seq))
+        self._timers.call_at(now + orphan.pause, partial(self._repeat, seq))
+        orphan.pause *= 2
+        self._changed()
 
-    def _arrived(self, seq: int) -> None:
-        """Whatever a request has come to: the next may be sent."""
-        if seq in self._on_the_way:
-            self._on_the_way.discard(seq)
+    def _end_wait(self, seq: int) -> None:
+        """Let the next request be sent, whatever has come of this one."""
+        if seq in self._unanswered:
+            self._unanswered.discard(seq)
             self._window.leave()
-        self._fill()
+        self._send_next()
 
-    def _again(self, seq: int) -> None:
-        request = self.asked.get(seq)
-        if request is None or self._strays[request.key].requests[-1] != seq:
+    def _repeat(self, seq: int) -> None:
+        request = self.requests.get(seq)
+        if request is None or self._orphans[request.key].requests[-1] != seq:
             return  # it was answered, or there is a later one
-        stray = self._strays[request.key]
-        if not stray.left:
+        orphan = self._orphans[request.key]
+        if not orphan.left:
             self._give_up(request.key)
-        elif stray.late:
-            self._proven[request.key] = None
         else:
-            self._guessed[request.key] = None
-        self._fill()
+            (self._confirmed if orphan.late else self._suspected)[request.key] = None
+        self._send_next()
 
     def _give_up(self, key: bytes) -> None:
-        if self._strays[key].late:
+        if self._orphans[key].late:
             log_later(
                 logging.WARNING,
                 "goal %s of action %s was accepted by a server after it had ended for its caller,"
@@ -258,13 +273,18 @@ class Strays:
                 uuid.UUID(bytes=key),
                 self._action_name,
             )
-        self._drop(key)
+        self._forget(key)
 
-    def _drop(self, key: bytes) -> None:
-        for seq in self._strays.pop(key).requests:
-            del self.asked[seq]
-            self._arrived(seq)
-        self._proven.pop(key, None)
-        self._guessed.pop(key, None)
+    def _forget(self, key: bytes) -> None:
+        for seq in self._orphans.pop(key).requests:
+            del self.requests[seq]
+            self._end_wait(seq)
+        self._confirmed.pop(key, None)
+        self._suspected.pop(key, None)
+        self._changed()
+        self._send_next()
+
+    def _changed(self) -> None:
         self._on_change()
-        self._fill()
+        if not self.confirmed:
+            self.on_none_confirmed()

@@ -1,7 +1,6 @@
-"""The door of this room: what the rest of the library sees of rclpy.
+"""What the rest of the library sees of rclpy: a link, and the thread that works on it.
 
-A port is one client's place on a communication thread. It lasts until it is retired and
-nothing is left to watch for.
+A port outlives its client until no goal is left that may still have to be cancelled.
 """
 
 from __future__ import annotations
@@ -19,20 +18,19 @@ from actionkit._ros.link import Link
 from actionkit._ros.names import Identity, resolve, type_name_of
 from actionkit._ros.native import RCLError, domain_of
 from actionkit._ros.wire import feedback_alone
-from actionkit._threads.clock import TimerHandle
 from actionkit._threads.waiting import Flag
 
 
 class Port:
-    """One client's link and the thread that works it."""
+    """One client's link and the communication thread that works on it."""
 
     def __init__(self, action_type: Any, action_name: object, node: Any = None) -> None:
-        """Open a place on the communication thread of the right domain.
+        """Make a link on the communication thread of the node's domain, or of the environment's.
 
         Args:
             action_type: The action's class.
             action_name: Its name, resolved as `node` would, or as ActionKit's own node does.
-            node: A node of the user's, or `None`.
+            node: A node of the user's, for its domain, namespace and remappings; or `None`.
 
         Raises:
             TypeError: A wrong type of argument.
@@ -45,7 +43,7 @@ class Port:
         domain_id = None if node is None else domain_of(node.context)
         self.runtime = runtimes.acquire(domain_id, self)
         self.freed = Flag()
-        """Set when the entities are destroyed and the thread was given back."""
+        """Set when the entities are destroyed and the runtime is released."""
         self._failure_callback: Callable[[BaseException], None] | None = None
         self._waits: set[Flag] = set()
         self._waits_over = False
@@ -57,8 +55,8 @@ class Port:
                 label="" if node is None else node.get_fully_qualified_name(),
             )
             self.runtime.run(lambda: self._open(action_type))
-        except BaseException:  # whatever it was goes on, a Ctrl-C too, but nothing is held
-            self.call_soon(self._undo)
+        except BaseException:  # also for a Ctrl-C: nothing is left behind
+            self.runtime.call_soon(self._undo)
             raise
         self._feedback_type: Any = action_type.Feedback
 
@@ -69,12 +67,8 @@ class Port:
         """Whether new goals can be sent from here."""
         return self.runtime.usable and not self.freed.is_set()
 
-    def call_soon(self, callback: Callable[[], None]) -> None:
-        """Call `callback` on the communication thread; calls keep their order."""
-        self.runtime.call_soon(callback)
-
     def on_failure(self, callback: Callable[[BaseException], None]) -> None:
-        """Call `callback` where the communication thread dies."""
+        """Call `callback` if the communication thread dies."""
         self._failure_callback = callback
         self.runtime.on_failure.append(callback)
 
@@ -94,14 +88,14 @@ class Port:
             ) from error
 
     def server_is_ready(self) -> bool:
-        """Whether goals can be sent now."""
+        """Return whether goals can be sent now."""
         return self.runtime.run(self.link.server_is_ready)
 
     def wait_for_server(self, timeout: float | None) -> bool:
         """Block until goals can be sent; return whether they can.
 
         Args:
-            timeout: Seconds, or `None` for no limit. `end_waits` ends the wait before.
+            timeout: Seconds, or `None` for no limit. `end_waits` ends the wait earlier.
         """
         ready, over = [False], Flag()
 
@@ -114,18 +108,20 @@ class Port:
                 over.set()
                 return
             self._waits.add(over)
-            self.link.add_ready_waiter(tell)
+            self.link.monitor.add_ready_waiter(tell)
+            if self.link.server_is_ready():
+                tell()
 
         def end() -> None:
             self._waits.discard(over)
-            self.link.remove_ready_waiter(tell)
+            self.link.monitor.remove_ready_waiter(tell)
 
-        self.call_soon(begin)
+        self.runtime.call_soon(begin)
         try:
             over.wait(timeout)
             return ready[0] or (timeout == 0 and self.server_is_ready())
         finally:
-            self.call_soon(end)
+            self.runtime.call_soon(end)
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table of the link and the timers hold."""
@@ -133,14 +129,10 @@ class Port:
             lambda: {**self.link.table_sizes(), "timers": len(self.runtime.timers)}
         )
 
-    def join(self, timeout: float) -> None:
-        """Wait for the thread where it is ending."""
-        self.runtime.join_if_stopping(timeout)
-
     # --- on the communication thread -------------------------------------------------------
 
     def end_waits(self) -> None:
-        """Let nobody wait for a server here any more."""
+        """End all waits for a server, also those that begin later."""
         self._waits_over = True
         for over in self._waits:
             over.set()
@@ -149,7 +141,7 @@ class Port:
         name, type_name = self.identity.action_name, self.identity.type_name
         used = dict(self.runtime.names_in_use).get(name)
         if used not in (None, type_name):
-            # The middleware refuses it too, with no word of why (R21).
+            # The middleware refuses it too, without telling why (R21).
             error = ActionTypeMismatchError(
                 f"action {name!r} is used as {used} by another client of this process, and"
                 f" cannot be used as {type_name} here: one of the two has the wrong type",
@@ -161,22 +153,14 @@ class Port:
         self.runtime.names_in_use.append((name, type_name))
 
     def _undo(self) -> None:
-        """Give everything back, as far as its making came."""
+        """Free what the constructor has made before it failed."""
         if hasattr(self, "link"):
             self.free()
         else:
             runtimes.release(self.runtime, self)
 
-    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
-        """Call `callback` at the monotonic time `at`."""
-        return self.runtime.call_at(at, callback)
-
-    def cancel_timer(self, handle: TimerHandle) -> None:
-        """Do not call the callback of `call_at`."""
-        self.runtime.timers.cancel(handle)
-
     def actions(self) -> dict[str, tuple[str, ...]] | None:
-        """Return every served action with its types; `None` where the graph is gone (R10)."""
+        """Return every served action with its types; `None` after the context's shutdown (R10)."""
         try:
             return graph.all_actions(self.runtime.node)
         except (RCLError, InvalidHandle):
@@ -187,7 +171,7 @@ class Port:
         return graph.middleware()
 
     def free(self) -> None:
-        """Destroy the entities and give the thread back."""
+        """Destroy the entities and release the runtime."""
         if self._failure_callback is not None:
             self.runtime.on_failure.remove(self._failure_callback)
             self._failure_callback = None

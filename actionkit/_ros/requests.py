@@ -1,35 +1,38 @@
-"""The requests that one client makes of the servers, and whose each of them is.
+"""Sends the service requests of one client, and knows which goal each answer is about.
 
-All of it happens on the communication thread. A response cannot be taken before its request
-is registered (R7), because the same thread sends and takes.
+All of it happens on the communication thread. No response can be taken before its request is
+registered (R7), because the same thread sends and takes.
 """
 
 from __future__ import annotations
 
 import uuid
 from collections import OrderedDict, deque
-from collections.abc import Callable, Collection, Sized
+from collections.abc import Callable, Sized
 from functools import lru_cache
 from typing import Any
 
 from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
 
-from actionkit._ros.cancels import CancelQueue
+from actionkit._ros.cancels import CancelQueue, CancelWindow
 from actionkit._ros.entities import Entities
 from actionkit._ros.native import Source
-from actionkit._ros.orphans import Strays
+from actionkit._ros.orphans import OrphanedGoals
 from actionkit._ros.runtime import Runtime
 
 _UUIDS = 64
-_QUESTIONS = 64
+"""Messages kept; several times as many as there are requests on their way."""
+_PROBES = 64
+"""Probes whose answers count; many more than are sent while one is unanswered."""
 _ASKS_AT_ONCE = 4
+"""Repeated result requests; half of what a server's queue holds (R3), as others ask too."""
 _ASK_PAUSE = 0.01
-"""Seconds between two handfuls of questions that were asked before."""
+"""Seconds between two such groups; a server that lives has answered the group before by then."""
 
 
-class Requests:
-    """Sends requests, and knows the goal of each that is unanswered."""
+class ServiceRequests:
+    """Sends requests for goals, results and cancellations, and matches the answers."""
 
     def __init__(
         self,
@@ -49,45 +52,47 @@ class Requests:
             impl: The action type's `Impl`.
             action_name: For the log.
             count_servers: Returns how many servers are in sight.
-            on_cancel_sent: Called with the id of a goal whose cancellation was just asked for.
+            on_cancel_sent: Called with a goal's id after each request to cancel it.
         """
-        self._on_cancel_sent = on_cancel_sent
         self._runtime = runtime
         self._entities = entities
         self._impl = impl
+        self._on_cancel_sent = on_cancel_sent
         self._closed = False
         self._unanswered: dict[str, dict[int, bytes]] = {"goal": {}, "result": {}, "cancel": {}}
-        self._made: dict[bytes, list[tuple[str, int]]] = {}
+        self._made: dict[bytes, list[tuple[str, int]]] = {}  # all requests of each goal
         self._accepted: dict[int, int] = {}  # by how many servers, of goals not yet forgotten
-        self._asks: OrderedDict[bytes, None] = OrderedDict()
-        self._outdated: set[int] = set()
+        self._asks: OrderedDict[bytes, None] = OrderedDict()  # results to be asked for again
         self._asking = False
-        self._questions: deque[int] = deque(maxlen=_QUESTIONS)
-        self.cancel_window = runtime.cancel_window(action_name)
-        self._cancels = CancelQueue(
+        self._outdated: set[int] = set()
+        self._probes: deque[int] = deque(maxlen=_PROBES)
+        self.unheard_since: float | None = None
+        """When the first probe or cancel request was sent after the last answer to one."""
+        self.cancel_window = runtime.window(CancelWindow, action_name)
+        self.cancels = CancelQueue(
             runtime,
             self.cancel_window,
-            send=self._ask_cancel_now,
+            send=self._send_goal_cancel,
             cancel_timer=runtime.cancel_timer,
         )
-        self._strays = Strays(
+        self.orphans = OrphanedGoals(
             runtime,
             action_name,
             window=self.cancel_window,
             count_servers=count_servers,
             cancel=self._send_cancel,
-            on_change=self._on_strays_changed,
+            on_change=lambda: self._sync("cancel"),
         )
-        self.on_strays_gone: Callable[[], None] = lambda: None
-        """Called when `cancels_strays` may have become false."""
-        unanswered, strays = self._unanswered, self._strays
-        self._answers: dict[str, tuple[Source, tuple[Sized, ...]]] = {
+        unanswered = self._unanswered
+        self._wanted: dict[str, tuple[Source, tuple[Sized, ...]]] = {
             "goal": (entities.goal, (unanswered["goal"],)),
             "result": (entities.result, (unanswered["result"],)),
-            "cancel": (entities.cancel, (unanswered["cancel"], self._questions, strays.asked)),
-        }  # and what makes them wanted
-        self.unheard_since: float | None = None
-        """When the first question or cancel request was sent after the last answer to one."""
+            "cancel": (
+                entities.cancel,
+                (unanswered["cancel"], self._probes, self.orphans.requests),
+            ),
+        }
+        """The source of each kind of answer, and the tables that make it wanted."""
 
     # --- sending ---------------------------------------------------------------------------
 
@@ -108,61 +113,36 @@ class Requests:
         self._made.setdefault(key, [])
         self._register("goal", key, seq)
 
-    def ask_result(self, key: bytes, *, anew: bool = False) -> None:
-        """Ask for a sent goal's result; again only at a measured pace.
+    def ask_result(self, key: bytes, *, supersedes_earlier: bool = False) -> None:
+        """Ask for a sent goal's result; at once the first time, later at a limited rate.
 
         Hundreds of goals that ask again at the same moment would overrun the server's queue
         (R3), and lose what they ask for.
 
         Args:
             key: The goal's id.
-            anew: Whether what was asked so far is outdated: see `is_outdated`.
+            supersedes_earlier: Whether earlier requests are outdated (see `is_outdated`). Then
+                this one is sent at once.
         """
         if key not in self._made:
             return
         asked = [seq for what, seq in self._made[key] if what == "result"]
-        if anew:
-            self._outdated.update(seq for seq in asked if self.awaits("result", seq))
-        if anew or not asked:
+        if supersedes_earlier:
+            self._outdated.update(seq for seq in asked if self.goal_of("result", seq))
+        if supersedes_earlier or not asked:
             self._send_ask(key)
             return
         self._asks[key] = None
         self._ask_soon()
 
-    def ask_cancel(self, key: bytes, *, urgent: bool = False) -> None:
-        """Ask for a sent goal's cancellation, when it is its turn, until that is answered.
-
-        Args:
-            key: The goal's id.
-            urgent: Whether its caller has little time left.
-        """
-        if key in self._made:
-            self._cancels.ask(key, urgent=urgent)
-
-    def stop_cancel(self, key: bytes) -> None:
-        """Ask for its cancellation no more, for now: its server is gone."""
-        self._cancels.forget(key)
-
-    def cancel_answered(self, seq: int, *, known: bool) -> bytes | None:
-        """Count a cancel request as answered; return its goal's id if anybody waits for it.
-
-        Args:
-            seq: The request's number.
-            known: Whether the server knows the goal.
-        """
-        key = self.answered("cancel", seq)
-        if key is not None:
-            self._cancels.answered(key, known=known)
-        return key
-
-    def question(self) -> int:
-        """Ask what every live server answers, and what changes nothing (R2).
+    def probe(self) -> int:
+        """Ask to cancel a goal that cannot exist: every live server answers, nothing changes (R2).
 
         Returns:
             The sequence number that each answer will carry.
         """
         seq = self._send_cancel(uuid.uuid4().bytes)
-        self._questions.append(seq)
+        self._probes.append(seq)
         self._sync("cancel")
         return seq
 
@@ -171,12 +151,12 @@ class Requests:
 
         Args:
             key: The goal's id.
-            abandoned: Whether it is to be left running on purpose. Else it is cancelled where
+            abandoned: Whether it is to be left running on purpose. Otherwise it is cancelled where
                 another server runs it (R14).
             finished: Whether a server has told its result.
         """
         self._asks.pop(key, None)
-        self._cancels.forget(key)
+        self.cancels.stop(key)
         accepted: dict[int, int] = {}
         for what, seq in self._made.pop(key, ()):
             self._unanswered[what].pop(seq, None)
@@ -186,27 +166,22 @@ class Requests:
                 accepted[seq] = self._accepted.pop(seq, 0)
         if not abandoned:
             # Where packets are lost, an acceptance may come after the result.
-            owed = finished and not any(accepted.values())
+            pending = finished and not any(accepted.values())
             for seq, servers in accepted.items():
-                self._strays.ended(seq, key, accepted=servers, owed=owed)
+                self.orphans.ended(seq, key, accepted=servers, pending=pending)
         for what in self._unanswered:
             self._sync(what)
 
     def server_came(self) -> None:
-        """A server is ready that was not: it may run goals that have ended here (R14)."""
-        self._strays.server_came()
+        """Handle that a server is ready that was not: goals that ended here may run on it (R14)."""
+        self.orphans.server_came()
         self._sync("goal")
-
-    @property
-    def cancels_strays(self) -> bool:
-        """Whether goals that ended here are being cancelled elsewhere, where they surely are."""
-        return self._strays.proven
 
     def close(self) -> None:
         """Send nothing any more."""
         self._closed = True
-        self._cancels.close()
-        self._strays.close()
+        self.cancels.close()
+        self.orphans.close()
 
     def _ask_soon(self) -> None:
         if self._asks and not self._asking:
@@ -222,13 +197,11 @@ class Requests:
         self._ask_soon()
 
     def _send_ask(self, key: bytes) -> None:
-        if key not in self._made:
-            return
         request = self._impl.GetResultService.Request()
         request.goal_id = _to_uuid(key)
         self._register("result", key, self._entities.result.send(request))
 
-    def _ask_cancel_now(self, key: bytes) -> None:
+    def _send_goal_cancel(self, key: bytes) -> None:
         self._register("cancel", key, self._send_cancel(key))
         self._on_cancel_sent(key)
 
@@ -246,16 +219,17 @@ class Requests:
 
     # --- answers ---------------------------------------------------------------------------
 
-    def awaits(self, what: str, seq: int) -> bool:
-        """Whether a request (`"goal"`, `"result"`, `"cancel"`) is unanswered."""
-        return seq in self._unanswered[what]
-
     def goal_of(self, what: str, seq: int) -> bytes:
-        """Return the id of the goal that an unanswered request is about, or nothing."""
+        """Return the id of the goal that an unanswered request is about; `b""` if there is none.
+
+        Args:
+            what: `"goal"`, `"result"` or `"cancel"`.
+            seq: The request's number.
+        """
         return self._unanswered[what].get(seq, b"")
 
     def answered(self, what: str, seq: int) -> bytes | None:
-        """Count a request as answered; return its goal's id, or `None` if nobody waits for it."""
+        """Remove a request that was answered; return its goal's id, or `None` if it was none."""
         if what == "result":
             self._outdated.discard(seq)
         key = self._unanswered[what].pop(seq, None)
@@ -271,53 +245,62 @@ class Requests:
         return seq in self._outdated
 
     def goal_answered(self, seq: int, *, accepted: bool) -> bytes | None:
-        """Count a goal request as answered; return its goal's id where nobody had done so."""
-        key = self.answered("goal", seq)
-        if not accepted:
-            return key
-        if key is None and seq not in self._accepted:
-            self._strays.accepted_late(seq)
-        else:
-            self._accepted[seq] = self._accepted.get(seq, 0) + 1
-        return key
-
-    def stray_answered(self, seq: int, canceling: Collection[bytes], *, over: bool) -> None:
-        """A server has answered a cancel request that may be about a goal that ended here.
+        """Count the answer to a goal request.
 
         Args:
             seq: The request's number.
-            canceling: The ids of the goals that it cancels now.
-            over: Whether it says that the goal ends or has ended already.
+            accepted: Whether the server accepted the goal.
+
+        Returns:
+            The goal's id for the first answer, `None` for those of further servers.
         """
-        self._strays.answered(seq, canceling, over=over)
+        key = self.answered("goal", seq)
+        if accepted:
+            if key is None and seq not in self._accepted:
+                self.orphans.accepted_late(seq)
+            else:
+                self._accepted[seq] = self._accepted.get(seq, 0) + 1
+        return key
+
+    def cancel_answered(self, seq: int, *, known: bool) -> bytes | None:
+        """Remove a cancel request that was answered; return its goal's id, or `None`.
+
+        Args:
+            seq: The request's number.
+            known: Whether the server knows the goal.
+        """
+        key = self.answered("cancel", seq)
+        if key is not None:
+            self.cancels.answered(key, known=known)
+        return key
+
+    def probe_answered(self, seq: int, *, others_matter: bool) -> bool:
+        """Return whether an answer is to a probe.
+
+        Args:
+            seq: The request's number.
+            others_matter: Whether the answers of other servers are to be waited for.
+        """
+        if seq not in self._probes:
+            return False
+        if not others_matter:
+            self._probes.clear()
+            self._sync("cancel")
+        return True
 
     def heard(self) -> None:
-        """Somebody has answered a question or a cancel request, or nobody is left to do so."""
+        """Note that a cancel request was answered, or that nobody is left who could answer."""
         self.unheard_since = None
-
-    def is_question(self, seq: int) -> bool:
-        """Whether it is the sequence number of a question, of which answers count."""
-        return seq in self._questions
-
-    def forget_questions(self) -> None:
-        """Wait for no more answers to them."""
-        self._questions.clear()
-        self._sync("cancel")
 
     # --- waiting ---------------------------------------------------------------------------
 
     def _sync(self, what: str) -> None:
-        """Wait for answers that are wanted, and for no others: an idle client costs no turn."""
-        source, wanted = self._answers[what]
-        if any(wanted) or (what == "goal" and self._strays.awaited):
+        """Wait for answers that are wanted, and for no others: an idle client never wakes up."""
+        source, wanted = self._wanted[what]
+        if any(wanted) or (what == "goal" and self.orphans.awaited):
             self._runtime.enable(source)
         else:
             self._runtime.disable(source)
-
-    def _on_strays_changed(self) -> None:
-        self._sync("cancel")
-        if not self._strays.proven:
-            self.on_strays_gone()
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table holds."""
@@ -327,11 +310,11 @@ class Requests:
             "sent": len(self._made),
             "accepted": len(self._accepted),
             "asks": len(self._asks) + len(self._outdated),
-            "cancels": len(self._cancels),
-            "strays": len(self._strays) + len(self._strays.asked),
+            "cancels": len(self.cancels),
+            "orphans": len(self.orphans) + len(self.orphans.requests),
         }
 
 
-@lru_cache(_UUIDS)  # each goal has two requests at least; nobody changes their ids
+@lru_cache(_UUIDS)  # each goal has at least two requests, and nobody changes a message's id
 def _to_uuid(key: bytes) -> UUID:
     return UUID(uuid=list(key))

@@ -1,12 +1,12 @@
 """The communication thread: one for all clients of a process and ROS domain.
 
 It owns an rclpy context and node of ActionKit's own, every DDS entity made on them, and the
-timers. Nothing of the user's is spun, and nothing of the user's runs here.
+timers. The user's nodes are not spun here, and no function of the user's is called.
 
-Why a context of our own (C2.5, R10): a user's context may be shut down under us at any time,
-by `rclpy.shutdown()` or by the signal handler of `rclpy.init()`. That handler marks ours as
-shut down too, but its entities go on working (see `native`), so a cancel still reaches the
-server after Ctrl-C. What no longer works there is the graph; so new calls get a new runtime.
+Why a context of our own (C2.5, R10): a user's context may be shut down at any time, by
+`rclpy.shutdown()` or by the signal handler of `rclpy.init()`. That handler marks ours as shut down
+too, but its entities go on working (see `native`), so a cancel request still reaches the server
+after Ctrl-C. The graph does not go on working; so new calls get a new runtime.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 from weakref import WeakValueDictionary
 
 from rclpy.context import Context
@@ -28,16 +28,20 @@ from rclpy.parameter import Parameter
 
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.native import Source, Waiter, is_up
-from actionkit._ros.outbox import CancelWindow, Window
+from actionkit._ros.outbox import Window
 from actionkit._threads.clock import TimerHandle, TimerQueue
 from actionkit._threads.diagnostics import log_later, log_own_error
 from actionkit._threads.waiting import Flag, taken_from
 
 _T = TypeVar("_T")
+_W = TypeVar("_W", bound=Window)
 _START_TIMEOUT = 30.0
+"""Seconds for the thread to start, or to come to what it is given. It takes milliseconds, on an
+overloaded machine a few seconds; without a limit a broken middleware would hang the caller."""
 _LAST_STEP = 0.5
 """Seconds for a thread to end that has done everything; it takes microseconds."""
 _numbers = itertools.count(1)
+"""For the names of the nodes, which must differ within a process."""
 
 
 class Runtime:
@@ -48,24 +52,23 @@ class Runtime:
 
         Args:
             domain_id: The ROS domain.
-            on_last: Called on the thread when the last user leaves, while it is still usable.
+            on_last: Called on the thread when its last user is removed, and before it ends.
 
         Raises:
             Exception: Whatever rclpy raises where the context or node cannot be made.
         """
         self.timers = TimerQueue()
         self.failure: BaseException | None = None
-        """What ended the thread, where anything but `stop` did."""
+        """The error that ended the thread; `None` while it runs, and after an orderly end."""
         self.names_in_use: list[tuple[str, str]] = []
         """The action name and type of each client here, once for each."""
-        self._windows: WeakValueDictionary[str, Window] = WeakValueDictionary()
-        self._cancel_windows: WeakValueDictionary[str, CancelWindow] = WeakValueDictionary()
+        self._windows: WeakValueDictionary[tuple[type, str], Any] = WeakValueDictionary()
         self.on_failure: list[Callable[[BaseException], None]] = []
         self._pid = os.getpid()
         self._domain_id = domain_id
         self._inbox: deque[Callable[[], None]] = deque()
         self._sources: dict[Source, None] = {}
-        self._waited_for: tuple[Source, ...] | None = None  # the same, made anew after a change
+        self._waited_for: tuple[Source, ...] | None = None  # the same; `None` after a change
         self._stopping = False
         self._keep_until = 0.0
         self._users: set[object] = set()
@@ -73,14 +76,14 @@ class Runtime:
         self._started = Flag()
         self._refused: BaseException | None = None
         self._closed = False
-        """Whether the thread looks into the inbox no more."""
+        """Whether the thread has ended, or will end without looking into the inbox again."""
         self._ended = Flag()
         self._thread = threading.Thread(target=self._main, name="actionkit", daemon=True)
         try:
             self._thread.start()
             if not self._started.wait(_START_TIMEOUT):
                 raise TimeoutError(f"ActionKit's node did not come up in {_START_TIMEOUT:g} s")
-        except BaseException:  # whatever it was goes on, a Ctrl-C too, but no thread is left behind
+        except BaseException:  # also for a Ctrl-C: no thread is left behind
             self._stopping = True
             raise
         if self._refused is not None:
@@ -90,7 +93,7 @@ class Runtime:
 
     @property
     def usable(self) -> bool:
-        """Whether new clients can be made here: in this process, alive, context up."""
+        """Whether new clients can be made here."""
         return (
             self._pid == os.getpid()
             and self.failure is None
@@ -106,7 +109,7 @@ class Runtime:
     def call_soon(self, callback: Callable[[], None]) -> None:
         """Call `callback` on the communication thread; calls keep their order.
 
-        Where that thread has ended it is called on this one: nobody else would.
+        After the end of that thread it is called on this one, because no other would do it.
         """
         if self.in_thread:
             self._inbox.append(callback)
@@ -120,7 +123,7 @@ class Runtime:
 
         Raises:
             Exception: Whatever `function` raises.
-            TimeoutError: The thread has not come to it in half a minute.
+            TimeoutError: The thread has not called it within half a minute.
         """
         if self.in_thread:
             return function()
@@ -143,49 +146,48 @@ class Runtime:
         return answers[0]
 
     def join_if_stopping(self, timeout: float) -> None:
-        """Wait for the thread where it is ending, but not where it keeps its node."""
+        """Wait for the thread if it is ending, unless it keeps its node (see `keep_until`)."""
         if self._stopping and self._keep_until <= time.monotonic():
             self.join(timeout)
 
     def join(self, timeout: float) -> None:
-        """Wait for the thread to end. At once over from the thread itself."""
+        """Wait for the thread to end. Does nothing on that thread itself."""
         if not self.in_thread and self._ended.wait(timeout):
-            # Before Python 3.13 it has a lock inside: a signal handler may wait for it in vain.
+            # Before Python 3.13 it takes a lock, which a signal handler must not wait for. So it
+            # is called only when it returns at once.
             self._thread.join(_LAST_STEP)
 
     # --- on the communication thread -------------------------------------------------------
 
     def add_user(self, user: object) -> bool:
-        """Stay for `user`, too; return `False` where it is too late for that."""
+        """Let the thread run for `user`, too; return `False` if it is ending already."""
         if self._stopping or self._closed:
             return False
         self._users.add(user)
         return True
 
     def remove_user(self, user: object) -> None:
-        """Do not stay for `user`; without any the thread frees node and context, and ends."""
+        """Undo `add_user`. Without users the thread destroys node and context, and ends."""
         self._users.discard(user)
         if not self._users and not self._stopping:
             self._on_last(self)
             self._stopping = True
 
-    def window(self, action_name: str) -> Window:
-        """Return what all who send goals to one action here share."""
-        # Not setdefault: nothing but the caller would hold what it makes.
-        window = self._windows.get(action_name)
-        if window is None:
-            window = self._windows[action_name] = Window()
-        return window
+    def window(self, kind: type[_W], action_name: str) -> _W:
+        """Return the window that all clients of one action here share.
 
-    def cancel_window(self, action_name: str) -> CancelWindow:
-        """Return what all who cancel goals of one action here share."""
-        window = self._cancel_windows.get(action_name)
+        Args:
+            kind: The class of the window: requests of each kind have one of their own.
+            action_name: The action's full name.
+        """
+        # Not setdefault: nothing but the caller would hold what it makes.
+        window = self._windows.get((kind, action_name))
         if window is None:
-            window = self._cancel_windows[action_name] = CancelWindow()
-        return window
+            window = self._windows[kind, action_name] = kind()
+        return cast(_W, window)
 
     def now(self) -> float:
-        """Monotonic seconds, whatever simulated time does (R23)."""
+        """Return monotonic seconds. Simulated time does not matter here (R23)."""
         return time.monotonic()
 
     def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
@@ -211,11 +213,11 @@ class Runtime:
     def keep_until(self, at: float) -> None:
         """Do not destroy the node before the monotonic time `at`.
 
-        Fast DDS shares memory, and locks in it, with every process on the machine. One that is
-        stopped or killed while it holds such a lock leaves it locked; a few seconds later the
-        others notice and replace that memory. In 2.14, a participant that is destroyed meanwhile
-        waits for the lock in memory that is taken away under it, and the process crashes. (Seen
-        in 1 of 100 clients that were closed half a second after their server was stopped.)
+        Fast DDS shares memory, and locks in it, with every process on the machine. A process that
+        is stopped or killed while it holds such a lock leaves it locked. A few seconds later the
+        others notice that and replace the memory. If a participant is destroyed in the meantime,
+        Fast DDS 2.14 waits for the lock in the memory that is being removed, and crashes. (Seen in
+        1 of 100 clients that were closed half a second after their server was stopped.)
         """
         self._keep_until = max(self._keep_until, at)
 
@@ -237,7 +239,7 @@ class Runtime:
             for callback in list(self.on_failure):
                 self._guarded(partial(callback, error))
         self._closed = True
-        self._empty_inbox()  # what was put in before that could be seen
+        self._empty_inbox()  # others may have put something in before they could see `_closed`
         self._ended.set()
 
     def _open(self) -> None:
@@ -259,7 +261,7 @@ class Runtime:
                     Parameter("start_type_description_service", value=False),
                 ],
             )
-        except BaseException:  # whatever it was goes on, but no context is left behind
+        except BaseException:  # no context is left behind
             self.context.try_shutdown()
             raise
 
@@ -277,17 +279,17 @@ class Runtime:
         if self._waited_for is None:
             self._waited_for = tuple(self._sources)
         for source in self._waiter.wait(self._waited_for, timeout):
-            if source in self._sources:  # an earlier one may have ended its use
-                self._guarded(source.on_ready)
+            if source in self._sources:  # a callback for an earlier one may have disabled it
+                self._guarded(source.on_readable)
 
     def _guarded(self, callback: Callable[[], None]) -> None:
         try:
             callback()
-        except Exception:  # noqa: BLE001  one goal's trouble must not end the thread (R8)
+        except Exception:  # noqa: BLE001  an error in one goal must not end the thread (R8)
             log_own_error()
 
     def _empty_inbox(self) -> None:
-        """Call what is in the inbox. After the thread's end any other may do so."""
+        """Call what is in the inbox. After the thread's end any thread may do so."""
         for callback in taken_from(self._inbox):
             self._guarded(callback)
 

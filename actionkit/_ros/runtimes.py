@@ -1,7 +1,7 @@
-"""The runtimes of this process: found, started, and given back.
+"""The runtimes of this process, one for each ROS domain.
 
-Who uses a runtime is counted on its own thread, so that no lock is needed between the threads that
-come and the thread that goes (see `docs/architecture.md`, "Locks").
+The users of a runtime are counted on its own thread. So no lock is needed between a thread that
+needs a runtime and the thread of a runtime that is ending (see `docs/architecture.md`, "Locks").
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from weakref import WeakSet
 from actionkit._ros.runtime import Runtime
 
 _TURN = 2.0
-"""Seconds to wait for another thread that starts a runtime; a second one does no harm."""
+"""Seconds to wait for another thread that starts a runtime, many times as long as that takes. After
+that a second one is started, which does no harm."""
 
 
 class _Registry:
@@ -23,15 +24,15 @@ class _Registry:
 
     def __init__(self) -> None:
         self.starting = threading.RLock()
-        """So that threads which come at the same time start one runtime, and not one each.
+        """Held while a runtime is started, so that two threads do not start two.
 
-        The communication thread never waits for it, and nobody waits for it for long.
+        The communication thread never waits for it, and other threads wait for 2 s at most.
         """
         self.by_domain: dict[int, Runtime] = {}
         self.ending: WeakSet[Runtime] = WeakSet()
 
     def forget(self, runtime: Runtime) -> None:
-        """A runtime ends. On its own thread, while it is still usable: nobody replaces it now."""
+        """Remove a runtime that is ending. Called on its thread, while it is still usable."""
         for domain_id, known in list(self.by_domain.items()):
             if known is runtime:
                 del self.by_domain[domain_id]
@@ -40,7 +41,8 @@ class _Registry:
 
 _registry = _Registry()
 _inherited: list[_Registry] = []
-"""Kept for ever: destroying the parent's entities here would break the parent's."""
+"""Those of the process that this one was forked from. They are kept for ever, because destroying
+their entities here would break the parent's."""
 
 
 def acquire(domain_id: int | None, user: object) -> Runtime:
@@ -48,7 +50,7 @@ def acquire(domain_id: int | None, user: object) -> Runtime:
 
     Args:
         domain_id: The ROS domain; `None` takes it from the environment.
-        user: Whom it stays for until `release`.
+        user: Whoever calls `release` with it later; the runtime lives at least until then.
     """
     if domain_id is None:
         domain_id = environment_domain()
@@ -57,7 +59,7 @@ def acquire(domain_id: int | None, user: object) -> Runtime:
         try:
             if runtime.run(partial(runtime.add_user, user)):
                 return runtime
-        except BaseException:  # whatever it was goes on, a Ctrl-C too, but no thread is held
+        except BaseException:  # also for a Ctrl-C: nobody would call `release`
             runtime.call_soon(partial(runtime.remove_user, user))
             raise
 
@@ -67,7 +69,7 @@ def _usable_runtime(domain_id: int) -> Runtime:
     try:
         runtime = _registry.by_domain.get(domain_id)
         if runtime is None or not runtime.usable:
-            # A signal handler may come in here a second time; then there are two, which is fine.
+            # A signal handler may get here too; then two are started, which does no harm.
             runtime = _registry.by_domain[domain_id] = Runtime(domain_id, _registry.forget)
         return runtime
     finally:
@@ -76,7 +78,7 @@ def _usable_runtime(domain_id: int) -> Runtime:
 
 
 def release(runtime: Runtime, user: object) -> None:
-    """Give back a runtime; the last user to do so ends it."""
+    """Give back a runtime. It ends when its last user gives it back."""
     runtime.run(partial(runtime.remove_user, user))
 
 
@@ -100,8 +102,8 @@ def environment_domain() -> int:
 
 
 def forget_inherited() -> None:
-    """After a fork: the parent's runtimes are none of the child's (R20)."""
-    # The lock too: a thread that does not exist here may have held it.
+    """Begin without runtimes in a process that was forked: its parent's cannot be used (R20)."""
+    # The lock is new too: a thread that does not exist here may have held it.
     kept = _Registry()
     kept.by_domain = _registry.by_domain
     _inherited.append(kept)

@@ -1,8 +1,8 @@
-"""The status topic, read only while a goal needs it, and then at a bounded rate.
+"""Reads the status topic, only while a goal needs it, and then at a limited rate.
 
-A server publishes its whole memory of goals at every change. A goal that ends within a second
-never needs that: its acceptance and result say all. One that lasts is looked for in the raw
-bytes (see wire), a few times a second at most, whatever the traffic of others.
+At every change a server publishes all goals that it remembers. A goal that ends within a second
+does not need that: its acceptance and result say everything. A goal that lasts is looked for in
+the raw bytes (see `wire`), a few times a second at most, however much others send.
 """
 
 from __future__ import annotations
@@ -12,18 +12,19 @@ from typing import Any
 
 from rclpy.exceptions import InvalidHandle
 
-from actionkit._ros.entities import Entities, StatusSubscription
-from actionkit._ros.native import RCLError
+from actionkit._ros.entities import Entities
+from actionkit._ros.native import MessageSource, RCLError
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.wire import goal_states
 from actionkit._threads.clock import TimerHandle
 
 _PERIOD = 0.1
-"""Seconds between two readings; the topic keeps only its latest message."""
+"""Seconds between two reads. No state is missed for longer: the topic keeps its latest message,
+which tells all."""
 
 
 class StatusWatch:
-    """Tells the status codes of the goals in a table while it is on."""
+    """Tells the status codes of goals while it is started. On the communication thread only."""
 
     def __init__(
         self,
@@ -32,61 +33,61 @@ class StatusWatch:
         goals: Mapping[bytes, Any],
         on_state: Callable[[bytes, int], None],
     ) -> None:
-        """Be off.
+        """Do nothing until `start` is called.
 
         Args:
             runtime: Whose thread this is.
             entities: What makes the subscription.
-            goals: The goals wanted, by id; read at each message.
+            goals: The goals wanted, by id. Read at each message.
             on_state: Called with a goal's id and its status code.
         """
         self._runtime = runtime
         self._entities = entities
         self._goals = goals
         self._on_state = on_state
-        self._subscription: StatusSubscription | None = None
-        self._timer: TimerHandle | None = None
+        self._source: MessageSource | None = None
+        self._pause: TimerHandle | None = None
 
     def start(self) -> None:
-        """Be on. Where the context was shut down nothing new can be made, so it stays off (R10)."""
-        if self._subscription is not None:
+        """Subscribe. After the context was shut down nothing new can be made: do nothing (R10)."""
+        if self._source is not None:
             return
         try:
-            self._subscription = self._entities.subscribe_status(self._take)
+            self._source = self._entities.subscribe_status(self._read)
         except (RCLError, InvalidHandle):
             if self._runtime.context.ok():
                 raise
         else:
-            self._runtime.enable(self._subscription.source)
+            self._runtime.enable(self._source)
 
     def stop(self) -> None:
-        """Be off."""
-        if self._subscription is None:
+        """Destroy the subscription, until `start` is called again."""
+        if self._source is None:
             return
-        if self._timer is not None:
-            self._runtime.timers.cancel(self._timer)
-            self._timer = None
-        self._runtime.disable(self._subscription.source)
-        self._subscription.destroy()
-        self._subscription = None
+        if self._pause is not None:
+            self._runtime.cancel_timer(self._pause)
+            self._pause = None
+        self._runtime.disable(self._source)
+        self._entities.unsubscribe_status(self._source)
+        self._source = None
 
     def take_now(self) -> None:
-        """Read what has come, though the period is not over."""
-        if self._subscription is None:
+        """Read the latest message now, also within the pause."""
+        if self._source is None:
             return
-        for message in self._subscription.source.take()[-1:]:  # each tells all
+        for message in self._source.take()[-1:]:  # each message tells all
             for goal_id, code in list(goal_states(message, self._goals.keys())):
                 self._on_state(goal_id, code)
 
-    def _take(self) -> None:
-        if self._subscription is None:
+    def _read(self) -> None:
+        if self._source is None:
             return
-        # Not waited for until the period is over, so that a busy server cannot keep us busy.
-        self._runtime.disable(self._subscription.source)
-        self._timer = self._runtime.call_at(self._runtime.now() + _PERIOD, self._resume)
+        # It is not waited for during the pause, so that a busy server cannot keep us busy.
+        self._runtime.disable(self._source)
+        self._pause = self._runtime.call_at(self._runtime.now() + _PERIOD, self._end_pause)
         self.take_now()
 
-    def _resume(self) -> None:
-        self._timer = None
-        if self._subscription is not None:
-            self._runtime.enable(self._subscription.source)
+    def _end_pause(self) -> None:
+        self._pause = None
+        if self._source is not None:
+            self._runtime.enable(self._source)

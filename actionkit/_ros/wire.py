@@ -1,8 +1,8 @@
-"""Reading the two action topics without decoding them.
+"""Reads serialised status and feedback messages without decoding them.
 
-A status message carries every goal of the server's last 15 minutes (R24) and rclpy turns each
-into Python objects; a feedback topic carries the feedback of everybody's goals. The wire form
-of both is fixed where it matters: CDR with a 4-byte header, and the goal id as 16 plain bytes.
+A status message carries every goal of the server's last 15 minutes (R24), and rclpy would turn each
+into Python objects. The feedback topic carries the feedback of all clients' goals. What is read
+here is always serialised in the same way: CDR with a 4-byte header, a goal id as 16 plain bytes.
 """
 
 from __future__ import annotations
@@ -10,11 +10,15 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 ID_SIZE = 16
-_HEADER = 4  # the CDR encapsulation
-_LENGTH = 4  # of the sequence of status entries
+"""Bytes of a goal id, a `uint8[16]`."""
+_HEADER = 4
+"""Bytes of the CDR header."""
+_LENGTH = 4
+"""Bytes of the number of status entries, which comes before them."""
 _STAMP = 8
+"""Bytes of a `builtin_interfaces/Time`: two numbers of 32 bits."""
 _FEW = 64
-"""Up to so many ids it is cheaper to search for each than to walk over all entries."""
+"""Up to so many ids it is cheaper to search for each than to go through all entries (measured)."""
 
 
 def feedback_goal_id(message: bytes) -> bytes:
@@ -25,8 +29,8 @@ def feedback_goal_id(message: bytes) -> bytes:
 def feedback_alone(message: bytes) -> bytes:
     """Return a serialised feedback message without its goal id: a serialised `Feedback`.
 
-    To decode the id, and throw it away, costs more than a short feedback does. What follows it
-    stays where it was: CDR aligns to 8 bytes at most.
+    Decoding the id would cost more than decoding a short feedback. The alignment of what follows
+    the id stays right, because CDR aligns to 8 bytes at most and the id has 16.
     """
     return message[:_HEADER] + message[_HEADER + ID_SIZE :]
 
@@ -38,7 +42,7 @@ def goal_states(message: bytes, wanted: Collection[bytes]) -> Iterator[tuple[byt
         message: A serialised `action_msgs/msg/GoalStatusArray`.
         wanted: Goal ids, 16 bytes each.
 
-    Nothing is raised, whatever the bytes are: an entry that is cut off is left out.
+    No bytes raise an error. An entry that is cut off is left out.
     """
     message = bytes(message)
     if len(wanted) <= _FEW:

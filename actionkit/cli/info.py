@@ -14,7 +14,8 @@ from actionkit.cli._problems import full_name, open_survey
 from actionkit.cli._say import say
 
 if TYPE_CHECKING:
-    from actionkit._ros.tools.survey import ActionSeen, Endpoint
+    from actionkit._ros.graph import Endpoint
+    from actionkit._ros.tools.survey import ActionSeen
 
 _EPILOG = """\b
 Examples:

@@ -184,16 +184,16 @@ def test_what_is_queued_is_sent_when_a_new_server_has_settled(action_server, mak
     futures = [client.call_async({"order": 1}, timeout=30) for _ in range(WINDOW + 1)]
     server.wait_for("goal_received", count=WINDOW)
     port = client._session.port
-    presence = port.link.presence
+    readiness = port.link.readiness
 
     def unsettle() -> None:
-        presence.state = State.SETTLING  # as when another server has come
+        readiness.state = State.SETTLING  # as when another server has come
 
     port.runtime.run(unsettle)
     server.release()
     concurrent.futures.wait(futures[:-1], timeout=20)
     assert not futures[-1].done()
-    port.runtime.run(presence._become_ready)
+    port.runtime.run(readiness._become_ready)
     assert futures[-1].result(20)
 
 

@@ -82,7 +82,7 @@ class Link:
         self.queue: OrderedDict[bytes, Attempt] = OrderedDict()
         self.listeners: dict[bytes, Attempt] = {}
 
-    def adopt(self, listener: Attempt) -> None:
+    def rebind(self, listener: Attempt) -> None:
         if listener.goal_id.bytes in self.listeners:
             self.listeners[listener.goal_id.bytes] = listener
 
@@ -92,7 +92,7 @@ class Link:
         else:
             self.awaiting[listener] = None
 
-    def hold(self, listener: Attempt) -> None:
+    def await_next_ready(self, listener: Attempt) -> None:
         self.awaiting[listener] = None
 
     def send_goal(self, listener: Attempt, goal: Any) -> None:
@@ -109,7 +109,7 @@ class Link:
             self.life.note_sent(key)
             listener.on_sent()
 
-    def withdraw(self, listener: Attempt) -> None:
+    def dequeue(self, listener: Attempt) -> None:
         self.awaiting.pop(listener, None)
         self.queue.pop(listener.goal_id.bytes, None)
 
@@ -120,10 +120,10 @@ class Link:
         goal = self.life.goals.get(listener.goal_id.bytes)
         return goal is not None and goal.server in self.in_sight
 
-    def ask_result(self, listener: Attempt, *, anew: bool = False) -> None:
+    def ask_result(self, listener: Attempt, *, supersedes_earlier: bool = False) -> None:
         if listener.goal_id.bytes in self.listeners:
             asked = self.life.goals[listener.goal_id.bytes]
-            if anew:
+            if supersedes_earlier:
                 asked.results_answered = asked.results_asked
             asked.results_asked += 1
 
@@ -141,7 +141,7 @@ class Link:
         pass
 
     def forget(self, listener: Attempt, *, abandoned: bool, finished: bool) -> None:
-        self.withdraw(listener)
+        self.dequeue(listener)
         key = listener.goal_id.bytes
         if self.listeners.pop(key, None) is not None:
             self.life.note_forgotten(key, abandoned=abandoned, finished=finished)

@@ -13,6 +13,7 @@ class Clock:
     def __init__(self) -> None:
         self.time = 100.0
         self.queue = TimerQueue()
+        self.cancel_timer = self.queue.cancel
 
     def now(self) -> float:
         return self.time
@@ -28,3 +29,13 @@ class Clock:
             assert callback is not None
             callback()
         self.time = end
+
+
+class CommunicationThread(Clock):
+    """The part of the communication thread that sends and waits, without the thread."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.sources: set[object] = set()
+        self.enable = self.sources.add
+        self.disable = self.sources.discard

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit._ros.cancels import ANSWERED_WITHIN, CancelQueue
-from actionkit._ros.outbox import WINDOW, CancelWindow
+from actionkit._ros.cancels import ANSWERED_WITHIN, CancelQueue, CancelWindow
+from actionkit._ros.outbox import WINDOW
 from tests.unit.clock import Clock
 
 
@@ -157,7 +157,7 @@ def test_who_ended_is_asked_about_no_more_and_leaves_nothing(world: World) -> No
         queue.ask(key(number))
     queue.answered(key(0), known=False)
     for number in range(20):
-        queue.forget(key(number))
+        queue.stop(key(number))
     sent = len(world.sent)
     world.clock.advance(100.0)
     assert len(world.sent) == sent
@@ -218,13 +218,15 @@ def test_any_order_of_events(steps: list[tuple[str, int]]) -> None:
             queue.ask(key(number), urgent=what == "urgent")
             wanted.add(number)
         elif what == "forget":
-            queue.forget(key(number))
+            queue.stop(key(number))
             wanted.discard(number)
         else:
             queue.answered(key(number), known=what == "known")
             if what == "known":
                 wanted.discard(number)
-        assert world.window._taken == sum(len(each._unanswered) for each in queues) <= WINDOW
+        assert (
+            world.window._taken == sum(len(each._outbox._unanswered) for each in queues) <= WINDOW
+        )
         assert sum(map(len, queues)) == len(wanted)
     before = len(world.sent)
     world.clock.advance(120.0)

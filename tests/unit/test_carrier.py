@@ -11,14 +11,11 @@ from actionkit._calls.carrier import LINGER, PortCarrier
 from tests.unit.clock import Clock
 
 
-class Link:
+class Orphans:
     """Goals that are being cancelled on a second server, or not."""
 
-    def __init__(self) -> None:
-        self.cancels_strays = True
-
-    def on_strays_gone(self, callback: Any) -> None:
-        self.tell = callback
+    confirmed = True
+    on_none_confirmed: Any
 
 
 class World(Clock):
@@ -27,17 +24,19 @@ class World(Clock):
     def __init__(self) -> None:
         super().__init__()
         self.time = time.monotonic()
-        self.link = Link()
+        self.orphans = Orphans()
         self.freed = threading.Event()
         self.port = SimpleNamespace(
             identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm"),
-            link=self.link,
+            link=SimpleNamespace(orphans=self.orphans),
             freed=self.freed,
             free=self.freed.set,
             decode_feedback=None,
-            call_soon=lambda callback: callback(),
-            call_at=self.call_at,
-            cancel_timer=self.queue.cancel,
+            runtime=SimpleNamespace(
+                call_soon=lambda callback: callback(),
+                call_at=self.call_at,
+                cancel_timer=self.queue.cancel,
+            ),
             on_failure=lambda callback: None,
             end_waits=lambda: None,
         )
@@ -49,15 +48,15 @@ def test_it_stays_while_goals_are_cancelled_on_a_second_server() -> None:
     world.carrier.release()
     assert world.carrier.released.is_set()  # whoever closes does not wait for it
     assert not world.freed.is_set()
-    world.link.cancels_strays = False
-    world.link.tell()
+    world.orphans.confirmed = False
+    world.orphans.on_none_confirmed()
     assert world.freed.is_set()
 
 
 def test_but_not_for_ever() -> None:
     world = World()
     world.carrier.release()
-    world.link.tell()
+    world.orphans.on_none_confirmed()
     assert not world.freed.is_set()
     world.advance(LINGER + 1)
     assert world.freed.is_set()
@@ -65,8 +64,8 @@ def test_but_not_for_ever() -> None:
 
 def test_nothing_keeps_it_otherwise() -> None:
     world = World()
-    world.link.cancels_strays = False
-    world.link.tell()  # while it is in use
+    world.orphans.confirmed = False
+    world.orphans.on_none_confirmed()  # while it is in use
     assert not world.freed.is_set()
     world.carrier.release()
     assert world.freed.is_set()
@@ -77,15 +76,15 @@ def test_what_was_freed_is_held_by_no_timer() -> None:
     world = World()
     world.carrier.release()
     assert len(world.queue) == 1
-    world.link.cancels_strays = False
-    world.link.tell()
+    world.orphans.confirmed = False
+    world.orphans.on_none_confirmed()
     assert world.freed.is_set()
     assert len(world.queue) == 0
 
 
 def test_what_is_freed_at_once_arms_no_timer() -> None:
     world = World()
-    world.link.cancels_strays = False
+    world.orphans.confirmed = False
     world.carrier.release()
     assert world.freed.is_set()
     assert len(world.queue) == 0

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from actionkit._goal.stages import DOUBT
-from actionkit._ros.outbox import CancelWindow
-from actionkit._ros.requests import Requests
+from actionkit._ros.cancels import CancelWindow
+from actionkit._ros.requests import ServiceRequests
+from tests.unit import clock
 from tests.unit.call_life import CallLife
-from tests.unit.clock import Clock
 
 KEY = bytes(range(16))
 
@@ -27,21 +27,16 @@ class Client:
         return len(self.requests)
 
 
-class Thread(Clock):
-    """The clock and the sources of a communication thread."""
+class Thread(clock.CommunicationThread):
+    """A communication thread, and what is seen on it."""
 
     def __init__(self) -> None:
         super().__init__()
         self.servers = 1
-        self.sources: set[object] = set()
-        self.enable = self.sources.add
-        self.disable = self.sources.discard
-        self.cancel_timer = self.queue.cancel
-        self.window = CancelWindow()
         self.cancelled: list[bytes] = []
 
-    def cancel_window(self, action_name: str) -> CancelWindow:
-        return self.window
+    def window(self, kind: type[CancelWindow], action_name: str) -> CancelWindow:
+        return kind()
 
 
 @pytest.fixture
@@ -55,13 +50,13 @@ def goal_source() -> Client:
 
 
 @pytest.fixture
-def requests(thread: Thread, goal_source: Client) -> Requests:
+def requests(thread: Thread, goal_source: Client) -> ServiceRequests:
     entities = SimpleNamespace(
         goal=goal_source, result=Client(), cancel=Client(), feedback=object()
     )
     request = SimpleNamespace(Request=SimpleNamespace)
     impl = SimpleNamespace(SendGoalService=request, GetResultService=request)
-    made = Requests(
+    made = ServiceRequests(
         thread,  # type: ignore[arg-type]
         entities,  # type: ignore[arg-type]
         impl,
@@ -74,11 +69,11 @@ def requests(thread: Thread, goal_source: Client) -> Requests:
 
 
 def test_what_was_asked_before_is_outdated_when_asked_anew(
-    requests: Requests, thread: Thread
+    requests: ServiceRequests, thread: Thread
 ) -> None:
     requests.ask_result(KEY)
     requests.ask_result(KEY)  # at a measured pace, and so not at once
-    requests.ask_result(KEY, anew=True)
+    requests.ask_result(KEY, supersedes_earlier=True)
     thread.advance(1.0)
     assert [requests.is_outdated(seq) for seq in (1, 2, 3)] == [True, False, False]
     # A result counts all the same.
@@ -86,22 +81,21 @@ def test_what_was_asked_before_is_outdated_when_asked_anew(
     assert not requests.is_outdated(1)
 
 
-def test_a_forgotten_goal_leaves_nothing_behind(requests: Requests, thread: Thread) -> None:
+def test_a_forgotten_goal_leaves_nothing_behind(requests: ServiceRequests, thread: Thread) -> None:
     requests.ask_result(KEY)
-    requests.ask_result(KEY, anew=True)
-    requests.ask_cancel(KEY)
+    requests.ask_result(KEY, supersedes_earlier=True)
+    requests.cancels.ask(KEY)
     requests.forget(KEY, abandoned=False, finished=False)
     requests.ask_result(KEY)
-    requests.ask_cancel(KEY)
     thread.advance(1.0)
     assert not any(requests.table_sizes().values())
 
 
 def test_each_cancel_request_is_told_of_also_those_that_are_repeated(
-    requests: Requests, thread: Thread
+    requests: ServiceRequests, thread: Thread
 ) -> None:
     """By these, less those in vain, one knows whether a cancellation was ours (C4.4)."""
-    requests.ask_cancel(KEY)
+    requests.cancels.ask(KEY)
     assert thread.cancelled == [KEY]
     assert requests.cancel_answered(1, known=False) == KEY
     thread.advance(0.6)
@@ -109,13 +103,13 @@ def test_each_cancel_request_is_told_of_also_those_that_are_repeated(
 
 
 def test_unheard_is_since_the_first_that_was_not_answered(
-    requests: Requests, thread: Thread
+    requests: ServiceRequests, thread: Thread
 ) -> None:
     assert requests.unheard_since is None
     thread.advance(1.0)
-    requests.question()
+    requests.probe()
     thread.advance(1.0)
-    requests.ask_cancel(KEY)
+    requests.cancels.ask(KEY)
     assert requests.unheard_since == thread.now() - 1.0
     requests.heard()
     assert requests.unheard_since is None
@@ -125,20 +119,20 @@ def test_unheard_is_since_the_first_that_was_not_answered(
 
 
 def test_a_goal_that_two_servers_accepted_is_cancelled_when_it_has_ended_on_one(
-    requests: Requests, thread: Thread
+    requests: ServiceRequests, thread: Thread
 ) -> None:
     assert requests.goal_answered(1, accepted=True) == KEY
     assert requests.goal_answered(1, accepted=True) is None
-    assert not requests.cancels_strays
+    assert not requests.orphans.confirmed
     requests.forget(KEY, abandoned=False, finished=False)
-    assert requests.cancels_strays
-    requests.stray_answered(1, [KEY], over=False)
-    assert not requests.cancels_strays
+    assert requests.orphans.confirmed
+    requests.orphans.answered(1, [KEY], over=False)
+    assert not requests.orphans.confirmed
     assert not any(requests.table_sizes().values())
 
 
 def test_late_acceptances_are_waited_for_where_there_are_several_servers(
-    requests: Requests, thread: Thread, goal_source: object
+    requests: ServiceRequests, thread: Thread, goal_source: object
 ) -> None:
     requests.goal_answered(1, accepted=True)
     requests.forget(KEY, abandoned=False, finished=False)
@@ -156,16 +150,18 @@ def test_late_acceptances_are_waited_for_where_there_are_several_servers(
 
 @pytest.mark.parametrize("finished", [True, False])
 def test_an_acceptance_that_comes_after_the_result_is_that_servers(
-    requests: Requests, finished: bool
+    requests: ServiceRequests, finished: bool
 ) -> None:
     requests.forget(KEY, abandoned=False, finished=finished)
     requests.goal_answered(1, accepted=True)
-    assert requests.cancels_strays == (not finished)
+    assert requests.orphans.confirmed == (not finished)
     requests.goal_answered(1, accepted=True)
-    assert requests.cancels_strays
+    assert requests.orphans.confirmed
 
 
-def test_a_goal_that_was_abandoned_is_never_cancelled(requests: Requests, thread: Thread) -> None:
+def test_a_goal_that_was_abandoned_is_never_cancelled(
+    requests: ServiceRequests, thread: Thread
+) -> None:
     thread.servers = 2
     requests.forget(KEY, abandoned=True, finished=False)
     requests.goal_answered(1, accepted=True)

@@ -209,14 +209,16 @@ class Port(SimpleNamespace):
         freed = Flag()
         super().__init__(
             identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm"),
-            link=SimpleNamespace(on_strays_gone=lambda _: None, cancels_strays=False),
-            runtime=SimpleNamespace(failure=None),
+            link=SimpleNamespace(orphans=SimpleNamespace(confirmed=False)),
+            runtime=SimpleNamespace(
+                failure=None,
+                call_soon=self.soon.append,
+                call_at=lambda at, callback: None,
+                cancel_timer=None,
+            ),
             freed=freed,
             free=freed.set,
             decode_feedback=None,
-            call_soon=self.soon.append,
-            call_at=lambda at, callback: None,
-            cancel_timer=None,
             on_failure=lambda callback: None,
             end_waits=lambda: None,
         )

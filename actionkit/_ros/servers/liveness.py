@@ -1,8 +1,8 @@
-"""Asking a server now and then whether it is there (`Timeouts.liveness`, opt-in).
+"""Notices that a server is dead before the middleware does (`Timeouts.liveness`, opt-in).
 
-The middleware needs about 20 s to notice a killed process. A server that answers while it
-executes can be asked instead, by the action protocol itself. One that is busy in its only
-thread answers as little as a dead one: for such servers this must stay off (C5.5).
+The middleware needs about 20 s to notice a killed process. A server that answers requests while
+it executes goals can be probed instead. One that is busy in its only thread answers as little as a
+dead one: with such servers this must stay off (C5.5).
 """
 
 from __future__ import annotations
@@ -11,11 +11,14 @@ from collections.abc import Callable
 
 from actionkit._threads.clock import Timers
 
-_SLOWEST = 5.0
+_PROBES_PER_LIMIT = 3
+"""Two probes may get lost in a row before a server is taken for dead."""
+_LONGEST_PAUSE = 5.0
+"""Seconds between two probes at most, so that a server that is back is noticed soon."""
 
 
 class Liveness:
-    """Watches for any sign of a server while goals are in flight. On its thread only."""
+    """Waits for signs of life while goals are in flight. On the communication thread only."""
 
     def __init__(
         self,
@@ -26,12 +29,12 @@ class Liveness:
         on_silence: Callable[[float], None],
         on_return: Callable[[], None],
     ) -> None:
-        """Be off.
+        """Do nothing until `start` is called.
 
         Args:
             timers: The clock and timers of the thread.
-            probe: Asks the harmless question.
-            wanted: Whether goals are in flight.
+            probe: Asks what every live server answers.
+            wanted: Whether goals are in flight. If not, this stops until the next `start`.
             on_silence: Called with the limit when nothing was heard for so many seconds.
             on_return: Called when something is heard after that.
         """
@@ -41,33 +44,39 @@ class Liveness:
         self._on_silence = on_silence
         self._on_return = on_return
         self._limit: float | None = None
-        self._heard = 0.0
+        self._heard_at = 0.0
         self._silent = False
-        self._ticking = False
 
     def start(self, limit: float) -> None:
-        """Begin to watch; `limit` is in seconds."""
-        self._limit = limit if self._limit is None else min(limit, self._limit)
-        if not self._ticking:
-            self._ticking = True
-            self._heard = self._timers.now()
-            self._tick()
+        """Probe the server until no goal is in flight.
+
+        Args:
+            limit: Seconds of silence after which it is taken for dead. The smallest counts.
+        """
+        if self._limit is not None:
+            self._limit = min(limit, self._limit)
+            return
+        self._limit = limit
+        self._heard_at = self._timers.now()
+        self._check()
 
     def heard(self) -> None:
-        """Something came from a server."""
-        self._heard = self._timers.now()
+        """Note that something came from a server."""
+        self._heard_at = self._timers.now()
         if self._silent:
             self._silent = False
             self._on_return()
 
-    def _tick(self) -> None:
+    def _check(self) -> None:
         if not self._wanted() or self._limit is None:
-            self._ticking = self._silent = False
+            self._silent = False
             self._limit = None
             return
         now = self._timers.now()
-        if not self._silent and now - self._heard >= self._limit:
+        if not self._silent and now - self._heard_at >= self._limit:
             self._silent = True
             self._on_silence(self._limit)
         self._probe()
-        self._timers.call_at(now + min(self._limit / 3, _SLOWEST), self._tick)
+        self._timers.call_at(
+            now + min(self._limit / _PROBES_PER_LIMIT, _LONGEST_PAUSE), self._check
+        )

@@ -1,36 +1,54 @@
-"""Who waits for the servers of one action, and who loses them.
+"""Tells goals that a server is ready, and that a server which may have them is lost.
 
-What is known of the servers comes from `presence`, `rollcall` and `liveness`; here it is told to
-the goals that it is about. All of it happens on the communication thread.
+`readiness` knows which servers are there, `restarts` which of several still answers, `liveness`
+whether anybody answers at all. This module knows which servers may have which goal, and tells the
+goals' listeners. All of it happens on the communication thread.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 
 from rclpy.exceptions import InvalidHandle
 
 from actionkit._ros import graph
 from actionkit._ros.entities import Entities
-from actionkit._ros.listener import GoalListener, SentGoal
+from actionkit._ros.listener import GoalListener
 from actionkit._ros.native import RCLError
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.liveness import Liveness
-from actionkit._ros.servers.readiness import UNNAMED, Presence
-from actionkit._ros.servers.restarts import RollCall
+from actionkit._ros.servers.readiness import UNNAMED, ServerReadiness
+from actionkit._ros.servers.restarts import RestartDetector
 from actionkit._threads.clock import TimerGroup
 from actionkit._threads.diagnostics import log_later
 
 _NAMING = 0.5
 """Seconds until the graph knows the nodes of servers that it has just discovered."""
 _MATCHED_PERIOD = 1.0
+"""Seconds between two looks at the graph, as often as an idle client may look (C7.4)."""
 _IN_SIGHT_WITHIN = 0.5
 """Seconds from when requests reach a new server until it is in sight here, on a busy machine."""
 
 
-class Lookout:
-    """Looks for servers, and tells the goals of those that come and go."""
+@dataclass(slots=True)
+class _SentGoal:
+    """The servers that may have one goal.
+
+    Attributes:
+        sent_at: When the goal was sent.
+        servers: The ids of the servers in sight that may have it.
+        sent_to: The ids of all servers that may have it or may still take it, in sight or not.
+    """
+
+    sent_at: float
+    servers: frozenset[bytes]
+    sent_to: frozenset[bytes]
+
+
+class ServerMonitor:
+    """Follows the servers of one action for the goals of one link."""
 
     def __init__(
         self,
@@ -39,47 +57,48 @@ class Lookout:
         *,
         name: str,
         type_name: str,
-        ask: Callable[[], int],
-        sent: Mapping[bytes, SentGoal],
+        probe: Callable[[], int],
+        listeners: Mapping[bytes, GoalListener],
         queued: Callable[[], list[GoalListener]],
         on_ready: Callable[[], None],
     ) -> None:
-        """Begin to look.
+        """Begin to look for servers.
 
         Args:
             runtime: Whose thread and node to use.
             entities: What sees the servers.
             name: The fully qualified action name.
             type_name: Such as `test_msgs/action/Fibonacci`.
-            ask: Asks what every live server answers; returns the sequence number.
-            sent: The goals that may be on a server, by id; read at each event.
-            queued: Returns whose goals wait for their turn to be sent.
+            probe: Asks what every live server answers; returns the sequence number.
+            listeners: Who is told of the goals that may be on a server, by id. Only read here.
+            queued: Returns the listeners of the goals that wait to be sent.
             on_ready: Called when goals can be sent to a server that has come.
         """
         self._runtime = runtime
-        self._timers = TimerGroup(runtime, runtime.timers.cancel)
+        self._timers = TimerGroup(runtime, runtime.cancel_timer)
         self._entities = entities
         self._name = name
-        self._sent = sent
+        self._listeners = listeners
         self._queued = queued
         self._tell_ready = on_ready
         self._closed = False
         self._warned = False
+        self._goals: dict[bytes, _SentGoal] = {}
         self._awaiting: dict[GoalListener, None] = {}
         self._ready_waiters: dict[Callable[[], None], None] = {}
-        self._rollcall = RollCall(self._timers, ask, self._on_one)
+        self.restarts = RestartDetector(self._timers, probe, self._on_one_answers)
         self.liveness = Liveness(
             self._timers,
-            probe=ask,
-            wanted=lambda: not self._closed and bool(self._sent or self._queued()),
+            probe=probe,
+            wanted=lambda: not self._closed and bool(self._goals or self._queued()),
             on_silence=self._on_silence,
-            on_return=self._on_return,
+            on_return=self._tell_sent_goals,
         )
-        self.presence = Presence(
+        self.readiness = ServerReadiness(
             self._timers,
             list_servers=self._list_servers,
             services_ready=self._services_ready,
-            probe=ask,
+            probe=probe,
             on_ready=self._on_ready,
             on_change=self._on_change,
             on_mismatch=self._on_mismatch,
@@ -89,28 +108,27 @@ class Lookout:
             self._poll_matched()
 
     def close(self) -> None:
-        """Tell nobody anything any more."""
+        """Cancel all timers and tell nobody anything any more."""
         self._closed = True
         self._timers.close()
-        self._rollcall.close()
-        self.presence.close()
+        self.readiness.close()
 
     # --- who waits for a server ------------------------------------------------------------
 
     def await_server(self, listener: GoalListener) -> None:
         """Tell the listener once when a server is ready, or while another type is served."""
-        if self.presence.ready:
+        if self.readiness.ready:
             listener.on_server_ready()
             return
         self._awaiting[listener] = None
-        self.presence.look(lambda: bool(self._awaiting))
+        self.readiness.look(lambda: bool(self._awaiting))
 
-    def hold(self, listener: GoalListener) -> None:
-        """Tell the listener again when a server is ready anew."""
+    def await_next_ready(self, listener: GoalListener) -> None:
+        """Tell the listener when a server becomes ready the next time."""
         self._awaiting[listener] = None
 
-    def withdraw(self, listener: GoalListener) -> None:
-        """Undo `await_server` and `hold`."""
+    def stop_waiting(self, listener: GoalListener) -> None:
+        """Undo `await_server` and `await_next_ready`."""
         self._awaiting.pop(listener, None)
 
     def add_ready_waiter(self, callback: Callable[[], None]) -> None:
@@ -126,40 +144,46 @@ class Lookout:
         """How many wait for a server."""
         return len(self._awaiting) + len(self._ready_waiters)
 
+    # --- which server may have which goal --------------------------------------------------
+
+    def goal_sent(self, key: bytes) -> None:
+        """Note that a goal was sent just now. If it was sent before, only this time counts (R5)."""
+        servers = self.readiness.servers
+        self._goals[key] = _SentGoal(self._runtime.now(), servers, servers)
+
+    def forget(self, key: bytes) -> None:
+        """Free what is held for a sent goal."""
+        del self._goals[key]
+
+    def sees_server_of(self, key: bytes) -> bool:
+        """Whether a server is in sight that the goal was sent to."""
+        goal = self._goals.get(key)
+        return goal is not None and bool(goal.sent_to & self.readiness.servers)
+
+    def may_be_elsewhere(self, key: bytes) -> bool:
+        """Whether a server that does not know the goal may be another than the one that has it."""
+        goal = self._goals.get(key)
+        return goal is not None and bool(goal.servers) and self.readiness.count > 1
+
     # --- what is seen ----------------------------------------------------------------------
 
     def matched(self, count: int, came: int = 0) -> None:
-        """The middleware sees `count` feedback publishers now, `came` of them new."""
-        self.presence.matched(count, came)
+        """Handle that the middleware sees `count` feedback publishers now, `came` of them new."""
+        self.readiness.matched(count, came)
         if count > 1 and not self._warned:
             self._warned = True
             # Their names are known a moment later.
             self._timers.call_at(self._timers.now() + _NAMING, self._warn_of_several)
 
-    def suspect(self) -> None:
-        """One of several servers does not know a goal: find out whether another is left (R1)."""
-        self._rollcall.begin()
-
-    def count_answer(self, question: int) -> None:
-        """A question was answered, perhaps one that `suspect` asked."""
-        self._rollcall.answered(question)
-
-    @property
-    def counting(self) -> bool:
-        """Whether further answers to the same question matter."""
-        return self._rollcall.running
-
     def _poll_matched(self) -> None:
-        """Where the middleware has no matched event: look once a second (C7.4)."""
-        if self._closed:
-            return
+        """Look at the graph once a second, with a middleware that has no matched event."""
         listed = self._list_servers()
-        if listed is not None and len(listed) != self.presence.count:
+        if listed is not None and len(listed) != self.readiness.count:
             self.matched(len(listed))
         self._timers.call_at(self._timers.now() + _MATCHED_PERIOD, self._poll_matched)
 
     def _warn_of_several(self) -> None:
-        servers = [] if self._closed else self._list_servers() or []
+        servers = self._list_servers() or []
         if len(servers) > 1:
             log_later(
                 logging.WARNING,
@@ -170,7 +194,7 @@ class Lookout:
                 ", ".join(server.node or "unnamed" for server in servers),
             )
 
-    def _list_servers(self) -> list[graph.ServerInfo] | None:
+    def _list_servers(self) -> list[graph.Endpoint] | None:
         try:
             return graph.servers(self._runtime.node, self._name)
         except (RCLError, InvalidHandle):
@@ -180,9 +204,15 @@ class Lookout:
         try:
             return self._entities.services_ready()
         except (RCLError, InvalidHandle):
-            return self.presence.count > 0
+            return self.readiness.count > 0
 
     # --- who is told -----------------------------------------------------------------------
+
+    def _sent_goals(self) -> Iterator[tuple[GoalListener, _SentGoal]]:
+        """Yield each sent goal with its listener, but for those forgotten in the meantime."""
+        for key, goal in list(self._goals.items()):
+            if (listener := self._listeners.get(key)) is not None:
+                yield listener, goal
 
     def _on_ready(self) -> None:
         awaiting, self._awaiting = self._awaiting, {}
@@ -190,39 +220,39 @@ class Lookout:
             listener.on_server_ready()
         for callback in list(self._ready_waiters):
             callback()
-        self._on_return()
+        self._tell_sent_goals()
         self._tell_ready()
 
-    def _on_return(self) -> None:
-        for goal in list(self._sent.values()):
-            goal.listener.on_server_ready()
+    def _tell_sent_goals(self) -> None:
+        for listener, _ in self._sent_goals():
+            listener.on_server_ready()
 
     def _on_mismatch(self, served: tuple[str, ...]) -> None:
         for listener in list(self._awaiting):
             listener.on_type_mismatch(served)
 
     def _on_silence(self, limit: float) -> None:
-        for goal in list(self._sent.values()):
-            goal.listener.on_server_lost(f"its server answered nothing for {limit:g} s")
+        for listener, _ in self._sent_goals():
+            listener.on_server_lost(f"its server answered nothing for {limit:g} s")
 
     def _on_change(self, came: frozenset[bytes], gone: frozenset[bytes]) -> None:
-        for goal in self._sent.values():
+        for goal in self._goals.values():
             self._reconsider(goal, came)
         if not gone:
             return
         reason = "its action server is gone"
-        for goal in list(self._sent.values()):
-            self._lose(goal, gone, reason)
-        if not self.presence.servers:
+        for listener, goal in self._sent_goals():
+            self._lose(listener, goal, gone, reason)
+        if not self.readiness.servers:
             for listener in self._queued():
                 listener.on_server_lost(reason)
 
-    def _reconsider(self, goal: SentGoal, came: frozenset[bytes]) -> None:
-        """Whether a goal may be on servers that were not known when it was sent.
+    def _reconsider(self, goal: _SentGoal, came: frozenset[bytes]) -> None:
+        """Add the servers that may have a goal although they were not known when it was sent.
 
-        A request finds a server before the server is in sight here; and it may have gone to one
-        that the graph did not show yet. Where it did not, the server itself says so when asked.
-        One that was lost already, with all servers there were, is not on one that came after that.
+        A request reaches a server before that server is in sight here; and it may have gone to one
+        that the graph did not show yet. If the server does not have the goal after all, it says so
+        when it is asked. A goal that was lost with all servers is not on one that comes after that.
         """
         if not goal.servers:
             return
@@ -230,26 +260,28 @@ class Lookout:
         if unnamed or goal.sent_at > self._runtime.now() - _IN_SIGHT_WITHIN:
             goal.servers |= came
             goal.sent_to |= came
-        if unnamed and not unnamed & self.presence.servers:
-            goal.servers = goal.servers - UNNAMED | self.presence.servers
-            goal.sent_to |= self.presence.servers
+        if unnamed and not unnamed & self.readiness.servers:
+            goal.servers = goal.servers - UNNAMED | self.readiness.servers
+            goal.sent_to |= self.readiness.servers
 
-    def _on_one(self) -> None:
-        """Of several servers one answers, and it does not know a goal of ours."""
+    def _on_one_answers(self) -> None:
+        """Find the goals whose server was replaced: of several servers only one answers."""
         nodes = {server.gid: server.node for server in self._list_servers() or ()}
-        for goal in list(self._sent.values()):
-            newer = {nodes.get(gid, "") for gid in self.presence.servers - goal.servers} - {""}
+        for listener, goal in self._sent_goals():
+            newer = {nodes.get(gid, "") for gid in self.readiness.servers - goal.servers} - {""}
             replaced = frozenset(gid for gid in goal.servers if nodes.get(gid) in newer)
             if replaced:
                 goal.sent_to -= replaced
-                self._lose(goal, replaced, "its server was restarted")
-                if self.presence.ready:
-                    goal.listener.on_server_ready()  # the other may say that it has no such goal
-        if "" in nodes.values() and self._sent and not self._closed:
+                self._lose(listener, goal, replaced, "its server was restarted")
+                if self.readiness.ready:
+                    listener.on_server_ready()  # the other may say that it has no such goal
+        if "" in nodes.values() and self._goals:
             # Nodes get their names some time after their endpoints.
-            self._timers.call_at(self._timers.now() + _NAMING, self._rollcall.begin)
+            self._timers.call_at(self._timers.now() + _NAMING, self.restarts.start)
 
-    def _lose(self, goal: SentGoal, gone: frozenset[bytes], reason: str) -> None:
+    def _lose(
+        self, listener: GoalListener, goal: _SentGoal, gone: frozenset[bytes], reason: str
+    ) -> None:
         goal.servers -= gone
-        if not goal.servers or not self.presence.servers:
-            goal.listener.on_server_lost(reason)
+        if not goal.servers or not self.readiness.servers:
+            listener.on_server_lost(reason)

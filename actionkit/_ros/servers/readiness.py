@@ -1,11 +1,11 @@
-"""Whether servers of an action are there, without polling for them.
+"""Whether servers of an action are there and can answer, without polling for them.
 
 The servers' feedback publishers are watched through the `matched` event of a subscription
-(R27). That a publisher is there does not mean that goals arrive: a server discovers a
-client's endpoints one by one, and a goal that comes before it knows the way back is run, and
-its acknowledgement lost (R4). So a harmless question is sent first: to cancel a goal that
-cannot exist. Its answer comes through the endpoint that was made last, so that whoever can
-answer knows all the others too.
+(R27). A publisher that is there does not mean that goals arrive. A server discovers a client's
+endpoints one by one; if a goal comes before the server knows the way back, it runs the goal and
+its acknowledgement is lost (R4). So a probe is sent first: a request to cancel a goal that cannot
+exist. It is sent over the endpoint that was made last, so a server that answers it knows all the
+others too.
 """
 
 from __future__ import annotations
@@ -13,41 +13,51 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import Enum, auto
 
-from actionkit._ros.graph import ServerInfo
+from actionkit._ros.graph import Endpoint
 from actionkit._threads.clock import Timers
 
 _FIRST_STEP = 0.001
+"""Seconds between the first two probes, or looks at the graph; twice as long each time. A server
+that knows us answers within a millisecond."""
 _SETTLING_STEP = 0.25
+"""Seconds between two probes at most, so that a server that has just come is ready soon."""
 _SETTLING = 10.0
+"""Seconds for which it is probed that often; it is either ready by then or does not answer."""
 _LAST_STEP = 1.0
+"""Seconds between two probes or looks after that; an idle client may do so no oftener (C7.4)."""
 _PATIENCE = 0.5
-"""Seconds after which a server that answers nothing is taken for busy, not for deaf (C5.5)."""
+"""Seconds after which a server that does not answer is taken for busy, and for ready (C5.5)."""
 _PATIENCE_WITH_SEVERAL = 5.0
+"""The same with several servers. After a restart it is the dead server's endpoints that are
+matched; those of the new server have been seen to take 4 s."""
 _GRAPH_PERIOD = 1.0
+"""Seconds between two looks for servers of another type while somebody waits (C7.4)."""
 _NAMED_WITHIN = 10.0
 """Seconds until the graph shows a server of which there was an event; it takes milliseconds."""
-
 
 UNNAMED = frozenset({b"unnamed"})
 """Stands for a server that is there, and that the graph does not show yet."""
 
 
 class State(Enum):
-    """What is known of the servers."""
+    """Whether goals can be sent."""
 
     ABSENT = auto()
+    """No server is there."""
     SETTLING = auto()
+    """A server is there, and has not answered a probe so far."""
     READY = auto()
+    """Goals can be sent."""
 
 
-class Presence:
-    """Follows the servers of one action on behalf of one link. On its thread only."""
+class ServerReadiness:
+    """Follows the servers of one action. On the communication thread only."""
 
     def __init__(
         self,
         timers: Timers,
         *,
-        list_servers: Callable[[], list[ServerInfo] | None],
+        list_servers: Callable[[], list[Endpoint] | None],
         services_ready: Callable[[], bool],
         probe: Callable[[], object],
         on_ready: Callable[[], None],
@@ -55,21 +65,24 @@ class Presence:
         on_mismatch: Callable[[tuple[str, ...]], None],
         action_type: str,
     ) -> None:
-        """Know of no server so far.
+        """Begin without servers, until `matched` is called.
 
         Args:
             timers: The clock and timers of the thread.
             list_servers: The servers that the graph shows, of any type; `None` where the
                 graph cannot be asked.
             services_ready: Whether the endpoints of the action's services are matched.
-            probe: Sends the harmless question; the answer is to be told by `answered`.
+            probe: Asks what every live server answers; `answered` is to be called then.
             on_ready: Called when goals can be sent, again for each new server.
             on_change: Called with the ids of servers that have come, and of those that are gone.
-            on_mismatch: Called with the types served while somebody waits in vain.
-            action_type: The type that this side speaks.
+            on_mismatch: Called with the types served, where none of them is `action_type`.
+            action_type: The type of this side.
         """
         self.state = State.ABSENT
         self.servers: frozenset[bytes] = frozenset()
+        """The ids of the servers in sight."""
+        self.count = 0
+        """How many servers the middleware sees. After a restart the dead one counts, too (R14)."""
         self._timers = timers
         self._list_servers = list_servers
         self._services_ready = services_ready
@@ -78,10 +91,9 @@ class Presence:
         self._on_change = on_change
         self._on_mismatch = on_mismatch
         self._action_type = action_type
-        self._count = 0
-        self._awaited: frozenset[bytes] = frozenset()
-        """The servers that the graph shows while it does not show one that has come."""
-        self._awaited_until = 0.0
+        self._outdated: frozenset[bytes] = frozenset()
+        """The servers that the graph shows as long as it does not show one that has come."""
+        self._outdated_until = 0.0
         self._settling_since = 0.0
         self._closed = False
         self._looking = False
@@ -91,31 +103,26 @@ class Presence:
         """Whether goals can be sent."""
         return self.state is State.READY
 
-    @property
-    def count(self) -> int:
-        """How many servers are matched; more than one after a restart, too (R14)."""
-        return self._count
-
     def matched(self, count: int, came: int = 0) -> None:
-        """The middleware sees `count` feedback publishers now.
+        """Handle that the middleware sees `count` feedback publishers now.
 
         Args:
             count: How many.
             came: How many of them it did not see before, where that is known.
         """
-        self._count = count
+        self.count = count
         if count == 0:
             self.state = State.ABSENT
         before = self.servers
-        self._awaited = frozenset()
+        self._outdated = frozenset()
         self._compare()
         # One that had no name so far may be among those that have one now.
         expected = came + len(before & UNNAMED)
         if count and expected > len(self.servers - before - UNNAMED):
             # One came in the place of one that went, and the graph still shows that one. What is
             # sent now goes to the new one, and is not lost with the old.
-            self._awaited = self.servers - UNNAMED
-            self._awaited_until = self._timers.now() + _NAMED_WITHIN
+            self._outdated = self.servers - UNNAMED
+            self._outdated_until = self._timers.now() + _NAMED_WITHIN
             self._compare()
             if self.state is State.READY:
                 self._begin_settling()
@@ -126,22 +133,22 @@ class Presence:
 
     @property
     def _agrees(self) -> bool:
-        """Whether the graph shows whom the middleware's event told of."""
-        return len(self.servers) == self._count and not self.servers & UNNAMED
+        """Whether the graph shows the servers that the middleware's event told of."""
+        return len(self.servers) == self.count and not self.servers & UNNAMED
 
     def answered(self) -> None:
-        """The harmless question was answered."""
+        """Handle that a probe was answered."""
         if self.state is State.SETTLING:
             self._become_ready()
 
     def look(self, wanted: Callable[[], bool]) -> None:
-        """Compare the types served with ours, now and once a second while `wanted()` (R21)."""
+        """Compare the types served with ours, now and then once a second while `wanted()` (R21)."""
         if not self._looking:
             self._looking = True
             self._look(wanted)
 
     def close(self) -> None:
-        """Tell nothing any more."""
+        """Call none of the callbacks any more."""
         self._closed = True
 
     def _look(self, wanted: Callable[[], bool]) -> None:
@@ -172,7 +179,7 @@ class Presence:
             self._on_change(self.servers - before, gone - UNNAMED if self.servers else gone)
 
     def _compare_later(self, step: float) -> None:
-        """The event is ahead of the graph: look again until they agree, less and less often."""
+        """Look again until the graph agrees with the event, at growing intervals."""
 
         def compare() -> None:
             if self._closed or self._agrees:
@@ -183,7 +190,7 @@ class Presence:
         self._timers.call_at(self._timers.now() + step, compare)
 
     def _present(self) -> frozenset[bytes]:
-        if self._count == 0:
+        if self.count == 0:
             return frozenset()
         listed = self._list_servers()
         gids = frozenset(
@@ -193,25 +200,22 @@ class Presence:
             # The event may be ahead of the graph, and a context that was shut down has none: a
             # server that cannot be named is still a server.
             return self.servers or UNNAMED
-        if self._awaited:
-            if gids <= self._awaited and self._timers.now() < self._awaited_until:
+        if self._outdated:
+            if gids <= self._outdated and self._timers.now() < self._outdated_until:
                 return gids | UNNAMED
-            self._awaited = frozenset()
-        return gids | UNNAMED if len(gids) < self._count else gids
+            self._outdated = frozenset()
+        return gids | UNNAMED if len(gids) < self.count else gids
 
     def _settle(self, step: float) -> None:
         if self._closed or self.state is not State.SETTLING:
             return
         now = self._timers.now()
         if self._services_ready():
-            # After a restart it is the dead server's endpoints that are matched; those of the
-            # new one have been seen to take 4 s.
-            patience = _PATIENCE if self._count == 1 else _PATIENCE_WITH_SEVERAL
+            patience = _PATIENCE if self.count == 1 else _PATIENCE_WITH_SEVERAL
             if now - self._settling_since >= patience:
                 self._become_ready()
                 return
             self._probe()
-        # Asked quickly at first, and then no oftener than the graph is looked at (C7.4).
         slowest = _SETTLING_STEP if now - self._settling_since < _SETTLING else _LAST_STEP
         self._timers.call_at(now + step, lambda: self._settle(min(2 * step, slowest)))
 

@@ -1,11 +1,12 @@
-"""Who of several servers on one name is still there (R1, R14).
+"""Tells a restarted server from a second one (R1, R14).
 
 After a restart the middleware shows two servers for up to 20 s: the new one, and the dead one
 until its lease runs out. Two servers that both live look just the same. They differ in what
-they answer: a question that every server answers gets two answers from two, and one from one.
+they answer: a probe, which every server answers, gets two answers from two servers that live, and
+one answer if one of them is dead.
 
-A server that is alive but busy answers nothing either (C5.5), so silence alone condemns nobody:
-it must also have been replaced by one on a node of the same name, which has answered.
+A server that is alive but busy answers nothing either (C5.5). So silence alone is no proof: the
+monitor also checks that the server was replaced by one on a node of the same name.
 """
 
 from __future__ import annotations
@@ -15,61 +16,54 @@ from collections.abc import Callable
 
 from actionkit._threads.clock import Timers
 
-_QUESTIONS = 3
+_PROBES = 3
+"""A second server is noticed if it answers only one of these; the others may get lost."""
 _PERIOD = 0.2
+"""Seconds between two probes; a server that is busy for less has answered the one before."""
 _VERDICT_AFTER = 0.7
+"""Seconds from the first probe to the verdict, 0.3 s of them for the last answers."""
 
 
-class RollCall:
-    """Counts the answers to harmless questions. On the communication thread only."""
+class RestartDetector:
+    """Counts how many servers answer. On the communication thread only."""
 
     def __init__(
-        self, timers: Timers, probe: Callable[[], int], on_one: Callable[[], None]
+        self, timers: Timers, probe: Callable[[], int], on_one_answers: Callable[[], None]
     ) -> None:
-        """Ask nothing so far.
+        """Make a detector that is not running.
 
         Args:
-            timers: The clock and timers of the thread.
-            probe: Asks a question that every server answers; returns its sequence number.
-            on_one: Called when no question was answered by more than one server.
+            timers: The clock and timers of the thread. They end with the client.
+            probe: Asks what every live server answers; returns the sequence number.
+            on_one_answers: Called when probes were answered, and each by one server only.
         """
+        self.running = False
+        """Whether answers are being counted."""
         self._timers = timers
         self._probe = probe
-        self._on_one = on_one
+        self._on_one_answers = on_one_answers
         self._answers: Counter[int] = Counter()
-        self._running = False
-        self._closed = False
 
-    @property
-    def running(self) -> bool:
-        """Whether answers are being counted."""
-        return self._running
-
-    def begin(self) -> None:
-        """Ask, unless that is under way."""
-        if self._running:
+    def start(self) -> None:
+        """Send probes and count the answers, unless that is under way."""
+        if self.running:
             return
-        self._running = True
+        self.running = True
         self._answers.clear()
         now = self._timers.now()
-        for number in range(_QUESTIONS):
-            self._timers.call_at(now + number * _PERIOD, self._ask)
+        for number in range(_PROBES):
+            self._timers.call_at(now + number * _PERIOD, self._send)
         self._timers.call_at(now + _VERDICT_AFTER, self._end)
 
-    def answered(self, question: int) -> None:
-        """Count an answer."""
-        if question in self._answers:
-            self._answers[question] += 1
+    def count_answer(self, seq: int) -> None:
+        """Count an answer, if it is to one of the probes."""
+        if seq in self._answers:
+            self._answers[seq] += 1
 
-    def close(self) -> None:
-        """Ask and tell nothing any more."""
-        self._closed = True
-
-    def _ask(self) -> None:
-        if not self._closed:
-            self._answers[self._probe()] = 0
+    def _send(self) -> None:
+        self._answers[self._probe()] = 0
 
     def _end(self) -> None:
-        self._running = False
-        if max(self._answers.values(), default=0) == 1 and not self._closed:
-            self._on_one()
+        self.running = False
+        if max(self._answers.values(), default=0) == 1:
+            self._on_one_answers()

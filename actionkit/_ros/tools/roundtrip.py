@@ -1,8 +1,8 @@
-"""How long a server takes to be found and to answer, measured without touching a goal.
+"""Measures how long a server takes to be found and to answer, without touching a goal.
 
-What is asked is to cancel a goal whose id was made up this moment. A server answers that with
-"unknown goal", and nothing else comes of it (R2). The request has one type for all actions, so
-no package of the action's own is needed.
+It sends probes: requests to cancel a goal that cannot exist. A server answers "unknown goal", and
+nothing else happens (R2). The request has the same type for all actions, so the package that
+defines the action is not needed.
 """
 
 from __future__ import annotations
@@ -20,22 +20,25 @@ from actionkit._ros.native import ResponseSource
 from actionkit._ros.runtime import Runtime
 
 _DEPTH = 100
+"""Depth of the queue of answers; far more than there are servers on one name."""
 _STEP = 0.01
+"""Seconds between two looks whether a server is matched, which is the resolution of the measure."""
 _PATIENCE = 1.0
-"""Seconds after which a question is taken for lost and asked again (R4)."""
+"""Seconds after which a probe is taken for lost and the next is sent (R4)."""
 _TIMES = 5
+"""Further probes, enough to see by how much the times differ."""
 
 
 @dataclass(frozen=True)
 class RoundTrip:
-    """What was measured, in seconds; `None` where it did not come to that.
+    """What was measured, in seconds.
 
     Attributes:
-        matched: From making the endpoint until the middleware had matched it with a server's.
-        first: From the first question to the first answer, lost questions included.
-        asked: How many questions that took.
-        later: How long the answers to further questions took.
-        answers: How many answers the last question got: one from each server.
+        matched: From making the endpoint until it was matched with a server's; `None` if never.
+        first: From the first probe to the first answer, with lost probes; `None` without answer.
+        asked: How many probes that took.
+        later: How long the answers to further probes took.
+        answers: How many answers the last probe got: one from each server.
     """
 
     matched: float | None
@@ -46,7 +49,7 @@ class RoundTrip:
 
 
 def measure(action_name: str, timeout: float) -> RoundTrip:
-    """Ask the servers of an action, several times.
+    """Probe the servers of an action several times.
 
     Args:
         action_name: The full name.
@@ -58,13 +61,17 @@ def measure(action_name: str, timeout: float) -> RoundTrip:
     user = object()
     runtime = runtimes.acquire(None, user)
     try:
-        return _Asker(runtime, action_name).measure(timeout)
+        prober = _Prober(runtime, action_name)
+        try:
+            return prober.measure(timeout)
+        finally:
+            runtime.run(prober.destroy)
     finally:
         runtimes.release(runtime, user)
 
 
-class _Asker:
-    """One service client for cancel requests, and what comes back to it."""
+class _Prober:
+    """A service client for cancel requests, and the answers to them."""
 
     def __init__(self, runtime: Runtime, action_name: str) -> None:
         self._runtime = runtime
@@ -76,16 +83,12 @@ class _Asker:
                 qos_profile=QoSProfile(depth=_DEPTH),
             )
         )
-        self._source = ResponseSource(self._client, self._take)
+        self._source = ResponseSource(
+            self._client, lambda seq, _: self._answers.put((seq, time.monotonic()))
+        )
         runtime.call_soon(lambda: runtime.enable(self._source))
 
     def measure(self, timeout: float) -> RoundTrip:
-        try:
-            return self._measure(timeout)
-        finally:
-            self._runtime.run(self._destroy)
-
-    def _measure(self, timeout: float) -> RoundTrip:
         began = time.monotonic()
         while not self._runtime.run(self._client.service_is_ready):
             if time.monotonic() - began > timeout:
@@ -97,24 +100,30 @@ class _Asker:
         first: list[float] = []
         while not first and time.monotonic() - began < timeout:
             asked += 1
-            first = self._ask()
+            first = self._probe()
         if not first:
             return RoundTrip(matched, None, asked, (), 0)
         total = time.monotonic() - began
-        later = [seconds for _ in range(_TIMES) for seconds in self._ask()]
-        return RoundTrip(matched, total, asked, tuple(later), len(self._ask(everybody=True)))
+        later = [seconds for _ in range(_TIMES) for seconds in self._probe()]
+        return RoundTrip(matched, total, asked, tuple(later), len(self._probe(everybody=True)))
 
-    def _ask(self, *, everybody: bool = False) -> list[float]:
-        """Ask once; return how long the answer took, if it came.
+    def destroy(self) -> None:
+        self._runtime.disable(self._source)
+        self._runtime.node.destroy_client(self._client)
+
+    def _probe(self, *, everybody: bool = False) -> list[float]:
+        """Send a probe; return how long the answers took that came.
 
         Args:
-            everybody: Whether to wait for the answers of all servers, not just the first.
+            everybody: Whether to wait for the answers of all servers, not only for the first.
         """
+        request = CancelGoal.Request()
+        request.goal_info.goal_id.uuid = list(uuid.uuid4().bytes)
         began = time.monotonic()
-        number = self._runtime.run(self._send)
+        number = self._runtime.run(lambda: self._source.send(request))
         taken: list[float] = []
         while everybody or not taken:
-            # The others take about as long as the first.
+            # The other servers take about as long as the first.
             patience = min(_PATIENCE, 0.1 + 10 * taken[0]) if taken else _PATIENCE
             try:
                 seq, at = self._answers.get(timeout=patience)
@@ -123,15 +132,3 @@ class _Asker:
             if seq == number:
                 taken.append(at - began)
         return taken
-
-    def _send(self) -> int:
-        request = CancelGoal.Request()
-        request.goal_info.goal_id.uuid = list(uuid.uuid4().bytes)
-        return self._source.send(request)
-
-    def _take(self, seq: int, response: object) -> None:
-        self._answers.put((seq, time.monotonic()))
-
-    def _destroy(self) -> None:
-        self._runtime.disable(self._source)
-        self._runtime.node.destroy_client(self._client)

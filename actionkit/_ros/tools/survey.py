@@ -13,25 +13,17 @@ from actionkit._ros import graph, runtimes
 from actionkit._ros.names import resolve
 
 _STEP = 0.05
+"""Seconds between two looks at the graph; each takes about a millisecond."""
 _QUIET = 0.4
+"""Seconds without anything new after which the graph is taken for complete."""
 _LEAST = 3.0
+"""Seconds to look for at least. On a machine with other work a third of the processes are seen only
+after 1 to 3 s, by plain rclpy too: what Fast DDS sends first may get lost, and it sends again 3 s
+later."""
 _MOST = 7.0
-"""A third of the processes are seen after 1 to 3 s only, on a machine with other work, by
-plain rclpy too: what Fast DDS sends at once may get lost, and the next time is 3 s later."""
+"""Seconds to look for at most, which leaves Fast DDS a second repetition."""
 _JOIN = 5.0
-
-
-@dataclass(frozen=True)
-class Endpoint:
-    """One client or server of an action.
-
-    Attributes:
-        node: The full name of its node; `""` while it is not known.
-        action_type: Such as `test_msgs/action/Fibonacci`.
-    """
-
-    node: str
-    action_type: str
+"""Seconds for the communication thread to end; it takes some ten milliseconds."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +31,8 @@ class ActionSeen:
     """One action name, and who is on it."""
 
     name: str
-    servers: tuple[Endpoint, ...]
-    clients: tuple[Endpoint, ...]
+    servers: tuple[graph.Endpoint, ...]
+    clients: tuple[graph.Endpoint, ...]
 
     @property
     def types(self) -> tuple[str, ...]:
@@ -52,7 +44,7 @@ class Survey:
     """A look at the graph from a node of ActionKit's own. A context manager."""
 
     def __init__(self) -> None:
-        """Join the graph.
+        """Make a node, which begins to discover others.
 
         Raises:
             Exception: Whatever rclpy raises where a node cannot be made.
@@ -63,7 +55,7 @@ class Survey:
         self.seconds_to_open = self.opened - began
         """Seconds that it took to make the context and the node."""
         self.first_seen: dict[str, float] = {}
-        """Action name -> seconds from then until a server of it was seen."""
+        """For each action, the seconds from `opened` until a server of it was seen."""
 
     @property
     def domain_id(self) -> int:
@@ -105,14 +97,14 @@ class Survey:
         most: float = _MOST,
         enough: Callable[[dict[str, ActionSeen]], bool] = bool,
     ) -> dict[str, ActionSeen]:
-        """Look until nothing new comes into sight any more.
+        """Look until nothing new is discovered for a while.
 
-        Discovery has no end that could be waited for: a while without news has to do.
+        Discovery has no end that one could wait for.
 
         Args:
-            least: Seconds to look for, however quiet it is.
+            least: Seconds to look for at least.
             most: Seconds to look for at most, unless `least` is more.
-            enough: Whether what is seen will do; left out, anything will.
+            enough: Whether what is seen is enough to stop early; by default, any action is.
         """
         since = time.monotonic()
         last = self.actions()
@@ -128,19 +120,17 @@ class Survey:
                 last, since = seen, time.monotonic()
 
     def close(self) -> None:
-        """Leave the graph."""
+        """Give the node back."""
         runtimes.release(self.runtime, self)
         self.runtime.join_if_stopping(_JOIN)
 
     def __enter__(self) -> Self:
-        """Return the survey."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Leave the graph."""
         self.close()
 
 
-def _endpoints(infos: Iterable[Any]) -> tuple[Endpoint, ...]:
-    ends = [Endpoint(graph.node_of(info), graph.action_type_of(info)) for info in infos]
-    return tuple(sorted(ends, key=lambda end: (end.node, end.action_type)))
+def _endpoints(infos: Iterable[Any]) -> tuple[graph.Endpoint, ...]:
+    ends = map(graph.endpoint_of, infos)
+    return tuple(sorted(ends, key=lambda end: (end.node, end.action_type, end.gid)))

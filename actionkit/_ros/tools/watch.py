@@ -1,4 +1,4 @@
-"""All goals of an action, everybody's, as its servers tell of them on the status topic."""
+"""Reads the status topic of an action: all goals that its servers remember, of all clients."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from actionkit._threads.clock import TimerHandle
 
 _log = logging.getLogger("actionkit")
 _DEPTH = 100
-"""More than the topic's usual 1: each state is wanted, not just the last."""
+"""Depth of the queue; the topic's usual 1 would keep only the last state of each goal."""
 _PERIOD = 0.25
-"""Seconds between two looks at the graph for servers."""
+"""Seconds between two looks for servers, soon enough for a person who watches."""
 _JOIN = 5.0
+"""Seconds for the communication thread to end; it takes some ten milliseconds."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class GoalSeen:
 
 
 class StatusReader:
-    """Reads the status topic of an action, whatever its type. Give it back by `close`."""
+    """Reads the status topic of an action of any type until `close`."""
 
     def __init__(
         self,
@@ -50,7 +51,7 @@ class StatusReader:
         on_goals: Callable[[list[GoalSeen]], None],
         on_servers: Callable[[tuple[str, ...]], None],
     ) -> None:
-        """Begin to read.
+        """Subscribe to the topic.
 
         Args:
             action_name: The full name of the action.
@@ -67,7 +68,7 @@ class StatusReader:
         self._runtime.run(self._begin)
 
     def close(self) -> None:
-        """Read no more."""
+        """Destroy the subscription and give the node back."""
         self._runtime.run(self._end)
         runtimes.release(self._runtime, self)
         self._runtime.join_if_stopping(_JOIN)
@@ -91,7 +92,7 @@ class StatusReader:
 
     def _end(self) -> None:
         if self._timer is not None:
-            self._runtime.timers.cancel(self._timer)
+            self._runtime.cancel_timer(self._timer)
         self._runtime.disable(self._source)
         self._runtime.node.destroy_subscription(self._subscription)
 
@@ -125,4 +126,4 @@ def _seen(entry: GoalStatus) -> GoalSeen:
 
 
 def _unused(_: Any) -> None:
-    """Stand in for a callback: nothing here is spun."""
+    """Stand in for a callback, which rclpy demands. No executor calls it: the source takes."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from actionkit._ros.graph import ServerInfo
-from actionkit._ros.servers.readiness import Presence, State
+from actionkit._ros.graph import Endpoint
+from actionkit._ros.servers.readiness import ServerReadiness, State
 from tests.unit.clock import Clock
 
 OURS = "test_msgs/action/Fibonacci"
@@ -14,16 +14,16 @@ A, B, C = b"a", b"b", b"c"
 
 
 class World:
-    """A graph, and what a presence makes of it."""
+    """A graph, and what a readiness makes of it."""
 
     def __init__(self) -> None:
         self.clock = Clock()
-        self.graph: list[ServerInfo] | None = []
+        self.graph: list[Endpoint] | None = []
         self.services = True
         self.told: list[object] = []
         self.probes: list[float] = []
         self.looks = 0
-        self.presence = Presence(
+        self.readiness = ServerReadiness(
             self.clock,
             list_servers=self._list,
             services_ready=lambda: self.services,
@@ -34,7 +34,7 @@ class World:
             action_type=OURS,
         )
 
-    def _list(self) -> list[ServerInfo] | None:
+    def _list(self) -> list[Endpoint] | None:
         self.looks += 1
         return self.graph
 
@@ -44,12 +44,12 @@ class World:
 
     def serve(self, *gids: bytes, action_type: str = OURS) -> None:
         """Let the graph show these servers."""
-        self.graph = [ServerInfo(gid, action_type, "/node") for gid in gids]
+        self.graph = [Endpoint(gid, action_type, "/node") for gid in gids]
 
     def match(self, *gids: bytes) -> None:
         """Let these servers be there, seen by the graph and by the middleware's event."""
         self.serve(*gids)
-        self.presence.matched(len(gids))
+        self.readiness.matched(len(gids))
 
     def news(self) -> list[object]:
         told, self.told = self.told, []
@@ -64,7 +64,7 @@ def world() -> World:
 @pytest.fixture
 def ready(world: World) -> World:
     world.match(A)
-    world.presence.answered()
+    world.readiness.answered()
     assert world.news() == ["ready"]
     return world
 
@@ -74,25 +74,25 @@ def ready(world: World) -> World:
 
 def test_nobody_is_there_and_nothing_is_done(world: World) -> None:
     world.clock.advance(100)
-    assert world.presence.state is State.ABSENT
+    assert world.readiness.state is State.ABSENT
     assert (world.news(), world.probes, world.looks) == ([], [], 0)
 
 
 def test_a_server_is_ready_when_it_answers(world: World) -> None:
     world.match(A)
-    assert world.presence.state is State.SETTLING
-    assert not world.presence.ready
+    assert world.readiness.state is State.SETTLING
+    assert not world.readiness.ready
     world.clock.advance(0.0)
     assert len(world.probes) == 1
     world.clock.advance(0.01)
     assert world.news() == []
-    world.presence.answered()
-    assert world.presence.ready
-    assert (world.presence.count, world.presence.servers) == (1, {A})
+    world.readiness.answered()
+    assert world.readiness.ready
+    assert (world.readiness.count, world.readiness.servers) == (1, {A})
     assert world.news() == ["ready"]
     asked = len(world.probes)
     world.clock.advance(100)
-    world.presence.answered()  # to a question that was asked again meanwhile
+    world.readiness.answered()  # to a question that was asked again meanwhile
     assert (world.news(), len(world.probes), len(world.clock.queue)) == ([], asked, 0)
 
 
@@ -107,7 +107,7 @@ def test_the_question_is_repeated_ever_more_rarely(world: World) -> None:
 def test_a_server_that_answers_nothing_is_busy_not_deaf(world: World) -> None:
     world.match(A)
     world.clock.advance(PATIENCE - 0.01)
-    assert not world.presence.ready
+    assert not world.readiness.ready
     world.clock.advance(2 * PATIENCE)
     assert world.news() == ["ready"]
 
@@ -116,24 +116,24 @@ def test_nothing_is_asked_before_the_services_are_there(world: World) -> None:
     world.services = False
     world.match(A)
     world.clock.advance(10 * PATIENCE)
-    assert (world.probes, world.news(), world.presence.ready) == ([], [], False)
+    assert (world.probes, world.news(), world.readiness.ready) == ([], [], False)
     world.services = True
     world.clock.advance(1.0)
     assert world.news() == ["ready"]
 
 
 def test_the_event_may_be_ahead_of_the_graph(world: World) -> None:
-    world.presence.matched(1)
-    assert world.presence.state is State.SETTLING
-    assert world.presence.servers
-    world.presence.answered()
+    world.readiness.matched(1)
+    assert world.readiness.state is State.SETTLING
+    assert world.readiness.servers
+    world.readiness.answered()
     assert world.news() == ["ready"]
 
 
 def test_a_context_that_was_shut_down_has_no_graph(ready: World) -> None:
     ready.graph = None
-    ready.presence.matched(1)
-    assert (ready.presence.servers, ready.presence.ready, ready.news()) == ({A}, True, [])
+    ready.readiness.matched(1)
+    assert (ready.readiness.servers, ready.readiness.ready, ready.news()) == ({A}, True, [])
 
 
 # --- going -------------------------------------------------------------------------------------
@@ -141,8 +141,8 @@ def test_a_context_that_was_shut_down_has_no_graph(ready: World) -> None:
 
 def test_a_server_goes(ready: World) -> None:
     ready.match()
-    assert ready.presence.state is State.ABSENT
-    assert (ready.presence.servers, ready.presence.count) == (frozenset(), 0)
+    assert ready.readiness.state is State.ABSENT
+    assert (ready.readiness.servers, ready.readiness.count) == (frozenset(), 0)
     assert ready.news() == [("lost", {A})]
     ready.clock.advance(10)
     assert ready.news() == []
@@ -151,36 +151,36 @@ def test_a_server_goes(ready: World) -> None:
 def test_a_server_goes_before_it_was_ready(world: World) -> None:
     world.match(A)
     world.match()
-    world.presence.answered()
+    world.readiness.answered()
     world.clock.advance(10)
     assert world.news() == [("lost", {A})]
-    assert world.presence.state is State.ABSENT
+    assert world.readiness.state is State.ABSENT
 
 
 def test_another_comes_in_its_place(ready: World) -> None:
     ready.match(B)
     assert ready.news() == [("lost", {A})]
-    assert ready.presence.state is State.SETTLING
-    ready.presence.answered()
+    assert ready.readiness.state is State.SETTLING
+    ready.readiness.answered()
     assert ready.news() == ["ready"]
-    assert ready.presence.servers == {B}
+    assert ready.readiness.servers == {B}
 
 
 def test_a_restart_shows_two_for_a_while(ready: World) -> None:
     ready.match(A, B)
-    assert ready.presence.state is State.SETTLING  # the new one may not know the way back (R4)
-    assert ready.presence.count == 2
-    ready.presence.answered()
+    assert ready.readiness.state is State.SETTLING  # the new one may not know the way back (R4)
+    assert ready.readiness.count == 2
+    ready.readiness.answered()
     assert ready.news() == ["ready"]
     ready.match(B)
     assert ready.news() == [("lost", {A})]
-    assert ready.presence.ready
+    assert ready.readiness.ready
 
 
 def test_a_server_comes_back(ready: World) -> None:
     ready.match()
     ready.match(A)
-    ready.presence.answered()
+    ready.readiness.answered()
     assert ready.news() == [("lost", {A}), "ready"]
 
 
@@ -188,33 +188,33 @@ def test_a_graph_that_is_behind_while_a_server_settles(ready: World) -> None:
     ready.match()
     ready.news()
     ready.serve(A, B)  # the old one still shows
-    ready.presence.matched(1)
+    ready.readiness.matched(1)
     ready.serve(B)
     ready.clock.advance(0.1)
-    assert ready.presence.servers == {B}
+    assert ready.readiness.servers == {B}
     assert ready.news() == [("lost", {A})]
 
 
 def test_a_server_that_had_no_name_so_far_is_not_lost(world: World) -> None:
-    world.presence.matched(1)  # the graph does not show it yet
-    world.presence.answered()
+    world.readiness.matched(1)  # the graph does not show it yet
+    world.readiness.answered()
     world.match(A, B)
     assert ("lost", {b"unnamed"}) not in world.news()
 
 
 def test_a_server_that_had_no_name_so_far_is_not_new(world: World) -> None:
-    world.presence.matched(1)  # the graph does not show it yet
-    world.presence.answered()
+    world.readiness.matched(1)  # the graph does not show it yet
+    world.readiness.answered()
     world.match(A)
-    assert (world.presence.servers, world.presence.state) == ({A}, State.READY)
+    assert (world.readiness.servers, world.readiness.state) == ({A}, State.READY)
     assert world.news() == ["ready"]
 
 
 def test_a_graph_that_is_behind_when_a_server_goes(ready: World) -> None:
     ready.match(A, B)
-    ready.presence.answered()
+    ready.readiness.answered()
     ready.news()
-    ready.presence.matched(1)  # the graph still shows both
+    ready.readiness.matched(1)  # the graph still shows both
     ready.serve(B)
     ready.clock.advance(10)
     assert ready.news() == [("lost", {A})]
@@ -226,8 +226,8 @@ def test_a_graph_that_is_behind_when_a_server_goes(ready: World) -> None:
 def test_another_type_is_told_once_a_second_while_somebody_waits(world: World) -> None:
     waiting = True
     world.serve(C, action_type="a/action/Other")
-    world.presence.look(lambda: waiting)
-    world.presence.look(lambda: waiting)
+    world.readiness.look(lambda: waiting)
+    world.readiness.look(lambda: waiting)
     assert world.news() == [("mismatch", ("a/action/Other",))]
     world.clock.advance(3.0)
     assert len(world.news()) == 3
@@ -236,14 +236,14 @@ def test_another_type_is_told_once_a_second_while_somebody_waits(world: World) -
     assert world.news() == []
     assert len(world.clock.queue) == 0
     waiting = True
-    world.presence.look(lambda: waiting)
+    world.readiness.look(lambda: waiting)
     assert len(world.news()) == 1
 
 
 def test_our_own_type_among_others_is_no_mismatch(world: World) -> None:
-    other = ServerInfo(C, "a/action/Other", "/node")
-    world.graph = [ServerInfo(A, OURS, "/node"), other]
-    world.presence.look(lambda: True)
+    other = Endpoint(C, "a/action/Other", "/node")
+    world.graph = [Endpoint(A, OURS, "/node"), other]
+    world.readiness.look(lambda: True)
     world.graph = []
     world.clock.advance(1.0)
     world.graph = None
@@ -252,29 +252,29 @@ def test_our_own_type_among_others_is_no_mismatch(world: World) -> None:
 
 
 def test_looking_ends_with_the_coming_of_a_server_and_with_close(world: World) -> None:
-    world.presence.look(lambda: True)
+    world.readiness.look(lambda: True)
     world.match(A)
-    world.presence.answered()
+    world.readiness.answered()
     world.clock.advance(5.0)
     assert len(world.clock.queue) == 0
     world.match()
-    world.presence.look(lambda: True)
-    world.presence.close()
+    world.readiness.look(lambda: True)
+    world.readiness.close()
     world.clock.advance(5.0)
     assert len(world.clock.queue) == 0
 
 
 def test_a_server_of_another_type_is_none_of_ours(ready: World) -> None:
-    other = ServerInfo(C, "a/action/Other", "/node")
-    ready.graph = [ServerInfo(A, OURS, "/node"), other]
-    ready.presence.matched(1)
-    assert ready.presence.servers == {A}
+    other = Endpoint(C, "a/action/Other", "/node")
+    ready.graph = [Endpoint(A, OURS, "/node"), other]
+    ready.readiness.matched(1)
+    assert ready.readiness.servers == {A}
     assert ready.news() == []
 
 
 def test_closing_ends_the_settling(world: World) -> None:
     world.match(A)
-    world.presence.close()
+    world.readiness.close()
     world.clock.advance(10.0)
     assert world.news() == []
     assert len(world.clock.queue) == 0
@@ -283,17 +283,17 @@ def test_closing_ends_the_settling(world: World) -> None:
 def test_a_server_that_took_the_place_of_another_is_not_lost_with_it(world: World) -> None:
     """Both events are read as one, before the graph tells of either."""
     world.match(A)
-    world.presence.answered()
+    world.readiness.answered()
     world.news()
-    world.presence.matched(1, 1)
-    assert world.presence.state is State.SETTLING  # the new one does not know us yet
-    assert world.presence.servers == {A, b"unnamed"}
-    world.presence.answered()
+    world.readiness.matched(1, 1)
+    assert world.readiness.state is State.SETTLING  # the new one does not know us yet
+    assert world.readiness.servers == {A, b"unnamed"}
+    world.readiness.answered()
     assert world.news() == ["ready"]
-    sent_to = world.presence.servers
+    sent_to = world.readiness.servers
     world.serve(B)
     world.clock.advance(2.0)
-    assert world.presence.servers == {B}
+    assert world.readiness.servers == {B}
     lost = frozenset().union(*(gone for what, gone in world.news() if what == "lost"))
     assert lost == {A}
     assert sent_to - lost  # what was sent is with the new one
@@ -301,18 +301,18 @@ def test_a_server_that_took_the_place_of_another_is_not_lost_with_it(world: Worl
 
 def test_a_graph_that_never_shows_who_came_is_not_waited_for(world: World) -> None:
     world.match(A)
-    world.presence.answered()
-    world.presence.matched(1, 1)
+    world.readiness.answered()
+    world.readiness.matched(1, 1)
     world.clock.advance(30.0)
-    assert world.presence.servers == {A}
+    assert world.readiness.servers == {A}
     assert len(world.clock.queue) == 0
-    assert world.presence.ready
+    assert world.readiness.ready
 
 
 def test_a_server_that_the_graph_shows_at_once_needs_no_name(world: World) -> None:
     world.serve(A)
-    world.presence.matched(1, 1)
-    assert world.presence.servers == {A}
+    world.readiness.matched(1, 1)
+    assert world.readiness.servers == {A}
     world.serve(A, B)
-    world.presence.matched(2, 1)
-    assert world.presence.servers == {A, B}
+    world.readiness.matched(2, 1)
+    assert world.readiness.servers == {A, B}

@@ -7,7 +7,7 @@ from itertools import count, pairwise
 
 import pytest
 
-from actionkit._ros.orphans import Strays
+from actionkit._ros.orphans import OrphanedGoals
 from actionkit._ros.outbox import Window
 from tests.conftest import all_is_logged
 from tests.unit.clock import Clock
@@ -24,7 +24,7 @@ class World:
         self.servers = 1
         self.numbers = count(1)
         self.sent: list[tuple[float, bytes, int]] = []
-        self.strays = Strays(
+        self.orphans = OrphanedGoals(
             self.clock,
             "/arm",
             count_servers=lambda: self.servers,
@@ -39,19 +39,19 @@ class World:
         return seq
 
     def ended(self, seq: int = 1, key: bytes = KEY, *, accepted: int = 1) -> None:
-        self.strays.ended(seq, key, accepted=accepted)
+        self.orphans.ended(seq, key, accepted=accepted)
 
     def canceling(self) -> None:
-        self.strays.answered(self.sent[-1][2], {KEY}, over=False)
+        self.orphans.answered(self.sent[-1][2], {KEY}, over=False)
 
     def over(self) -> None:
-        self.strays.answered(self.sent[-1][2], set(), over=True)
+        self.orphans.answered(self.sent[-1][2], set(), over=True)
 
     def unknown(self) -> None:
-        self.strays.answered(self.sent[-1][2], set(), over=False)
+        self.orphans.answered(self.sent[-1][2], set(), over=False)
 
     def refused(self) -> None:
-        self.strays.answered(self.sent[-1][2], set(), over=False)
+        self.orphans.answered(self.sent[-1][2], set(), over=False)
 
     @property
     def keys(self) -> list[bytes]:
@@ -63,7 +63,7 @@ class World:
         """Whether nothing is done, awaited or kept for any of them any more."""
         before = len(self.sent)
         self.clock.advance(100)
-        left = len(self.strays) + len(self.strays.asked) + len(self.clock.queue)
+        left = len(self.orphans) + len(self.orphans.requests) + len(self.clock.queue)
         return len(self.sent) == before and left == 0
 
 
@@ -76,14 +76,14 @@ def test_what_ended_on_one_server_is_cancelled_where_it_is_accepted_late(world: 
     world.ended()
     world.clock.advance(5)
     assert not world.sent  # one server, one acceptance: the usual case costs nothing
-    world.strays.accepted_late(1)
-    assert world.strays.proven
+    world.orphans.accepted_late(1)
+    assert world.orphans.confirmed
     world.clock.advance(0.1)
     assert world.keys == [KEY]
     world.over()  # says the one on which it has ended
-    assert world.strays.proven
+    assert world.orphans.confirmed
     world.canceling()
-    assert not world.strays.proven
+    assert not world.orphans.confirmed
     assert world.at_rest
 
 
@@ -101,7 +101,7 @@ def test_a_lost_cancel_is_sent_again_and_what_comes_of_it_is_told(
     world: World, caplog: pytest.LogCaptureFixture
 ) -> None:
     world.ended()
-    world.strays.accepted_late(1)
+    world.orphans.accepted_late(1)
     world.clock.advance(3)
     assert len(world.sent) == 3
     world.over()
@@ -121,7 +121,7 @@ def test_where_it_has_ended_everywhere_nothing_is_sent_again(
     world: World, caplog: pytest.LogCaptureFixture
 ) -> None:
     world.ended()
-    world.strays.accepted_late(1)
+    world.orphans.accepted_late(1)
     world.clock.advance(0.1)
     world.over()
     world.over()
@@ -133,12 +133,12 @@ def test_where_it_has_ended_everywhere_nothing_is_sent_again(
 
 def test_the_same_answer_to_two_requests_is_not_taken_for_two_servers(world: World) -> None:
     world.ended()
-    world.strays.accepted_late(1)
+    world.orphans.accepted_late(1)
     world.clock.advance(0.1)
     world.over()
     world.clock.advance(0.6)
     world.over()
-    assert world.strays.proven
+    assert world.orphans.confirmed
 
 
 def test_with_two_servers_both_are_asked_until_both_have_answered(world: World) -> None:
@@ -157,10 +157,10 @@ def test_with_two_servers_both_are_asked_until_both_have_answered(world: World) 
 def test_each_of_two_late_servers_must_stop_it(world: World) -> None:
     world.ended()
     for _ in range(2):
-        world.strays.accepted_late(1)
+        world.orphans.accepted_late(1)
     world.clock.advance(0.1)
     world.canceling()
-    assert world.strays.proven
+    assert world.orphans.confirmed
     world.canceling()
     assert world.at_rest
 
@@ -168,18 +168,18 @@ def test_each_of_two_late_servers_must_stop_it(world: World) -> None:
 def test_it_has_ended_everywhere_only_where_all_that_accepted_it_say_so(world: World) -> None:
     world.ended()
     for _ in range(2):
-        world.strays.accepted_late(1)
+        world.orphans.accepted_late(1)
     world.clock.advance(0.1)
     world.over()
     world.canceling()
-    assert world.strays.proven  # the third has not answered
+    assert world.orphans.confirmed  # the third has not answered
     world.over()
     assert world.at_rest
 
 
 def test_the_late_acceptance_of_the_only_server(world: World) -> None:
     world.ended(accepted=0)
-    world.strays.accepted_late(1)
+    world.orphans.accepted_late(1)
     world.clock.advance(0.1)
     world.over()
     assert world.at_rest
@@ -192,8 +192,8 @@ def test_a_server_that_comes_is_asked_to_cancel_what_ended_lately(
     world.ended(1, old)
     world.clock.advance(60)
     world.ended(2)
-    world.strays.server_came()
-    assert not world.strays.proven
+    world.orphans.server_came()
+    assert not world.orphans.confirmed
     world.clock.advance(100)
     assert Counter(world.keys) == {KEY: 2}
     assert all_is_logged()
@@ -203,7 +203,7 @@ def test_a_server_that_comes_is_asked_to_cancel_what_ended_lately(
 
 def test_what_it_says_it_cancels_is_not_asked_for_again(world: World) -> None:
     world.ended()
-    world.strays.server_came()
+    world.orphans.server_came()
     world.clock.advance(0.1)
     world.canceling()
     assert world.at_rest
@@ -212,10 +212,10 @@ def test_what_it_says_it_cancels_is_not_asked_for_again(world: World) -> None:
 
 def test_what_was_guessed_and_is_then_proven_is_asked_for_in_earnest(world: World) -> None:
     world.ended()
-    world.strays.server_came()
+    world.orphans.server_came()
     world.clock.advance(0.6)
     assert len(world.sent) == 2
-    world.strays.accepted_late(1)
+    world.orphans.accepted_late(1)
     world.clock.advance(100)
     assert len(world.sent) == 7
     assert world.at_rest
@@ -229,10 +229,10 @@ def test_no_more_is_asked_for_than_fits_into_a_servers_queue(world: World) -> No
     for number, key in enumerate(keys(range(256))):
         world.ended(number, key)
     for number in range(256):
-        world.strays.accepted_late(number)
+        world.orphans.accepted_late(number)
     # As many are on the way as are unanswered, and one that is not answered is lost some day.
     assert world.keys == keys(range(4))
-    world.strays.answered(world.sent[0][2], {world.sent[0][1]}, over=False)
+    world.orphans.answered(world.sent[0][2], {world.sent[0][1]}, over=False)
     assert world.keys == keys(range(5))
     world.clock.advance(0.3)
     assert world.keys == keys(range(9))
@@ -247,7 +247,7 @@ def test_the_newest_are_remembered(world: World) -> None:
     for number, key in enumerate(keys(range(1000))):
         world.ended(number, key)
     for number in range(1000):
-        world.strays.accepted_late(number)
+        world.orphans.accepted_late(number)
     world.clock.advance(100)
     assert set(world.keys) == set(keys(range(1000 - 256, 1000)))
 
@@ -255,8 +255,8 @@ def test_the_newest_are_remembered(world: World) -> None:
 def test_what_is_proven_goes_before_what_is_guessed(world: World) -> None:
     for number, key in enumerate(keys(range(100))):
         world.ended(number, key)
-    world.strays.server_came()
-    world.strays.accepted_late(99)
+    world.orphans.server_came()
+    world.orphans.accepted_late(99)
     world.clock.advance(0.3)
     assert world.keys[4:6] == keys(range(99, 100)) + keys(range(4, 5))
 
@@ -265,7 +265,7 @@ def test_what_is_guessed_does_not_pile_up(world: World) -> None:
     world.servers = 2  # one of which is dead, and answers nothing
     for number, key in enumerate(keys(range(1000))):
         world.ended(number, key)
-    assert len(world.strays) <= 256 + 4
+    assert len(world.orphans) <= 256 + 4
     world.clock.advance(100)
     assert world.at_rest
 
@@ -274,8 +274,8 @@ def test_closing_tells_of_what_may_be_running(
     world: World, caplog: pytest.LogCaptureFixture
 ) -> None:
     world.ended()
-    world.strays.accepted_late(1)
-    world.strays.close()
+    world.orphans.accepted_late(1)
+    world.orphans.close()
     assert all_is_logged()
     assert STILL_RUNNING in caplog.text
     assert world.at_rest

@@ -1,0 +1,517 @@
+"""Which goals are lost with which servers: servers come and go, and are seen late.
+
+What comes from the graph and what comes as the middleware's event is not in step, and neither is
+in step with the servers themselves. The world here knows what is true; whoever is told that a
+goal's server is gone must not be told so of a server that is there.
+"""
+
+from __future__ import annotations
+
+import random
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+from rclpy.exceptions import InvalidHandle
+
+from actionkit._ros.entities import Entities
+from actionkit._ros.listener import GoalListener
+from actionkit._ros.runtime import Runtime
+from actionkit._ros.servers.monitor import ServerMonitor
+from tests.conftest import all_is_logged
+from tests.unit.clock import Clock
+
+TYPE = "test_msgs/action/Fibonacci"
+
+
+@dataclass
+class Goal:
+    """A goal of ours, and the server that really has it."""
+
+    home: bytes | None
+    goal_id: uuid.UUID = field(default_factory=uuid.uuid4)
+    unwanted: bool = False
+    lost: list[str] = field(default_factory=list)
+    ready: int = 0
+    mismatches: list[tuple[str, ...]] = field(default_factory=list)
+    on_lost: Callable[[], object] = lambda: None
+
+    __hash__ = object.__hash__
+
+    def on_server_ready(self) -> None:
+        self.ready += 1
+
+    def on_type_mismatch(self, served: tuple[str, ...]) -> None:
+        self.mismatches.append(served)
+
+    def on_server_lost(self, reason: str) -> None:
+        self.lost.append(reason)
+        self.on_lost()
+
+
+class World:
+    """Servers, and what a client's middleware and graph show of them, each in its own time."""
+
+    def __init__(self, *, matched: object | None = "event") -> None:
+        self.clock = Clock()
+        self.alive: set[bytes] = set()
+        self.matched: set[bytes] = set()
+        self.graph: list[bytes] | None = []
+        self.nodes: dict[bytes, str] = {}
+        self.action_type = TYPE
+        self.probes: list[float] = []
+        self.queued: list[Goal] = []
+        self.ready = 0
+        self.story: list[str] = []
+        self.listeners: dict[bytes, GoalListener] = {}
+        self._came = 0
+        runtime = SimpleNamespace(
+            cancel_timer=self.clock.queue.cancel,
+            now=self.clock.now,
+            call_at=self.clock.call_at,
+            node=SimpleNamespace(get_publishers_info_by_topic=self._publishers),
+        )
+        self.monitor = ServerMonitor(
+            cast(Runtime, runtime),
+            cast(
+                Entities,
+                SimpleNamespace(matched=matched, services_ready=lambda: bool(self.matched)),
+            ),
+            name="/fibonacci",
+            type_name=TYPE,
+            probe=self.probe,
+            listeners=self.listeners,
+            queued=lambda: cast(list[GoalListener], list(self.queued)),
+            on_ready=self._count_ready,
+        )
+        self.answers_after: Callable[[], float] = lambda: 0.001
+
+    def _count_ready(self) -> None:
+        self.ready += 1
+
+    def _publishers(self, _topic: str) -> list[Any]:
+        if self.graph is None:
+            raise InvalidHandle("the context was shut down")
+        return [
+            SimpleNamespace(
+                endpoint_gid=list(gid),
+                topic_type=f"{self.action_type}_FeedbackMessage",
+                node_name=self.nodes.get(gid, "server"),
+                node_namespace="/",
+            )
+            for gid in self.graph
+        ]
+
+    def probe(self) -> int:
+        self.probes.append(self.clock.time)
+        if self.alive & self.matched:
+            self.clock.call_at(self.clock.time + self.answers_after(), self._answer)
+        return len(self.probes)
+
+    def _answer(self) -> None:
+        if self.alive & self.matched:
+            self.monitor.readiness.answered()
+
+    # -- what happens --------------------------------------------------------------------------
+
+    def see(self, gid: bytes) -> None:
+        """Let requests reach a server, and those that it sends reach us."""
+        self.matched.add(gid)
+        self._came += 1
+
+    def lose(self, gid: bytes) -> None:
+        """Let the middleware forget a server."""
+        self.matched.discard(gid)
+
+    def read_event(self) -> None:
+        """Let the communication thread read the middleware's event, of all that happened."""
+        came, self._came = self._came, 0
+        self._note(f"event: {len(self.matched)}, {came} came")
+        self.monitor.matched(len(self.matched), came)
+
+    def serve(self, *gids: bytes) -> None:
+        """Let these servers be there, seen by everybody, and let them answer."""
+        assert self.graph is not None
+        for gid in gids:
+            self.nodes.setdefault(gid, f"server_{gid.decode()}")
+        self.alive, self.graph = set(gids), list(gids)
+        for gid in set(gids) - self.matched:
+            self.see(gid)
+        self.matched = set(gids)
+        self.read_event()
+        self.clock.advance(0.01)
+
+    def wait(self, goal: Goal | None = None) -> Goal:
+        """Let a goal wait for a server."""
+        goal = goal or Goal(home=None)
+        self.monitor.await_server(cast(GoalListener, goal))
+        return goal
+
+    def sent(self) -> Goal:
+        goal = self.send()
+        assert goal is not None
+        return goal
+
+    def send(self) -> Goal | None:
+        """Send a goal, as a link does; it is run by the one server that it reaches."""
+        if not self.monitor.readiness.ready:
+            return None
+        goal = Goal(home=next(iter(self.alive & self.matched), None))
+        servers = self.monitor.readiness.servers
+        self.listeners[goal.goal_id.bytes] = cast(GoalListener, goal)
+        self.monitor.goal_sent(goal.goal_id.bytes)
+        self._note(f"goal to {goal.home!r}, view {sorted(servers)}")
+        return goal
+
+    def _note(self, text: str) -> None:
+        self.story.append(f"{self.clock.time:.3f} {text}")
+
+    def at(self, when: float, text: str, what: Callable[[], object]) -> None:
+        def do() -> None:
+            if text:
+                self._note(text)
+            what()
+
+        self.clock.call_at(when, do)
+
+
+def _a_life(seed: int) -> tuple[World, list[str]]:
+    """Restart a server again and again, with goals in between; returns what was told wrongly."""
+    chance = random.Random(seed)
+    world = World()
+    graph = world.graph
+    assert graph is not None
+    world.answers_after = lambda: chance.uniform(0.0005, 0.01)
+    wrong: list[str] = []
+    goals: list[Goal] = []
+
+    def soon() -> float:
+        return chance.choice([0.0, 0.001, 0.05, 0.3]) * chance.random()
+
+    def heard() -> None:
+        # The event comes after the endpoints of the services, and the thread may be late.
+        world.clock.call_at(world.clock.time + 0.3 * chance.random() ** 3, world.read_event)
+
+    def come(gid: bytes) -> None:
+        world.alive.add(gid)
+        shown = world.clock.time + soon()
+        world.at(shown, f"graph shows {gid!r}", lambda: graph.append(gid))
+        world.at(
+            world.clock.time + soon(), f"{gid!r} is matched", lambda: (world.see(gid), heard())
+        )
+
+    def go(gid: bytes) -> None:
+        world.alive.discard(gid)
+        # At once where it ended cleanly, and with its lease where it was killed.
+        forgotten = world.clock.time + chance.choice([0.0, 0.0, 20.0]) + 1.1
+        world.at(forgotten + soon(), f"graph shows {gid!r} no more", lambda: graph.remove(gid))
+        world.at(forgotten + soon(), f"{gid!r} is forgotten", lambda: (world.lose(gid), heard()))
+
+    def send() -> None:
+        goal = world.send()
+        if goal is not None:
+            goals.append(goal)
+
+    def look() -> None:
+        for goal in goals:
+            if goal.lost and goal.home in world.alive and goal.home in world.matched:
+                wrong.append(f"the server {goal.home!r} is there, and: {goal.lost[0]}")
+        del goals[:-30]
+
+    when = world.clock.time
+    for number in range(chance.randint(2, 6)):
+        gid = b"%d" % number
+        when += chance.choice([0.01, 0.3, 3.0, 12.0]) * chance.random()
+        world.at(when, f"{gid!r} comes", lambda gid=gid: come(gid))
+        when += chance.choice([0.01, 0.3, 3.0, 12.0]) * chance.random()
+        world.at(when, f"{gid!r} goes", lambda gid=gid: go(gid))
+    for _ in range(60):
+        world.clock.call_at(100 + (when - 99) * chance.random(), send)
+    while world.clock.time < when + 25:
+        world.clock.advance(0.05)
+        look()
+        if wrong:
+            break
+    return world, wrong
+
+
+def test_a_goal_that_was_lost_is_not_on_a_server_that_comes_after_that() -> None:
+    """Else it would be waited for, though the new server says that it does not know it."""
+    world = World()
+    world.serve(b"old")
+    goal = world.sent()
+    world.serve()
+    assert goal.lost == ["its action server is gone"]
+    world.serve(b"new")
+    assert not world.monitor.sees_server_of(goal.goal_id.bytes)
+
+
+@pytest.mark.parametrize("block", range(20))
+def test_no_goal_is_lost_with_a_server_that_is_there(block: int) -> None:
+    for seed in range(20 * block, 20 * (block + 1)):
+        world, wrong = _a_life(seed)
+        assert not wrong, f"seed {seed}: {wrong}\n" + "\n".join(world.story)
+
+
+# --- who waits for a server --------------------------------------------------------------------
+
+
+@pytest.fixture
+def world() -> World:
+    return World()
+
+
+def test_who_waits_is_told_once(world: World) -> None:
+    waiting, other, gone = world.wait(), world.wait(), world.wait()
+    world.monitor.stop_waiting(cast(GoalListener, gone))
+    assert world.monitor.waiting == 2
+    world.serve(b"a")
+    assert (waiting.ready, other.ready, gone.ready, world.ready) == (1, 1, 0, 1)
+    assert world.wait().ready == 1  # one is there
+    assert world.monitor.waiting == 0
+    world.serve(b"a", b"b")
+    assert (waiting.ready, world.monitor.waiting) == (1, 0)
+
+
+def test_who_waits_for_the_next_server_is_not_told_of_the_one_that_is_there(world: World) -> None:
+    world.serve(b"a")
+    goal = Goal(home=None)
+    world.monitor.await_next_ready(cast(GoalListener, goal))
+    world.clock.advance(10.0)
+    assert goal.ready == 0
+    world.serve(b"b")
+    assert goal.ready == 1
+
+
+def test_a_callback_is_told_each_time_until_it_is_removed(world: World) -> None:
+    told: list[int] = []
+    callback = lambda: told.append(1)  # noqa: E731
+    world.monitor.add_ready_waiter(callback)
+    world.serve(b"a")
+    world.serve(b"b")
+    world.monitor.remove_ready_waiter(callback)
+    world.serve(b"c")
+    assert (len(told), world.monitor.waiting) == (2, 0)
+
+
+def test_who_waits_is_told_that_another_type_is_served(world: World) -> None:
+    world.action_type, world.graph = "a/action/Other", [b"x"]
+    first = world.wait()
+    second = world.wait()
+    assert first.mismatches == [("a/action/Other",)]
+    world.clock.advance(1.0)
+    assert second.mismatches == [("a/action/Other",)]
+    world.monitor.stop_waiting(cast(GoalListener, first))
+    world.monitor.stop_waiting(cast(GoalListener, second))
+    world.clock.advance(10.0)
+    assert len(second.mismatches) == 1
+    assert len(world.clock.queue) == 0  # nobody looks any more
+
+
+# --- who loses a server ------------------------------------------------------------------------
+
+
+def test_goals_are_lost_with_the_last_server_that_may_have_them(world: World) -> None:
+    world.serve(b"a")
+    on_a = world.sent()
+    world.clock.advance(5.0)
+    world.serve(b"a", b"b")
+    on_both = world.sent()
+    waiting = Goal(home=None)
+    world.queued.append(waiting)
+    world.serve(b"b")
+    assert (on_a.lost, on_both.lost) == (["its action server is gone"], [])
+    world.serve()
+    assert on_both.lost == waiting.lost == ["its action server is gone"]
+    # Once more for a goal that was lost before: no server at all is left.
+    assert len(on_a.lost) == 2
+
+
+def test_a_goal_may_be_on_a_server_that_comes_into_sight_just_after(world: World) -> None:
+    world.serve(b"a")
+    early = world.sent()
+    world.clock.advance(0.6)
+    late = world.sent()
+    world.serve(b"a", b"b")
+    world.serve(b"b")
+    assert (bool(early.lost), bool(late.lost)) == (True, False)
+
+
+def test_goals_on_a_server_that_is_back_are_told_so(world: World) -> None:
+    world.serve(b"a")
+    goal = world.sent()
+    key = goal.goal_id.bytes
+    assert world.monitor.sees_server_of(key)
+    world.clock.advance(1.0)
+    world.serve()
+    assert not world.monitor.sees_server_of(key)
+    world.serve(b"b")
+    assert (goal.ready, world.monitor.sees_server_of(key)) == (1, False)
+    world.serve(b"a", b"b")
+    assert (goal.ready, world.monitor.sees_server_of(key)) == (2, True)
+
+
+def test_a_goal_that_is_forgotten_while_others_are_told_is_told_nothing(world: World) -> None:
+    world.serve(b"a")
+    first, second = world.sent(), world.sent()
+
+    def forget() -> None:
+        del world.listeners[second.goal_id.bytes]
+        world.monitor.forget(second.goal_id.bytes)
+
+    first.on_lost = forget
+    world.serve()
+    assert (len(first.lost), second.lost) == (1, [])
+    assert not world.monitor.sees_server_of(second.goal_id.bytes)
+
+
+def test_only_of_several_servers_another_may_have_the_goal(world: World) -> None:
+    world.serve(b"a")
+    key = world.sent().goal_id.bytes
+    assert not world.monitor.may_be_elsewhere(key)
+    world.clock.advance(1.0)
+    world.serve(b"a", b"b")
+    assert world.monitor.may_be_elsewhere(key)
+    assert not world.monitor.may_be_elsewhere(b"never sent")
+    world.serve(b"b", b"c")
+    assert not world.monitor.may_be_elsewhere(key)  # its server is gone
+
+
+# --- restarts ----------------------------------------------------------------------------------
+
+
+def restart(world: World, new_node: str, *, answers: int = 1) -> Goal:
+    """Kill a server with a goal, let another come, and ask both; return the goal."""
+    world.serve(b"a")
+    goal = world.sent()
+    world.clock.advance(10.0)
+    world.nodes[b"b"] = new_node
+    world.serve(b"a", b"b")
+    goal.ready = 0
+    before = len(world.probes)
+    world.monitor.restarts.start()
+    world.clock.advance(0.6)
+    for seq in range(before + 1, len(world.probes) + 1):
+        for _ in range(answers):
+            world.monitor.restarts.count_answer(seq)
+    world.clock.advance(0.2)
+    return goal
+
+
+def test_a_silent_server_with_a_successor_on_a_node_of_its_name_was_restarted(
+    world: World,
+) -> None:
+    goal = restart(world, "server_a")
+    assert (goal.lost, goal.ready) == (["its server was restarted"], 1)
+    # It may not have it any more, though the middleware still shows it.
+    assert not world.monitor.sees_server_of(goal.goal_id.bytes)
+
+
+@pytest.mark.parametrize(("node", "answers"), [("other", 1), ("server_a", 2), ("server_a", 0)])
+def test_a_server_that_may_live_is_not_taken_for_restarted(node: str, answers: int) -> None:
+    world = World()
+    goal = restart(world, node, answers=answers)
+    assert (goal.lost, world.monitor.sees_server_of(goal.goal_id.bytes)) == ([], True)
+
+
+def test_two_nodes_of_unknown_names_are_not_taken_for_one(world: World) -> None:
+    world.nodes[b"a"] = "_NODE_NAME_UNKNOWN_"
+    assert restart(world, "_NODE_NAME_UNKNOWN_").lost == []
+
+
+def test_servers_are_asked_again_until_the_names_of_their_nodes_are_known(world: World) -> None:
+    goal = restart(world, "_NODE_NAME_UNKNOWN_")
+    assert goal.lost == []
+    world.nodes[b"b"] = "server_a"
+    asked = len(world.probes)
+    world.clock.advance(1.0)
+    assert len(world.probes) == asked + 3
+    for seq in range(asked + 1, asked + 4):
+        world.monitor.restarts.count_answer(seq)
+    world.clock.advance(1.0)
+    assert goal.lost == ["its server was restarted"]
+    world.clock.advance(100.0)
+    assert len(world.probes) == asked + 3
+
+
+# --- what else is told -------------------------------------------------------------------------
+
+
+def test_goals_are_told_of_silence_and_of_its_end(world: World) -> None:
+    world.serve(b"a")
+    goal = world.sent()
+    world.monitor.liveness.start(3.0)
+    world.clock.advance(3.5)
+    assert goal.lost == ["its server answered nothing for 3 s"]
+    ready = goal.ready
+    world.monitor.liveness.heard()
+    assert goal.ready == ready + 1
+    world.listeners.clear()
+    world.monitor.forget(goal.goal_id.bytes)
+    world.clock.advance(10.0)
+    assert len(world.clock.queue) == 0  # without goals nothing is asked
+
+
+def test_several_servers_are_warned_of_once_with_their_nodes(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    world.serve(b"a")
+    world.serve(b"a", b"b")
+    world.serve(b"a")
+    world.serve(b"a", b"b")
+    world.clock.advance(1.0)
+    assert all_is_logged()
+    [record] = caplog.records
+    assert "action /fibonacci has 2 servers (/server_a, /server_b)" in record.getMessage()
+
+
+def test_servers_are_looked_for_once_a_second_where_there_is_no_event() -> None:
+    world = World(matched=None)
+    waiting = world.wait()
+    world.alive = world.matched = {b"a"}
+    world.graph = [b"a"]
+    world.clock.advance(1.1)
+    assert waiting.ready == 1
+    goal = world.sent()
+    seen: list[int] = []
+    world.monitor.readiness.matched = lambda count, came=0: seen.append(count)  # type: ignore[method-assign, assignment]
+    world.clock.advance(5.0)
+    assert seen == []  # nothing has changed
+    del world.monitor.readiness.matched
+    world.graph = None  # the context was shut down
+    world.clock.advance(2.0)
+    assert goal.lost == []
+    world.graph = []
+    world.clock.advance(1.0)
+    assert goal.lost == ["its action server is gone"]
+
+
+@pytest.mark.parametrize("matched", ["event", None])
+def test_closing_leaves_no_timer(matched: object) -> None:
+    world = World(matched=matched)
+    world.graph = [b"a", b"b"]
+    world.alive = world.matched = {b"a", b"b"}
+    world.monitor.matched(2, 2)
+    world.clock.advance(1.0)
+    world.sent()
+    world.monitor.restarts.start()
+    world.monitor.liveness.start(1.0)
+    world.wait()
+    world.monitor.close()
+    world.clock.advance(0.002)  # an answer is on its way
+    assert len(world.clock.queue) == 0
+    probes = len(world.probes)
+    world.clock.advance(100.0)
+    assert len(world.probes) == probes
+
+
+def test_a_closed_monitor_begins_no_probes(world: World) -> None:
+    world.serve(b"a")
+    world.sent()
+    world.monitor.close()
+    probes = len(world.probes)
+    world.monitor.liveness.start(1.0)
+    assert len(world.probes) == probes
