@@ -36,14 +36,18 @@ class CallRecord:
     """Writes down what happens in one call, and passes it on to its observers."""
 
     def __init__(
-        self, action: ActionView, request: Request, audience: ObserverDispatcher, call_id: uuid.UUID
+        self,
+        action: ActionView,
+        request: Request,
+        dispatcher: ObserverDispatcher,
+        call_id: uuid.UUID,
     ) -> None:
         """Make the record of a call that begins now. On the caller's thread.
 
         Args:
             action: What the call is made to.
             request: What its user asked for.
-            audience: The client's log and observers.
+            dispatcher: The client's log and observers.
             call_id: The id of the call's first goal.
         """
         self.began = time.monotonic()
@@ -51,8 +55,8 @@ class CallRecord:
         self.tape: FeedbackBroadcast[Any] = FeedbackBroadcast()
         self._action = action
         self._request = request
-        self._audience = audience
-        self._info = audience.call_info(
+        self._dispatcher = dispatcher
+        self._info = dispatcher.call_info(
             call_id, request.goal, monotonic=self.began, wall=time.time()
         )
 
@@ -70,14 +74,14 @@ class CallRecord:
             goal_id, attempt, state, time.monotonic(), time.time(), detail, cancel_refused
         )
         self.timeline.add(event)
-        self._audience.event(event, self._info, feedback)
+        self._dispatcher.event(event, self._info, feedback)
 
     def note_feedback(self, attempt: Attempt, messages: list[bytes]) -> None:
         """Pass feedback on, undecoded."""
         handful = [LazyMessage(self._action.decode_feedback, message) for message in messages]
         goal_id = attempt.goal_id
         numbers = self.timeline.count_feedback(goal_id, len(handful))
-        each = self._audience.hears_feedback
+        each = self._dispatcher.hears_feedback
         for number, one in zip(numbers, handful, strict=True):
             if each or number in (1, numbers[-1]):  # the timeline keeps no others
                 detail = f"no. {number}"
@@ -121,4 +125,4 @@ class CallRecord:
 
     def tell_outcome(self, outcome: Outcome[Any]) -> None:
         """Tell the observers how the call ended."""
-        self._audience.outcome(outcome, self._info)
+        self._dispatcher.outcome(outcome, self._info)
