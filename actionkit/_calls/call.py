@@ -57,7 +57,7 @@ class Call:
     """Carries a request through to the settling of its future."""
 
     def __init__(
-        self, carrier: Carrier, request: Request, audience: ObserverDispatcher = NO_OBSERVERS
+        self, carrier: Carrier, request: Request, dispatcher: ObserverDispatcher = NO_OBSERVERS
     ) -> None:
         """Take note of a request; its time runs from now."""
         self.goal_id = uuid.uuid4()
@@ -65,7 +65,7 @@ class Call:
         self.cancel_grace = request.timeouts.cancel
         self._carrier = carrier
         self._request = request
-        self._record = CallRecord(carrier, request, audience, self.goal_id)
+        self._record = CallRecord(carrier, request, dispatcher, self.goal_id)
         self.timeline = self._record.timeline
         began = self._record.began
         self._deadline = None if request.timeout is None else began + request.timeout
