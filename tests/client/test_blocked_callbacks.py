@@ -211,7 +211,7 @@ def use(how, client, stuck):
 def test_the_log_names_what_blocks_and_tells_when_it_returns(
     how, named, action_server, make_client, stuck, monkeypatch
 ):
-    monkeypatch.setattr(_blocked, "TOLD_AFTER", 0.5)
+    monkeypatch.setattr(_blocked, "WARN_AFTER", 0.5)
     action_server("fibonacci", period=0.02)
     told = EventLog()
     client = make_client(observers=[stuck] if how == "observer" else [])

@@ -414,8 +414,8 @@ def test_an_observer_that_never_returns_holds_up_no_end(how, action_server, run_
     action_server("fibonacci")
     code, out, err = run_script(BLOCKS, how).finish(timeout=20)
     assert (code, out) == (0, "done\n")
-    assert "had not been told everything" in err
-    assert len(err.splitlines()) == 1
+    # On a busy machine there is also the warning that it has been at it for five seconds.
+    assert err.count("had not been told everything") == 1
 
 
 # --- rosout ------------------------------------------------------------------------------------
