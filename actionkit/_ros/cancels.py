@@ -18,10 +18,11 @@ from functools import partial
 from actionkit._ros.outbox import WINDOW, Outbox, Window
 from actionkit._threads.clock import TimerHandle, Timers
 
-ANSWERED_WITHIN = 0.5
+ANSWERED_WITHIN = 0.25
 """Seconds after which a request gives its place in the window to another. A server that lives
-takes milliseconds to answer, and some tens where it remembers thousands of goals."""
-_PAUSES = (0.5, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)
+takes milliseconds to answer, and some tens where it remembers thousands of goals. With 0.5 s, one
+of ten processes that cancel at the same time may get no answer in the two seconds that it has."""
+_PAUSES = (0.25, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)
 """Seconds from each request for one goal to the next; the last is repeated. The first few are
 short, because a process that ends waits for only two seconds."""
 

@@ -98,7 +98,7 @@ def test_each_cancel_request_is_told_of_also_those_that_are_repeated(
     requests.cancels.ask(KEY)
     assert thread.cancelled == [KEY]
     assert requests.cancel_answered(1, known=False) == KEY
-    thread.advance(0.6)
+    thread.advance(0.3)
     assert thread.cancelled == [KEY, KEY]
 
 
