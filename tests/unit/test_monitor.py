@@ -193,7 +193,7 @@ def _a_life(seed: int) -> tuple[World, list[str]]:
 
     def heard() -> None:
         # The event comes after the endpoints of the services, and the thread may be late.
-        world.clock.call_at(world.clock.time + 0.3 * chance.random() ** 3, world.read_event)
+        world.clock.call_at(world.clock.time + 0.1 * chance.random() ** 3, world.read_event)
 
     def come(gid: bytes) -> None:
         world.alive.add(gid)
@@ -226,7 +226,8 @@ def _a_life(seed: int) -> tuple[World, list[str]]:
         gid = b"%d" % number
         when += chance.choice([0.01, 0.3, 3.0, 12.0]) * chance.random()
         world.at(when, f"{gid!r} comes", lambda gid=gid: come(gid))
-        when += chance.choice([0.01, 0.3, 3.0, 12.0]) * chance.random()
+        # It is seen before it goes: a process needs longer than that to start.
+        when += 0.35 + chance.choice([0.01, 0.3, 3.0, 12.0]) * chance.random()
         world.at(when, f"{gid!r} goes", lambda gid=gid: go(gid))
     for _ in range(60):
         world.clock.call_at(100 + (when - 99) * chance.random(), send)
