@@ -91,9 +91,9 @@ class CancellableGoal(GoalRecord):
 
     @property
     def _refusal_counts(self) -> bool:
-        """Whether a refusal matters: nobody wants the goal, and it neither ends nor has ended."""
+        """Whether a refusal matters: the goal is, or was, to be cancelled, and has not ended."""
         ends = self._cancel_reply is CancelReply.ACCEPTED or self._terminal_seen is not None
-        return self._unwanted and not ends
+        return (self._unwanted or self._refused_reason is not None) and not ends
 
     def _cancel_refused(self, now: float) -> list[fx.Effect]:
         """The server says that it will not cancel the goal."""

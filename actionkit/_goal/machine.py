@@ -314,7 +314,7 @@ class Goal(CancellableGoal):
         if ended and self.settled and self._reask_after >= LAST_RESULT_PAUSE:
             return self._over()
         effects: list[fx.Effect] = [fx.WatchStatus()]
-        if self._cancel_reply is CancelReply.REFUSED_ONCE and self._unwanted:
+        if self._cancel_reply is CancelReply.REFUSED_ONCE and self._refusal_counts:
             effects.append(fx.AskCancel())
         doubted = ended or self._forgotten_at is not None
         if doubted or self.stage is not Stage.ACCEPTED or self._reask_after >= LONG_PAUSE:

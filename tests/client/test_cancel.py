@@ -59,7 +59,7 @@ def test_a_refused_cancel_leaves_the_goal_to_wait_for(action_server, make_client
     server.wait_for("executing")
     future.cancel()
     assert list(future.result(10).sequence)
-    assert server.wait_for("cancel_refused")
+    assert server.count("cancel_refused") in (1, 2)  # asked once more, where it runs for so long
     assert future.outcome().cancel is CancelReport.REFUSED
 
 
@@ -119,7 +119,8 @@ def test_late_acceptance_during_the_grace_is_confirmed(action_server, make_clien
 
 
 @pytest.mark.parametrize(
-    ("given_up_by", "grace"), [("cancel", 2.0), ("deadline", 2.0), ("deadline", 0.03)]
+    ("given_up_by", "grace"),
+    [("cancel", 2.0), ("cancel", 0.03), ("deadline", 2.0), ("deadline", 0.03)],
 )
 def test_a_goal_is_cancelled_while_its_server_is_still_accepting_it(
     run_script, make_client, given_up_by, grace
@@ -137,7 +138,8 @@ def test_a_goal_is_cancelled_while_its_server_is_still_accepting_it(
             future.cancel()
         outcome = future.outcome(20)
         in_time = outcome.cancel is CancelReport.CONFIRMED
-        assert in_time == (grace > 1.0), outcome.timeline
+        # A refusal that was believed for want of time is asked about all the same.
+        assert in_time == (grace > 1.0 or given_up_by == "cancel"), outcome.timeline
         goal = str(outcome.timeline[0].goal_id)
         assert [server.line(), server.line()] == [f"executing {goal}", f"canceled {goal}"]
 

@@ -406,6 +406,20 @@ def test_a_refusal_that_comes_just_before_the_end_of_the_wait_is_asked_about_onc
     assert life.all.count(AskCancel()) == asked + 1
 
 
+def test_a_refusal_that_was_believed_for_want_of_time_is_asked_about_once_more() -> None:
+    """The caller cancelled a goal that was just being accepted, and waits for less than that."""
+    life = Life(60.0, cancel=0.05)
+    life.see(*UNTIL_SENT, "cancel")
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    asked = life.all.count(AskCancel())
+    life.wait_until(DOUBT)
+    assert life.end is None
+    assert life.all.count(AskCancel()) == asked + 1
+    life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    life.tell("result", GoalState.CANCELED, None)
+    assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.CONFIRMED)
+
+
 def test_a_refusal_that_nothing_contradicts_counts_when_the_grace_ends() -> None:
     life = Life(60.0)
     life.see(*UNTIL_ACCEPTED, "cancel")
