@@ -197,20 +197,22 @@ class Attempt:
     def on_status(self, state: GoalState) -> None:
         self._apply(self.goal.status(state, self._now()))
 
-    def on_result(self, state: GoalState | None, result: Any, *, outdated: bool = False) -> None:
+    def on_result(
+        self, state: GoalState | None, result: Any, asked_at: float, *, outdated: bool = False
+    ) -> None:
         if state is None and outdated:
             return  # that the goal was not known then says nothing of now; it was asked again
         self._has_result = state is not None
         ours = self.cancel_is_ours
-        self._apply(self.goal.result(state, result, self._now(), ours=ours))
+        self._apply(self.goal.result(state, result, self._now(), asked_at=asked_at, ours=ours))
 
     def on_cancel_sent(self) -> None:
         self._cancels += 1
 
-    def on_cancel_answer(self, answer: CancelAnswer) -> None:
+    def on_cancel_answer(self, answer: CancelAnswer, asked_at: float) -> None:
         if answer is CancelAnswer.UNKNOWN_GOAL:
             self._cancels = max(0, self._cancels - 1)  # some answer an earlier attempt's
-        self._apply(self.goal.cancel_answered(answer, self._now()))
+        self._apply(self.goal.cancel_answered(answer, self._now(), asked_at=asked_at))
 
     def on_server_lost(self, reason: str) -> None:
         self._apply(self.goal.server_lost(reason, self._now()))

@@ -95,7 +95,7 @@ class CancellableGoal(GoalRecord):
         ends = self._cancel_reply is CancelReply.ACCEPTED or self._terminal_seen is not None
         return (self._unwanted or self._refused_reason is not None) and not ends
 
-    def _cancel_refused(self, now: float) -> list[fx.Effect]:
+    def _cancel_refused(self, now: float, asked_at: float) -> list[fx.Effect]:
         """The server says that it will not cancel the goal."""
         if not self._refusal_counts:
             return []
@@ -104,8 +104,8 @@ class CancellableGoal(GoalRecord):
             self._refused_at = now
             self._reask_after = DOUBT
             return [fx.WatchStatus(), self._arm_reask(now)]
-        if now < self._refused_at + DOUBT:
-            return []  # to what was asked before
+        if asked_at < self._refused_at + DOUBT:
+            return []  # on a slow network such answers may come for seconds
         self._cancel_reply = CancelReply.REFUSED
         return self._believe_refusal(now)
 

@@ -131,8 +131,9 @@ class Goal(CancellableGoal):
         return self.accepted(now) if self._unproven else []
 
     def rejected(self, now: float) -> list[fx.Effect]:
-        """The server refused to accept the goal."""
-        if self.stage is not Stage.SENT:
+        """The server refused to accept the goal; it may be out of sight by now."""
+        lost = self.stage is Stage.LOST and self._progress is not fx.GoalProgress.ACCEPTED
+        if self.stage is not Stage.SENT and not lost:
             return []
         if self._resent and not self._duplicate_rejected:
             self._duplicate_rejected = True
@@ -179,7 +180,13 @@ class Goal(CancellableGoal):
         return effects
 
     def result(
-        self, status: GoalState | None, result: Any, now: float, *, ours: bool = True
+        self,
+        status: GoalState | None,
+        result: Any,
+        now: float,
+        *,
+        asked_at: float,
+        ours: bool = True,
     ) -> list[fx.Effect]:
         """The server answered the request for the result.
 
@@ -187,13 +194,14 @@ class Goal(CancellableGoal):
             status: A terminal state, or `None` where the server does not know the goal.
             result: The result message; empty where there is no status.
             now: Monotonic seconds.
+            asked_at: When it was asked.
             ours: Whether a cancel of ours may be why it was cancelled (C4.4).
         """
         if not self.in_flight:
             return []
         if status is None:
             if self.stage is Stage.ACCEPTED:
-                return self._forgotten(now)
+                return self._forgotten(now, asked_at)
             if self.stage is Stage.LOST:
                 return self._over()
             # It may be taken yet (R6); but a server that rejected it twice has no more to say.
@@ -215,7 +223,7 @@ class Goal(CancellableGoal):
             effects.append(fx.LateResult(status, result))
         return effects + self._settle(end, result=kept) + self._release()
 
-    def _forgotten(self, now: float) -> list[fx.Effect]:
+    def _forgotten(self, now: float, asked_at: float) -> list[fx.Effect]:
         """The server does not know a goal that it has accepted: believed when it says so again.
 
         While one thread of an rclpy server accepts a goal, another answers as if there were none.
@@ -224,12 +232,14 @@ class Goal(CancellableGoal):
             self._forgotten_at = now
             self._reask_after = DOUBT
             return [self._arm_reask(now)]
-        if now < self._forgotten_at + DOUBT:
-            return []  # to what was asked before
+        if asked_at < self._forgotten_at + DOUBT:
+            return []  # on a slow network such answers may come for seconds
         return self._result_lost("its server no longer knows the goal")
 
-    def cancel_answered(self, answer: CancelAnswer, now: float) -> list[fx.Effect]:
-        """The server answered a cancel request for this goal."""
+    def cancel_answered(
+        self, answer: CancelAnswer, now: float, *, asked_at: float
+    ) -> list[fx.Effect]:
+        """The server answered a cancel request for this goal, sent at `asked_at`."""
         if not self.in_flight:
             return []
         if answer is CancelAnswer.UNKNOWN_GOAL:
@@ -238,7 +248,7 @@ class Goal(CancellableGoal):
             return [fx.AskResult()] if self.stage is Stage.ACCEPTED else self._unknown_so_far()
         effects = self._proven(now)
         if answer is CancelAnswer.REFUSED:
-            return effects + self._cancel_refused(now)
+            return effects + self._cancel_refused(now, asked_at)
         if answer is CancelAnswer.TERMINATED:
             # Also the answer for a goal that is being cancelled already: it confirms nothing.
             self._forget_refusals()

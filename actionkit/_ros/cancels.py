@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.outbox import WINDOW, Outbox, Window
 from actionkit._threads.clock import TimerHandle, Timers
 
@@ -69,7 +70,8 @@ class _Cancellation:
 
     Attributes:
         urgent: Whether its caller has little time left.
-        requests: How many requests were sent since `ask` was last called.
+        asked_at: When `ask` was last called.
+        requests: How many requests were sent since then.
         outdated: Whether `ask` was called after the request that is unanswered. An answer
             "unknown goal" to that request then says nothing about now.
         timeout: Ends the wait for the answer to a request; `None` while no request is unanswered.
@@ -77,6 +79,7 @@ class _Cancellation:
     """
 
     urgent: bool
+    asked_at: float = 0.0
     requests: int = 0
     outdated: bool = False
     timeout: TimerHandle | None = None
@@ -124,19 +127,23 @@ class CancelQueue:
         if cancellation is None:
             cancellation = self._cancellations[key] = _Cancellation(urgent)
         cancellation.urgent |= urgent
+        cancellation.asked_at = self._timers.now()
         cancellation.requests = 0
         if cancellation.timeout is not None:
             cancellation.outdated = True
         else:
             self._enqueue(key, cancellation)
 
-    def answered(self, key: bytes, *, known: bool) -> None:
+    def answered(self, key: bytes, answer: CancelAnswer, sent_at: float) -> None:
         """Take a server's answer into account.
 
         Args:
             key: The goal's id.
-            known: Whether the server knows the goal. Otherwise the request will be repeated.
+            answer: What it is. Where the server does not know the goal, the request will be
+                repeated; so it will where it refuses what was asked before `ask` was last called.
+            sent_at: When the request was sent.
         """
+        known = answer is not CancelAnswer.UNKNOWN_GOAL
         cancellation = self._cancellations.get(key)
         if cancellation is None:
             return
@@ -145,7 +152,8 @@ class CancelQueue:
             if known:
                 self._window.note_progress(self._timers.now())
             self._end_wait(key, cancellation)
-        if known:
+        refused_before = answer is CancelAnswer.REFUSED and sent_at < cancellation.asked_at
+        if known and not refused_before:
             self.stop(key)
         elif cancellation.outdated:
             self._enqueue(key, cancellation)

@@ -260,14 +260,14 @@ class Link:
                 self.monitor.restarts.start()
             return
         outdated = self._requests.is_outdated(seq)
-        key = self._requests.answered("result", seq)
+        key, asked_at = self._requests.answered("result", seq)
         if key is not None:
             self._feedback.take_all()  # the result may have overtaken some (R15)
             listener = self._listeners[key]
             if listener.unwanted:
                 self._requests.cancel_window.note_progress(self.runtime.now())
             if state is None or state.is_terminal:
-                listener.on_result(state, response.result, outdated=outdated)
+                listener.on_result(state, response.result, asked_at, outdated=outdated)
             # A state in which a goal goes on is no answer to this: it is asked for again.
 
     def _take_cancel(self, seq: int, response: Any) -> None:
@@ -279,14 +279,13 @@ class Link:
         canceling = {bytes(info.goal_id.uuid) for info in response.goals_canceling}
         goal = self._requests.goal_of("cancel", seq)
         answer = cancel_answer(response, goal, canceling)
-        known = answer is not CancelAnswer.UNKNOWN_GOAL
-        if not known and self.monitor.may_be_elsewhere(goal):
+        if answer is CancelAnswer.UNKNOWN_GOAL and self.monitor.may_be_elsewhere(goal):
             self.monitor.restarts.start()
             return
         self.orphans.answered(seq, canceling, over=answer is CancelAnswer.TERMINATED)
-        key = self._requests.cancel_answered(seq, known=known)
+        key, asked_at = self._requests.cancel_answered(seq, answer)
         if key is not None:
-            self._listeners[key].on_cancel_answer(answer)
+            self._listeners[key].on_cancel_answer(answer, asked_at)
 
     def _take_feedback(self, key: bytes, messages: list[bytes]) -> None:
         self.liveness.heard()

@@ -15,6 +15,7 @@ from typing import Any
 from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
 
+from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.cancels import CancelQueue, CancelWindow
 from actionkit._ros.entities import Entities
 from actionkit._ros.native import Source
@@ -59,7 +60,12 @@ class ServiceRequests:
         self._impl = impl
         self._on_cancel_sent = on_cancel_sent
         self._closed = False
-        self._unanswered: dict[str, dict[int, bytes]] = {"goal": {}, "result": {}, "cancel": {}}
+        self._unanswered: dict[str, dict[int, tuple[bytes, float]]] = {
+            "goal": {},
+            "result": {},
+            "cancel": {},
+        }
+        """The goal of each request and when it was sent, by kind and number."""
         self._made: dict[bytes, list[tuple[str, int]]] = {}  # all requests of each goal
         self._accepted: dict[int, int] = {}  # by how many servers, of goals not yet forgotten
         self._asks: OrderedDict[bytes, None] = OrderedDict()  # results to be asked for again
@@ -213,7 +219,7 @@ class ServiceRequests:
         return self._entities.cancel.send(request)
 
     def _register(self, what: str, key: bytes, seq: int) -> None:
-        self._unanswered[what][seq] = key
+        self._unanswered[what][seq] = key, self._runtime.now()
         self._made[key].append((what, seq))
         self._sync(what)
 
@@ -226,15 +232,19 @@ class ServiceRequests:
             what: `"goal"`, `"result"` or `"cancel"`.
             seq: The request's number.
         """
-        return self._unanswered[what].get(seq, b"")
+        return self._unanswered[what].get(seq, (b"", 0.0))[0]
 
-    def answered(self, what: str, seq: int) -> bytes | None:
-        """Remove a request that was answered; return its goal's id, or `None` if it was none."""
+    def answered(self, what: str, seq: int) -> tuple[bytes | None, float]:
+        """Remove a request that was answered.
+
+        Returns:
+            Its goal's id, or `None` if it was no request of ours; and when it was sent.
+        """
         if what == "result":
             self._outdated.discard(seq)
-        key = self._unanswered[what].pop(seq, None)
+        answered = self._unanswered[what].pop(seq, (None, 0.0))
         self._sync(what)
-        return key
+        return answered
 
     def is_outdated(self, seq: int) -> bool:
         """Whether more has become known of a goal since its result was asked for.
@@ -254,7 +264,7 @@ class ServiceRequests:
         Returns:
             The goal's id for the first answer, `None` for those of further servers.
         """
-        key = self.answered("goal", seq)
+        key, _ = self.answered("goal", seq)
         if accepted:
             if key is None and seq not in self._accepted:
                 self.orphans.accepted_late(seq)
@@ -262,17 +272,17 @@ class ServiceRequests:
                 self._accepted[seq] = self._accepted.get(seq, 0) + 1
         return key
 
-    def cancel_answered(self, seq: int, *, known: bool) -> bytes | None:
-        """Remove a cancel request that was answered; return its goal's id, or `None`.
+    def cancel_answered(self, seq: int, answer: CancelAnswer) -> tuple[bytes | None, float]:
+        """Remove a cancel request that was answered; return what `answered` does.
 
         Args:
             seq: The request's number.
-            known: Whether the server knows the goal.
+            answer: What the server says about the goal.
         """
-        key = self.answered("cancel", seq)
+        key, sent_at = self.answered("cancel", seq)
         if key is not None:
-            self.cancels.answered(key, known=known)
-        return key
+            self.cancels.answered(key, answer, sent_at)
+        return key, sent_at
 
     def probe_answered(self, seq: int, *, others_matter: bool) -> bool:
         """Return whether an answer is to a probe.

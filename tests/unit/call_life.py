@@ -431,7 +431,7 @@ class CallLife:
             denied = goal.denied and not goal.accepted
             goal.may_run = goal.may_run and not (goal.accepted or goal.lost or denied)
             goal.unknown = True
-            self.does(listener.on_result, None, None)
+            self.does(listener.on_result, None, None, self.clock)
             return
         self._lives(goal)
         goal.may_run = False
@@ -439,7 +439,7 @@ class CallLife:
         self.cancelled_by_others |= (
             state is GoalState.CANCELED and goal.cancels_in_vain == goal.cancels_asked
         )
-        self.does(listener.on_result, state, object())
+        self.does(listener.on_result, state, object(), self.clock)
 
     def cancel_answer(self, number: int, answer: CancelAnswer) -> None:
         found = self._goal(number)
@@ -455,7 +455,7 @@ class CallLife:
             self.timers.arm(self.clock + 1.0, lambda: self.link.ask_cancel(listener, urgent=False))
         else:
             self._lives(goal)
-        self.does(listener.on_cancel_answer, answer)
+        self.does(listener.on_cancel_answer, answer, self.clock)
 
     # --- events: the user, and time --------------------------------------------------------
 

@@ -92,7 +92,7 @@ class OnServer:
     def waits(self) -> bool:
         return self.awaiting or self.queued
 
-    def learn(self, event: str, args: tuple[Any, ...], now: float) -> None:
+    def learn(self, event: str, args: tuple[Any, ...], now: float, asked_at: float) -> None:
         """Take in an event, before the machine is told of it."""
         if event == "start" and self.resent:
             self.copies = 1
@@ -108,11 +108,11 @@ class OnServer:
             self.over = self.ended  # its result went with it
         elif event == "server_back":
             self.lost = self.lost and self.accepted
-        elif event == "rejected" and not (self.accepted or self.lost or self.waits):
+        elif event == "rejected" and not (self.accepted or self.waits):
             self._rejected()
         elif event == "result" and args[0] is None:
             if self.accepted and not self.lost:
-                self._forgotten(now)
+                self._forgotten(now, asked_at)
             elif self.rejections and not self.lost:
                 self._rejected()
             else:
@@ -134,11 +134,11 @@ class OnServer:
             self.over = True
             self.progress = GoalProgress.REJECTED
 
-    def _forgotten(self, now: float) -> None:
+    def _forgotten(self, now: float, asked_at: float) -> None:
         """A server may say so of a goal that it is just accepting: it counts when said again."""
         if self.forgotten_at is None:
             self.forgotten_at = now
-        elif now >= self.forgotten_at + DOUBT:
+        elif asked_at >= self.forgotten_at + DOUBT:
             self.over = True
 
     def _unknown(self, *, final: bool) -> None:
@@ -186,6 +186,8 @@ class Life:
     def tell(self, event: str, *args: Any, **options: Any) -> list[Effect]:
         """Let an event happen now; return what it asks for."""
         before = replace(self.server)
+        if event in ("result", "cancel_answered"):
+            options.setdefault("asked_at", self.now)
         self._note(event, args, options)
         try:
             effects: list[Effect] = getattr(self.goal, event)(*args, self.now, **options)
@@ -247,7 +249,7 @@ class Life:
     # --- what must hold --------------------------------------------------------------------
 
     def _note(self, event: str, args: Any, options: Any) -> None:
-        given = () if event == "timer" else options.values()
+        given = () if event == "timer" or options.get("asked_at") == self.now else options.values()
         self.told.append((event, *args, *given))
         in_flight, ended = self.in_flight, self.ending is not None
         self.started |= event == "start"
@@ -257,7 +259,7 @@ class Life:
                 if args[0] is not CancelAnswer.UNKNOWN_GOAL:
                     self.refused_lately = args[0] is CancelAnswer.REFUSED
                     self.refused |= self.refused_lately
-                    self._count_refusals(ended or self.cancelling)
+                    self._count_refusals(ended or self.cancelling, options["asked_at"])
             if event == "server_lost" and not self.server.lost:
                 self.refused_lately = False
             if event == "server_lost" or (event == "status" and args[0].is_terminal):
@@ -267,16 +269,16 @@ class Life:
         self.broke |= event == "fail" and not ended
         self.superseded |= event == "supersede"
         if not self.left_alone and not self.released:
-            self.server.learn(event, args, self.now)
+            self.server.learn(event, args, self.now, options.get("asked_at", self.now))
 
-    def _count_refusals(self, unwanted: bool) -> None:
+    def _count_refusals(self, unwanted: bool, asked_at: float) -> None:
         """A refusal says little (R12), before it was said again to what was asked after a while."""
         if not self.refused_lately:
             self.refused_at, self.refusal_meant = None, False
         elif unwanted and not (self.cancel_accepted or self.server.ended):
             if self.refused_at is None:
                 self.refused_at = self.now
-            self.refusal_meant |= self.now >= self.refused_at + DOUBT
+            self.refusal_meant |= asked_at >= self.refused_at + DOUBT
 
     def _require(self, holds: bool, promise: str) -> None:
         if not holds:

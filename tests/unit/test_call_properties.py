@@ -334,6 +334,14 @@ def test_a_late_success_is_taken_in_place_of_another_goal() -> None:
 SUCCEEDED: Event = ("result", 0, GoalState.SUCCEEDED)
 
 
+def test_a_rejection_counts_also_where_the_server_went_out_of_sight_before_it_came() -> None:
+    """Else the server, once back, would be asked for ever about a goal that it will not take."""
+    life = CallLife(server=None, accept=None)
+    for each in [("ready",), ("gone",), ("rejected", 0)]:
+        life.happens(*each)
+    assert isinstance(life.outcome.error, errors.GoalRejectedError)
+
+
 def test_a_success_judged_transient_is_tried_again_until_it_is_none() -> None:
     life = lived([*RUNNING, SUCCEEDED, ("judge", Verdict.TRANSIENT), *PAUSE], judged=True)
     assert life.sends == 2

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.cancels import ANSWERED_WITHIN, CancelQueue, CancelWindow
 from actionkit._ros.outbox import WINDOW
 from tests.unit.clock import Clock
@@ -53,7 +54,7 @@ def test_no_more_than_a_window_is_unanswered(world: World) -> None:
         queue.ask(key(number))
     assert world.keys == [key(number) for number in range(WINDOW)]
     for number in range(100):
-        queue.answered(key(number), known=True)
+        queue.answered(key(number), CancelAnswer.TERMINATED, world.clock.now())
     assert world.keys == [key(number) for number in range(100)]
     assert len(queue) == 0
     assert len(world.clock.queue) == 0
@@ -67,7 +68,7 @@ def test_those_in_a_hurry_go_first(world: World) -> None:
     queue.ask(key(101), urgent=True)
     queue.ask(key(15), urgent=True)  # its deadline has passed meanwhile
     for number in range(3):
-        queue.answered(key(number), known=True)
+        queue.answered(key(number), CancelAnswer.TERMINATED, world.clock.now())
     assert world.keys[WINDOW:] == [key(100), key(101), key(15)]
 
 
@@ -81,18 +82,34 @@ def test_what_is_not_answered_is_asked_again_less_and_less_often(world: World) -
 def test_a_server_that_does_not_know_the_goal_is_asked_again(world: World) -> None:
     queue = world.queue()
     queue.ask(key(1))
-    queue.answered(key(1), known=False)
+    queue.answered(key(1), CancelAnswer.UNKNOWN_GOAL, world.clock.now())
     world.clock.advance(0.25)
     assert world.times(key(1)) == [0.0, 0.25]
     world.clock.advance(0.1)
     queue.ask(key(1))  # accepted just now: but one is on the way
     world.clock.advance(0.1)
-    queue.answered(key(1), known=False)
+    queue.answered(key(1), CancelAnswer.UNKNOWN_GOAL, world.clock.now())
     queue.ask(key(1))
     assert world.times(key(1)) == pytest.approx([0.0, 0.25, 0.45])
-    queue.answered(key(1), known=True)
+    queue.answered(key(1), CancelAnswer.TERMINATED, world.clock.now())
     world.clock.advance(100.0)
     assert len(world.sent) == 3
+
+
+def test_a_refusal_of_what_was_asked_before_ends_nothing(world: World) -> None:
+    """It may have been said while the goal was being accepted, and come seconds later (R12)."""
+    queue = world.queue()
+    for number in range(WINDOW):
+        queue.ask(key(number))  # nobody else gets a place in the window
+    world.clock.advance(0.2)
+    asked = world.clock.now()
+    queue.ask(key(100))
+    queue.answered(key(100), CancelAnswer.REFUSED, asked - 0.1)
+    for number in range(WINDOW):
+        queue.answered(key(number), CancelAnswer.ACCEPTED, asked)
+    assert world.keys[WINDOW:] == [key(100)]
+    queue.answered(key(100), CancelAnswer.REFUSED, world.clock.now())
+    assert len(queue) == 0
 
 
 def test_a_goal_that_was_accepted_while_a_request_was_on_its_way_is_asked_about_at_once(
@@ -104,9 +121,9 @@ def test_a_goal_that_was_accepted_while_a_request_was_on_its_way_is_asked_about_
     queue.ask(key(1))  # accepted: what is on its way may have come too early
     assert world.times(key(1)) == [0.0]
     world.clock.advance(0.0625)
-    queue.answered(key(1), known=False)
+    queue.answered(key(1), CancelAnswer.UNKNOWN_GOAL, world.clock.now())
     assert world.times(key(1)) == [0.0, 0.125]
-    queue.answered(key(1), known=False)
+    queue.answered(key(1), CancelAnswer.UNKNOWN_GOAL, world.clock.now())
     world.clock.advance(0.125)
     assert world.times(key(1)) == [0.0, 0.125]
     world.clock.advance(0.125)
@@ -132,7 +149,7 @@ def test_the_window_shrinks_while_answers_do_not_come_and_grows_again(world: Wor
     assert world.window._taken == 1
     for number in range(1000):
         queue.ask(key(number))
-        queue.answered(key(number), known=True)
+        queue.answered(key(number), CancelAnswer.TERMINATED, world.clock.now())
     for number in range(2000, 2100):
         queue.ask(key(number))
     assert world.window._taken == WINDOW
@@ -155,7 +172,7 @@ def test_who_ended_is_asked_about_no_more_and_leaves_nothing(world: World) -> No
     queue = world.queue()
     for number in range(20):
         queue.ask(key(number))
-    queue.answered(key(0), known=False)
+    queue.answered(key(0), CancelAnswer.UNKNOWN_GOAL, world.clock.now())
     for number in range(20):
         queue.stop(key(number))
     sent = len(world.sent)
@@ -172,7 +189,7 @@ def test_one_that_closes_gives_its_places_back(world: World) -> None:
     other.ask(key(100))
     closing.close()
     assert world.keys[WINDOW:] == [key(100)]
-    other.answered(key(100), known=True)
+    other.answered(key(100), CancelAnswer.TERMINATED, world.clock.now())
     assert len(world.clock.queue) == 0
 
 
@@ -180,17 +197,18 @@ def test_progress_is_a_confirmation_while_others_wait_for_their_turn(world: Worl
     queue, other = world.queue(), world.queue()
     assert world.window.progressed_at == -math.inf
     queue.ask(key(100))
-    queue.answered(key(100), known=True)  # nobody waits: this goal alone is of no use to others
+    # Nobody waits: this goal alone is of no use to others.
+    queue.answered(key(100), CancelAnswer.TERMINATED, world.clock.now())
     assert world.window.progressed_at == -math.inf
     for number in range(WINDOW + 2):
         queue.ask(key(number))
     other.ask(key(200))
     world.clock.advance(0.125)
-    queue.answered(key(1), known=False)  # it may not even be there
+    queue.answered(key(1), CancelAnswer.UNKNOWN_GOAL, world.clock.now())  # it may not even be there
     assert world.window.progressed_at == -math.inf
-    queue.answered(key(2), known=True)
+    queue.answered(key(2), CancelAnswer.TERMINATED, world.clock.now())
     assert world.window.progressed_at == 100.125
-    queue.answered(key(300), known=True)  # nobody asked
+    queue.answered(key(300), CancelAnswer.TERMINATED, world.clock.now())  # nobody asked
     assert world.window.progressed_at == 100.125
 
 
@@ -221,7 +239,9 @@ def test_any_order_of_events(steps: list[tuple[str, int]]) -> None:
             queue.stop(key(number))
             wanted.discard(number)
         else:
-            queue.answered(key(number), known=what == "known")
+            known, now = what == "known", world.clock.now()
+            answer = CancelAnswer.TERMINATED if known else CancelAnswer.UNKNOWN_GOAL
+            queue.answered(key(number), answer, now)
             if what == "known":
                 wanted.discard(number)
         assert (

@@ -20,7 +20,7 @@ from actionkit._goal.effects import (
     Timer,
     Withdraw,
 )
-from actionkit._goal.stages import DOUBT, Stage
+from actionkit._goal.stages import DOUBT, CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._model.values import CancelReport, GoalState
@@ -120,6 +120,31 @@ def test_a_refusal_is_asked_about_once_more() -> None:
     life.tell("cancel_answered", CancelAnswer.TERMINATED)
     life.wait_until(5.0)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
+
+
+def test_a_second_refusal_counts_only_where_it_was_asked_for_after_the_first() -> None:
+    """Where packets are lost, what was asked in one moment may be answered seconds apart."""
+    life = Life()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.wait_until(1.0)
+    life.tell("cancel_answered", CancelAnswer.REFUSED, asked_at=0.1)
+    life.wait_until(1.0 + 2 * DOUBT)
+    life.tell("cancel_answered", CancelAnswer.REFUSED, asked_at=0.2)
+    assert life.goal.cancel_reason is CancelReason.CANCELLED
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    assert life.goal.cancel_reason is None  # it runs on, and its caller waits on
+
+
+def test_a_goal_is_lost_only_where_that_was_said_after_it_was_first_said() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(1.0)
+    life.tell("result", None, None, asked_at=0.1)
+    life.wait_until(1.0 + 2 * DOUBT)
+    life.tell("result", None, None, asked_at=0.2)
+    assert life.end is None
+    life.tell("result", None, None)
+    assert life.end is End.RESULT_LOST
 
 
 def test_a_refusal_of_a_server_that_is_gone_says_nothing_of_now() -> None:

@@ -44,6 +44,8 @@ EVENTS: list[Event] = [
     *(("result", GoalState(name), RESULT) for name in ("SUCCEEDED", "CANCELED", "ABORTED")),
     ("result", None, RESULT),
     *(("cancel_answered", answer) for answer in CancelAnswer),
+    ("late", "result", None, RESULT),
+    ("late", "cancel_answered", CancelAnswer.REFUSED),
 ]
 LIMITS: list[dict[str, Any]] = [
     {},
@@ -96,6 +98,9 @@ def happens(life: Life, event: Event) -> None:
         life.fire(args[0])
     elif name == "wait":
         life.wait_until(life.now + args[0])
+    elif name == "late":  # the answer to a request of a while ago
+        if life.cancel_asked or args[0] == "result":
+            life.tell(*args, asked_at=life.now - 1.0)
     elif name == "others":
         life.others_confirmed_at = life.now
     elif name != "cancel_answered" or life.cancel_asked:  # nobody answers what was not asked

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from actionkit._goal.stages import DOUBT
+from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.cancels import CancelWindow
 from actionkit._ros.requests import ServiceRequests
 from tests.unit import clock
@@ -77,7 +78,8 @@ def test_what_was_asked_before_is_outdated_when_asked_anew(
     thread.advance(1.0)
     assert [requests.is_outdated(seq) for seq in (1, 2, 3)] == [True, False, False]
     # A result counts all the same.
-    assert [requests.answered("result", seq) for seq in (1, 2, 3, 4)] == [KEY, KEY, KEY, None]
+    answered = [requests.answered("result", seq)[0] for seq in (1, 2, 3, 4)]
+    assert answered == [KEY, KEY, KEY, None]
     assert not requests.is_outdated(1)
 
 
@@ -97,7 +99,9 @@ def test_each_cancel_request_is_told_of_also_those_that_are_repeated(
     """By these, less those in vain, one knows whether a cancellation was ours (C4.4)."""
     requests.cancels.ask(KEY)
     assert thread.cancelled == [KEY]
-    assert requests.cancel_answered(1, known=False) == KEY
+    sent = thread.now()
+    thread.advance(0.1)
+    assert requests.cancel_answered(1, CancelAnswer.UNKNOWN_GOAL) == (KEY, sent)
     thread.advance(0.3)
     assert thread.cancelled == [KEY, KEY]
 
@@ -180,7 +184,7 @@ def test_a_late_answer_to_an_early_question_ends_nothing(lost: bool) -> None:
     assert attempt is not None
     if lost:
         life.gone()
-    life.does(attempt.on_result, None, None, outdated=True)
+    life.does(attempt.on_result, None, None, life.now(), outdated=True)
     assert attempt.goal.in_flight
     life.result(0, None)
     if not lost:
