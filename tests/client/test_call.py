@@ -64,6 +64,7 @@ def test_a_future_shows_the_goal_live(action_server, make_client):
     assert states.count(GoalState.FEEDBACK) == 2  # the first and the last are kept
     assert not future.running()
     assert future.cancel() is False
+    server.wait_for("succeeded")  # the journal comes by a way of its own
     assert future.outcome().feedback_count == server.count("feedback")
 
 

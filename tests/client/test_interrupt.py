@@ -35,7 +35,8 @@ def spin():
         rclpy.spin(node)
     except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
         pass
-threading.Thread(target=spin, daemon=True).start()
+# Not a daemon: rclpy aborts where the interpreter ends while a thread is in it.
+threading.Thread(target=spin).start()
 """
     + CALL.replace('"fibonacci")', '"fibonacci", node=node)')
 )
