@@ -47,9 +47,7 @@ class Rosout:
     def _write(self, level: int, text: str) -> None:
         # A line for each level: rclpy remembers the level of each line that logs, and refuses
         # another one there.
-        if level >= logging.ERROR:
-            self._logger.error(text)
-        elif level >= logging.WARNING:
+        if level >= logging.WARNING:
             self._logger.warning(text)
         elif level >= logging.INFO:
             self._logger.info(text)

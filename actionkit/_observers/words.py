@@ -6,7 +6,6 @@ import concurrent.futures
 import logging
 from typing import Any
 
-from actionkit._model.errors import ClientClosedError
 from actionkit._model.values import GoalEvent, GoalState, Outcome
 
 LEVELS = {
@@ -32,14 +31,11 @@ def level_of(event: GoalEvent) -> int:
 
 
 def level_of_outcome(outcome: Outcome[Any]) -> int:
-    """Return the level of a call's end: an error exactly where the caller gets one to handle."""
+    """Return the level of a call's end: no error, because the caller gets that to handle."""
     if outcome.error is None:
         return logging.DEBUG  # its goal's own end is told already
-    if isinstance(outcome.error, concurrent.futures.CancelledError):
-        return logging.INFO
-    if isinstance(outcome.error, ClientClosedError):
-        return logging.WARNING
-    return logging.ERROR
+    cancelled = isinstance(outcome.error, concurrent.futures.CancelledError)
+    return logging.INFO if cancelled else logging.WARNING
 
 
 def outcome_word(outcome: Outcome[Any]) -> str:
@@ -66,4 +62,6 @@ def outcome_sentence(outcome: Outcome[Any], action_name: str) -> str:
     if outcome.error is None:
         attempts = f" at attempt {outcome.attempts}" if outcome.attempts > 1 else ""
         return f"{action_name} call succeeded after {outcome.elapsed * 1000:.1f} ms{attempts}"
+    if isinstance(outcome.error, concurrent.futures.CancelledError):
+        return f"{action_name} call cancelled: {outcome.error}"
     return f"{action_name} call failed ({outcome_word(outcome)}): {outcome.error}"

@@ -129,13 +129,38 @@ def test_retries_and_their_failure(action_server, make_client, records):
         assert {e.attempt for e in observer.events if e.goal_id == goal_id} == {number}
     levels = {(r.state, r.levelname) for r in records if r.kind == "event"}
     assert {("ABORTED", "WARNING"), ("RETRYING", "WARNING"), ("ACCEPTED", "INFO")} <= levels
-    (error,) = [r for r in records if r.levelno == logging.ERROR]
-    assert (error.kind, error.outcome, error.attempt) == ("outcome", "GoalAbortedError", 3)
+    (error,) = [r for r in records if r.kind == "outcome"]
+    assert (error.levelname, error.outcome, error.attempt) == ("WARNING", "GoalAbortedError", 3)
     assert error.detail == str(caught.value)
     text = str(caught.value.timeline)
     assert isinstance(caught.value.timeline, Timeline)
     assert len(text.splitlines()) == len(caught.value.timeline)
     assert [text.count(f"goal {each}") for each in ids] == [1, 1, 1]
+
+
+def test_what_is_raised_to_its_caller_is_no_error_of_the_log(action_server, make_client, records):
+    server = action_server("fibonacci", period=0.1)
+    client = make_client(timeouts=Timeouts(server=0.1))
+    nobody = make_client(name="nobody", timeouts=Timeouts(server=0.1))
+    with pytest.raises(ak.ServerUnavailableError):
+        nobody.call({"order": 1})
+    nobody.close()
+    assert client.wait_for_server(20)
+    with pytest.raises(ak.GoalRejectedError):
+        client.call({"order": -1}, timeout=20)
+    with pytest.raises(ak.InvalidGoalError):
+        client.call({"order": "x"})
+    cancelled = client.call_async({"order": 40}, timeout=60)
+    server.wait_for("executing")
+    cancelled.cancel()
+    assert not cancelled.outcome(20).ok
+    client.close()
+    ends = [(r.levelname, r.outcome) for r in records if r.kind == "outcome"]
+    failed = ["ServerUnavailableError", "GoalRejectedError", "InvalidGoalError"]
+    assert sorted(ends) == sorted([*(("WARNING", word) for word in failed), ("INFO", "cancelled")])
+    assert [r for r in records if r.levelno > logging.WARNING] == []
+    (told,) = [r.getMessage() for r in records if r.outcome == "cancelled"]
+    assert "/fibonacci call cancelled: goal" in told
 
 
 def test_what_was_never_sent_has_an_outcome_too(make_client, records):
@@ -446,7 +471,7 @@ def test_rosout_reaches_the_topic(action_server, make_client):
             client.call({"order": 1}, timeout=20)
         failed = seen.wait_for(lambda log: "call failed" in log.msg, 10)
         assert failed.name == "robot.planner"
-        assert failed.level == 40
+        assert failed.level == 30
         levels = {log.msg.split()[3]: log.level for log in seen if " goal " in log.msg}
         assert levels["ACCEPTED"] == 20
         assert levels["ABORTED"] == 30

@@ -22,7 +22,13 @@ from actionkit._observers.dispatcher import ObserverDispatcher
 from actionkit._observers.goal_log import GoalLog
 from actionkit._observers.observer_queue import ObserverQueue
 from actionkit._observers.protocol import check_observers
-from actionkit._observers.words import LEVELS, level_of, level_of_outcome, outcome_word
+from actionkit._observers.words import (
+    LEVELS,
+    level_of,
+    level_of_outcome,
+    outcome_sentence,
+    outcome_word,
+)
 from actionkit._threads import diagnostics
 from actionkit._threads.blocked import Label, Work
 from actionkit._threads.pool import Pool
@@ -470,7 +476,7 @@ def test_the_fields_of_an_outcome(records: list[logging.LogRecord]) -> None:
     GoalLog().on_outcome(outcome(ak.GoalAbortedError("It was aborted.")), CALL)
     (record,) = records
     assert set(extra(record)) == FIELDS
-    assert (record.levelno, extra(record)["outcome"]) == (logging.ERROR, "GoalAbortedError")
+    assert (record.levelno, extra(record)["outcome"]) == (logging.WARNING, "GoalAbortedError")
     assert record.getMessage().endswith("call failed (GoalAbortedError): It was aborted.")
     assert extra(record)["elapsed_ms"] == 1500.0
 
@@ -495,13 +501,21 @@ def test_a_refused_cancel_is_a_warning_whatever_the_goals_state(state: GoalState
         (None, logging.DEBUG, "ok"),
         (concurrent.futures.CancelledError("by its caller"), logging.INFO, "cancelled"),
         (ak.ClientClosedError("closed"), logging.WARNING, "ClientClosedError"),
-        (ak.GoalRejectedError("no"), logging.ERROR, "GoalRejectedError"),
-        (ak.DeadlineExceededError("late"), logging.ERROR, "DeadlineExceededError"),
+        (ak.GoalRejectedError("no"), logging.WARNING, "GoalRejectedError"),
+        (ak.DeadlineExceededError("late"), logging.WARNING, "DeadlineExceededError"),
     ],
 )
 def test_the_level_of_an_outcome(error: BaseException | None, level: int, word: str) -> None:
     assert level_of_outcome(outcome(error)) == level
     assert outcome_word(outcome(error)) == word
+
+
+def test_a_cancelled_call_did_not_fail() -> None:
+    cancelled = outcome(concurrent.futures.CancelledError("goal 1 was cancelled by its caller"))
+    told = "/fibonacci call cancelled: goal 1 was cancelled by its caller"
+    assert outcome_sentence(cancelled, "/fibonacci") == told
+    failed = outcome_sentence(outcome(ak.GoalRejectedError("no")), "/fibonacci")
+    assert failed == "/fibonacci call failed (GoalRejectedError): no"
 
 
 def test_nothing_is_made_where_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -559,7 +573,7 @@ def test_rosout_has_the_levels_of_the_log() -> None:
     for state in (GoalState.SENT, GoalState.ACCEPTED, GoalState.ABORTED):
         rosout.on_event(event(state), CALL)
     rosout.on_outcome(outcome(ak.GoalAbortedError("It was aborted.")), CALL)
-    assert [level for level, _ in node.logger.lines] == ["debug", "info", "warning", "error"]
+    assert [level for level, _ in node.logger.lines] == ["debug", "info", "warning", "warning"]
     assert node.logger.lines[1][1] == f"/fibonacci goal {GOAL} ACCEPTED after 500.0 ms"
 
 
