@@ -61,12 +61,13 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 ROS domain), and logs carry its name. It is neither spun nor changed.
             timeouts: Caps on the phases of each call.
             retry: When a call that failed for a transient reason is tried again.
-            classify: A function `(Outcome) -> Verdict | None` that is asked how a goal that
-                succeeded, was aborted or was rejected counts; `None` leaves the default. It runs on
-                a thread of its own, and has until the call's deadline, 10 seconds at most. Where it
-                raises, does not answer or returns anything else, a goal that succeeded ends in a
-                `ClassifyError`, and one that failed keeps its own error. Ready-made:
-                `classify_by_field`, `retry_aborted`.
+            classify: A function `(Outcome) -> Verdict | None` that is asked how a goal counts
+                which the server ended or rejected; `None` leaves the default. It runs on a thread
+                of its own, and has until the call's deadline, 10 seconds at most. Where it raises,
+                does not answer or returns anything else, a goal that succeeded ends in a
+                `ClassifyError`, and one that failed keeps its own error. What was rejected or
+                canceled, or failed without a result, is no success: to call it one is a
+                `ClassifyError`, too. Ready-made: `classify_by_field`, `retry_aborted`.
             observers: What is called with every transition of every goal: `JsonLines`, `Rosout`,
                 `OpenTelemetry` or an `Observer` of yours.
             on_close: What closing does to goals in flight: `"cancel"` or `"abandon"`.
@@ -149,8 +150,10 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         Args:
             goal: The action's goal message, or a mapping of its field names.
             timeout: Seconds for everything: the server's coming, acceptance, execution,
-                retries. `None` means no limit; left out, `timeouts.total` counts; with 0
-                nothing is sent.
+                retries. When they are up, the goal is cancelled, and the call returns when the
+                server has confirmed that, which it has `timeouts.cancel` seconds for: a call with
+                `timeout=1.0` to a silent server returns after 3 s with the defaults. `None` means
+                no limit; left out, `timeouts.total` counts; with 0 nothing is sent.
             on_feedback: Called with each feedback message, in order, on another thread.
             retry: In place of the client's policy.
             classify: In place of the client's.

@@ -44,9 +44,8 @@ def call_classifier(classify: Classify, outcome: Outcome[Any]) -> Verdict | Faul
             return Fault(
                 f"{label_of(classify)} returned {said}, which is neither a Verdict nor None"
             )
-        if verdict is Verdict.SUCCESS and outcome.error is not None and is_empty(outcome.result):
-            # A goal that failed is never a success with an empty result (C3.1, C3.3).
-            lack = "it has no result" if outcome.result is None else "its result is empty"
+        lack = why_no_success(outcome)
+        if verdict is Verdict.SUCCESS and lack:
             return Fault(
                 f"{label_of(classify)} called it a SUCCESS, though {lack}",
                 cause=outcome.error,
@@ -57,9 +56,16 @@ def call_classifier(classify: Classify, outcome: Outcome[Any]) -> Verdict | Faul
     return verdict
 
 
-def is_empty(result: Any) -> bool:
-    """Whether there is no result, or the one that rclpy sends where a server's callback raised."""
-    return result is None or bool(result == type(result)())
+def why_no_success(outcome: Outcome[Any]) -> str:
+    """Return why a goal that failed can never count as a success, or `""` (C3.1, C3.3)."""
+    if outcome.error is None:
+        return ""
+    if outcome.status in (GoalState.REJECTED, GoalState.CANCELED):
+        return f"it was {str(outcome.status).lower()}"
+    if outcome.result is None:
+        return "it has no result"
+    # That is also what rclpy sends where a server's callback raised.
+    return "its result is empty" if outcome.result == type(outcome.result)() else ""
 
 
 def apply_verdict(ending: Ending, verdict: Verdict | Fault) -> Ending:
@@ -143,7 +149,7 @@ class FieldClassifier:
             raise
         for verdict, values in self._by_value.items():
             if value in values:
-                vain = verdict is Verdict.SUCCESS and failed and is_empty(outcome.result)
+                vain = verdict is Verdict.SUCCESS and why_no_success(outcome)
                 return None if vain else verdict
         # `ok=` names all that is fine.
         return Verdict.PERMANENT if self._closed and not failed else None
@@ -173,8 +179,8 @@ def classify_by_field(
 
     A goal that succeeded, but whose result does not have the element of an array that the path
     names, is no success: the call ends with a `ClassifyError`. A goal that did not succeed keeps
-    its own error where its value is named nowhere. An `ok` value makes no success of one whose
-    result is empty, which is what servers send whose callback raised.
+    its own error where its value is named nowhere. An `ok` value makes no success of one that was
+    cancelled, or whose result is empty, which is what servers send whose callback raised.
 
     Args:
         path: The field, such as `error_code`, `status.code` or `codes[0]`. A client refuses, when

@@ -14,7 +14,7 @@ from actionkit._threads.diagnostics import log_later
 from actionkit._threads.function_runner import Clock, FunctionRunner, NoAnswer
 from actionkit._threads.pool import Pool
 
-_CLASSIFIED = {End.SUCCEEDED, End.ABORTED, End.REJECTED}
+_CLASSIFIED = {End.SUCCEEDED, End.ABORTED, End.REJECTED, End.CANCELED_BY_OTHER}
 """The endings that `classify=` is asked about: those that a server reported (C3.3)."""
 
 OnVerdict = Callable[[Ending, BaseException | None, Verdict | Fault], None]

@@ -192,6 +192,18 @@ def test_no_success_carries_an_empty_result(script, status, cause, action_server
     assert caught.value.attempts == 1
 
 
+def test_what_another_cancelled_is_no_success_and_not_tried_again(action_server, make_client):
+    server = action_server("cancels_itself")
+    with pytest.raises(ak.ClassifyError, match="SUCCESS, though it was canceled") as caught:
+        make_client(classify=lambda outcome: Verdict.SUCCESS).call({"order": 2}, LONG)
+    assert "was canceled by the server, and" in str(caught.value)
+    assert isinstance(caught.value.__cause__, ak.GoalCanceledError)
+    for verdict in (Verdict.TRANSIENT, Verdict.PERMANENT, None):
+        with pytest.raises(ak.GoalCanceledError):
+            make_client(classify=lambda outcome, it=verdict: it, retry=QUICK).call({}, LONG)
+    assert len(server.wait_for("canceled", count=4)) == 4
+
+
 def test_a_field_that_is_not_there_makes_no_success(action_server, make_client):
     action_server("scripted", script=[[{"succeed": []}], [{"abort": []}]])
     client = make_client(classify=classify_by_field("sequence[0]", ok={0}), retry=QUICK)

@@ -292,6 +292,36 @@ def test_a_goal_that_failed_with_an_empty_result_is_never_a_success(result: Any)
     assert call_classifier(lambda _: SUCCESS, outcome(result=Fibonacci.Result())) is SUCCESS
 
 
+@pytest.mark.parametrize(
+    ("status", "error", "lack"),
+    [
+        (GoalState.REJECTED, actionkit.GoalRejectedError("x"), "it was rejected"),
+        (GoalState.CANCELED, actionkit.GoalCanceledError("x"), "it was canceled"),
+        (GoalState.ABORTED, actionkit.GoalAbortedError("x"), ""),
+        (GoalState.SUCCEEDED, None, ""),
+    ],
+)
+@pytest.mark.parametrize("sent", ["nothing", "empty", "full"])
+def test_what_can_be_judged_a_success(
+    status: GoalState, error: BaseException | None, lack: str, sent: str
+) -> None:
+    result = {"nothing": None, "empty": Fibonacci.Result(), "full": Fibonacci.Result(sequence=[4])}
+    judged = Outcome(status, result[sent], error, 1, (), uuid.uuid4(), None)
+    said = call_classifier(lambda _: SUCCESS, judged)
+    if error is None or (sent == "full" and not lack):
+        assert said is SUCCESS
+    else:
+        assert isinstance(said, Fault)
+        assert said.impossible
+        assert said.cause is error
+        told = lack or ("it has no result" if sent == "nothing" else "its result is empty")
+        assert said.problem.endswith(f"called it a SUCCESS, though {told}")
+    # By a field it has no opinion of what cannot be one, so that its own error stands.
+    if sent == "full":
+        assert BY_FIELD(judged) is (None if lack else SUCCESS)
+        assert not isinstance(call_classifier(BY_FIELD, judged), Fault)
+
+
 def test_retry_aborted() -> None:
     judge = actionkit.retry_aborted()
     assert judge(outcome(error=ABORTED)) is TRANSIENT
