@@ -17,7 +17,7 @@ from actionkit._calls.classify import apply_verdict
 from actionkit._calls.classify_runner import ClassifyRunner
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.request import Request
-from actionkit._calls.retry import GiveUp, RejectedByClassifier, Retry
+from actionkit._calls.retry import GiveUp, RejectedByClassifier, Retry, after_no_server
 from actionkit._calls.retry_runner import RetryRunner
 from actionkit._goal import effects as fx
 from actionkit._goal.stages import Stage
@@ -26,13 +26,6 @@ from actionkit._model.values import GoalState, Verdict
 from actionkit._observers.dispatcher import NO_OBSERVERS, ObserverDispatcher
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.function_runner import Clock
-
-_LAST_FEEDBACK_GRACE = 0.05
-"""Seconds that a result waits for its feedback callbacks: enough for quick ones, and too short to
-be noticed. Slow callbacks do not delay the result (C1.8)."""
-_UNDECIDED = "a server is there, but has not said whether the goal still runs"
-_NOBODY_BACK = "its server went away, and no server has come back"
-_WITH_RESULT = {fx.End.SUCCEEDED, fx.End.ABORTED, fx.End.CANCELED_BY_OTHER}
 
 
 class Carrier(ActionView, Clock, Protocol):
@@ -77,11 +70,11 @@ class Call:
         self._previous: Attempt | None = None
         self._attempts = 0
         self._pause: TimerHandle | None = None
-        self._last: fx.Ending | None = None  # of the attempt before the pause
+        self._last: fx.Ending | None = None  # of the last attempt, judged, which is tried again
+        self._cause: BaseException = RejectedByClassifier()  # the same, for strategies
         self._ending: fx.Ending | None = None
         self._settled = False
         self._closing = False
-        self._grace: TimerHandle | None = None
         self.unwanted = False
         """Whether the caller cancelled, even if this thread has not come to it yet (C1.5)."""
         self.urgent = False
@@ -224,8 +217,7 @@ class Call:
         rejected = state is GoalState.REJECTED
         progress = fx.GoalProgress.REJECTED if rejected else fx.GoalProgress.ACCEPTED
         end = fx.End.CANCELED_BY_OTHER if canceled else fx.End[state.name]
-        self._last = fx.Ending(end, state, result=result, progress=progress)
-        self._judge(self._last)
+        self._judge(fx.Ending(end, state, result=result, progress=progress))
 
     # --- what the attempt tells ------------------------------------------------------------
 
@@ -246,17 +238,27 @@ class Call:
         """Judge how the attempt ended, and end the call or try again."""
         if attempt is not self._attempt or self._ending is not None:
             return
-        earlier = self._previous
-        if ending.end is fx.End.NO_SERVER and earlier and self._earlier_in_flight:
-            # Something was sent before this attempt, and its caller has to hear of that.
-            reason = _UNDECIDED if self._carrier.server_is_ready() else _NOBODY_BACK
-            self.goal_id = earlier.goal_id
-            ending = replace(ending, end=fx.End.LOST, status=GoalState.LOST, lost_because=reason)
         never_sent = ending.progress is fx.GoalProgress.NEVER_SENT
         if not never_sent or attempt.goal.stage is not Stage.OVER:
             self._previous = attempt
-        self._last, self._attempt = ending, None
-        self._judge(ending)
+        self._attempt = None
+        if ending.end is fx.End.NO_SERVER:
+            self._waited_in_vain(ending)
+        else:
+            self._judge(ending)
+
+    def _waited_in_vain(self, ending: fx.Ending) -> None:
+        """End the call that found no server, or go on with what came of the one it had (C2.7)."""
+        late = self._deadline is not None and time.monotonic() >= self._deadline
+        ready, in_flight = self._carrier.server_is_ready(), self._earlier_in_flight
+        if self._previous is not None and (in_flight or not late):
+            self.goal_id = self._previous.goal_id  # that is the goal which is told of
+        limit = self._request.timeouts.server
+        ending = after_no_server(ending, self._last, limit, late, ready, in_flight)
+        if late or self._last is None:
+            self._end(ending)
+        else:
+            self._plan(ending)
 
     def _judge(self, ending: fx.Ending) -> None:
         if ending.end is fx.End.SUCCEEDED and self._request.classify is None:
@@ -273,7 +275,7 @@ class Call:
             return  # cancelled or closed meanwhile
         if verdict is Verdict.SUCCESS:
             self._request.budget.on_success()
-        ending = apply_verdict(ending, verdict)
+        self._last = ending = apply_verdict(ending, verdict)
         # What somebody else cancelled is not tried again, whatever `classify=` says (C4.4).
         if verdict is not Verdict.TRANSIENT or ending.end is fx.End.CANCELED_BY_OTHER:
             self._end(ending)
@@ -282,15 +284,19 @@ class Call:
         if self.unwanted or self._closing:
             self._end(replace(ending, not_retried="its caller no longer wants it"))
             return
-        cause = error or RejectedByClassifier()
+        self._cause = error or RejectedByClassifier()
+        self._plan(ending)
+
+    def _plan(self, ending: fx.Ending) -> None:
         clock, planned = time.monotonic, partial(self._planned, ending)
-        self._retrying.begin(ending, cause, self._attempts, clock, self._deadline, planned)
+        self._retrying.begin(ending, self._cause, self._attempts, clock, self._deadline, planned)
 
     def _planned(self, ending: fx.Ending, plan: Retry | GiveUp | fx.Fault) -> None:
         if isinstance(plan, fx.Fault):
             self._end(replace(ending, strategy_fault=plan))
         elif isinstance(plan, GiveUp):
-            self._end(replace(ending, not_retried=plan.reason))
+            waited = f"{ending.not_retried}, and " if ending.not_retried else ""
+            self._end(replace(ending, not_retried=waited + plan.reason))
         else:
             pause = f"in {plan.seconds:.2f} s"
             self._record.note(self.goal_id, self._attempts, GoalState.RETRYING, pause)
@@ -319,13 +325,7 @@ class Call:
             ending = replace(ending, earlier_may_run=True)
         self._ending = ending
         self._stop_retrying()
-        callbacks = self._request.callbacks
-        if ending.end not in _WITH_RESULT or callbacks is None:
-            self._settle()
-            return
-        until = time.monotonic() + _LAST_FEEDBACK_GRACE
-        self._grace = self._carrier.call_at(until, self._settle)
-        callbacks.finish(lambda: self._carrier.call_soon(self._settle))
+        self._record.await_callbacks(ending, self._carrier, self._settle)
 
     def _stop_retrying(self) -> None:
         self._retrying.drop()
@@ -338,8 +338,6 @@ class Call:
             return
         self._settled = True
         self._previous = None  # it holds this call for as long as it is watched
-        if self._grace is not None:
-            self._carrier.cancel_timer(self._grace)
         ending = self._ending
         assert ending is not None
         self.state = ending.status

@@ -15,11 +15,18 @@ from actionkit._calls.explain import ErrorContext, explain
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.request import Request
-from actionkit._goal.effects import Ending
+from actionkit._goal.effects import End, Ending
 from actionkit._messages.lazy import LazyMessage
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import GoalEvent, GoalState, Outcome
 from actionkit._observers.dispatcher import ObserverDispatcher
+from actionkit._threads.clock import TimerHandle
+from actionkit._threads.function_runner import Clock
+
+_LAST_FEEDBACK_GRACE = 0.05
+"""Seconds that a result waits for its feedback callbacks: enough for quick ones, and too short to
+be noticed. Slow callbacks do not delay the result (C1.8)."""
+_WITH_RESULT = {End.SUCCEEDED, End.ABORTED, End.CANCELED_BY_OTHER}
 
 
 class ActionView(Protocol):
@@ -56,6 +63,7 @@ class CallRecord:
         self._action = action
         self._request = request
         self._dispatcher = dispatcher
+        self._grace: tuple[Clock, TimerHandle] | None = None
         self._info = dispatcher.call_info(
             call_id, request.goal, monotonic=self.began, wall=time.time()
         )
@@ -90,8 +98,21 @@ class CallRecord:
         if self._request.callbacks is not None:
             self._request.callbacks.put(*handful)
 
+    def await_callbacks(self, ending: Ending, clock: Clock, then: Callable[[], None]) -> None:
+        """Call `then` when the feedback callbacks have had what came, or are slow; maybe twice."""
+        callbacks = self._request.callbacks
+        if ending.end not in _WITH_RESULT or callbacks is None:
+            then()
+            return
+        self._grace = clock, clock.call_at(time.monotonic() + _LAST_FEEDBACK_GRACE, then)
+        callbacks.finish(lambda: clock.call_soon(then))
+
     def end_feedback(self) -> None:
         """End the streams of feedback, and drop what callbacks have not been given so far."""
+        if self._grace is not None:
+            clock, timer = self._grace
+            clock.cancel_timer(timer)
+            self._grace = None
         if self._request.callbacks is not None:
             self._request.callbacks.close()
         self.tape.end()

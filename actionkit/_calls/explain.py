@@ -20,6 +20,12 @@ from actionkit._model.values import CancelReport, GoalState, Timeline, Verdict
 from actionkit._threads.function_runner import LONGEST_ANSWER
 
 _BY_CLASSIFY = (End.REJECTED_BY_CLASSIFIER, End.CLASSIFIER_FAILED)
+_DISCOVERY = 3.0
+"""Seconds that a server which runs may take to be seen, on machines with other work."""
+_MORE_TIME = (
+    f" A server that runs can take {_DISCOVERY:g} s to be seen: if yours does, allow more time"
+    " with timeout= and Timeouts(server=...)."
+)
 
 
 @dataclass(frozen=True)
@@ -102,6 +108,13 @@ def _add_facts(error: errors.ActionKitError, ending: Ending, call: ErrorContext)
         error.__cause__ = ending.classifier_fault.cause
 
 
+def _after(call: ErrorContext) -> str:
+    """How long after the call the goal's last news came: the call may have waited after that."""
+    news = [event.monotonic for event in call.timeline if event.goal_id == call.goal_id]
+    seconds = news[-1] - call.timeline[0].monotonic if news else call.elapsed
+    return f"{seconds:.1f} s"
+
+
 def _what(call: ErrorContext) -> str:
     return f"Goal {call.goal_id} of action {call.action_name!r}"
 
@@ -122,14 +135,17 @@ def _cancel_sentence(ending: Ending, call: ErrorContext) -> str:
     return ""
 
 
-def _seen_instead(call: ErrorContext) -> str:
-    return seen_instead(call.surroundings(), call.action_name, call.type_name)
-
-
 def _no_server(ending: Ending, call: ErrorContext) -> str:
+    graph = call.surroundings()
+    looked = f"after {call.elapsed:.1f} s of looking, so nothing was sent"
+    if call.timeout == 0:
+        looked = "and timeout=0 leaves no time to look for one; nothing was sent"
+    patience = ""
+    if call.elapsed < _DISCOVERY and graph.actions is not None:
+        patience = "" if call.action_name in graph.actions else _MORE_TIME
     return (
-        f"No server for action {call.action_name!r} ({call.type_name}) was ready within"
-        f" {call.timeouts.server:g} s, so nothing was sent. {_seen_instead(call)}"
+        f"No server for action {call.action_name!r} ({call.type_name}) is ready {looked}."
+        f" {seen_instead(graph, call.action_name, call.type_name)}{patience}"
     )
 
 
@@ -167,7 +183,7 @@ def _lost(ending: Ending, call: ErrorContext) -> str:
     if ending.status is GoalState.SENDING:
         return f"{_what(call)} was never sent, because {ending.lost_because}. Call again."
     return (
-        f"The server of action {call.action_name!r} was lost {call.elapsed:.1f} s into the"
+        f"The server of action {call.action_name!r} was lost {_after(call)} into the"
         f" call, with goal {call.goal_id} in flight ({ending.lost_because}). Look for a crash in"
         " the server's log; what the goal did until then is not known."
     )
@@ -183,14 +199,14 @@ def _stalled(ending: Ending, call: ErrorContext) -> str:
 
 def _rejected(ending: Ending, call: ErrorContext) -> str:
     return (
-        f"{_what(call)} was rejected by the server after {call.elapsed:.1f} s; it never ran."
+        f"{_what(call)} was rejected by the server after {_after(call)}; it never ran."
         " The action protocol carries no reason: look at the server's log."
     )
 
 
 def _aborted(ending: Ending, call: ErrorContext) -> str:
     return (
-        f"{_what(call)} was aborted by the server after {call.elapsed:.1f} s."
+        f"{_what(call)} was aborted by the server after {_after(call)}."
         f"{_told_by_result(ending.result)}"
         " What the server sent with it is in `error.result`; its log may say more."
     )
@@ -208,7 +224,7 @@ def _told_by_result(result: Any) -> str:
 
 def _canceled(ending: Ending, call: ErrorContext) -> str:
     return (
-        f"{_what(call)} was cancelled after {call.elapsed:.1f} s, and not by this client."
+        f"{_what(call)} was cancelled after {_after(call)}, and not by this client."
         " Another client, an operator or the server itself did so; it is not tried again."
     )
 
@@ -235,11 +251,10 @@ def _deadline(ending: Ending, call: ErrorContext) -> str:
             f" within {call.timeouts.cancel:g} s: IT MAY STILL BE RUNNING. It is cancelled as"
             " soon as the server answers; stop it by other means if that cannot wait."
         )
-    if ending.phase == "server" and ending.cancel is CancelReport.NOT_NEEDED:
+    if ending.phase == "server" and call.attempts == 1:
         return (
-            f"No server for action {call.action_name!r} ({call.type_name}) was ready before"
-            f" the time given to the call, {call.timeout:g} s, ran out waiting for a server;"
-            f" nothing was sent. {_seen_instead(call)}"
+            f"{_what(call)} was not sent, though a server is ready: the time given to the call,"
+            f" {call.timeout:g} s, ran out first. Give it more time."
         )
     waited = {
         "server": "waiting for a server that could try again",
@@ -256,7 +271,7 @@ def _deadline(ending: Ending, call: ErrorContext) -> str:
 
 def _rejected_by_classifier(ending: Ending, call: ErrorContext) -> str:
     return (
-        f"{_what(call)} succeeded on the server after {call.elapsed:.1f} s, but by `classify=`"
+        f"{_what(call)} succeeded on the server after {_after(call)}, but by `classify=`"
         f" its result is a failure ({ending.verdict}).{_told_by_result(ending.result)} It is in"
         " `error.result`."
     )
@@ -266,11 +281,11 @@ def _classifier_failed(ending: Ending, call: ErrorContext) -> str:
     assert ending.classifier_fault is not None
     happened = f"{call.elapsed:.1f} s into the call {ending.classifier_fault.problem}"
     if ending.classifier_fault.impossible:
-        became = "rejected" if ending.status is GoalState.REJECTED else "aborted"
+        became = str(ending.status).lower()
         return (
-            f"{_what(call)} was {became} by the server, and {happened}. A goal that failed without"
-            " a result is never a success: let that function return None for it, or another"
-            " Verdict."
+            f"{_what(call)} was {became} by the server, and {happened}. What was rejected or"
+            " canceled, or failed without a result, is never a success: let that function return"
+            " None for it, or another Verdict."
         )
     return (
         f"{_what(call)} succeeded on the server, but {happened}; so the call does not count as a"

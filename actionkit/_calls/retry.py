@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 from numbers import Real
 from typing import Any
 
 import tenacity
 
-from actionkit._goal.effects import Fault, GoalFate, GoalProgress
+from actionkit._goal.effects import End, Ending, Fault, GoalFate, GoalProgress
 from actionkit._model.settings import MOST, RetryPolicy
 from actionkit._threads.function_runner import described, name_of
 
@@ -45,6 +45,42 @@ def how_to_resend(progress: GoalProgress, fate: GoalFate, resend: str) -> Resend
     if fate is GoalFate.UNKNOWN_TO_SERVER and progress is GoalProgress.UNANSWERED:
         return Resend.SAME_ID
     return Resend.NO
+
+
+def after_no_server(
+    ending: Ending,
+    last: Ending | None,
+    limit: float | None,
+    late: bool,
+    ready: bool,
+    in_flight: bool,
+) -> Ending:
+    """Return how a call stands after an attempt that waited for a server in vain (C2.7).
+
+    One that never had a server has none, and is not tried again: waiting longer is no other
+    attempt. One that had a server ends with its deadline, or else goes on, by its policy, with what
+    came of that server, which may be back later than it is waited for once.
+
+    Args:
+        ending: How the attempt ended.
+        last: How the one before it ended, if there was one.
+        limit: `Timeouts.server`.
+        late: Whether the call's deadline has passed.
+        ready: Whether a server is ready all the same.
+        in_flight: Whether an earlier goal of the call may be running.
+    """
+    if late and (ready or last is not None):
+        return replace(ending, end=End.DEADLINE, phase="server")
+    if last is None:
+        return ending
+    why = f"no server was ready within {limit:g} s"
+    if ready:
+        why = "a server is there, but has not said whether the earlier goal still runs"
+    if ending.progress is GoalProgress.NEVER_SENT:
+        fate = last.fate if in_flight else GoalFate.STOPPED
+    else:
+        fate = ending.fate  # it is the same goal, which was to be sent again
+    return replace(last, fate=fate, not_retried=why)
 
 
 @dataclass(frozen=True)

@@ -64,8 +64,10 @@ class CancellableGoal(GoalRecord):
         self.cancel_reason, self._cancelled_at = why, now
         effects = self._stop_resending()
         if not self.in_flight:
+            if why is CancelReason.DEADLINE and self._phase == "server":
+                return self._no_server(now)
             if why is CancelReason.DEADLINE:
-                effects.append(fx.Record(GoalState.TIMED_OUT, f"waiting for {self._phase}"))
+                effects.append(fx.Record(GoalState.TIMED_OUT, "waiting to be sent"))
             cancelled = why is CancelReason.CANCELLED
             end = fx.End.CANCELLED_BY_CALLER if cancelled else END_AFTER[why]
             return effects + self._never_sent(end, now)
@@ -81,6 +83,12 @@ class CancellableGoal(GoalRecord):
             fx.Arm(fx.Timer.CANCEL, now + self._timeouts.cancel),
             self._arm_reask(now),
         ]
+
+    def _no_server(self, now: float) -> list[fx.Effect]:
+        """No server was ready in the time there was, whichever limit ended it (C2.7)."""
+        self.cancel_reason = CancelReason.NO_SERVER
+        waited = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
+        return [waited, *self._never_sent(fx.End.NO_SERVER, now)]
 
     # --- refusals --------------------------------------------------------------------------
 

@@ -302,7 +302,7 @@ class Goal(CancellableGoal):
             return []
         waiting = self.stage in (Stage.AWAITING_SERVER, Stage.RESENDING)
         if timer is fx.Timer.SERVER and waiting:
-            return self._never_sent(fx.End.NO_SERVER, now)
+            return self._no_server(now)
         if timer is fx.Timer.RESULT and self._terminal_seen is not None:
             return self._result_lost(f"it did not come within {self._timeouts.result:g} s")
         if self.cancel_reason is not None:

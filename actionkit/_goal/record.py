@@ -18,7 +18,7 @@ from actionkit._model.values import GoalState
 
 _DISARM_FOR_CALLER = tuple(fx.Disarm(timer) for timer in fx.Timer if timer is not fx.Timer.REASK)
 """The timers that exist for the caller's sake; a goal is asked about also after he has left."""
-_TIMED_OUT = {fx.End.DEADLINE, fx.End.NO_ACCEPTANCE, fx.End.STALLED}
+_TIMED_OUT = {fx.End.NO_SERVER, fx.End.DEADLINE, fx.End.NO_ACCEPTANCE, fx.End.STALLED}
 _REFUSALS = {CancelReply.REFUSED_ONCE, CancelReply.REFUSED}
 _LEFT_ALONE = {Closing.ABANDONED, Closing.BROKEN}
 

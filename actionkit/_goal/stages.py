@@ -48,6 +48,7 @@ class CancelReason(Enum):
     """Why the caller no longer wants the goal."""
 
     CANCELLED = auto()
+    NO_SERVER = auto()
     DEADLINE = auto()
     UNANSWERED = auto()
     STALLED = auto()
@@ -91,6 +92,7 @@ PHASE = {
 END_AFTER = {
     # The caller's own cancel ends this way only where it could not be confirmed in time.
     CancelReason.CANCELLED: End.DEADLINE,
+    CancelReason.NO_SERVER: End.NO_SERVER,
     CancelReason.DEADLINE: End.DEADLINE,
     CancelReason.UNANSWERED: End.NO_ACCEPTANCE,
     CancelReason.STALLED: End.STALLED,

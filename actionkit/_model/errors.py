@@ -2,7 +2,7 @@
 
 ActionKitError
 ├─ TransientError                 trying again may help
-│  ├─ ServerUnavailableError      no server within `timeouts.server`
+│  ├─ ServerUnavailableError      no server in the time there was
 │  ├─ AcceptanceTimeoutError      no answer to the goal request
 │  ├─ ServerLostError             the server went away with the goal in flight
 │  └─ FeedbackStalledError        `timeouts.feedback` ran out
@@ -100,8 +100,13 @@ class TransientError(ActionKitError):
     transient: ClassVar[bool] = True
 
 
-class ServerUnavailableError(TransientError):
-    """No action server was seen within `timeouts.server`; nothing was sent."""
+class ServerUnavailableError(TransientError, TimeoutError):
+    """No action server was ready in the time there was; nothing was sent.
+
+    That time is `timeouts.server` or what is left to the call, whichever is shorter. Waiting longer
+    is no other attempt, so this is not tried again within the call, whatever its `RetryPolicy`. A
+    call that had a server ends with another error.
+    """
 
 
 class AcceptanceTimeoutError(TransientError):
@@ -177,14 +182,17 @@ class ClassifyError(PermanentError):
 
     It raised, returned neither a `Verdict` nor `None`, or did not answer: by the call's deadline,
     within 10 seconds where that is later or there is none, or within `timeouts.cancel` once the
-    call was cancelled or its client closed. Or it called a goal a success that failed without a
-    result. `__cause__` is what the function raised, or the error of that failed goal.
+    call was cancelled or its client closed. Or it called a goal a success that was rejected, or
+    canceled by somebody else, or failed without a result. `__cause__` is what the function raised,
+    or the error of that failed goal.
     """
 
 
 class DeadlineExceededError(ActionKitError, TimeoutError):
-    """The time given to the whole call ran out.
+    """The time given to the whole call ran out, and it had a server.
 
+    The goal was cancelled then, which the server had `timeouts.cancel` seconds to confirm. Without
+    a server it is a `ServerUnavailableError`, which is a `TimeoutError`, too.
     Not raised when a local wait such as `future.result(timeout=1)` runs out: that is a plain
     `TimeoutError` and leaves the goal alone.
 

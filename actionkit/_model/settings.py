@@ -55,9 +55,10 @@ class Timeouts:
     """Caps on the phases of a call, in seconds; `None` means no limit.
 
     Attributes:
-        server: Until a server is seen.
+        server: Until a server is ready; of a call that is tried again, for each attempt.
         accept: From the sending of the goal to its acceptance.
-        total: The whole call, where the call itself says no `timeout=`.
+        total: The whole call, where the call itself says no `timeout=`. The confirmation of a
+            cancellation (`cancel`) comes on top.
         feedback: The longest silence between two feedbacks; running out is an error.
         cancel: The wait for a cancellation to be confirmed. Never `None`.
         liveness: The longest time in which nothing at all comes from the server of a goal, not
@@ -97,7 +98,8 @@ class RetryPolicy:
     """When a call that failed for a transient reason is tried again.
 
     Attributes:
-        attempts: The most goals sent for one call, the first included.
+        attempts: The most goals sent for one call, the first included. A call that finds no server
+            at first is not tried again; one that had a server waits for one before each attempt.
         initial: Seconds of the first pause.
         factor: What each pause is multiplied by to give the next.
         max_pause: The longest pause, in seconds.

@@ -33,7 +33,8 @@ SCENARIOS = {
         ak.ServerUnavailableError,
         "No action server at all is visible",
         timeouts=Timeouts(server=0.2),
-        status=GoalState.SENDING,
+        status=GoalState.TIMED_OUT,
+        cancel=CancelReport.NOT_NEEDED,
     ),
     "no acceptance": Scenario(
         "silent",
@@ -115,11 +116,12 @@ SCENARIOS = {
         status=GoalState.TIMED_OUT,
         cancel=CancelReport.UNKNOWN,
     ),
-    "deadline, nothing sent": Scenario(
+    "deadline without a server": Scenario(
         None,
-        ak.DeadlineExceededError,
-        "waiting for a server",
+        ak.ServerUnavailableError,
+        "nothing was sent",
         timeout=0.1,
+        status=GoalState.TIMED_OUT,
         cancel=CancelReport.NOT_NEEDED,
     ),
     "deadline, not accepted": Scenario(
@@ -133,7 +135,7 @@ SCENARIOS = {
     "timeout of zero": Scenario(
         "fibonacci",
         ak.DeadlineExceededError,
-        "0 s, ran out waiting for a server; nothing was sent",
+        "was not sent, though a server is ready: the time given to the call, 0 s, ran out first",
         timeout=0,
         cancel=CancelReport.NOT_NEEDED,
     ),

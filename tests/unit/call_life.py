@@ -31,6 +31,7 @@ from actionkit._calls.attempt import Attempt
 from actionkit._calls.call import Call
 from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.request import Request
+from actionkit._model import errors
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._threads.clock import TimerHandle, TimerQueue
 from actionkit._threads.pool import Pool
@@ -162,6 +163,7 @@ class CallLife:
         judged: bool = False,
         strategies: bool = False,
         callbacks: Any = None,
+        begin: bool = True,
         **timeouts: float | None,
     ) -> None:
         self.clock = 1000.0
@@ -176,6 +178,8 @@ class CallLife:
         self.told: list[tuple[Any, ...]] = []
         self.goals: dict[bytes, OnServers] = {}
         self.link = Link(self)
+        self.had_server = False
+        self.began = self.clock
         self.retry = retry
         self.timeouts = Timeouts(**timeouts)  # type: ignore[arg-type]
         self.settled = self.finishes = self.servers = 0
@@ -206,7 +210,8 @@ class CallLife:
             settle(*args)
 
         self.call.future.settle = count  # type: ignore[method-assign]
-        self.does(self.call.begin)
+        if begin:
+            self.does(self.call.begin)
 
     # --- the user's functions --------------------------------------------------------------
 
@@ -336,6 +341,7 @@ class CallLife:
 
     def _ready(self) -> None:
         self.link.ready = True
+        self.had_server |= not self.done
         before = {key: goal.asked for key, goal in self.goals.items() if goal.lost}
         self.does(self._tell_ready)
         for key, asked in before.items():
@@ -489,7 +495,7 @@ class CallLife:
 
     def _require_end_of_idle(self, idle: bool) -> None:
         """A pause, or a wait for a server, ends at once."""
-        if idle and self.call._grace is None:
+        if idle and self.call._record._grace is None:
             self.require(self.done, "who cancels or closes does not wait for nothing")
 
     def fail(self) -> None:
@@ -566,7 +572,12 @@ class CallLife:
                     self.require(
                         goal.cancels_asked > 0, "nothing is left behind uncancelled (C2.4)"
                     )
-        elif self.deadline is not None:
+            return
+        if not self.had_server:
+            limits = (self.deadline, self.timeouts.server and self.began + self.timeouts.server)
+            latest = min((limit for limit in limits if limit is not None), default=math.inf)
+            self.require(self.clock <= latest, "no server is told of in the time there was (C2.7)")
+        if self.deadline is not None:
             latest = self.deadline + self.timeouts.cancel + GRACE
             self.require(self.clock < latest + 1e-6, "the deadline is kept (C2.3)")
 
@@ -576,6 +587,7 @@ class CallLife:
         if self.settled_with_news:
             return
         self.settled_with_news = True
+        self.check_server_was_there(outcome)
         running = any(goal.may_run for goal in self.goals.values())
         if outcome.cancel in (CancelReport.NOT_NEEDED, CancelReport.CONFIRMED):
             at_least_once = self.retry.resend == "always"
@@ -583,7 +595,26 @@ class CallLife:
         if outcome.error is None:
             approved = not self.judged or self.verdict in (Verdict.SUCCESS, None)
             self.require(approved, "what nobody called a success is none (C3.3)")
+            may_be = outcome.status in (GoalState.SUCCEEDED, GoalState.ABORTED)
+            self.require(may_be, "what was rejected or canceled is no success (C3.3)")
             self.require(not running or self.retry.resend == "always", "a success is the last word")
+
+    def check_server_was_there(self, outcome: Outcome[Any]) -> None:
+        """No server is one error, and is not tried again (C2.7)."""
+        none_there = isinstance(outcome.error, errors.ServerUnavailableError)
+        nothing = outcome.cancel is CancelReport.NOT_NEEDED and outcome.attempts == 1
+        sent = self.sends or self.link.ready
+        self.require(not none_there or (nothing and not sent), "it says that nothing was sent")
+        late = isinstance(outcome.error, errors.DeadlineExceededError)
+        self.require(not late or self.had_server, "the deadline's error: there was a server")
+        waited = [
+            at
+            for at, event in enumerate(outcome.timeline)
+            if event.state is GoalState.TIMED_OUT and event.detail == "waiting for a server"
+        ]
+        later = outcome.timeline[waited[0] :] if waited else ()
+        tried = any(event.state is GoalState.RETRYING for event in later)
+        self.require(not tried or self.sends > 0, "waiting longer is no other attempt")
 
     settled_with_news = False
 

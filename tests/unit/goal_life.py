@@ -365,6 +365,8 @@ class Life:
         self._require(goal.may_run == may_run, "`may_run`: a server in sight may be running it")
         known = server.over or server.lost or self.left_alone
         self._require(settled or self.superseded or not known, "no caller is left waiting")
+        if Settle in map(type, effects):
+            self._check_server_was_there(event, before)
         if self.superseded:  # what the link holds is another's now, with the same id
             self._require(not armed, "who is superseded leaves all to another")
         else:
@@ -390,6 +392,19 @@ class Life:
             self._require(armed <= {Timer.REASK}, f"a caller that left has no timers ({armed})")
         elif self.started:
             self._check_limits(armed)
+
+    def _check_server_was_there(self, event: str, before: OnServer) -> None:
+        """A goal that found no server ends so, whichever limit ends the wait (C2.7)."""
+        ending, could_go = self.ending, before.queued
+        assert ending is not None
+        if ending.end is End.NO_SERVER:
+            awaited = before.awaiting or event == "start"
+            self._require(awaited and not could_go, "NO_SERVER means that none was ready")
+            nothing = ending.cancel is CancelReport.NOT_NEEDED
+            self._require(nothing or before.copies > 0, "where nothing was sent, nothing runs")
+        if ending.end is End.DEADLINE:
+            had = could_go or before.copies > 0
+            self._require(had, "the deadline's error is for a goal that had a server (C2.7)")
 
     def _was_watched(self, effects: list[Effect]) -> bool:
         """Whether the goal had not been released, nor left alone, before these effects."""

@@ -5,6 +5,7 @@ What must hold is in call_life, and is checked after each event.
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -13,7 +14,7 @@ from hunting import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit import GoalState, RetryBudget, RetryPolicy, Verdict
+from actionkit import CancelReport, GoalState, RetryBudget, RetryPolicy, Verdict
 from actionkit._model import errors
 from actionkit._model.cancel_answer import CancelAnswer
 
@@ -65,12 +66,13 @@ lives = st.builds(
     feedback=limit,
 )
 
+SENT: list[Event] = [("ready",)]
+
 
 @examples(1500)
-@given(lives, st.lists(everything, max_size=40))
-def test_every_order(life: CallLife, events: list[Event]) -> None:
-    life.happens("ready")
-    for each in events:
+@given(lives, st.sampled_from([SENT, SENT, []]), st.lists(everything, max_size=40))
+def test_every_order(life: CallLife, begun: list[Event], events: list[Event]) -> None:
+    for each in [*begun, *events]:
         life.happens(*each)
     if life.deadline is not None:
         life.happens("wait", 100.0)  # whether the user's functions answer or not
@@ -112,7 +114,6 @@ def test_no_goal_is_ever_lost_track_of(life: CallLife, events: list[Event]) -> N
 # --- orders that are easily got wrong ----------------------------------------------------------
 
 UNKNOWN, ACCEPTED = CancelAnswer.UNKNOWN_GOAL, CancelAnswer.ACCEPTED
-SENT: list[Event] = [("ready",)]
 RUNNING: list[Event] = [*SENT, ("accepted", 0)]
 PAUSE: list[Event] = [("wait", 0.5)]
 UNANSWERED: list[Event] = [*SENT, ("wait", 5.0), ("cancel_answer", 0, UNKNOWN)]
@@ -327,6 +328,100 @@ def test_a_late_success_is_taken_in_place_of_another_goal() -> None:
     assert life.outcome.error is None
     assert life.outcome.result is not None
     assert life.sends == 1
+
+
+# --- no server (contract C2.7) -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("timeout", [None, 3.0, 5.0, 30.0])
+def test_no_server_is_one_error_in_the_time_there_is(timeout: float | None) -> None:
+    budget = RetryBudget(capacity=2.0)
+    life = CallLife(timeout, budget=budget, judged=True, strategies=True)
+    enough = min(5.0, timeout or 5.0)
+    life.wait(enough - 0.01)
+    assert not life.done
+    life.wait(0.01)
+    error = life.outcome.error
+    assert type(error) is errors.ServerUnavailableError
+    assert (error.attempts, error.elapsed) == (1, enough)
+    assert life.outcome.cancel is CancelReport.NOT_NEEDED
+    assert budget.tokens == 2.0
+    assert not life.jobs  # neither `classify=` nor a strategy has a say in it
+
+
+TRANSIENT: Event = ("judge", Verdict.TRANSIENT)
+WAITED_IN_VAIN: dict[type[BaseException], list[Event]] = {
+    # What happened in a call that then waited in vain for a server to try again.
+    errors.GoalRejectedError: [*SENT, ("rejected", 0), ("gone",), TRANSIENT],
+    errors.GoalAbortedError: [*RUNNING, ("result", 0, GoalState.ABORTED), ("gone",), TRANSIENT],
+    errors.RetriesExhaustedError: [
+        *RUNNING,
+        ("result", 0, GoalState.SUCCEEDED),
+        ("gone",),
+        TRANSIENT,
+    ],
+    errors.ServerLostError: LOST,
+    errors.FeedbackStalledError: [*STALLED, ("result", 0, GoalState.CANCELED), ("gone",)],
+    errors.AcceptanceTimeoutError: [*UNANSWERED, ("settling",)],
+}
+MAY_RUN = (errors.ServerLostError, errors.AcceptanceTimeoutError)
+
+
+@pytest.mark.parametrize("cls", WAITED_IN_VAIN, ids=lambda cls: cls.__name__)
+@pytest.mark.parametrize("timeout", [None, 9.0])
+def test_a_call_that_had_a_server_ends_with_what_came_of_it(
+    cls: type[BaseException], timeout: float | None
+) -> None:
+    limits = {"server": 5.0 if timeout is None else None, "feedback": 1.0}
+    budget = RetryBudget(capacity=10.0)
+    life = lived(
+        [*WAITED_IN_VAIN[cls], ("wait", 20.0)],
+        judged=True,
+        timeout=timeout,
+        budget=budget,
+        **limits,
+    )
+    error: Any = life.outcome.error
+    again = cls is errors.AcceptanceTimeoutError  # the same goal, which may run
+    assert (life.sends, life.outcome.attempts) == (1, 3 if timeout is None and not again else 2)
+    assert budget.tokens == 9.0  # for what the server did, and not for its absence
+    assert [event.state for event in life.outcome.timeline][-1] is GoalState.TIMED_OUT
+    if timeout is None:
+        assert type(error) is cls
+        why = "the goal may still run" if again else "all 3 attempts"
+        assert f"no server was ready within 5 s, and {why}" in str(error)
+        assert error.goal_id == life.outcome.timeline[0].goal_id
+        assert not re.search(r"(after|lost) 1\d\.\d s", str(error))  # but when it happened
+        return
+    assert type(error) is errors.DeadlineExceededError
+    if cls in MAY_RUN:
+        assert error.cancel is CancelReport.UNKNOWN
+        assert error.goal_id == life.outcome.timeline[0].goal_id
+    else:
+        assert (error.cancel, error.phase) == (CancelReport.NOT_NEEDED, "server")
+
+
+@pytest.mark.parametrize("ready", [False, True])
+def test_a_call_without_any_time(ready: bool) -> None:
+    life = CallLife(0, begin=False)
+    life.link.ready = life.had_server = ready
+    life.does(life.call.begin)
+    expected = errors.DeadlineExceededError if ready else errors.ServerUnavailableError
+    assert type(life.outcome.error) is expected
+    assert life.outcome.cancel is CancelReport.NOT_NEEDED
+    assert life.sends == 0
+
+
+def test_a_server_that_is_there_and_says_nothing_of_the_earlier_goal() -> None:
+    life = lived([*LOST, *PAUSE, ("ready",), ("wait", 11.0)])
+    assert type(life.outcome.error) is errors.ServerLostError
+    assert "has not said whether the earlier goal still runs" in str(life.outcome.error)
+    assert (life.sends, life.outcome.attempts) == (1, 3)
+
+
+def test_a_server_that_comes_back_later_than_it_is_waited_for_once_is_tried() -> None:
+    life = lived([*LOST, ("wait", 7.0), ("ready",), ("cancel_answer", 0, UNKNOWN)])
+    assert (life.sends, life.call._attempts) == (2, 3)
 
 
 # --- what the user's `classify=` has to say (contract C3.3) ------------------------------------

@@ -19,7 +19,7 @@ from actionkit._model.field_errors import FieldError
 TREE: dict[str, tuple[str, ...]] = {
     "ActionKitError": ("Exception",),
     "TransientError": ("ActionKitError",),
-    "ServerUnavailableError": ("TransientError",),
+    "ServerUnavailableError": ("TransientError", "TimeoutError"),
     "AcceptanceTimeoutError": ("TransientError",),
     "ServerLostError": ("TransientError",),
     "FeedbackStalledError": ("TransientError",),

@@ -34,13 +34,19 @@ def refusals(effects: list[Effect]) -> list[GoalState]:
 
 
 @pytest.mark.parametrize(
-    ("events", "phase"), [(("start",), "server"), (("start", "server_ready"), "accept")]
+    ("events", "end", "phase"),
+    [
+        (("start",), End.NO_SERVER, ""),
+        (("start", "server_ready"), End.DEADLINE, "accept"),
+    ],
 )
-def test_the_deadline_passes_before_the_goal_is_sent(events: tuple[str, ...], phase: str) -> None:
+def test_the_deadline_passes_before_the_goal_is_sent(
+    events: tuple[str, ...], end: End, phase: str
+) -> None:
     life = Life(3.0)
     life.see(*events)
     life.wait_until(3.0)
-    assert (life.end, life.report) == (End.DEADLINE, CancelReport.NOT_NEEDED)
+    assert (life.end, life.report) == (end, CancelReport.NOT_NEEDED)
     assert life.ending is not None
     assert (life.ending.phase, life.ending.status) == (phase, GoalState.TIMED_OUT)
     assert life.count(Withdraw) == 1
@@ -50,7 +56,7 @@ def test_the_deadline_passes_before_the_goal_is_sent(events: tuple[str, ...], ph
 def test_a_deadline_that_has_passed_at_the_start_sends_nothing() -> None:
     life = Life(0.0)
     life.see("start", "server_ready")
-    assert (life.end, life.count(SendGoal)) == (End.DEADLINE, 0)
+    assert (life.end, life.count(SendGoal)) == (End.NO_SERVER, 0)
 
 
 @pytest.mark.parametrize(("events", "phase"), [(UNTIL_SENT, "accept"), (UNTIL_ACCEPTED, "execute")])

@@ -159,6 +159,7 @@ def test_no_server_comes() -> None:
     assert (life.end, life.count(SendGoal), life.count(Withdraw)) == (End.NO_SERVER, 0, 1)
     assert life.ending is not None
     assert (life.ending.progress, life.ending.fate) == (GoalProgress.NEVER_SENT, GoalFate.STOPPED)
+    assert (life.report, life.states[-1]) == (CancelReport.NOT_NEEDED, GoalState.TIMED_OUT)
     assert life.see("server_ready") == []
 
 

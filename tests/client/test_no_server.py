@@ -1,0 +1,142 @@
+"""No server is one error, in the time there was, and nothing is tried again for it (C2.7)."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import threading
+import time
+from types import SimpleNamespace
+
+import pytest
+
+import actionkit as ak
+from actionkit import CancelReport, GoalState, RetryBudget, RetryPolicy, Timeouts, Verdict
+from actionkit.testing import EventLog
+from tests.conftest import FORMS, NEVER, ask
+
+EAGER = RetryPolicy(attempts=5, initial=0.0, jitter=0.0)
+LIMITS = {
+    # The time there is, and for how long a server is looked for.
+    "timeouts.server": (Timeouts(server=0.5), None, 0.5),
+    "the deadline": (Timeouts(server=5.0), 0.5, 0.5),
+    "the deadline alone": (Timeouts(server=None), 0.5, 0.5),
+    "timeouts.server before the deadline": (Timeouts(server=0.5), 60.0, 0.5),
+    "both at once": (Timeouts(server=0.5), 0.5, 0.5),
+    "no time": (Timeouts(), 0, 0.0),
+}
+
+
+def transient(outcome):
+    return Verdict.TRANSIENT
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("limit", LIMITS)
+def test_no_server_is_one_error(limit, form, make_client):
+    timeouts, timeout, time_there_was = LIMITS[limit]
+    budget = RetryBudget()
+    before = budget.tokens
+    client = make_client(timeouts=timeouts, retry=EAGER, classify=transient, retry_budget=budget)
+    assert not client.server_is_ready()
+    answer = ask(form, client, {"order": 3}, timeout=timeout)
+    error = answer.error
+    assert type(error) is ak.ServerUnavailableError
+    assert isinstance(error, TimeoutError)
+    assert error.transient
+    assert (error.attempts, error.cancel) == (1, CancelReport.NOT_NEEDED)
+    # At once, but for a busy machine; `unit/call_life.py` has a clock that tells to the instant.
+    assert time_there_was <= error.elapsed < time_there_was + 5
+    assert "tried again" not in str(error)
+    assert "used up" not in str(error)
+    assert [event.state for event in error.timeline] == [GoalState.SENDING, GoalState.TIMED_OUT]
+    if answer.outcome is not None:
+        assert answer.outcome.status is GoalState.TIMED_OUT
+        assert answer.outcome.cancel is CancelReport.NOT_NEEDED
+    assert budget.tokens == before  # a server that is not there is not hammered
+
+
+def test_without_time_nothing_is_sent_to_a_server_either(action_server, make_client):
+    """That call had a server, so it is the deadline's error."""
+    server = action_server("fibonacci")
+    client = make_client()
+    assert client.wait_for_server(10)
+    with pytest.raises(ak.DeadlineExceededError) as caught:
+        client.call({"order": 3}, timeout=0)
+    assert (caught.value.phase, caught.value.cancel) == ("server", CancelReport.NOT_NEEDED)
+    assert "was not sent" in str(caught.value)
+    assert "visible" not in str(caught.value)
+    assert client.call({"order": 3}, timeout=20)
+    assert len(server.wait_for("goal_received")) == 1
+
+
+def test_a_server_that_has_not_answered_so_far_is_told_of(action_server, make_client):
+    server = action_server("fibonacci")
+    assert make_client().wait_for_server(10)
+    server.pause()
+    try:
+        with pytest.raises(ak.ServerUnavailableError) as caught:
+            make_client().call({"order": 3}, timeout=0.2)
+    finally:
+        server.resume()
+    assert "is visible, but has not answered" in str(caught.value)
+    assert "No action server" not in str(caught.value)
+
+
+def test_a_cancel_ends_the_wait_for_a_server(make_client):
+    future = make_client(timeouts=Timeouts(server=None)).call_async({"order": 3})
+    assert future.cancel()
+    with pytest.raises(concurrent.futures.CancelledError):
+        future.result(20)
+
+
+# --- a call that had a server ------------------------------------------------------------------
+
+
+def had_a_server(action_server, make_client, timeouts, timeout):
+    """Return the future of a call whose server aborted the goal, and then went away."""
+    server = action_server("aborts")
+    gone = threading.Event()
+    states: EventLog[GoalState] = EventLog()
+
+    def judge(outcome):
+        gone.wait(60)
+        return Verdict.TRANSIENT
+
+    client = make_client(
+        retry=RetryPolicy(attempts=2, initial=0.0, jitter=0.0),
+        classify=judge,
+        observers=[SimpleNamespace(on_event=lambda event, call: states(event.state))],
+        timeouts=timeouts,
+    )
+    assert client.wait_for_server(10)
+    future = client.call_async({"order": 2}, timeout=timeout)
+    states.wait_for(lambda state: state is GoalState.ABORTED)
+    server.terminate()
+    until = time.monotonic() + 20
+    while client.server_is_ready():
+        assert time.monotonic() < until
+        NEVER.wait(0.01)
+    gone.set()
+    return future
+
+
+def test_the_failure_of_the_server_there_was_is_told(action_server, make_client):
+    future = had_a_server(action_server, make_client, Timeouts(server=0.3), None)
+    with pytest.raises(ak.GoalAbortedError) as caught:
+        future.result(20)
+    why = "no server was ready within 0.3 s, and all 2 attempts of the retry policy are used up"
+    assert f"It was not tried again: {why}." in str(caught.value)
+    assert caught.value.attempts == 2
+    states = [event.state for event in caught.value.timeline]
+    assert states[-3:] == [GoalState.RETRYING, GoalState.SENDING, GoalState.TIMED_OUT]
+    assert caught.value.goal_id == caught.value.timeline[0].goal_id
+
+
+def test_the_deadline_of_a_call_that_had_a_server_is_the_deadlines_error(
+    action_server, make_client
+):
+    future = had_a_server(action_server, make_client, Timeouts(server=None), 8.0)
+    with pytest.raises(ak.DeadlineExceededError, match="waiting for a server that could") as caught:
+        future.result(30)
+    assert (caught.value.phase, caught.value.cancel) == ("server", CancelReport.NOT_NEEDED)
+    assert caught.value.attempts == 2
