@@ -599,7 +599,8 @@ def test_refused_values(
     problem = caught.value
     assert problem.path == path or (path == "bounded_s" and problem.path.startswith(path))
     assert text in str(problem)
-    assert str(problem) == (f"{problem.path}: {problem.problem}" if path else problem.problem)
+    told = f"{problem.path}: {problem.problem}" if path else problem.problem
+    assert str(problem) == (told if told.endswith(".") else f"{told}.")
     assert len(str(problem)) < 1200
 
 
@@ -607,7 +608,7 @@ def test_the_text_is_the_one_that_the_documentation_shows() -> None:
     with pytest.raises(FieldError) as caught:
         to_message(Fibonacci.Goal, {"order": 99999999999})
     assert str(caught.value) == (
-        "order: 99999999999 is out of range for int32 (-2147483648..2147483647)"
+        "order: 99999999999 is out of range for int32 (-2147483648..2147483647)."
     )
     assert caught.value.value == 99999999999
     assert isinstance(caught.value, ValueError)

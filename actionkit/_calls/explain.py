@@ -15,6 +15,7 @@ from typing import Any
 from actionkit._calls.graph_snapshot import GraphSnapshot, seen_instead
 from actionkit._goal.effects import End, Ending
 from actionkit._model import errors
+from actionkit._model.printable import full_stop
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState, Timeline, Verdict
 from actionkit._threads.function_runner import LONGEST_ANSWER
@@ -61,7 +62,7 @@ def explain(ending: Ending, call: ErrorContext) -> BaseException | None:
         cls = errors.TransientError
     note = f" It was not tried again: {ending.not_retried}." if ending.not_retried else ""
     if ending.classifier_fault is not None and ending.end is not End.CLASSIFIER_FAILED:
-        note += f" It was not tried again, because {ending.classifier_fault.problem}."
+        note += f" It was not tried again, because {full_stop(ending.classifier_fault.problem)}"
     error = cls(text(ending, call) + note, **_common(call))
     error.cancel = ending.cancel
     _add_facts(error, ending, call)
@@ -73,7 +74,8 @@ def _exhausted(ending: Ending, call: ErrorContext) -> BaseException:
     last = explain(replace(ending, strategy_fault=None, not_retried=""), call)
     fault = ending.strategy_fault
     reason = ending.not_retried if fault is None else fault.problem
-    error = errors.RetriesExhaustedError(f"{last} The retries ended: {reason}.", **_common(call))
+    text = f"{last} The retries ended: {full_stop(reason)}"
+    error = errors.RetriesExhaustedError(text, **_common(call))
     error.result, error.cancel = ending.result, ending.cancel
     error.__cause__ = last if fault is None or fault.cause is None else fault.cause
     return error
@@ -160,9 +162,8 @@ def _type_mismatch(ending: Ending, call: ErrorContext) -> str:
 
 
 def _invalid(ending: Ending, call: ErrorContext) -> str:
-    return (
-        f"The goal for action {call.action_name!r} is not valid, nothing was sent: {ending.error}"
-    )
+    problem = full_stop(str(ending.error))
+    return f"The goal for action {call.action_name!r} is not valid, nothing was sent: {problem}"
 
 
 def _no_acceptance(ending: Ending, call: ErrorContext) -> str:
@@ -279,16 +280,17 @@ def _rejected_by_classifier(ending: Ending, call: ErrorContext) -> str:
 
 def _classifier_failed(ending: Ending, call: ErrorContext) -> str:
     assert ending.classifier_fault is not None
-    happened = f"{call.elapsed:.1f} s into the call {ending.classifier_fault.problem}"
+    problem = full_stop(ending.classifier_fault.problem)
+    happened = f"{call.elapsed:.1f} s into the call {problem}"
     if ending.classifier_fault.impossible:
         became = str(ending.status).lower()
         return (
-            f"{_what(call)} was {became} by the server, and {happened}. What was rejected or"
+            f"{_what(call)} was {became} by the server, and {happened} What was rejected or"
             " canceled, or failed without a result, is never a success: let that function return"
             " None for it, or another Verdict."
         )
     return (
-        f"{_what(call)} succeeded on the server, but {happened}; so the call does not count as a"
+        f"{_what(call)} succeeded on the server, but {happened} So the call does not count as a"
         " success. The result is in `error.result`. Correct that function: it has to return a"
         " Verdict, or None where it has no opinion, in the time that is left to the call, and"
         f" within {LONGEST_ANSWER:g} s."

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pickle
 import reprlib
 
+from actionkit._model.printable import full_stop
+
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = (
     60  # characters: a line has room for more text
@@ -36,7 +38,7 @@ class FieldProblem(Exception):
         self.problem = problem
 
     def __str__(self) -> str:
-        return f"{self.path}: {self.problem}" if self.path else self.problem
+        return full_stop(f"{self.path}: {self.problem}" if self.path else self.problem)
 
     def __reduce__(self) -> tuple[type[FieldProblem], tuple[str, object, str]]:
         # The refused value is anything at all, a lambda for instance; the error must still travel

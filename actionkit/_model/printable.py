@@ -29,6 +29,11 @@ def printable(text: str) -> str:
     return text.translate(_ESCAPES_BUT_LAYOUT)
 
 
+def full_stop(text: str) -> str:
+    """Return the text with a full stop, unless it ends as a sentence does: another may follow."""
+    return text if text.endswith((".", "!", "?")) else f"{text}."
+
+
 def on_one_line(text: str) -> str:
     """Return the text with newlines and tabs escaped, too."""
     return text.translate(_ESCAPES)

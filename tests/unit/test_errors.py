@@ -101,7 +101,7 @@ def test_an_error_travels_between_processes_with_all_it_knows(cls: Any, copied: 
     assert type(twin) is cls
     assert (str(twin), vars(twin)) == (str(error), vars(error))
     assert twin.args == error.args
-    assert (type(twin.__cause__), str(twin.__cause__)) == (FieldError, "pose.x: no")
+    assert (type(twin.__cause__), str(twin.__cause__)) == (FieldError, "pose.x: no.")
     assert isinstance(pickle.loads(pickle.dumps(cls("x"))).__cause__, type(None))
 
 

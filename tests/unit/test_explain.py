@@ -6,6 +6,7 @@ import concurrent.futures
 import pickle
 import re
 import uuid
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -19,8 +20,9 @@ from actionkit._calls import explain as _explain
 from actionkit._calls.explain import ErrorContext, explain
 from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._goal.effects import End, Ending, Fault, GoalFate, GoalProgress
+from actionkit._messages.convert import to_message
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit._model.field_errors import FieldError
+from actionkit._model.field_errors import FieldError, FieldProblem
 
 EVENT = GoalEvent(uuid.uuid4(), 1, GoalState.SENDING, 1.0, 2.0)
 GOAL_ID = uuid.uuid4()
@@ -184,7 +186,7 @@ def test_an_error_tells_what_happened_to_which_action_and_what_to_do(end: End) -
     text = str(error)
     assert "'/fibonacci'" in text
     assert remedy in text
-    assert text.endswith(".") or end is End.INVALID
+    assert text.endswith(".")
     unformatted = re.search(r"None|  |\{|<", text.replace("or None where it has no opinion", ""))
     assert unformatted is None, text
     assert (error.action_name, error.goal_id, error.attempts) == ("/fibonacci", GOAL_ID, 1)
@@ -245,6 +247,69 @@ def test_a_goal_that_was_cancelled_is_not_said_to_have_succeeded(event: str) -> 
     life.tell("result", GoalState.CANCELED, ABORTED)
     assert life.ending is not None
     assert "succeeded" not in str(explained(life.ending))
+
+
+# --- sentences end before the next begins -----------------------------------------------------
+
+BEGINNINGS = "A|An|Another|Call|Check|Correct|Give|It|Its|Look|No|Nothing|Please|So|The|Use|What"
+WITHOUT_A_STOP = re.compile(rf"[^.!?:;,] (?=(?:{BEGINNINGS})\b)")
+TWO_STOPS = re.compile(r"[.!?][.;:,!?]|\. \.|\s\.| {2}")
+
+
+def assert_sentences(text: str) -> None:
+    assert text.endswith((".", "!")), text
+    assert not WITHOUT_A_STOP.search(text), text
+    assert not TWO_STOPS.search(re.sub(r"\d\.\.-?\d|\.\.\.", "", text)), text
+
+
+FOREIGN = ["no", "No.", "never!", "it ends in a stop..."]
+"""What functions of the user's say, or the middleware."""
+
+
+def endings_with(text: str) -> Iterator[Ending]:
+    """Every way to fail in every way to say more of it, with a text of somebody else's in it."""
+    fault = Fault(f"`classify=f` raised ValueError: {text}", ValueError(text))
+    for ending, _, _ in ENDINGS.values():
+        for facts in ({}, *REPORTS.values()):
+            one = replace(ending, **facts)
+            yield one
+            yield replace(one, error=ValueError(text))
+            yield replace(one, not_retried="it is Sunday")
+            yield replace(one, strategy_fault=fault)
+            yield replace(one, classifier_fault=fault)
+            yield replace(one, verdict=Verdict.TRANSIENT, not_retried="it is Sunday")
+            yield replace(one, classifier_fault=replace(fault, impossible=True))
+            yield replace(one, status=GoalState.SENDING)
+
+
+@pytest.mark.parametrize("foreign", FOREIGN)
+def test_sentences_end_before_the_next_begins(foreign: str) -> None:
+    for ending in endings_with(foreign):
+        for elapsed in (0.5, 4.2):
+            assert_sentences(str(explained(ending, elapsed=elapsed, attempts=2)))
+
+
+INVALID: list[Any] = [
+    {"order": "five"},
+    {"order": 2**31},
+    {"order": None},
+    {"ordr": 1},
+    {"x": 1},
+    None,
+    3,
+    Fibonacci,
+    Fibonacci.Result(),
+    Fibonacci.Goal(order=1).order,
+]
+
+
+@pytest.mark.parametrize("goal", INVALID, ids=repr)
+def test_what_is_wrong_with_a_goal_is_a_sentence(goal: Any) -> None:
+    with pytest.raises(FieldProblem) as caught:
+        to_message(Fibonacci.Goal, goal)
+    ending = Ending(End.INVALID, GoalState.REJECTED, error=caught.value)
+    assert_sentences(f"{caught.value} Nothing was sent.")
+    assert_sentences(str(explained(ending)))
 
 
 # --- why it was not tried again (contract C4.1) ------------------------------------------------
