@@ -132,10 +132,14 @@ def _wrong(record: Record, journal: Journal) -> Iterable[str]:
         yield "it was not rejected"
     if record.error == "GoalCanceledError":
         yield "nobody else cancels goals here"
-    if record.error in _TRANSIENT and journal.healthy:
+    # A server that a client has not discovered when its deadline passes is none.
+    undiscovered = record.error == "ServerUnavailableError" and record.timeout < PATIENCE
+    if record.error in _TRANSIENT and journal.healthy and not undiscovered:
         yield f"nothing was done to its server: {record.text} {journal.story(record)}"
     if record.error == "ResultLostError" and not journal.may_miss_an_end:
         yield f"its server was there all the time: {record.text} {journal.story(record)}"
+    if record.error == "ServerUnavailableError" and journal.of_all(set(record.goals)):
+        yield f"something was sent: {record.text} {journal.story(record)}"
     if record.error not in _KNOWN:
         yield record.text
     if record.error == "DeadlineExceededError" and record.given_up is None:

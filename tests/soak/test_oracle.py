@@ -34,6 +34,8 @@ def found(record: Record, of: Journal) -> list[str]:
 def test_what_callers_and_journals_agree_on_is_right():
     assert found(RECORD, journal(*RUNS, "succeeded")) == []
     assert found(DEADLINE, journal(*RUNS, "canceled")) == []
+    undiscovered = replace(DEADLINE, error="ServerUnavailableError", cancel="NOT_NEEDED")
+    assert found(undiscovered, journal()) == []
     late = replace(DEADLINE, late=expected("steady", 4))
     assert found(late, journal(*RUNS, "succeeded")) == []
 
@@ -54,6 +56,8 @@ def test_what_callers_and_journals_agree_on_is_right():
         (replace(DEADLINE, error="ServerLostError", cancel=""), journal(*RUNS)),
         (replace(DEADLINE, error="ResultLostError", cancel=""), journal(*RUNS, done=("loss",))),
         (replace(DEADLINE, error="KeyError", cancel=""), journal(*RUNS)),
+        (replace(DEADLINE, error="ServerUnavailableError", cancel=""), journal(*RUNS)),
+        (replace(RECORD, error="ServerUnavailableError", result=None), journal()),
     ],
 )
 def test_an_outcome_that_is_not_true_is_found(record, seen):
