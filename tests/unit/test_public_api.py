@@ -56,12 +56,12 @@ NAMES = [
     "retry_aborted",
 ]
 SIGNATURES = {
-    Client.__init__: "(self, action_type, action_name, *, node=None,"
+    Client.__init__: "(self, action_type, action_name, *misplaced, node=None,"
     " timeouts=Timeouts(server=5.0, accept=5.0, total=None, feedback=None, cancel=2.0,"
     " liveness=None, result=30.0),"
     " retry=RetryPolicy(attempts=3, initial=0.2, factor=2.0, max_pause=5.0, jitter=0.2,"
     " resend='confirmed_stopped', stop=None, wait=None), classify=None, observers=(),"
-    " on_close='cancel', retry_budget=None)",
+    " on_close='cancel', retry_budget=None, **unknown)",
     Client.call: "(self, goal, timeout=<as the client's timeouts.total>, *, on_feedback=None,"
     " retry=None, classify=None, **unknown)",
     Client.call_async: "(self, goal, on_feedback=None,"
