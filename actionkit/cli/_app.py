@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from actionkit._model.similar_names import similar_names
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option, debugging
 from actionkit.cli._problems import Problem
@@ -24,10 +25,12 @@ _COMMANDS = {
     "watch": "actionkit.cli.watch",
     "serve": "actionkit.cli.serve",
     "doctor": "actionkit.cli.doctor",
-    "demo": "actionkit.cli.demo",
     "timeline": "actionkit.cli.timeline",
+    "demo": "actionkit.cli.demo",
 }
 """Name of the command -> module that has it as `command`; imported only where it is needed."""
+_OTHER_NAMES = {"send_goal": "call"}
+"""Names that `ros2 action` has for them."""
 
 
 class _OutputClosedError(Exception):
@@ -51,6 +54,20 @@ class _Group(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         with _noticing_closed_output():
             return super().invoke(ctx)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = _OTHER_NAMES.get(args[0], args[0])
+        if name not in _COMMANDS and not name.startswith("-"):
+            near = similar_names(name, [*_COMMANDS, *_OTHER_NAMES])
+            hint = (
+                f"Did you mean {' or '.join(map(repr, near))}?"
+                if near
+                else f"There are: {', '.join(_COMMANDS)}."
+            )
+            ctx.fail(f"No such command {args[0]!r}. {hint}")
+        return super().resolve_command(ctx, [name, *args[1:]])
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_COMMANDS)

@@ -18,7 +18,8 @@ from actionkit.cli._options import (
     json_option,
     name_argument,
 )
-from actionkit.cli._problems import no_ros
+from actionkit.cli._problems import Problem, import_ros
+from actionkit.cli._stdout import keep_clean
 
 if TYPE_CHECKING:
     from actionkit._calls.classify import FieldClassifier
@@ -110,11 +111,14 @@ def command(
 
     TYPE is the action's type, such as test_msgs/action/Fibonacci. GOAL is YAML or JSON; fields
     that are missing keep their defaults, and `now` stands for the present time in a stamp or a
-    header. Words and flags are those of `ros2 action send_goal`.
+    header. Words and flags are those of `ros2 action send_goal`, which is another name of this:
+    `actionkit send_goal`.
     """
     if stdin and goal is not None:
         raise click.UsageError("Give the goal as GOAL or by --stdin, not both.")
 
+    keep_clean()
+    import_ros()
     from actionkit.cli import _goals, _types
 
     action = _types.load(type_name)
@@ -124,9 +128,6 @@ def command(
     field = _progress_field(progress, action.Feedback)
 
     from actionkit import Client, RetryPolicy, Timeouts
-    from actionkit.cli._stdout import keep_clean
-
-    keep_clean()
 
     try:
         client: Any = Client(
@@ -136,8 +137,8 @@ def command(
             retry=RetryPolicy(attempts=retries + 1),
             classify=classify,
         )
-    except ImportError as error:
-        raise no_ros(error) from error
+    except ImportError as error:  # an rclpy of another version, for one
+        raise Problem(Exit.NO_ROS, str(error)) from error
     except ValueError as error:
         raise click.UsageError(str(error)) from error
 
