@@ -20,9 +20,11 @@ from actionkit.cli._say import say
 
 _COMMANDS = {
     "call": "actionkit.cli.call",
+    "show": "actionkit.cli.show",
     "list": "actionkit.cli.list_actions",
     "info": "actionkit.cli.info",
     "watch": "actionkit.cli.watch",
+    "cancel": "actionkit.cli.cancel",
     "serve": "actionkit.cli.serve",
     "doctor": "actionkit.cli.doctor",
     "timeline": "actionkit.cli.timeline",

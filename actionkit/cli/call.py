@@ -143,14 +143,18 @@ def command(
         raise click.UsageError(str(error)) from error
 
     from actionkit._calls.left_running import mute
+    from actionkit._ros.names import type_name_of
     from actionkit.cli._calling import Calling
     from actionkit.cli._progress import Progress
+    from actionkit.cli._reports import JsonReport
 
     mute()  # the report says what became of the goal
 
     calling = Calling(
         client,
-        _report(message, as_json, bar=field is not None),
+        JsonReport(message, client.action_name, type_name_of(action))
+        if as_json
+        else _report(message, bar=field is not None),
         echo=feedback,
         progress=None if field is None else Progress(field),
     )
@@ -168,11 +172,9 @@ def _read_goal() -> str:
         ) from error
 
 
-def _report(goal: Any, as_json: bool, *, bar: bool) -> Report:
-    from actionkit.cli._reports import JsonReport, TextReport
+def _report(goal: Any, *, bar: bool) -> Report:
+    from actionkit.cli._reports import TextReport
 
-    if as_json:
-        return JsonReport(goal)
     if sys.stdout.isatty():
         from actionkit.cli._live import LiveReport
 

@@ -100,7 +100,9 @@ def _call_text(lines: list[LoggedLine]) -> str:
     parts = [head, str(recorder.events())] if recorder.events() else [head]
     ends = [line.data for line in lines if line.kind == "outcome"]
     if not ends:
-        parts.append("=> no end in this log")
+        last = recorder.events()[-1] if recorder.events() else None
+        ended = f"goal {last.state}; " if last is not None and last.state.is_terminal else ""
+        parts.append(f"=> {ended}no end of the call in this log")
     for end in ends:
         said = f"=> {end['outcome']} after {end['elapsed_ms']:.1f} ms"
         parts.append(f"{said}: {end['error']}" if end["error"] else said)

@@ -18,7 +18,18 @@ from actionkit.cli._exits import Exit
 from tests.cli.conftest import FIBONACCI, NESTED, Done, World
 
 DOCS = Path(__file__).parents[2] / "docs" / "command-line.md"
-COMMANDS = ("call", "list", "info", "watch", "serve", "doctor", "timeline", "demo")
+COMMANDS = (
+    "call",
+    "show",
+    "list",
+    "info",
+    "watch",
+    "cancel",
+    "serve",
+    "doctor",
+    "timeline",
+    "demo",
+)
 CALL = ("call", "/fibonacci", FIBONACCI)
 
 
@@ -26,10 +37,10 @@ CALL = ("call", "/fibonacci", FIBONACCI)
     ("words", "told"),
     [
         ((), "Usage:"),
-        (("cal",), "No such command 'cal'. Did you mean 'call'?"),
-        (("clal",), "No such command 'clal'. Did you mean 'call'?"),
+        (("cal",), "No such command 'cal'. Did you mean 'call'"),
+        (("clal",), "No such command 'clal'. Did you mean 'call'"),
         (("send-goal",), "No such command 'send-goal'. Did you mean 'send_goal'?"),
-        (("frobnicate",), "No such command 'frobnicate'. There are: call, list,"),
+        (("frobnicate",), "No such command 'frobnicate'. There are: call, show, list,"),
         (("send_goal",), "Usage: actionkit call"),
         (("serve",), "Missing argument 'SERVER'"),
         (("serve", "fibonaci"), "Usage: actionkit serve"),
@@ -68,6 +79,10 @@ CALL = ("call", "/fibonacci", FIBONACCI)
         (("call", "/fibonacci", "json/action/Fibonacci"), "'json' has no actions"),
         (("watch", "/fibonacci", "--once", "--for", "1"), "not both"),
         (("info", "not a name"), "no valid ROS name"),
+        (("show", "test_msgs/action/Fibonaci"), f"Did you mean {FIBONACCI}?"),
+        (("cancel", "/fibonacci", "7"), "'7' is no goal id"),
+        (("cancel", "/fibonacci", "0" * 32), "--all cancels all goals"),
+        (("cancel", "/fibonacci", "0" * 31 + "1", "--all"), "not both"),
     ],
 )
 def test_wrong_usage(words: tuple[str, ...], told: str, ros_domain: int) -> None:
@@ -135,7 +150,15 @@ def without_ros(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Done]
 
 def test_without_ros_every_command_says_what_to_install(without_ros: Callable[..., Done]) -> None:
     told = set()
-    for words in (("list",), ("info", "/a"), ("watch", "/a"), CALL, ("serve", "silent"), ("demo",)):
+    for words in (
+        ("list",),
+        ("info", "/a"),
+        ("watch", "/a"),
+        ("cancel", "/a"),
+        CALL,
+        ("serve", "silent"),
+        ("demo",),
+    ):
         done = without_ros(*words)
         assert (done.code, done.out) == (Exit.NO_ROS, ""), (words, done.err)
         told.add(done.err)

@@ -339,7 +339,7 @@ def test_the_command_prints_each_call(tmp_path: Path) -> None:
     assert first.splitlines()[0].startswith("/fibonacci (test_msgs/action/Fibonacci, process ")
     assert len(first.splitlines()) == len(GOOD) + 2
     assert first.splitlines()[-1] == "=> ok after 5000.0 ms"
-    assert second.rstrip().splitlines()[-1] == "=> no end in this log"
+    assert second.rstrip().splitlines()[-1] == "=> goal SUCCEEDED; no end of the call in this log"
 
 
 def test_the_command_draws(tmp_path: Path) -> None:
