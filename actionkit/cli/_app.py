@@ -12,7 +12,6 @@ from typing import Any
 
 import click
 
-from actionkit._model.similar_names import similar_names
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option, debugging
 from actionkit.cli._problems import Problem
@@ -62,6 +61,8 @@ class _Group(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         name = _OTHER_NAMES.get(args[0], args[0])
         if name not in _COMMANDS and not name.startswith("-"):
+            from actionkit._model.similar_names import similar_names
+
             near = similar_names(name, [*_COMMANDS, *_OTHER_NAMES])
             hint = (
                 f"Did you mean {' or '.join(map(repr, near))}?"

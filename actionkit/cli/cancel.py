@@ -5,10 +5,13 @@ from __future__ import annotations
 import queue
 import time
 import uuid
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from actionkit._model.settings import LONGEST_GRACE
 from actionkit._observers.json_schema import note_line
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, SECONDS, debug_option, json_option, name_argument
@@ -17,7 +20,7 @@ from actionkit.cli._say import say
 from actionkit.cli.watch import FIRST, TICK, first_look
 
 if TYPE_CHECKING:
-    from actionkit.cli._cancelling import Fate
+    from actionkit.cli._cancelling import Cancelling, Fate
     from actionkit.cli._goal_board import Board
 
 _EPILOG = """\b
@@ -54,7 +57,7 @@ def _goal_id(text: str) -> str:
     type=SECONDS,
     default=10.0,
     show_default=True,
-    help="How long to wait for the ends of the goals.",
+    help="How long to wait for a goal's end, counted from the latest end of another.",
 )
 @click.option(
     "--server-timeout",
@@ -86,6 +89,7 @@ def command(
 
         from actionkit._ros.tools.cancel import GoalCanceller
         from actionkit._ros.tools.watch import StatusReader
+        from actionkit.cli._cancelling import Cancelling
         from actionkit.cli._goal_board import Board
 
         board = Board()
@@ -99,7 +103,17 @@ def command(
                 return Exit.NO_SERVER
             if not goal_ids and not every:
                 return _list(full, board)
-            return _cancel(full, board, inbox, canceller, goal_ids, timeout, as_json)
+            cancelling = Cancelling(goal_ids)
+            show = partial(_show, full, as_json)
+            try:
+                _cancel(cancelling, not goal_ids, board, inbox, canceller, timeout, show)
+            except KeyboardInterrupt:
+                for fate in cancelling.settle(board.goals, time.monotonic(), over=True):
+                    show(fate)
+                raise
+            if not cancelling.fates and not as_json:
+                say("No goal is running.")
+            return cancelling.exit
         finally:
             canceller.close()
             reader.close()
@@ -123,33 +137,34 @@ def _list(name: str, board: Board) -> int:
 
 
 def _cancel(
-    name: str,
+    cancelling: Cancelling,
+    every: bool,
     board: Board,
     inbox: queue.SimpleQueue[Any],
     canceller: Any,
-    goal_ids: list[str],
     timeout: float,
-    as_json: bool,
-) -> int:
-    """Cancel the goals, or all of them where there is no id."""
+    show: Callable[[Fate], None],
+) -> None:
+    """Cancel the goals, or all that run, until it is known what became of each."""
     from actionkit._ros.tools.cancel import CancelSaid
-    from actionkit.cli._cancelling import Cancelling
 
-    began = now = time.monotonic()
-    cancelling = Cancelling(goal_ids)
+    began = progressed = now = time.monotonic()
     while True:
-        if not goal_ids:
+        if every:
             for goal in board.goals.values():
                 if not goal.ended:
                     cancelling.add(goal.goal_id)
         for goal_id in cancelling.to_ask(board.goals):
             canceller.cancel(goal_id)
-        for fate in cancelling.settle(board.goals, now, over=now - began >= timeout):
+        # Of many goals each has its time; but new ones may come without end.
+        over = now - progressed >= timeout or now - began >= timeout + LONGEST_GRACE
+        for fate in cancelling.settle(board.goals, now, over=over):
             canceller.stop(fate.goal_id)
-            _show(name, fate, as_json)
+            show(fate)
+            progressed = now
         # A second server on the name may tell of its goals a little later.
-        if cancelling.done and (goal_ids or now - began >= min(FIRST, timeout)):
-            break
+        if cancelling.done and (not every or now - began >= min(FIRST, timeout)):
+            return
         try:
             news = inbox.get(timeout=TICK)
         except queue.Empty:
@@ -159,12 +174,9 @@ def _cancel(
             cancelling.take(news, now)
         elif news is not None:
             board.take(news, time.time())
-    if not cancelling.fates and not as_json:
-        say("No goal is running.")
-    return cancelling.exit
 
 
-def _show(name: str, fate: Fate, as_json: bool) -> None:
+def _show(name: str, as_json: bool, fate: Fate) -> None:
     if as_json:
         told = {"goal_id": fate.goal_id, "cancel": fate.cancel, "state": fate.state or None}
         say(note_line("cancel", name, time.time(), **told, detail=fate.text))

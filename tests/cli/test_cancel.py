@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import uuid
 from types import SimpleNamespace
 from typing import Any
@@ -82,8 +83,38 @@ def test_an_accepted_cancellation_is_no_canceled_goal(world: World) -> None:
         f"{goal}  UNKNOWN     The server is cancelling it, and did not end it. IT MAY STILL BE"
         " RUNNING.\n"
     )
+    again = world.start("cancel", "slow_cancel", "--all", "--timeout", "60", before=AWAKE)
+    again.until("waiting")
+    again.signal(signal.SIGINT)
+    assert again.finish() == Exit.INTERRUPTED
+    assert again.text == f"waiting\n{done.out}\n\nInterrupted.\n"
     server.release(1)
     assert call.finish() == Exit.CANCELED
+
+
+AWAKE = """
+import actionkit.cli._cancelling as c
+real = c.Cancelling.take
+def take(*said):
+    real(*said)
+    print("waiting", flush=True)
+    c.Cancelling.take = real
+c.Cancelling.take = take
+"""
+"""Has the command tell, once, that a server has answered."""
+
+
+def test_no_answer_is_told(world: World) -> None:
+    server = world.server("blocking", gate=1)
+    ((goal, call),) = goals_of_others(world, "blocking", 1).items()
+    server.wait_for("executing", goal_id=goal)
+    done = world.run("cancel", "blocking", goal, "--timeout", "1.5", "--json")
+    assert done.code == Exit.CANCEL_UNKNOWN
+    told = json.loads(done.out)
+    assert (told["goal_id"], told["cancel"]) == (goal, "UNKNOWN")
+    assert told["detail"] == "The server did not answer. IT MAY STILL BE RUNNING."
+    server.release()
+    assert call.finish() == Exit.OK
 
 
 def test_without_a_server(empty_world: World) -> None:
