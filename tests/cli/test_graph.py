@@ -138,7 +138,14 @@ def test_serve_knows_its_servers_and_their_options(empty_world: World) -> None:
     listed = empty_world.run("serve", "--list")
     assert listed.code == Exit.OK
     assert "\nnavigate " in listed.out
-    for words in (("nobody",), ("fibonacci", "--option", "nothing=1"), ()):
+    for words in (
+        ("nobody",),
+        ("fibonacci", "--option", "nothing=1"),
+        ("fibonacci", "--option", "nothing"),
+        ("fibonacci", "--action", "not a name"),
+        (),
+    ):
         wrong = empty_world.run("serve", *words)
-        assert wrong.code == Exit.USAGE, words
-        assert "rror" in wrong.err
+        assert (wrong.code, wrong.out) == (Exit.USAGE, ""), words
+        assert wrong.err.startswith("Usage: actionkit serve "), wrong.err
+        assert "\nError: " in wrong.err
