@@ -15,9 +15,10 @@ from actionkit._calls.classify import Classify, check_classify
 from actionkit._calls.feedback import callbacks_for
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.request import Request
+from actionkit._calls.transport import transport
 from actionkit._messages.convert import to_message
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
-from actionkit._model.arguments import UNSET, Unset, check_type, refuse_unknown
+from actionkit._model.arguments import UNSET, Unset, check_type, refuse_misplaced, refuse_unknown
 from actionkit._model.field_errors import FieldError, FieldTypeError
 from actionkit._model.settings import RetryPolicy, Timeouts, check_seconds
 from actionkit._observers.protocol import Observer, check_observers
@@ -43,7 +44,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         self,
         action_type: type[ActionType[GoalT, ResultT, FeedbackT]],
         action_name: str,
-        *,
+        *misplaced: Never,
         node: Any = None,
         timeouts: Timeouts = Timeouts(),  # noqa: B008  frozen
         retry: RetryPolicy = RetryPolicy(),  # noqa: B008  frozen
@@ -51,6 +52,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         observers: Iterable[Observer] = (),
         on_close: OnClose = "cancel",
         retry_budget: RetryBudget | None = None,
+        **unknown: Never,
     ) -> None:
         """Make a client. Does not wait for a server.
 
@@ -80,6 +82,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             ImportError: rclpy is not importable.
             ActionTypeMismatchError: This process already uses the name with another type.
         """
+        refuse_misplaced(action_type, action_name, misplaced, unknown)
         check_type("timeouts", timeouts, Timeouts)
         check_type("retry", retry, RetryPolicy)
         if retry_budget is not None:
@@ -88,7 +91,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         checked = check_observers(observers)
         if on_close not in ("cancel", "abandon"):
             raise ValueError(f"on_close={on_close!r} must be 'cancel' or 'abandon'")
-        port, session = _transport()
+        port, session = transport()
         self._timeouts = timeouts
         self._retry = retry
         self._classify = classify
@@ -333,18 +336,3 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         import asyncio
 
         await asyncio.shield(asyncio.get_running_loop().run_in_executor(None, self.close))
-
-
-def _transport() -> tuple[Any, Any]:
-    """Import what needs rclpy, late: `import actionkit` works, and is quick, without rclpy."""
-    try:
-        from actionkit._calls import exit as _exit
-        from actionkit._calls import session as _session
-        from actionkit._ros import port
-    except ImportError as error:
-        raise ImportError(
-            f"ActionKit needs rclpy, which cannot be imported ({error}). On a machine with a"
-            " ROS installation source its setup file; elsewhere: pip install 'actionkit[ros]'"
-        ) from error
-    _exit.arm()
-    return port, _session

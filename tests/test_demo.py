@@ -151,13 +151,30 @@ demo.start = start
     assert done.stdout == "  FAILED: the fibonacci server was not up within 20 s\n"
 
 
+@pytest.mark.parametrize(("width", "most"), [(60, 60), (80, 80)])
+def test_texts_and_code_fit_the_terminal(width: int, most: int) -> None:
+    import io
+
+    from rich.console import Console
+
+    from actionkit.cli._demo_screen import DemoScreen
+    from actionkit.cli._demo_steps import STEPS
+
+    out = io.StringIO()
+    screen = DemoScreen(Console(file=out, width=width, highlight=False, markup=False))
+    for shown, _ in STEPS:
+        screen.text(shown.__doc__ or "")
+        screen.code(shown)
+    assert most * 0.8 < max(map(len, out.getvalue().splitlines())) <= most
+
+
 @pytest.mark.parametrize("module", ["rclpy", "test_msgs"])
 def test_without_ros_it_says_what_to_install(module: str) -> None:
     done = run("demo", program=f"import sys; sys.modules[{module!r}] = None")
     assert done.returncode == 3
     told = " ".join(done.stdout.split())
     assert f"{module} cannot be imported" in told
-    assert "pip install 'actionkit[demo]'" in told
+    assert "pip install 'actionkit[" in told
     assert "source its setup file" in told
     assert "Traceback" not in done.stdout
 

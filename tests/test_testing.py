@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -37,3 +38,15 @@ def test_event_log() -> None:
     for one in wanted:
         with pytest.raises(TimeoutError, match="7"):
             log.wait_for(one, timeout=0)
+
+
+def test_the_test_in_the_readme(action_server: Callable[..., object]) -> None:
+    from test_msgs.action import Fibonacci
+
+    from actionkit import Client
+    from tests.test_readme import fences
+
+    (code,) = [code for _, code in fences("python") if "def test_" in code]
+    names: dict[str, Any] = {"Client": Client, "Fibonacci": Fibonacci}
+    exec(code, names)
+    names["test_an_abort_is_an_error"](action_server)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+from actionkit._model.similar_names import similar_names
 
 
 class Unset:
@@ -52,25 +54,95 @@ def check_function(name: str, value: object, wanted: str) -> None:
         )
 
 
-_RCLPY_NAMES = {
-    "timeout_sec": "is called timeout here",
-    "feedback_callback": "is called on_feedback here",
-    "goal_uuid": "is not needed: the client makes the goal's id, see GoalFuture.goal_id",
+_OF_CALLS = {
+    "timeout_sec": "rclpy's timeout_sec is called timeout here",
+    "feedback_callback": "rclpy's feedback_callback is called on_feedback here",
+    "goal_uuid": "rclpy's goal_uuid is not needed: the client makes the goal's id, see"
+    " GoalFuture.goal_id",
 }
+_TIMEOUT_OF_CALLS = "belongs to a call: client.call(goal, timeout=3). A client has timeouts="
+_FEEDBACK_OF_CALLS = "belongs to a call: client.call(goal, on_feedback=...)"
+_QOS = (
+    "cannot be set: the client uses the profiles that action servers have by default, with"
+    " deeper queues"
+)
+_OF_CLIENTS = {
+    "timeout": f"timeout {_TIMEOUT_OF_CALLS}",
+    "timeout_sec": f"rclpy's timeout_sec {_TIMEOUT_OF_CALLS}",
+    "on_feedback": f"on_feedback {_FEEDBACK_OF_CALLS}",
+    "feedback_callback": f"rclpy's feedback_callback {_FEEDBACK_OF_CALLS}",
+    "callback_group": "rclpy's callback_group is not needed: no executor of yours runs callbacks"
+    " of the client, it has threads of its own for them",
+    "executor": "an executor is not needed: the client spins by itself",
+    **{
+        f"{name}_qos_profile": f"rclpy's {name}_qos_profile {_QOS}"
+        for name in (
+            "goal_service",
+            "result_service",
+            "cancel_service",
+            "feedback_sub",
+            "status_sub",
+        )
+    },
+}
+_CALL_NAMES = ("goal", "timeout", "on_feedback", "retry", "classify")
+_CLIENT_NAMES = (
+    "action_type",
+    "action_name",
+    "node",
+    "timeouts",
+    "retry",
+    "classify",
+    "observers",
+    "on_close",
+    "retry_budget",
+)
 
 
 def refuse_unknown(unknown: Mapping[str, Any]) -> None:
-    """Raise where keywords were given that do not exist; those of rclpy are explained.
+    """Raise where keywords were given that a call does not have; those of rclpy are explained.
 
     Raises:
         TypeError: Some were.
     """
-    for name, value in unknown.items():
-        if name in _RCLPY_NAMES:
-            raise TypeError(
-                f"unknown argument {name}={value!r}: rclpy's {name} {_RCLPY_NAMES[name]}"
-            )
+    _refuse(unknown, _CALL_NAMES, _OF_CALLS)
+
+
+def refuse_misplaced(
+    action_type: object,
+    action_name: object,
+    misplaced: Sequence[object],
+    unknown: Mapping[str, Any],
+) -> None:
+    """Raise where a client was given arguments in rclpy's order, or some that it does not have.
+
+    Raises:
+        TypeError: It was.
+    """
+    if isinstance(action_name, type) and misplaced:
         raise TypeError(
-            f"unknown argument {name}={value!r}: there are goal, timeout, on_feedback, retry and"
-            " classify"
+            "rclpy's order is ActionClient(node, type, name); here it is"
+            f" Client({action_name.__name__}, {misplaced[0]!r}, node=...), and node= may be left"
+            " out"
         )
+    if isinstance(action_name, type):
+        name = action_name.__name__
+        raise TypeError(f"the action's type comes first: Client({name}, {action_type!r})")
+    if misplaced:
+        raise TypeError(
+            f"{misplaced[0]!r} must be given by its name, such as node= or timeouts=: only the"
+            " action's type and its name are known by their places"
+        )
+    _refuse(unknown, _CLIENT_NAMES, _OF_CLIENTS)
+
+
+def _refuse(unknown: Mapping[str, Any], known: Sequence[str], hints: Mapping[str, str]) -> None:
+    for name, value in unknown.items():
+        near = similar_names(name, known)
+        if name in hints:
+            hint = hints[name]
+        elif near:
+            hint = f"did you mean {near[0]}=?"
+        else:
+            hint = f"there are {', '.join(known[:-1])} and {known[-1]}"
+        raise TypeError(f"unknown argument {name}={value!r}: {hint}")

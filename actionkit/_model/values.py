@@ -179,6 +179,11 @@ class Outcome(Generic[ResultT]):
     elapsed: float = 0.0
 
     @property
+    def state(self) -> GoalState:
+        """The same as `status`; futures and events call it so, too."""
+        return self.status
+
+    @property
     def ok(self) -> bool:
         """Whether the call succeeded."""
         return self.error is None

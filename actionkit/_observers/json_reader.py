@@ -9,7 +9,7 @@ from pathlib import Path
 
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import Timeline
-from actionkit._observers.json_schema import LoggedLine, parse_line
+from actionkit._observers.json_schema import LoggedLine, NoteLine, parse_line
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,8 @@ def read_json_lines(path: str | os.PathLike[str]) -> LogFile:
                 continue
             try:
                 lines.append(parse_line(text))
+            except NoteLine:
+                continue
             except ValueError as error:
                 problems.append(f"{each.name}:{number}: {len(text)} bytes, {error}")
     return LogFile(tuple(lines), tuple(problems))

@@ -17,6 +17,12 @@ from actionkit._observers.words import outcome_word
 
 VERSION = 1
 """Of the schema. Fields may be added to it; what is there keeps its name and meaning."""
+_NOTES = ("servers", "cancel")
+"""Kinds of lines that commands write beside those of calls."""
+
+
+class NoteLine(ValueError):
+    """The line is of this schema, and about no call."""
 
 
 def event_line(event: GoalEvent, call: CallInfo, **messages: Mapping[str, Any] | None) -> str:
@@ -44,8 +50,10 @@ def event_line(event: GoalEvent, call: CallInfo, **messages: Mapping[str, Any] |
     )
 
 
-def outcome_line(outcome: Outcome[Any], call: CallInfo, result: Mapping[str, Any] | None) -> str:
-    """Return the line of a call's end, with its result as plain data."""
+def outcome_line(
+    outcome: Outcome[Any], call: CallInfo, result: Mapping[str, Any] | None, **more: Any
+) -> str:
+    """Return the line of a call's end, with its result as plain data, and what else is known."""
     return to_json(
         {
             **_head("outcome", call),
@@ -62,9 +70,23 @@ def outcome_line(outcome: Outcome[Any], call: CallInfo, result: Mapping[str, Any
             "feedback_count": outcome.feedback_count,
             "callback_errors": outcome.callback_errors,
             **({} if result is None else {"result": result}),
+            **more,
         },
         compact_ascii=True,
     )
+
+
+def note_line(kind: str, action_name: str, wall: float, **more: Any) -> str:
+    """Return a line about no call.
+
+    Args:
+        kind: `"servers"` or `"cancel"`.
+        action_name: The full name of the action.
+        wall: When, in seconds since the epoch.
+        more: What it tells.
+    """
+    head = {"v": VERSION, "kind": kind, "pid": os.getpid(), "action_name": action_name}
+    return to_json({**head, "wall": wall, **more}, compact_ascii=True)
 
 
 def _head(kind: str, call: CallInfo) -> dict[str, Any]:
@@ -108,6 +130,7 @@ def parse_line(text: str | bytes) -> LoggedLine:
     """Return what a line says.
 
     Raises:
+        NoteLine: It is a line of this schema, and about no call.
         ValueError: It is no line of this schema; the text says why.
     """
     try:
@@ -120,6 +143,8 @@ def parse_line(text: str | bytes) -> LoggedLine:
         raise ValueError("no line of ActionKit's")
     if data["v"] != VERSION:
         raise ValueError(f"of version {shown(data['v'])}; this ActionKit reads {VERSION}")
+    if data.get("kind") in _NOTES:
+        raise NoteLine
     try:
         _check(data)
         return LoggedLine(

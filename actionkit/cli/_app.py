@@ -19,15 +19,19 @@ from actionkit.cli._say import say
 
 _COMMANDS = {
     "call": "actionkit.cli.call",
+    "show": "actionkit.cli.show",
     "list": "actionkit.cli.list_actions",
     "info": "actionkit.cli.info",
     "watch": "actionkit.cli.watch",
+    "cancel": "actionkit.cli.cancel",
     "serve": "actionkit.cli.serve",
     "doctor": "actionkit.cli.doctor",
-    "demo": "actionkit.cli.demo",
     "timeline": "actionkit.cli.timeline",
+    "demo": "actionkit.cli.demo",
 }
 """Name of the command -> module that has it as `command`; imported only where it is needed."""
+_OTHER_NAMES = {"send_goal": "call"}
+"""Names that `ros2 action` has for them."""
 
 
 class _OutputClosedError(Exception):
@@ -51,6 +55,22 @@ class _Group(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         with _noticing_closed_output():
             return super().invoke(ctx)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = _OTHER_NAMES.get(args[0], args[0])
+        if name not in _COMMANDS and not name.startswith("-"):
+            from actionkit._model.similar_names import similar_names
+
+            near = similar_names(name, [*_COMMANDS, *_OTHER_NAMES])
+            hint = (
+                f"Did you mean {' or '.join(map(repr, near))}?"
+                if near
+                else f"There are: {', '.join(_COMMANDS)}."
+            )
+            ctx.fail(f"No such command {args[0]!r}. {hint}")
+        return super().resolve_command(ctx, [name, *args[1:]])
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_COMMANDS)

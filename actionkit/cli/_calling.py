@@ -135,14 +135,15 @@ class Calling:
             return
         at = time.monotonic()
         if self._room.acquire(timeout=_SLOW):
-            self._inbox.put(lambda: self._show(message, at))
+            number = self._feedbacks
+            self._inbox.put(lambda: self._show(message, number, at))
         else:
             self._not_shown += 1
 
-    def _show(self, message: Any, at: float) -> None:
+    def _show(self, message: Any, number: int, at: float) -> None:
         self._room.release()
         self._catch_up(at)
-        self._tell(lambda: self._report.feedback(message))
+        self._tell(lambda: self._report.feedback(message, number, at))
 
     # --- the end from outside --------------------------------------------------------------
 
@@ -178,7 +179,7 @@ class Calling:
         if self._future.done():
             return "Left at once. The goal had ended."
         return (
-            f"Left at once. Goal {self._future.goal_id.hex} MAY STILL BE RUNNING: its cancellation"
+            f"Left at once. Goal {self._future.goal_id} MAY STILL BE RUNNING: its cancellation"
             " was asked for, and not confirmed so far."
         )
 

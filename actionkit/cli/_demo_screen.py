@@ -48,12 +48,24 @@ class DemoScreen:
         lines = body.strip("\n").splitlines()
         if lines[-1].strip().startswith("return"):
             lines.pop()
-        code = textwrap.indent(textwrap.dedent("\n".join(lines)), "    ")
+        dedented = textwrap.dedent("\n".join(lines)).splitlines()
+        code = "\n".join(self._folded(f"    {line}".rstrip()) for line in dedented)
         shown = Syntax("", "python", theme="ansi_dark", background_color="default").highlight(code)
         shown.rstrip()
         self._console.print()
         self._console.print(shown, soft_wrap=True)
         self._console.print()
+
+    def _folded(self, line: str) -> str:
+        """Return a line of code, on several lines where it is wider than the screen."""
+        indent = " " * (len(line) - len(line.lstrip()) + 8)
+        return textwrap.fill(
+            line,
+            self._width,
+            subsequent_indent=indent,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
 
     def said(self, text: str) -> None:
         """Show what the code above printed."""

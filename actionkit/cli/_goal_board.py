@@ -18,7 +18,7 @@ class WatchedGoal:
     """One goal.
 
     Attributes:
-        goal_id: 32 hexadecimal digits.
+        goal_id: With dashes.
         state: Its state; `LOST` where it had not ended when the last server went.
         accepted: When it was accepted, in seconds since the epoch.
         since: When this state was first seen, in seconds since the epoch.

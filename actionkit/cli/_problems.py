@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING
 
 import click
 
+from actionkit._model.missing import cannot_import
 from actionkit.cli._exits import Exit
 from actionkit.cli._stdout import keep_clean
 
@@ -21,14 +23,18 @@ class Problem(click.ClickException):
         self.code = code
 
 
-def no_ros(error: BaseException) -> Problem:
-    """Return the problem that rclpy, or what it needs, cannot be imported."""
-    return Problem(
-        Exit.NO_ROS,
-        f"rclpy cannot be used here ({type(error).__name__}: {error}). On a machine with a ROS"
-        " installation source its setup file, such as /opt/ros/jazzy/setup.bash; elsewhere: pip"
-        " install 'actionkit[ros]'. `actionkit doctor` tells more.",
-    )
+def import_ros(*modules: str) -> None:
+    """Import rclpy, and other packages of ROS that a command needs.
+
+    Raises:
+        Problem: One cannot be imported; the text says what to do.
+    """
+    for module in ("rclpy", *modules):
+        try:
+            importlib.import_module(module)
+        except Exception as error:  # also what a broken middleware raises
+            text = cannot_import(module.partition(".")[0], error)
+            raise Problem(Exit.NO_ROS, f"{text}. `actionkit doctor` tells more.") from error
 
 
 def open_survey() -> Survey:
@@ -38,10 +44,9 @@ def open_survey() -> Survey:
         Problem: rclpy is not there, or refuses.
     """
     keep_clean()
-    try:
-        from actionkit._ros.tools.survey import Survey
-    except Exception as error:  # also what a broken middleware raises
-        raise no_ros(error) from error
+    import_ros()
+    from actionkit._ros.tools.survey import Survey
+
     try:
         return Survey()
     except Exception as error:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import time
 import uuid
 from dataclasses import dataclass
 from typing import Any
 
 from actionkit._messages.convert import to_plain
-from actionkit._messages.json_text import to_json
 from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome
+from actionkit._observers.json_schema import event_line, outcome_line
+from actionkit._observers.protocol import CallInfo
 from actionkit.cli._exits import Exit
 from actionkit.cli._plain import as_yaml
 from actionkit.cli._say import say
@@ -51,7 +53,7 @@ class Report:
 
     def begin(self) -> None: ...
     def event(self, event: GoalEvent) -> None: ...
-    def feedback(self, message: Any) -> None: ...
+    def feedback(self, message: Any, number: int, at: float) -> None: ...
     def not_shown(self, count: int) -> None: ...
     def now(self, now: Now) -> None: ...
     def interrupted(self, code: Exit) -> None: ...
@@ -106,9 +108,9 @@ class TextReport(Report):
     def _accepted(self, event: GoalEvent) -> None:
         if event.goal_id not in self._known:
             self._known.add(event.goal_id)
-            self.out(f"Goal accepted with ID: {event.goal_id.hex}\n")
+            self.out(f"Goal accepted with ID: {event.goal_id}\n")
 
-    def feedback(self, message: Any) -> None:
+    def feedback(self, message: Any, number: int, at: float) -> None:
         self.out(f"Feedback:\n{as_yaml(message)}")
 
     def not_shown(self, count: int) -> None:
@@ -140,55 +142,48 @@ class TextReport(Report):
 
 
 class JsonReport(Report):
-    """One JSON object on each line of standard output."""
+    """One JSON object on each line of standard output, as the observer `JsonLines` writes them."""
 
-    def __init__(self, goal: Any) -> None:
+    def __init__(self, goal: Any, action_name: str, action_type: str) -> None:
+        """Take the goal message, the action's full name, and the name of its type."""
         self._goal = goal
-        self._began: float | None = None
-
-    def _write(self, kind: str, **details: Any) -> None:
-        say(to_json({"event": kind, **details}))
+        self._action = (action_name, action_type)
+        self._call: CallInfo | None = None
+        self._last: GoalEvent | None = None
+        self._first: dict[uuid.UUID, int] = {}
+        """Which feedback message of the call is the first of a goal."""
+        self._not_shown = 0
 
     def event(self, event: GoalEvent) -> None:
         if event.state is GoalState.FEEDBACK:
             return
-        if self._began is None:
-            self._began = event.monotonic
-        self._write(
-            "state",
-            state=event.state.value,
-            goal_id=event.goal_id.hex,
-            attempt=event.attempt,
-            elapsed=round(event.monotonic - self._began, 6),
-            time=event.wall,
-            detail=event.detail,
-            cancel_refused=event.cancel_refused,
-        )
+        first = self._call is None
+        call = self._info(event.goal_id, event.monotonic, event.wall)
+        say(event_line(event, call, goal=to_plain(self._goal) if first else None))
+        self._last = event
 
-    def feedback(self, message: Any) -> None:
-        self._write("feedback", feedback=to_plain(message))
+    def feedback(self, message: Any, number: int, at: float) -> None:
+        last = self._last
+        assert last is not None  # feedback comes after the acceptance
+        wall = last.wall + at - last.monotonic
+        detail = f"no. {number - self._first.setdefault(last.goal_id, number) + 1}"
+        event = GoalEvent(last.goal_id, last.attempt, GoalState.FEEDBACK, at, wall, detail)
+        say(event_line(event, self._info(last.goal_id, at, wall), feedback=to_plain(message)))
 
     def not_shown(self, count: int) -> None:
-        self._write("feedback_not_shown", count=count)
-
-    def interrupted(self, code: Exit) -> None:
-        self._write("canceling", cause=_CAUSES[code])
+        self._not_shown = count
 
     def finished(self, outcome: Outcome[Any], code: Exit) -> None:
-        error = outcome.error
-        self._write(
-            "outcome",
-            exit_code=int(code),
-            exit=code.name,
-            status=outcome.status.value,
-            goal_id=outcome.goal_id.hex,
-            attempts=outcome.attempts,
-            feedback_count=outcome.feedback_count,
-            result=None if outcome.result is None else to_plain(outcome.result),
-            error=None if error is None else type(error).__name__,
-            message=None if error is None else str(error),
-            cancel=None if outcome.cancel is None else outcome.cancel.value,
-        )
+        call = self._info(outcome.goal_id, time.monotonic(), time.time())
+        result = None if outcome.result is None else to_plain(outcome.result)
+        more = {"feedback_not_shown": self._not_shown, "exit_code": int(code), "exit": code.name}
+        say(outcome_line(outcome, call, result, **more))
+
+    def _info(self, goal_id: uuid.UUID, monotonic: float, wall: float) -> CallInfo:
+        """Return what call it is: the one that began with this goal, unless it began before."""
+        if self._call is None:
+            self._call = CallInfo(goal_id, *self._action, "", monotonic, wall)
+        return self._call
 
 
 def not_shown(count: int) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+import uuid
+from collections.abc import Callable
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -10,8 +12,10 @@ from rich.table import Table
 from rich.text import Text
 from typing_extensions import Self
 
-from actionkit._messages.json_text import to_json
 from actionkit._model.printable import printable
+from actionkit._model.values import GoalEvent, GoalState
+from actionkit._observers.json_schema import event_line, note_line
+from actionkit._observers.protocol import CallInfo
 from actionkit.cli._goal_board import Board, WatchedGoal
 from actionkit.cli._say import say
 
@@ -54,32 +58,49 @@ class TextScreen(Screen):
         say(f"{_clock(time.time())}  servers: {names}")
 
     def goal(self, goal: WatchedGoal) -> None:
-        after = f"{goal.since - goal.accepted:.1f} s"
-        words = (
-            f"{after} after its acceptance, was {goal.before}"
-            if goal.before
-            else f"accepted {after} ago"
-        )
-        say(f"{_clock(goal.since)}  {goal.goal_id}  {goal.state:<9}  {words}")
+        say(goal_line(goal))
+
+
+def goal_line(goal: WatchedGoal) -> str:
+    """Return how a goal stands."""
+    after = f"{goal.since - goal.accepted:.1f} s"
+    words = (
+        f"{after} after its acceptance, was {goal.before}"
+        if goal.before
+        else f"accepted {after} ago"
+    )
+    return f"{_clock(goal.since)}  {goal.goal_id}  {goal.state:<9}  {words}"
 
 
 class JsonScreen(Screen):
-    """A JSON object for each change."""
+    """A JSON object for each change; of a goal such as the observer `JsonLines` writes."""
+
+    def __init__(self, name: str, type_of: Callable[[], str]) -> None:
+        """Take the action's full name, and what returns the name of its type, `""` if unknown."""
+        self._name = name
+        self._type_of = type_of
+        self._type = ""
 
     def servers(self, board: Board) -> None:
-        record = {"event": "servers", "time": time.time(), "servers": board.servers}
-        say(to_json(record))
+        say(note_line("servers", self._name, time.time(), servers=board.servers))
 
     def goal(self, goal: WatchedGoal) -> None:
-        record = {
-            "event": "goal",
-            "time": goal.since,
-            "goal_id": goal.goal_id,
-            "state": goal.state,
-            "before": goal.before or None,
-            "accepted": goal.accepted,
-        }
-        say(to_json(record))
+        try:
+            state = GoalState(goal.state)
+        except ValueError:  # a code that the action protocol does not have
+            return
+        self._type = self._type or self._type_of()
+        goal_id = uuid.UUID(goal.goal_id)
+        to_monotonic = time.monotonic() - time.time()
+        event = GoalEvent(
+            goal_id, 1, state, goal.since + to_monotonic, goal.since,
+            f"was {goal.before}" if goal.before else "",
+        )  # fmt: skip
+        # Whose call it is nobody tells; the goal's own id and its acceptance stand for it.
+        call = CallInfo(
+            goal_id, self._name, self._type, "", goal.accepted + to_monotonic, goal.accepted
+        )
+        say(event_line(event, call))
 
 
 class TableScreen(Screen):

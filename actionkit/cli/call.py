@@ -18,7 +18,8 @@ from actionkit.cli._options import (
     json_option,
     name_argument,
 )
-from actionkit.cli._problems import no_ros
+from actionkit.cli._problems import Problem, import_ros
+from actionkit.cli._stdout import keep_clean
 
 if TYPE_CHECKING:
     from actionkit._calls.classify import FieldClassifier
@@ -110,11 +111,14 @@ def command(
 
     TYPE is the action's type, such as test_msgs/action/Fibonacci. GOAL is YAML or JSON; fields
     that are missing keep their defaults, and `now` stands for the present time in a stamp or a
-    header. Words and flags are those of `ros2 action send_goal`.
+    header. Words and flags are those of `ros2 action send_goal`, which is another name of this:
+    `actionkit send_goal`.
     """
     if stdin and goal is not None:
         raise click.UsageError("Give the goal as GOAL or by --stdin, not both.")
 
+    keep_clean()
+    import_ros()
     from actionkit.cli import _goals, _types
 
     action = _types.load(type_name)
@@ -124,9 +128,6 @@ def command(
     field = _progress_field(progress, action.Feedback)
 
     from actionkit import Client, RetryPolicy, Timeouts
-    from actionkit.cli._stdout import keep_clean
-
-    keep_clean()
 
     try:
         client: Any = Client(
@@ -136,20 +137,24 @@ def command(
             retry=RetryPolicy(attempts=retries + 1),
             classify=classify,
         )
-    except ImportError as error:
-        raise no_ros(error) from error
+    except ImportError as error:  # an rclpy of another version, for one
+        raise Problem(Exit.NO_ROS, str(error)) from error
     except ValueError as error:
         raise click.UsageError(str(error)) from error
 
     from actionkit._calls.left_running import mute
+    from actionkit._ros.names import type_name_of
     from actionkit.cli._calling import Calling
     from actionkit.cli._progress import Progress
+    from actionkit.cli._reports import JsonReport
 
     mute()  # the report says what became of the goal
 
     calling = Calling(
         client,
-        _report(message, as_json, bar=field is not None),
+        JsonReport(message, client.action_name, type_name_of(action))
+        if as_json
+        else _report(message, bar=field is not None),
         echo=feedback,
         progress=None if field is None else Progress(field),
     )
@@ -167,11 +172,9 @@ def _read_goal() -> str:
         ) from error
 
 
-def _report(goal: Any, as_json: bool, *, bar: bool) -> Report:
-    from actionkit.cli._reports import JsonReport, TextReport
+def _report(goal: Any, *, bar: bool) -> Report:
+    from actionkit.cli._reports import TextReport
 
-    if as_json:
-        return JsonReport(goal)
     if sys.stdout.isatty():
         from actionkit.cli._live import LiveReport
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import os
 import time
@@ -13,6 +12,7 @@ import click
 
 from actionkit.cli._demo_screen import DemoScreen
 from actionkit.cli._exits import Exit
+from actionkit.cli._problems import import_ros
 from actionkit.servers import Server, start
 from actionkit.testing import isolated_domain
 
@@ -21,11 +21,6 @@ if TYPE_CHECKING:
 
 _PERIOD = 0.25
 """Seconds that the server takes for each number: slow enough to watch, and ten numbers in 2.5 s."""
-_REMEDIES = (
-    "With a ROS 2 installation: source its setup file first, such as /opt/ros/jazzy/setup.bash;"
-    " test_msgs is the package ros-jazzy-test-msgs.",
-    "Without one: pip install 'actionkit[demo]', or in a checkout: pip install -e '.[demo]'",
-)
 # Each of these could lead to peers beyond this machine, whatever the discovery range.
 _LEADING_OUT = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
 
@@ -34,12 +29,7 @@ _LEADING_OUT = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER"
 def command() -> int:
     """Show what ActionKit does, on an action server of its own (10 s)."""
     screen = DemoScreen()
-    problem = _missing()
-    if problem:
-        screen.text(f"The demo needs rclpy and test_msgs, but {problem}")
-        for remedy in _REMEDIES:
-            screen.text(remedy, indent="  - ")
-        return Exit.NO_ROS
+    import_ros("test_msgs.action")
     began = time.monotonic()
     with isolated_domain() as domain:
         _isolate(domain)
@@ -50,16 +40,6 @@ def command() -> int:
             return Exit.FAILED
         with server:
             return _show(server, screen, domain, began)
-
-
-def _missing() -> str:
-    """Return what cannot be imported, or `""`."""
-    for module in ("rclpy", "test_msgs.action"):
-        try:
-            importlib.import_module(module)
-        except Exception as error:  # noqa: BLE001  also what a broken middleware raises
-            return f"{module.split('.')[0]} cannot be imported ({type(error).__name__}: {error})."
-    return ""
 
 
 def _isolate(domain: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import textwrap
 from collections.abc import Iterator
@@ -20,7 +21,7 @@ from actionkit.cli._say import say
 
 _STYLES = {"ok": "green", "note": "yellow", "problem": "red"}
 _WIDTH = 96
-"""Characters of a line; wider text is hard to read."""
+"""Characters of a line at most; wider text is hard to read."""
 _EPILOG = """\b
 Examples:
   actionkit doctor
@@ -89,5 +90,7 @@ def _show(finding: Finding, as_json: bool) -> None:
 
 
 def _wrapped(text: str, indent: int = 8) -> str:
-    lines = textwrap.wrap(text, _WIDTH - indent, break_long_words=False, break_on_hyphens=False)
+    width = min(_WIDTH, shutil.get_terminal_size((_WIDTH, 24)).columns) - indent
+    # A word that is longer, such as a path, stays whole: it is there to be copied.
+    lines = textwrap.wrap(text, max(1, width), break_long_words=False, break_on_hyphens=False)
     return ("\n" + " " * indent).join(lines)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 import click
 
 from actionkit.cli._options import HELP, complete_servers, debug_option
+from actionkit.cli._problems import import_ros
 
 _EPILOG = """\b
 Examples:
@@ -31,5 +34,10 @@ def command(server: str | None, action: str, options: tuple[str, ...], list_them
         main(["--list"])
     if server is None:
         raise click.UsageError("Missing argument 'SERVER'; --list shows them.")
+    import_ros("test_msgs.action")
     words = [word for option in options for word in ("--option", option)]
-    main([server, "--action", action, "--human", *words])
+    main([server, "--action", action, "--human", *words], refuse=_refuse)
+
+
+def _refuse(problem: str) -> NoReturn:
+    raise click.UsageError(problem)

@@ -11,10 +11,21 @@ from actionkit._model.timeline import Recorder
 from actionkit._observers.json_reader import read_json_lines
 from actionkit._observers.json_schema import LoggedLine
 from actionkit.cli._exits import Exit
+from actionkit.cli._options import HELP, debug_option
+from actionkit.cli._problems import Problem
 from actionkit.cli._say import say
 
+_SHOWN = 10
+"""Lines that could not be read of which each is told; more of them tell nothing new."""
+_EPILOG = """\b
+Examples:
+  actionkit timeline goals.jsonl
+  actionkit timeline goals.jsonl --last 3 --svg goals.svg
+  actionkit call /fibonacci test_msgs/action/Fibonacci '{order: 5}' --json > one.jsonl
+  actionkit timeline one.jsonl"""
 
-@click.command()
+
+@click.command("timeline", context_settings=HELP, epilog=_EPILOG)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--svg",
@@ -28,17 +39,27 @@ from actionkit.cli._say import say
     metavar="N",
     help="Only the N calls that began last.",
 )
+@debug_option
 def command(file: Path, svg: Path | None, last: int | None) -> int:
     """Show the goals in FILE, a log of the observer JsonLines.
 
-    Files that it set aside (FILE.1, FILE.2, ...) are read, too.
+    Files that it set aside (FILE.1, FILE.2, ...) are read, too. So is what the commands `call` and
+    `watch` write with --json.
     """
     try:
         log = read_json_lines(file)
     except OSError as error:
         raise click.BadParameter(f"{file}: {error.strerror or error}", param_hint="FILE") from error
-    for problem in log.problems:
+    if log.problems and not log.lines:
+        raise Problem(
+            Exit.FAILED,
+            f"{file} is no log of goals: of its {len(log.problems)} lines none could be read. The"
+            f" first is {log.problems[0]}.",
+        )
+    for problem in log.problems[:_SHOWN]:
         say(f"not read: {problem}", err=True)
+    if len(log.problems) > _SHOWN:
+        say(f"not read: {len(log.problems) - _SHOWN} lines more", err=True)
     calls = list(log.calls().values())[-(last or 0) :]
     if not calls:
         say(f"{file}: there are no goals in it", err=True)
@@ -79,7 +100,9 @@ def _call_text(lines: list[LoggedLine]) -> str:
     parts = [head, str(recorder.events())] if recorder.events() else [head]
     ends = [line.data for line in lines if line.kind == "outcome"]
     if not ends:
-        parts.append("=> no end in this log")
+        last = recorder.events()[-1] if recorder.events() else None
+        ended = f"goal {last.state}; " if last is not None and last.state.is_terminal else ""
+        parts.append(f"=> {ended}no end of the call in this log")
     for end in ends:
         said = f"=> {end['outcome']} after {end['elapsed_ms']:.1f} ms"
         parts.append(f"{said}: {end['error']}" if end["error"] else said)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import queue
 import sys
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,11 +20,11 @@ if TYPE_CHECKING:
     from actionkit.cli._goal_board import Board
     from actionkit.cli._watch_screens import Screen
 
-_TICK = 0.25
+TICK = 0.25
 """Seconds between two drawings of the table: often enough for tenths of a second to look alive."""
-_CLOSED = object()
+_CLOSED: Any = object()
 """Put into the inbox when nobody reads the output any more."""
-_FIRST = 1.0
+FIRST = 1.0
 """Seconds in which the states that a server remembers arrive, if it remembers any."""
 
 _EPILOG = """\b
@@ -61,34 +62,41 @@ def command(
         from actionkit._ros.tools.watch import StatusReader
         from actionkit.cli._goal_board import Board
 
+        def type_of() -> str:
+            action = survey.actions().get(full)
+            return ", ".join(action.types) if action else ""
+
         board = Board()
-        inbox: queue.SimpleQueue[object] = queue.SimpleQueue()
+        inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
         reader = StatusReader(full, on_goals=inbox.put, on_servers=inbox.put)
         try:
             if once:
-                return _once(full, board, inbox, server_timeout, as_json)
+                return _once(full, board, inbox, server_timeout, type_of if as_json else None)
             say(f"Watching the goals of {full}; Ctrl-C ends it.", err=True)
             watch_output(lambda: inbox.put(_CLOSED))
-            return _follow(_screen(full, as_json), board, inbox, seconds)
+            return _follow(_screen(full, type_of if as_json else None), board, inbox, seconds)
         finally:
             reader.close()
 
 
-def _screen(name: str, as_json: bool) -> Screen:
+def _screen(name: str, type_of: Callable[[], str] | None, *, once: bool = False) -> Screen:
+    """Return what shows the goals: for a program where `type_of` is given."""
     from actionkit.cli import _watch_screens as screens
 
-    if as_json:
-        return screens.JsonScreen()
+    if type_of is not None:
+        return screens.JsonScreen(name, type_of)
+    if once:
+        return screens.TextScreen()
     return screens.TableScreen(name) if sys.stdout.isatty() else screens.TextScreen()
 
 
 def _follow(
-    screen: Screen, board: Board, inbox: queue.SimpleQueue[object], seconds: float | None
+    screen: Screen, board: Board, inbox: queue.SimpleQueue[Any], seconds: float | None
 ) -> int:
     end = None if seconds is None else time.monotonic() + seconds
     with screen:
         while end is None or time.monotonic() < end:
-            left = _TICK if end is None else max(0.0, min(_TICK, end - time.monotonic()))
+            left = TICK if end is None else max(0.0, min(TICK, end - time.monotonic()))
             _take(board, inbox, left, screen)
             screen.tick(board)
     return Exit.OK
@@ -97,35 +105,43 @@ def _follow(
 def _once(
     name: str,
     board: Board,
-    inbox: queue.SimpleQueue[object],
+    inbox: queue.SimpleQueue[Any],
     server_timeout: float,
-    as_json: bool,
+    type_of: Callable[[], str] | None,
 ) -> int:
-    from actionkit.cli import _watch_screens as screens
+    first_look(board, inbox, server_timeout)
+    if not board.servers:
+        say(f"Error: Action {name!r} has no server in sight.", err=True)
+        return Exit.NO_SERVER
+    with _screen(name, type_of, once=True) as screen:
+        for goal in board.sorted():
+            screen.goal(goal)
+    if not board.goals and type_of is None:
+        say("No goals: the server remembers none.")
+    return Exit.OK
 
-    screen: Screen = screens.JsonScreen() if as_json else screens.TextScreen()
+
+def first_look(board: Board, inbox: queue.SimpleQueue[Any], server_timeout: float) -> None:
+    """Wait until a server is in sight, and then a second at most for the goals it remembers.
+
+    Args:
+        board: Where both are noted.
+        inbox: What a `StatusReader` tells.
+        server_timeout: Seconds for a server to come into sight.
+    """
     give_up = time.monotonic() + server_timeout
     first: float | None = None
     while True:
         now = time.monotonic()
         if board.servers and first is None:
-            first = now + _FIRST
+            first = now + FIRST
         if (first is not None and (board.goals or now >= first)) or now >= give_up:
             break
-        _take(board, inbox, _TICK, None)
-    if not board.servers:
-        say(f"Error: Action {name!r} has no server in sight.", err=True)
-        return Exit.NO_SERVER
-    with screen:
-        for goal in board.sorted():
-            screen.goal(goal)
-    if not board.goals and not as_json:
-        say("No goals: the server remembers none.")
-    return Exit.OK
+        _take(board, inbox, TICK, None)
 
 
 def _take(
-    board: Board, inbox: queue.SimpleQueue[object], timeout: float, screen: Screen | None
+    board: Board, inbox: queue.SimpleQueue[Any], timeout: float, screen: Screen | None
 ) -> None:
     try:
         news = inbox.get(timeout=timeout)

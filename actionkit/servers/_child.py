@@ -10,7 +10,7 @@ import stat
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import IO, TYPE_CHECKING, Any, NoReturn
 
 from actionkit.servers._life import END_SIGNALS, RESTART_SIGNAL, Life
@@ -53,26 +53,34 @@ class StdoutJournal:
                 pass  # nobody reads any more; the closing of stdin ends us
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(
+    arguments: Sequence[str] | None = None, refuse: Callable[[str], NoReturn] | None = None
+) -> None:
     """Run a server until SIGINT, SIGTERM, or, under a program, the end of stdin.
 
     Does not return: the process ends here, with exit code 0, or 2 for wrong usage.
+
+    Args:
+        arguments: The words after the program's name; `None` takes them from `sys.argv`.
+        refuse: Called with what is wrong with them; by default that is printed with the usage of
+            this program, and the process ends.
     """
     # Before any thread is started, since threads inherit it: signals are taken by sigwait alone.
     signal.pthread_sigmask(signal.SIG_BLOCK, {*END_SIGNALS, RESTART_SIGNAL})
     parser = _parser()
+    refuse = refuse or parser.error
     given = parser.parse_args(arguments)
     if given.list:
         for name, description in names().items():
             print(f"{name:<16} {description}")
         sys.exit(0)
     if given.name is None:
-        parser.error("NAME is missing; see --list")
+        refuse("NAME is missing; see --list")
     try:
         behaviour = behaviour_named(given.name)
         options = behaviour.parse(dict(_pair(text) for text in given.option))
     except ValueError as error:
-        parser.error(str(error))
+        refuse(str(error))
 
     # A pipe from a program carries commands, and its end ends the server; a terminal does not.
     piped = not given.human and stat.S_ISFIFO(os.fstat(0).st_mode)
@@ -88,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         harness = Harness(behaviour, options, given.action, journal, Life(stdout, journal))
     except ValueError as error:
-        parser.error(str(error))
+        refuse(str(error))
     harness.start()
     journal.emit("ready", server=given.name, action=given.action, pid=os.getpid())
     if piped:

@@ -8,10 +8,13 @@ import signal
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import pytest
+from test_msgs.action import Fibonacci
 
+from actionkit import Client, JsonLines
 from actionkit.cli._exits import Exit
 from actionkit.servers import Server
 from tests.cli.conftest import CAPTURES, FIBONACCI, NESTED, Running, World, compare
@@ -27,7 +30,7 @@ def interrupt_twice(running: Running, server: Server) -> None:
     interrupt(running, server)
     running.until("Canceling goal...")
     # One press of Ctrl-C may come as two signals, so the second is heard only a moment later.
-    server.wait_for("cancel_requested", goal_id=dashed(goal_id(running.text)))
+    server.wait_for("cancel_requested", goal_id=goal_id(running.text))
     running.signal(signal.SIGINT)
     while running.process.poll() is None:
         running.signal(signal.SIGINT)
@@ -62,7 +65,7 @@ CODE_102 = "{nested_field: {int32_value: 102}}"
 SCENES = {
     "succeeds": Scene(Exit.OK, "fibonacci", "{order: 5}", says="status: SUCCEEDED"),
     "feedback": Scene(Exit.OK, "fibonacci", "{order: 3}", ("-f",), says="Feedback:"),
-    "json": Scene(Exit.OK, "fibonacci", '{"order": 3}', ("--json",), says='"exit_code": 0'),
+    "json": Scene(Exit.OK, "fibonacci", '{"order": 3}', ("--json",), says='"exit_code":0'),
     "rejected": Scene(Exit.REJECTED, "fibonacci", "{order: -1}", says="Goal was rejected."),
     "aborted": Scene(Exit.ABORTED, "aborts", "{order: 3}", says="status: ABORTED"),
     "canceled-by-another": Scene(
@@ -159,7 +162,7 @@ def test_a_call(name: str, world: World, empty_world: World) -> None:
     assert scene.says in running.text
     assert "Traceback" not in running.text
     if isinstance(server, Server) and code == Exit.INTERRUPTED:
-        assert_came_to(name, server, dashed(goal_id(running.text)))
+        assert_came_to(name, server, goal_id(running.text))
 
     shown = masked(f"$ {shell(words)}\n{running.text}[exit code {code}: {scene.code.name}]\n")
     compare(f"call-{name}", shown, stable)
@@ -190,26 +193,23 @@ def shell(words: list[str]) -> str:
 
 
 def goal_id(text: str) -> str:
-    found = re.search(r"accepted with ID: (\w{32})", text)
+    found = re.search(r"accepted with ID: ([\w-]{36})\n", text)
     assert found, text
     return found[1]
 
 
-def dashed(hexadecimal: str) -> str:
-    return "-".join(hexadecimal[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32)))
-
-
 def masked(text: str) -> str:
     """Replace what differs from run to run: ids, times, the domain."""
-    text = re.sub(r"\b[0-9a-f]{32}\b", "0123456789abcdef0123456789abcdef", text)
     text = re.sub(r"\b\w{8}(-\w{4}){3}-\w{12}\b", "01234567-89ab-cdef-0123-456789abcdef", text)
     text = re.sub(r"after \d+\.\d+ s of looking", "after 0.3 s of looking", text)
     text = re.sub(r"after \d+\.\d+ s\b(?! of looking)", "after 0.1 s", text)
     text = re.sub(r"again: in \d+\.\d+ s", "again: in 0.2 s", text)
     text = re.sub(r"was lost \d+\.\d+ s into", "was lost 0.1 s into", text)
-    text = re.sub(r'"elapsed": [\d.e-]+', '"elapsed": 0.1', text)
-    text = re.sub(r'"time": [\d.]+', '"time": 1700000000.5', text)
-    text = re.sub(r'"feedback_count": \d+', '"feedback_count": 2', text)
+    text = re.sub(r'"elapsed_ms":[\d.e-]+', '"elapsed_ms":100.0', text)
+    text = re.sub(r'"pid":\d+', '"pid":1000', text)
+    text = re.sub(r'"monotonic":[\d.]+', '"monotonic":1000.5', text)
+    text = re.sub(r'"wall":[\d.]+', '"wall":1700000000.5', text)
+    text = re.sub(r'"feedback_count":\d+', '"feedback_count":2', text)
     text = re.sub(r"ROS_DOMAIN_ID=\d+", "ROS_DOMAIN_ID=0", text)
     return re.sub(r"/reference_server_\w+", "/reference_server", text)
 
@@ -219,7 +219,7 @@ def stable(text: str) -> str:
     text = re.sub(r"^Feedback:\n( .*\n)+\n", "", text, flags=re.M)
     text = re.sub(r"^Progress:.*\n", "", text, flags=re.M)
     # A goal that ends within a second may end before it is seen to execute.
-    return re.sub(r'^\{"event": "state", "state": "EXECUTING".*\n', "", text, flags=re.M)
+    return re.sub(r'^\{"v":1,.*"state":"EXECUTING".*\n', "", text, flags=re.M)
 
 
 def test_there_is_a_scene_for_every_capture() -> None:
@@ -233,6 +233,9 @@ def test_there_is_a_scene_for_every_capture() -> None:
 ELSEWHERE = {
     Exit.FAILED: "test_doctor.py",
     Exit.NO_ROS: "test_usage.py",
+    Exit.CANCEL_REFUSED: "test_cancel.py",
+    Exit.CANCEL_UNKNOWN: "test_cancel.py",
+    Exit.NO_SUCH_GOAL: "test_cancel.py",
     Exit.HANGUP: "test_terminal.py",
     Exit.OUTPUT_CLOSED: "test_a_closed_pipe_cancels_the_goal, below",
     Exit.TERMINATED: "test_sigterm_is_as_ctrl_c, below",
@@ -255,16 +258,16 @@ def test_a_deadline_without_a_server_is_no_server(world: World) -> None:
 def test_sigterm_is_as_ctrl_c(world: World) -> None:
     server = world.server("never_finishes")
     running = world.start("call", "never_finishes", FIBONACCI, "--json")
-    running.until('"ACCEPTED"')
+    running.until('"state":"ACCEPTED"')
     running.signal(signal.SIGTERM)
     assert running.finish() == Exit.TERMINATED, running.text
     records = [json.loads(line) for line in running.text.splitlines()]
-    assert {"event": "canceling", "cause": "SIGTERM"} in records
+    assert "CANCELING" in [record["state"] for record in records]
     last = records[-1]
     # By a cancel, and not just by the end of the client.
-    assert (last["error"], last["cancel"]) == ("CancelledError", "CONFIRMED")
-    assert (last["status"], last["exit_code"]) == ("CANCELED", 143)
-    server.wait_for("canceled", goal_id=dashed(last["goal_id"]))
+    assert (last["outcome"], last["cancel"]) == ("cancelled", "CONFIRMED")
+    assert (last["state"], last["exit"], last["exit_code"]) == ("CANCELED", "TERMINATED", 143)
+    server.wait_for("canceled", goal_id=last["goal_id"])
 
 
 def test_what_still_runs_is_told_even_where_nobody_reads_the_output(world: World) -> None:
@@ -277,7 +280,7 @@ def test_what_still_runs_is_told_even_where_nobody_reads_the_output(world: World
     assert running.process.wait(20) == Exit.OUTPUT_CLOSED
     assert running.process.stderr is not None
     assert "MAY STILL BE RUNNING" in running.process.stderr.read()
-    assert dashed(goal_id(running.text)) in server.running()
+    assert goal_id(running.text) in server.running()
     server.release(1)
 
 
@@ -295,8 +298,8 @@ def test_a_closed_pipe_cancels_the_goal(world: World, writes: bool) -> None:
     assert running.process.stderr is not None
     told = without_noise(running.process.stderr.read())
     assert re.sub(r"Progress: .*\n", "", told) == ""
-    server.wait_for("canceled", goal_id=dashed(goal_id(running.text)))
-    assert dashed(goal_id(running.text)) not in server.running()
+    server.wait_for("canceled", goal_id=goal_id(running.text))
+    assert goal_id(running.text) not in server.running()
 
 
 def test_a_signal_that_was_ignored_stays_ignored(world: World) -> None:
@@ -320,20 +323,55 @@ def test_json_tells_every_state_in_order_and_the_outcome_last(world: World) -> N
     done = world.run("call", "fibonacci", FIBONACCI, "--stdin", "--json", "-f", stdin=goal)
     assert (done.code, done.err) == (Exit.OK, "")
     records = [json.loads(line) for line in done.out.splitlines()]
-    states = [record["state"] for record in records if record["event"] == "state"]
-    assert [state for state in states if state != "EXECUTING"] == [
+    states = [record["state"] for record in records if record["kind"] == "event"]
+    assert [state for state in states if state not in ("EXECUTING", "FEEDBACK")] == [
         "SENDING",
         "SENT",
         "ACCEPTED",
         "SUCCEEDED",
     ]
-    events = [record["event"] for record in records]
-    assert "feedback" in events
+    feedback = [record for record in records if record.get("state") == "FEEDBACK"]
+    assert feedback[0]["detail"] == "no. 1"
+    assert feedback[0]["feedback"]["sequence"][:2] == [0, 1]
     # All feedback is told before the end that it came before.
-    assert events[-2:] == ["state", "outcome"]
+    assert states[-1] == "SUCCEEDED"
+    assert [record["kind"] for record in records].index("outcome") == len(records) - 1
+    assert records[0]["goal"] == {"order": 6}
     assert records[-1]["result"] == {"sequence": [0, 1, 1, 2, 3, 5, 8]}
-    assert records[-1]["exit"] == "OK"
-    assert {r["goal_id"] for r in records if "goal_id" in r} == {records[-1]["goal_id"]}
+    assert (records[-1]["exit"], records[-1]["feedback_not_shown"]) == ("OK", 0)
+    assert {record["goal_id"] for record in records} == {records[-1]["goal_id"]}
+
+
+def test_json_is_what_the_observer_writes_and_timeline_reads_it(
+    world: World, tmp_path: Path
+) -> None:
+    world.server("fibonacci", period=0.1)
+    log = tmp_path / "goals.jsonl"
+    domain = {"ROS_DOMAIN_ID": str(world.domain)}
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in domain.items():
+            patch.setenv(name, value)
+        with JsonLines(log) as observer, Client(Fibonacci, "fibonacci", observers=[observer]) as c:
+            c.call({"order": 6}, timeout=30.0)
+    done = world.run("call", "fibonacci", FIBONACCI, "{order: 6}", "--json", "-f")
+    shown = [json.loads(line) for line in done.out.splitlines()]
+    written = [json.loads(line) for line in log.read_text().splitlines()]
+
+    def schema(records: list[dict[str, Any]]) -> dict[str, set[str]]:
+        return {f"{r['kind']} {r['state']}": set(r) for r in records if r["state"] != "EXECUTING"}
+
+    only_here = {"exit", "exit_code", "feedback_not_shown"}
+    told = schema(shown)
+    assert only_here <= told["outcome SUCCEEDED"]
+    told["outcome SUCCEEDED"] -= only_here
+    assert told == schema(written)
+
+    log.write_text(done.out)
+    drawn = world.run("timeline", str(log), "--svg", str(tmp_path / "goals.svg"))
+    assert (drawn.code, drawn.err) == (Exit.OK, "")
+    assert drawn.out.startswith(f"/fibonacci ({FIBONACCI}, process ")
+    assert "SUCCEEDED" in drawn.out
+    assert drawn.out.splitlines()[-1].startswith("=> ok after ")
 
 
 def test_retries_are_told_and_the_result_of_the_last_is_shown(world: World) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import signal
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -62,40 +63,48 @@ def test_list_and_info_know_servers_and_clients(world: World) -> None:
     assert "NOT_NEEDED" in waiting.text
 
 
-def test_watch_sees_the_goals_of_others_and_their_end(world: World) -> None:
+def test_watch_sees_the_goals_of_others_and_their_end(world: World, tmp_path: Path) -> None:
     server = world.server("fibonacci", gate=1)
     watching = world.start("watch", "fibonacci", "--json")
-    watching.until('"event": "servers"')
+    watching.until('"kind":"servers"')
     call = world.start("call", "fibonacci", FIBONACCI, "{order: 3}")
     call.until("Goal accepted")
-    watching.until('"state": "EXECUTING"')
+    watching.until('"state":"EXECUTING"')
 
     now = world.run("watch", "fibonacci", "--once")
     assert now.code == Exit.OK
-    assert re.search(r"\w{32}  EXECUTING  accepted [\d.]+ s ago", now.out)
+    assert re.search(r"[\w-]{36}  EXECUTING  accepted [\d.]+ s ago", now.out)
 
     server.release()
     assert call.finish() == Exit.OK
-    watching.until('"state": "SUCCEEDED"')
+    watching.until('"state":"SUCCEEDED"')
     server.command("hold")
     server.wait_for("held")
     left = world.start("call", "fibonacci", FIBONACCI, "{order: 3}", "--timeout", "30")
     left.until("Goal accepted")
-    watching.until('"state": "EXECUTING"')
+    watching.until('"state":"EXECUTING"')
     server.interrupt()
-    watching.until('"state": "LOST"')
+    watching.until('"state":"LOST"')
     watching.signal(signal.SIGINT)
     assert watching.finish() == Exit.INTERRUPTED
 
     records = [json.loads(line) for line in watching.text.splitlines() if line.startswith("{")]
-    goals = [record for record in records if record["event"] == "goal"]
-    goal = re.search(r"with ID: (\w+)", call.text)
+    goals = [record for record in records if record["kind"] == "event"]
+    goal = re.search(r"with ID: ([\w-]{36})\n", call.text)
     assert goal
     states = [record["state"] for record in goals if record["goal_id"] == goal[1]]
     assert states[-2:] == ["EXECUTING", "SUCCEEDED"]
-    assert goals[-1]["before"] in ("EXECUTING", "CANCELING")
-    assert all(0 <= record["time"] - record["accepted"] < 120 for record in goals)
+    assert goals[-1]["detail"] in ("was EXECUTING", "was CANCELING")
+    assert all(0 <= record["elapsed_ms"] < 120_000 for record in goals)
+    assert {record["action_type"] for record in goals} == {FIBONACCI}
     assert left.finish() in (Exit.SERVER_LOST, Exit.RESULT_LOST, Exit.ABORTED), left.text
+
+    log = tmp_path / "goals.jsonl"
+    log.write_text("\n".join(line for line in watching.text.splitlines() if line[:1] == "{"))
+    drawn = world.run("timeline", str(log), "--svg", str(tmp_path / "goals.svg"))
+    assert (drawn.code, drawn.err) == (Exit.OK, "")
+    assert f"goal {goal[1]}" in drawn.out
+    assert "=> goal SUCCEEDED; no end of the call in this log" in drawn.out
 
 
 def test_watch_ends_when_asked_to(empty_world: World) -> None:
@@ -129,7 +138,14 @@ def test_serve_knows_its_servers_and_their_options(empty_world: World) -> None:
     listed = empty_world.run("serve", "--list")
     assert listed.code == Exit.OK
     assert "\nnavigate " in listed.out
-    for words in (("nobody",), ("fibonacci", "--option", "nothing=1"), ()):
+    for words in (
+        ("nobody",),
+        ("fibonacci", "--option", "nothing=1"),
+        ("fibonacci", "--option", "nothing"),
+        ("fibonacci", "--action", "not a name"),
+        (),
+    ):
         wrong = empty_world.run("serve", *words)
-        assert wrong.code == Exit.USAGE, words
-        assert "rror" in wrong.err
+        assert (wrong.code, wrong.out) == (Exit.USAGE, ""), words
+        assert wrong.err.startswith("Usage: actionkit serve "), wrong.err
+        assert "\nError: " in wrong.err

@@ -63,20 +63,24 @@ def test_a_call(make: Callable[[Any], Report], capsys: pytest.CaptureFixture[str
 
 
 def test_a_call_as_json(capsys: pytest.CaptureFixture[str]) -> None:
-    a_call(JsonReport(NestedMessage.Goal()))
+    a_call(JsonReport(NestedMessage.Goal(), HOSTILE, HOSTILE))
     lines = [json.loads(line) for line in told(capsys).splitlines()]
     assert [line.get("detail") for line in lines[:3]] == ["", HOSTILE, HOSTILE]
-    assert lines[-1]["message"] == str(aborted().error)
+    assert lines[-1]["error"] == str(aborted().error)
 
 
 def test_feedback(capsys: pytest.CaptureFixture[str]) -> None:
     feedback = NestedMessage.Feedback(nested_field=BasicTypes(char_value=0x1B))
-    for report in (TextReport(None), JsonReport(None)):
-        report.feedback(feedback)
+    report = JsonReport(NestedMessage.Goal(), HOSTILE, HOSTILE)
+    report.event(GoalEvent(GOAL, 1, GoalState.EXECUTING, 1.0, 1.0))
+    for each in (TextReport(None), report):
+        each.feedback(feedback, 1, 1.0)
     assert "char_value" in told(capsys)
 
 
-@pytest.mark.parametrize("screen", [_watch_screens.TextScreen(), _watch_screens.JsonScreen()])
+@pytest.mark.parametrize(
+    "screen", [_watch_screens.TextScreen(), _watch_screens.JsonScreen(HOSTILE, str)]
+)
 def test_watched_servers(screen: Any, capsys: pytest.CaptureFixture[str]) -> None:
     board = Board()
     board.take((HOSTILE,), 0.0)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
+import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,10 +15,21 @@ from click.testing import CliRunner
 
 from actionkit.cli._app import app
 from actionkit.cli._exits import Exit
-from tests.cli.conftest import FIBONACCI, NESTED, World
+from tests.cli.conftest import FIBONACCI, NESTED, Done, World
 
 DOCS = Path(__file__).parents[2] / "docs" / "command-line.md"
-COMMANDS = ("call", "list", "info", "watch", "serve", "doctor", "demo")
+COMMANDS = (
+    "call",
+    "show",
+    "list",
+    "info",
+    "watch",
+    "cancel",
+    "serve",
+    "doctor",
+    "timeline",
+    "demo",
+)
 CALL = ("call", "/fibonacci", FIBONACCI)
 
 
@@ -23,7 +37,12 @@ CALL = ("call", "/fibonacci", FIBONACCI)
     ("words", "told"),
     [
         ((), "Usage:"),
-        (("cal",), "No such command 'cal'"),
+        (("cal",), "No such command 'cal'. Did you mean 'call'"),
+        (("clal",), "No such command 'clal'. Did you mean 'call'"),
+        (("send-goal",), "No such command 'send-goal'. Did you mean 'send_goal'?"),
+        (("frobnicate",), "No such command 'frobnicate'. There are: call, show, list,"),
+        (("send_goal",), "Usage: actionkit call"),
+        (("serve",), "Missing argument 'SERVER'"),
         (("call",), "Missing argument 'NAME'"),
         ((*CALL, "{order: 5}", "--fedback"), "No such option"),
         ((*CALL, "{order: 5}", "--stdin"), "not both"),
@@ -56,6 +75,10 @@ CALL = ("call", "/fibonacci", FIBONACCI)
         (("call", "/fibonacci", "json/action/Fibonacci"), "'json' has no actions"),
         (("watch", "/fibonacci", "--once", "--for", "1"), "not both"),
         (("info", "not a name"), "no valid ROS name"),
+        (("show", "test_msgs/action/Fibonaci"), f"Did you mean {FIBONACCI}?"),
+        (("cancel", "/fibonacci", "7"), "'7' is no goal id"),
+        (("cancel", "/fibonacci", "0" * 32), "--all cancels all goals"),
+        (("cancel", "/fibonacci", "0" * 31 + "1", "--all"), "not both"),
     ],
 )
 def test_wrong_usage(words: tuple[str, ...], told: str, ros_domain: int) -> None:
@@ -94,16 +117,62 @@ def test_help_has_examples_and_needs_no_ros(command: str) -> None:
 
 def test_the_group_names_every_command() -> None:
     shown = CliRunner().invoke(app, ["--help"]).output
-    assert [name for name in COMMANDS if re.search(rf"^  {name}  ", shown, re.M)] == list(COMMANDS)
+    assert re.findall(r"^  (\w+)  ", shown.partition("Commands:")[2], re.M) == list(COMMANDS)
 
 
-def test_without_ros_every_command_says_what_to_install(empty_world: World) -> None:
-    missing = "import sys; sys.modules['rclpy'] = None"
-    for words in (("list",), ("info", "/a"), ("watch", "/a"), CALL):
-        done = empty_world.run(*words, before=missing)
+@pytest.fixture(scope="module")
+def without_ros(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Done]:
+    """Return the command line of a Python that has ActionKit and what it depends on, but no ROS."""
+    place = tmp_path_factory.mktemp("site")
+    for name in ("actionkit", "click", "rich", "pygments", "yaml", "tenacity", "typing_extensions"):
+        spec = importlib.util.find_spec(name)
+        assert spec is not None
+        assert spec.origin is not None
+        source = Path(spec.origin)
+        source = source.parent if source.name == "__init__.py" else source
+        (place / source.name).symlink_to(source)
+
+    def run(*words: str) -> Done:
+        done = subprocess.run(
+            # -S: nothing of this Python's site-packages
+            [sys.executable, "-S", "-c", "from actionkit.cli import main; main()", *words],
+            env={"PYTHONPATH": str(place), "PATH": os.environ["PATH"]},
+            capture_output=True, text=True, timeout=60, check=False,
+        )  # fmt: skip
+        return Done(done.returncode, done.stdout, done.stderr)
+
+    return run
+
+
+def test_without_ros_every_command_says_what_to_install(without_ros: Callable[..., Done]) -> None:
+    told = set()
+    for words in (
+        ("list",),
+        ("info", "/a"),
+        ("watch", "/a"),
+        ("cancel", "/a"),
+        CALL,
+        ("serve", "silent"),
+        ("demo",),
+    ):
+        done = without_ros(*words)
+        assert (done.code, done.out) == (Exit.NO_ROS, ""), (words, done.err)
+        told.add(done.err)
+    (text,) = told
+    assert text.startswith("Error: rclpy cannot be imported here")
+    assert "source its setup file" in text
+    assert "pip install 'actionkit[ros]'" in text
+    assert without_ros("doctor").code == Exit.NO_ROS
+    assert without_ros("serve", "--list").code == Exit.OK
+
+
+def test_without_the_messages_of_the_reference_servers(empty_world: World) -> None:
+    for words in (("serve", "fibonacci"), ("demo",)):
+        done = empty_world.run(*words, before="import sys; sys.modules['test_msgs'] = None")
         assert done.code == Exit.NO_ROS, (words, done.err)
-        assert "source its setup file" in done.err
-        assert done.out == ""
+        assert done.err.startswith("Error: test_msgs cannot be imported here")
+        assert "ros-jazzy-test-msgs" in done.err
+        assert "pip install 'actionkit[demo]'" in done.err
 
 
 def test_debug_shows_where_an_error_comes_from(empty_world: World) -> None:
@@ -116,7 +185,7 @@ def test_debug_shows_where_an_error_comes_from(empty_world: World) -> None:
     )
     assert done.returncode == Exit.NO_ROS
     assert "Traceback (most recent call last)" in done.stderr
-    assert "open_survey" in done.stderr
+    assert "import_ros" in done.stderr
 
 
 def test_an_error_that_nobody_thought_of_is_one_line(empty_world: World) -> None:

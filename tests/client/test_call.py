@@ -25,6 +25,7 @@ def test_a_call_returns_the_result(form, action_server, make_client):
     if answer.outcome is not None:
         assert answer.outcome.ok
         assert answer.outcome.status is GoalState.SUCCEEDED
+        assert answer.outcome.state is answer.outcome.status
         assert answer.outcome.result == answer.result
         assert answer.outcome.attempts == 1
         assert answer.outcome.cancel is None

@@ -80,6 +80,35 @@ def test_rclpys_parameter_names_are_explained(make_client):
         client.call_async({"order": 1}, nonsense=1)
 
 
+def test_rclpys_order_of_arguments_is_explained():
+    node = object()
+    with pytest.raises(TypeError, match=r"here it is Client\(Fibonacci, 'fib', node=\.\.\.\)"):
+        Client(node, Fibonacci, "fib")
+    with pytest.raises(TypeError, match=r"type comes first: Client\(Fibonacci, 'fib'\)"):
+        Client("fib", Fibonacci)
+    with pytest.raises(TypeError, match=r"Timeouts\(.*must be given by its name, such as node="):
+        Client(Fibonacci, "fib", Timeouts())
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("timeout", r"timeout belongs to a call: client.call\(goal, timeout=3\)"),
+        ("timeout_sec", r"rclpy's timeout_sec belongs to a call: client.call\(goal, timeout=3\)"),
+        ("on_feedback", r"client.call\(goal, on_feedback=...\)"),
+        ("feedback_callback", r"client.call\(goal, on_feedback=...\)"),
+        ("callback_group", "rclpy's callback_group is not needed"),
+        ("goal_service_qos_profile", "rclpy's goal_service_qos_profile cannot be set"),
+        ("status_sub_qos_profile", "rclpy's status_sub_qos_profile cannot be set"),
+        ("observer", "unknown argument observer=3: did you mean observers=?"),
+        ("nonsense", "unknown argument nonsense=3: there are action_type, action_name, node,"),
+    ],
+)
+def test_unknown_arguments_of_a_client_are_explained(name, told):
+    with pytest.raises(TypeError, match=told):
+        Client(Fibonacci, "fib", **{name: 3})
+
+
 def test_calling_from_a_callback(action_server, make_client):
     action_server("fibonacci", period=0.01)
     client = make_client()

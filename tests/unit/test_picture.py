@@ -339,7 +339,7 @@ def test_the_command_prints_each_call(tmp_path: Path) -> None:
     assert first.splitlines()[0].startswith("/fibonacci (test_msgs/action/Fibonacci, process ")
     assert len(first.splitlines()) == len(GOOD) + 2
     assert first.splitlines()[-1] == "=> ok after 5000.0 ms"
-    assert second.rstrip().splitlines()[-1] == "=> no end in this log"
+    assert second.rstrip().splitlines()[-1] == "=> goal SUCCEEDED; no end of the call in this log"
 
 
 def test_the_command_draws(tmp_path: Path) -> None:
@@ -408,6 +408,26 @@ def test_the_command_tells_what_it_could_not_read(tmp_path: Path) -> None:
     assert code == 0
     assert "SUCCEEDED" in out
     assert re.fullmatch(r"not read: goals.jsonl:8: \d+ bytes, cut off, or no JSON\n", err)
+
+
+def test_a_file_of_something_else_is_one_error() -> None:
+    from actionkit.cli._problems import Problem
+
+    with pytest.raises(Problem) as caught:
+        run(__file__)
+    assert caught.value.code == 1
+    assert f"{__file__} is no log of goals: of its" in caught.value.message
+    assert "none could be read. The first is test_picture.py:1:" in caught.value.message
+
+
+def test_many_bad_lines_are_not_all_told(tmp_path: Path) -> None:
+    log = write(tmp_path / "goals.jsonl", call(GOOD, end=5.0))
+    log.write_text(log.read_text() + "\n" + "{\n" * 230)
+    code, out, err = run(log)
+    assert code == 0
+    assert "SUCCEEDED" in out
+    assert len(err.splitlines()) == 11
+    assert err.splitlines()[-1] == "not read: 220 lines more"
 
 
 def test_a_log_without_goals_is_told(tmp_path: Path) -> None:

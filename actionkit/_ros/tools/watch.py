@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -32,7 +33,7 @@ class GoalSeen:
     """One goal as a server's status message has it.
 
     Attributes:
-        goal_id: 32 hexadecimal digits.
+        goal_id: With dashes, as ActionKit writes ids everywhere.
         state: The name of a `GoalState`.
         accepted: When the server accepted it, in seconds since the epoch of its clock.
     """
@@ -119,7 +120,7 @@ class StatusReader:
 
 def _seen(entry: GoalStatus) -> GoalSeen:
     info = entry.goal_info
-    goal_id = bytes(info.goal_id.uuid).hex()
+    goal_id = str(uuid.UUID(bytes=bytes(info.goal_id.uuid)))
     accepted = info.stamp.sec + info.stamp.nanosec * 1e-9
     state = STATES.get(entry.status, f"UNKNOWN ({entry.status})")
     return GoalSeen(goal_id, str(state), accepted)

@@ -1,0 +1,23 @@
+"""Imports what needs rclpy, late: `import actionkit` works, and is quick, without rclpy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from actionkit._model.missing import cannot_import
+
+
+def transport() -> tuple[Any, Any]:
+    """Return the modules `_ros.port` and `_calls.session`, ready for use.
+
+    Raises:
+        ImportError: rclpy is not importable.
+    """
+    try:
+        from actionkit._calls import exit as _exit
+        from actionkit._calls import session as _session
+        from actionkit._ros import port
+    except ImportError as error:
+        raise ImportError(f"ActionKit needs rclpy. {cannot_import('rclpy', error)}") from error
+    _exit.arm()
+    return port, _session

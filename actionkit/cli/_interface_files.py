@@ -1,0 +1,86 @@
+"""The comments of installed .action and .msg files, which no message class has."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+_FIELD = re.compile(r"[A-Za-z][\w/]*(?:<=\d+)?(?:\[[<=\d]*\])?\s+([A-Za-z]\w*)\s*(=?)(.*)")
+"""A type, a name, and a default value or, behind `=`, the value of a constant."""
+_TEXT = re.compile(r"\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'")
+_ACTION_PARTS = ("Goal", "Result", "Feedback")
+_ABOVE = 6
+"""Folders above a Python package in which `share` is looked for: lib/python3.12/site-packages/NAME
+is four below it."""
+
+
+@dataclass
+class Comments:
+    """What one message of a file says, without the `#`.
+
+    Attributes:
+        head: The comments before the first field that belong to none, and the constants.
+        fields: Field -> its comments, those above it and the one behind it.
+    """
+
+    head: list[str] = field(default_factory=list)
+    fields: dict[str, list[str]] = field(default_factory=dict)
+
+
+def comments_of(ros_type: str) -> Comments:
+    """Return the comments on a message.
+
+    Args:
+        ros_type: Such as `geometry_msgs/msg/Pose` or `test_msgs/action/Fibonacci_Goal`.
+    """
+    package, kind, name = ros_type.split("/")
+    part = 0
+    if kind == "action":
+        name, _, word = name.rpartition("_")
+        part = _ACTION_PARTS.index(word)
+    parts = _parsed(package, kind, name)
+    return parts[part] if part < len(parts) else Comments()
+
+
+@cache
+def _parsed(package: str, kind: str, name: str) -> list[Comments]:
+    path = Path("share", package, kind, f"{name}.{kind}")
+    own = Path(str(importlib.import_module(package).__file__)).parent
+    for above in list(own.parents)[:_ABOVE]:
+        try:
+            return parsed((above / path).read_text("utf-8"))
+        except (OSError, UnicodeDecodeError):
+            continue
+    return []
+
+
+def parsed(text: str) -> list[Comments]:
+    """Return the comments of each part of a file; its parts are parted by `---`."""
+    parts = [Comments()]
+    above: list[str] = []
+    for line in map(str.strip, text.splitlines()):
+        part = parts[-1]
+        if line == "---":
+            parts.append(Comments())
+            above = []
+        elif line.startswith("#"):
+            above.append(line.lstrip("#").strip())
+        elif not line:
+            if not part.fields:
+                part.head += above
+            above = []
+        elif (match := _FIELD.match(line)) is not None:
+            name, equals, rest = match.groups()
+            # A '#' in a text begins no comment.
+            start = _TEXT.sub(lambda found: "_" * len(found[0]), rest).find("#")
+            value, comment = (rest, "") if start < 0 else (rest[:start], rest[start:])
+            own = [*above, comment.lstrip("#").strip()]
+            if equals:
+                part.head += [*above, f"{name} = {value.strip()}  {own[-1]}".rstrip()]
+            else:
+                part.fields[name] = own
+            above = []
+    return parts

@@ -1,0 +1,211 @@
+"""`actionkit cancel`, beside goals of other processes (C6.3, R12)."""
+
+from __future__ import annotations
+
+import json
+import signal
+import uuid
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from actionkit._model.cancel_answer import CancelAnswer
+from actionkit.cli._cancelling import Cancelling
+from actionkit.cli._exits import Exit
+from actionkit.cli._goal_board import WatchedGoal
+from tests.cli.conftest import FIBONACCI, Running, World
+from tests.cli.test_call import goal_id
+
+
+def goals_of_others(world: World, server: str, count: int) -> dict[str, Running]:
+    """Return programs that wait for goals which do not end by themselves, by the goals' ids."""
+    calls = [world.start("call", server, FIBONACCI, "{order: 900}") for _ in range(count)]
+    for call in calls:
+        call.until("Goal accepted")
+    return {goal_id(call.text): call for call in calls}
+
+
+def test_goals_are_listed_and_canceled_by_id_and_all_at_once(world: World) -> None:
+    server = world.server("never_finishes")
+    calls = goals_of_others(world, "never_finishes", 3)
+    first, *others = calls
+    listed = world.run("cancel", "never_finishes")
+    assert listed.code == Exit.USAGE
+    assert all(f"{goal}  EXECUTING" in listed.out for goal in calls)
+    assert "Nothing was canceled. To cancel one: actionkit cancel /never_finishes " in listed.err
+    assert set(calls) <= server.running()
+
+    one = world.run("cancel", "never_finishes", first.replace("-", ""))
+    assert (one.code, one.err) == (Exit.OK, "")
+    assert one.out == f"{first}  CONFIRMED   It was canceled, and runs no more.\n"
+    server.wait_for("canceled", goal_id=first)
+    assert calls[first].finish() == Exit.CANCELED
+    assert set(others) <= server.running()
+
+    every = world.run("cancel", "never_finishes", "--all", "--json")
+    told = {line["goal_id"]: line for line in map(json.loads, every.out.splitlines())}
+    assert every.code == Exit.OK
+    assert {goal: told[goal]["cancel"] for goal in told} == dict.fromkeys(others, "CONFIRMED")
+    assert not server.running()
+    for goal in others:
+        assert calls[goal].finish() == Exit.CANCELED
+
+    strange = str(uuid.uuid4())
+    none = world.run("cancel", "never_finishes", first, strange)
+    assert none.code == Exit.NO_SUCH_GOAL
+    assert sorted(none.out.splitlines()) == sorted([
+        f"{first}  NOT_NEEDED  It had ended before: CANCELED.",
+        f"{strange}  NO_SUCH_GOAL  No server in sight knows it: it ended long ago, or never was"
+        " here.",
+    ])  # fmt: skip
+    assert world.run("cancel", "never_finishes").out == "No goal is running.\n"
+    assert world.run("cancel", "never_finishes", "--all").out == "No goal is running.\n"
+
+
+def test_a_refusal_is_told(world: World) -> None:
+    server = world.server("refuses_cancel")
+    (goal,) = goals_of_others(world, "refuses_cancel", 1)
+    done = world.run("cancel", "refuses_cancel", "--all")
+    assert done.code == Exit.CANCEL_REFUSED
+    assert (
+        done.out == f"{goal}  REFUSED     The server refused to cancel it. IT IS STILL RUNNING.\n"
+    )
+    assert goal in server.running()
+
+
+def test_an_accepted_cancellation_is_no_canceled_goal(world: World) -> None:
+    server = world.server("slow_cancel", gate=1)
+    ((goal, call),) = goals_of_others(world, "slow_cancel", 1).items()
+    done = world.run("cancel", "slow_cancel", goal, "--timeout", "1.5")
+    assert done.code == Exit.CANCEL_UNKNOWN
+    assert done.out == (
+        f"{goal}  UNKNOWN     The server is cancelling it, and did not end it. IT MAY STILL BE"
+        " RUNNING.\n"
+    )
+    again = world.start("cancel", "slow_cancel", "--all", "--timeout", "60", before=AWAKE)
+    again.until("waiting")
+    again.signal(signal.SIGINT)
+    assert again.finish() == Exit.INTERRUPTED
+    assert again.text == f"waiting\n{done.out}\n\nInterrupted.\n"
+    server.release(1)
+    assert call.finish() == Exit.CANCELED
+
+
+AWAKE = """
+import actionkit.cli._cancelling as c
+real = c.Cancelling.take
+def take(*said):
+    real(*said)
+    print("waiting", flush=True)
+    c.Cancelling.take = real
+c.Cancelling.take = take
+"""
+"""Has the command tell, once, that a server has answered."""
+
+
+def test_no_answer_is_told(world: World) -> None:
+    server = world.server("blocking", gate=1)
+    ((goal, call),) = goals_of_others(world, "blocking", 1).items()
+    server.wait_for("executing", goal_id=goal)
+    done = world.run("cancel", "blocking", goal, "--timeout", "1.5", "--json")
+    assert done.code == Exit.CANCEL_UNKNOWN
+    told = json.loads(done.out)
+    assert (told["goal_id"], told["cancel"]) == (goal, "UNKNOWN")
+    assert told["detail"] == "The server did not answer. IT MAY STILL BE RUNNING."
+    server.release()
+    assert call.finish() == Exit.OK
+
+
+def test_without_a_server(empty_world: World) -> None:
+    done = empty_world.run("cancel", "/fibonacci", "--all", "--server-timeout", "0.3")
+    assert (done.code, done.out) == (Exit.NO_SERVER, "")
+    assert done.err == "Error: Action '/fibonacci' has no server in sight.\n"
+
+
+# --- what is known when, on a clock of the test's ----------------------------------------------
+
+GOAL = str(uuid.UUID(int=1))
+A, R, T, U = (
+    CancelAnswer.ACCEPTED,
+    CancelAnswer.REFUSED,
+    CancelAnswer.TERMINATED,
+    CancelAnswer.UNKNOWN_GOAL,
+)
+
+
+def fate(
+    *answers: CancelAnswer, state: str = "EXECUTING", now: float = 0.0, over: bool = False
+) -> str | None:
+    """Return what is said of a goal that was asked to be cancelled, and answered about, at 0 s."""
+    board = {GOAL: WatchedGoal(GOAL, state, 0.0, 0.0)} if state else {}
+    cancelling = Cancelling([GOAL])
+    assert cancelling.to_ask({}) == [GOAL]
+    assert cancelling.to_ask({}) == []
+    for answer in answers:
+        cancelling.take(SimpleNamespace(goal_id=GOAL, answer=answer), 0.0)
+    told = cancelling.settle(board, now, over=over)
+    assert cancelling.settle(board, now, over=over) == []
+    assert cancelling.done == bool(told)
+    return told[0].cancel if told else None
+
+
+@pytest.mark.parametrize(
+    ("answers", "known", "said"),
+    [
+        ((), {"now": 9.0}, None),
+        ((), {"over": True}, "UNKNOWN"),
+        ((A,), {"now": 9.0}, None),
+        ((A,), {"state": "CANCELING", "now": 9.0}, None),
+        ((A,), {"state": "CANCELED"}, "CONFIRMED"),
+        ((), {"state": "CANCELED"}, "CONFIRMED"),
+        ((A,), {"state": "SUCCEEDED"}, "NOT_NEEDED"),
+        ((A,), {"state": "LOST"}, "UNKNOWN"),
+        ((A,), {"over": True}, "UNKNOWN"),
+        # A refusal may be a race that the goal's end has won.
+        ((R,), {}, None),
+        ((R,), {"state": "SUCCEEDED"}, "NOT_NEEDED"),
+        ((R,), {"now": 1.5}, "REFUSED"),
+        ((R,), {"over": True}, "REFUSED"),
+        ((R, A), {"now": 1.5}, None),
+        ((A, R), {"now": 1.5}, None),
+        ((R,), {"state": "CANCELING", "now": 1.5}, None),
+        # Somebody else is cancelling it already, or it has just ended.
+        ((T,), {"state": "CANCELING", "now": 1.5}, None),
+        ((T,), {"state": "CANCELED"}, "CONFIRMED"),
+        # One of two servers does not know it; nor does one that has not accepted it so far.
+        ((U,), {"now": 1.5}, None),
+        ((U,), {"over": True}, "UNKNOWN"),
+        ((U, A), {"state": "", "now": 1.5}, None),
+        ((U,), {"state": ""}, None),
+        ((U,), {"state": "", "now": 1.5}, "NO_SUCH_GOAL"),
+    ],
+)
+def test_what_is_said_of_a_goal(
+    answers: tuple[CancelAnswer, ...], known: dict[str, Any], said: str | None
+) -> None:
+    assert fate(*answers, **known) == said
+
+
+def test_a_goal_that_had_ended_is_not_asked_about() -> None:
+    cancelling = Cancelling([GOAL])
+    board = {GOAL: WatchedGoal(GOAL, "CANCELED", 0.0, 0.0)}
+    assert cancelling.to_ask(board) == []
+    (told,) = cancelling.settle(board, 0.0, over=False)
+    assert (told.cancel, told.text) == ("NOT_NEEDED", "It had ended before: CANCELED.")
+
+
+def test_the_exit_code_is_that_of_the_worst() -> None:
+    goals = [str(uuid.UUID(int=number)) for number in range(1, 4)]
+    board = {goals[2]: WatchedGoal(goals[2], "EXECUTING", 0.0, 0.0)}
+    cancelling = Cancelling(goals[:2])
+    assert cancelling.exit is Exit.OK
+    cancelling.take(SimpleNamespace(goal_id=goals[0], answer=U), 0.0)
+    cancelling.settle({}, 2.0, over=False)
+    assert cancelling.exit is Exit.NO_SUCH_GOAL
+    cancelling.settle({}, 2.0, over=True)
+    assert cancelling.exit is Exit.CANCEL_UNKNOWN
+    cancelling.add(goals[2])
+    cancelling.take(SimpleNamespace(goal_id=goals[2], answer=R), 0.0)
+    cancelling.settle(board, 2.0, over=False)
+    assert cancelling.exit is Exit.CANCEL_REFUSED

@@ -1,0 +1,93 @@
+"""`actionkit show`: a goal to fill in, which `actionkit call` takes (C6.3)."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+import pytest
+import test_msgs.msg
+import yaml
+from geometry_msgs.msg import PoseStamped
+from test_msgs.action import Fibonacci, NestedMessage
+
+from actionkit._messages.convert import to_message
+from actionkit.cli import _goal_template
+from actionkit.cli._exits import Exit
+from actionkit.cli._goal_template import template
+from actionkit.cli._goals import parse
+from actionkit.cli._interface_files import parsed
+from tests.cli.conftest import FIBONACCI, World
+
+MESSAGES = [
+    PoseStamped,
+    *(cls for _, cls in inspect.getmembers(test_msgs.msg, inspect.isclass)),
+]
+
+
+@pytest.mark.parametrize("action", [Fibonacci, NestedMessage])
+def test_what_is_shown_is_a_goal_with_all_defaults(action: Any) -> None:
+    shown = template(action, "test_msgs/action/X")
+    assert parse(shown, action.Goal) == action.Goal()
+    given = yaml.safe_load(shown)
+    assert list(given) == list(action.Goal.get_fields_and_field_types())
+
+
+@pytest.mark.parametrize("cls", MESSAGES, ids=lambda cls: cls.__name__)
+def test_every_kind_of_field_is_shown_as_it_is_taken(cls: Any) -> None:
+    text = "\n".join(_goal_template._fields(cls()))
+    given = yaml.safe_load(text) or {}
+    assert set(given) == set(cls.get_fields_and_field_types())
+    assert to_message(cls, given) == cls()
+
+
+def test_types_bounds_defaults_and_comments_are_shown() -> None:
+    shown = "\n".join(_goal_template._fields(PoseStamped()))
+    assert "    w: 1.0  # double" in shown
+    assert "  stamp:  # builtin_interfaces/Time, or: now" in shown
+    assert "# Transform frame with which this data is associated." in shown
+    shown = "\n".join(_goal_template._fields(test_msgs.msg.BoundedSequences()))
+    assert "int32_values_default: [0, 2147483647, -2147483648]  # sequence<int32, 3>" in shown
+    assert "basic_types_values: []  # sequence<test_msgs/BasicTypes, 3>\n# each:\n#   bool" in shown
+
+
+def test_the_comments_of_a_file() -> None:
+    goal, result, feedback = parsed(
+        """
+# Drive somewhere.
+
+uint8 FAST=2   # at your own risk
+# Where to,
+# on the map
+geometry_msgs/Pose pose
+string<=5[<=3] names ["a#b", 'c']  # not "#"
+
+# Alone.
+
+float64 speed 1.0
+---
+# How it went
+uint16 error_code
+---
+"""
+    )
+    assert goal.head == ["Drive somewhere.", "FAST = 2  at your own risk"]
+    assert goal.fields == {
+        "pose": ["Where to,", "on the map", ""],
+        "names": ['not "#"'],
+        "speed": [""],
+    }
+    assert result.fields == {"error_code": ["How it went", ""]}
+    assert feedback.fields == {}
+
+
+def test_it_can_be_piped_into_a_call(world: World) -> None:
+    world.server("fibonacci")
+    shown = world.run("show", "test_msgs/Fibonacci")
+    assert (shown.code, shown.err) == (Exit.OK, "")
+    assert "order: 0  # int32" in shown.out
+    assert "# Result:\n#   # result definition\n#   sequence: []  # sequence<int32>" in shown.out
+    goal = shown.out.replace("order: 0", "order: 4")
+    done = world.run("call", "fibonacci", FIBONACCI, "--stdin", stdin=goal)
+    assert done.code == Exit.OK, done.err
+    assert "sequence: [0, 1, 1, 2, 3]" in done.out
