@@ -346,9 +346,11 @@ def test_a_strategy_that_fails_after_a_success_that_was_judged_transient() -> No
 # --- what the graph shows (contract C3.2) ------------------------------------------------------
 
 
-def no_server(actions: dict[str, tuple[str, ...]] | None) -> str:
+def no_server(actions: dict[str, tuple[str, ...]] | None, end: End = End.NO_SERVER) -> str:
     around = GraphSnapshot(actions, 7, "rmw_fastrtps_cpp")
-    return str(explained(ENDINGS[End.NO_SERVER][0], surroundings=lambda: around))
+    nothing = REPORTS[CancelReport.NOT_NEEDED]
+    ending = Ending(end, GoalState.TIMED_OUT, phase="server", **nothing)
+    return str(explained(ending, surroundings=lambda: around))
 
 
 def test_where_no_server_is_seen_the_text_lists_those_that_are() -> None:
@@ -367,8 +369,11 @@ def test_where_the_server_is_seen_the_text_does_not_call_it_similar() -> None:
     text = no_server({"/fibonacci": ("test_msgs/action/Fibonacci",)})
     assert "is visible, but has not answered this client yet" in text
     assert "similar" not in text
-    served = no_server({"/fibonacci": ("a/action/B",)})
-    assert "similar name: '/fibonacci' (a/action/B)" in served
+    for ending in (End.NO_SERVER, End.DEADLINE):
+        others = {"/fibonacci": ("a/action/B", "a/action/C"), "/fibonaci": ("a/action/B",)}
+        served = no_server(others, ending)
+        assert "similar" not in served
+        assert "served as a/action/B, a/action/C" in served
 
 
 def test_where_nothing_is_seen_the_text_says_so() -> None:

@@ -312,6 +312,35 @@ def test_who_waits_is_told_that_another_type_is_served(world: World) -> None:
     assert len(world.clock.queue) == 0  # nobody looks any more
 
 
+def test_who_waits_for_a_server_to_answer_is_told_what_took_its_place(world: World) -> None:
+    """The servers of our type went before they were ready, and another type is served since."""
+    world.graph = [b"a"]
+    world.see(b"a")
+    world.read_event()
+    waiting = world.wait()
+    assert waiting.mismatches == []
+    world.lose(b"a")
+    world.graph = []
+    world.read_event()
+    world.action_type, world.graph = "a/action/Other", [b"x"]
+    world.clock.advance(1.0)
+    assert waiting.mismatches == [("a/action/Other",)]
+
+
+def test_who_waits_can_have_the_graph_looked_at_at_any_time(world: World) -> None:
+    waiting = world.wait()
+    world.monitor.readiness.look_again()
+    assert waiting.mismatches == []
+    world.action_type, world.graph = "a/action/Other", [b"x"]
+    world.monitor.readiness.look_again()
+    assert waiting.mismatches == [("a/action/Other",)]
+    world.action_type = TYPE
+    world.serve(b"a")
+    world.action_type = "a/action/Other"
+    world.monitor.readiness.look_again()  # a server of our type was there a moment ago
+    assert len(waiting.mismatches) == 1
+
+
 # --- who loses a server ------------------------------------------------------------------------
 
 

@@ -122,11 +122,15 @@ class ServerMonitor:
             listener.on_server_ready()
             return
         self._awaiting[listener] = None
-        self.readiness.look(lambda: bool(self._awaiting))
+        self._look()
 
     def await_next_ready(self, listener: GoalListener) -> None:
         """Tell the listener when a server becomes ready the next time."""
         self._awaiting[listener] = None
+        self._look()
+
+    def _look(self) -> None:
+        self.readiness.look(lambda: bool(self._awaiting))
 
     def stop_waiting(self, listener: GoalListener) -> None:
         """Undo `await_server` and `await_next_ready`."""
@@ -247,6 +251,7 @@ class ServerMonitor:
         if not self.readiness.servers:
             for listener in self._queued():
                 listener.on_server_lost(reason)
+            self._look()  # for those who waited for it to answer
 
     def _reconsider(self, goal: _SentGoal, came: frozenset[bytes]) -> None:
         """Add the servers that may have a goal although they were not known when it was sent.

@@ -147,6 +147,18 @@ class ServerReadiness:
             self._looking = True
             self._look(wanted)
 
+    def look_again(self) -> None:
+        """Compare the types served with ours, once and now.
+
+        A server may come into view long after it was there: where the first announcement between
+        two processes is lost, with Fast DDS it takes 3 s until the next.
+        """
+        if self.state is not State.ABSENT:
+            return
+        types = {server.action_type for server in self._list_servers() or ()}
+        if types and self._action_type not in types:
+            self._on_mismatch(tuple(sorted(types)))
+
     def close(self) -> None:
         """Call none of the callbacks any more."""
         self._closed = True
@@ -155,9 +167,7 @@ class ServerReadiness:
         if self._closed or self.state is not State.ABSENT or not wanted():
             self._looking = False
             return
-        types = {server.action_type for server in self._list_servers() or ()}
-        if types and self._action_type not in types:
-            self._on_mismatch(tuple(sorted(types)))
+        self.look_again()
         self._timers.call_at(self._timers.now() + _GRAPH_PERIOD, lambda: self._look(wanted))
 
     def _begin_settling(self) -> None:
