@@ -137,7 +137,7 @@ class World(CommunicationThread):
         self.gids = list(gids)
         self.entities.on_matched(len(gids), came)
         if came:
-            self.advance(0.0)
+            self.advance(0.1)
             self.entities.cancel.answer(CancelGoal.Response(return_code=UNKNOWN))
 
     def send(self) -> Listener:
@@ -314,7 +314,7 @@ def test_whether_a_server_is_ready_is_asked_of_the_middleware(world: World) -> N
     world.gids = [A]
     world.entities.event = (1, 1)
     assert not world.link.server_is_ready()  # it has not answered so far
-    world.advance(0.0)
+    world.advance(0.1)
     world.entities.cancel.answer(CancelGoal.Response(return_code=UNKNOWN))
     assert world.link.server_is_ready()
 

@@ -142,7 +142,7 @@ class World:
             self.see(gid)
         self.matched = set(gids)
         self.read_event()
-        self.clock.advance(0.01)
+        self.clock.advance(0.11)
 
     def wait(self, goal: Goal | None = None) -> Goal:
         """Let a goal wait for a server."""
@@ -503,7 +503,7 @@ def test_servers_are_looked_for_once_a_second_where_there_is_no_event() -> None:
     waiting = world.wait()
     world.alive = world.matched = {b"a"}
     world.graph = [b"a"]
-    world.clock.advance(1.1)
+    world.clock.advance(1.2)
     assert waiting.ready == 1
     goal = world.sent()
     seen: list[int] = []
