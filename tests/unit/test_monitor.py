@@ -78,7 +78,11 @@ class World:
             cast(Runtime, runtime),
             cast(
                 Entities,
-                SimpleNamespace(matched=matched, services_ready=lambda: bool(self.matched)),
+                SimpleNamespace(
+                    matched=matched,
+                    services_ready=lambda: bool(self.matched),
+                    subscribe_status=self._no_status,
+                ),
             ),
             name="/fibonacci",
             type_name=TYPE,
@@ -91,6 +95,9 @@ class World:
 
     def _count_ready(self) -> None:
         self.ready += 1
+
+    def _no_status(self, _: object) -> Any:
+        raise InvalidHandle("no server here has a status to send")
 
     def _publishers(self, _topic: str) -> list[Any]:
         if self.graph is None:

@@ -25,7 +25,7 @@ class World:
         self.services = True
         self.told: list[object] = []
         self.probes: list[float] = []
-        self.looks = 0
+        self.looks = self.completed = 0
         self.readiness = ServerReadiness(
             self.clock,
             list_servers=self._list,
@@ -34,8 +34,12 @@ class World:
             on_ready=lambda: self.told.append("ready"),
             on_change=self._changed,
             on_mismatch=lambda types: self.told.append(("mismatch", types)),
+            on_complete=self._count_complete,
             action_type=OURS,
         )
+
+    def _count_complete(self) -> None:
+        self.completed += 1
 
     def _list(self) -> list[Endpoint] | None:
         self.looks += 1
@@ -111,6 +115,32 @@ def test_a_server_has_time_to_find_us_before_it_is_asked(world: World) -> None:
     pauses = [later - one for one, later in zip(world.probes, world.probes[1:], strict=False)]
     assert len(pauses) == 1
     assert min(pauses) > KEPT
+
+
+def test_a_server_that_shows_that_it_knows_us_is_asked_at_once(world: World) -> None:
+    world.readiness.known()  # what is known before anybody is there means nothing
+    world.match(A)
+    assert (world.completed, world.probes) == (1, [])
+    world.clock.advance(0.003)
+    world.readiness.known()
+    assert world.probes == [world.clock.time]
+    world.readiness.known()
+    world.clock.advance(HEAD_START)
+    assert len(world.probes) == 1  # the end of the head start is no second question
+    world.clock.advance(KEPT)
+    assert len(world.probes) == 2
+    world.readiness.answered()
+    world.readiness.known()
+    world.clock.advance(10.0)
+    assert (len(world.probes), world.news()) == (2, ["ready"])
+
+
+def test_of_several_servers_one_that_knows_us_proves_nothing_of_the_others(world: World) -> None:
+    world.match(A, B)
+    world.readiness.known()
+    assert world.probes == []
+    world.clock.advance(HEAD_START)
+    assert len(world.probes) == 1
 
 
 def test_who_comes_in_the_place_of_another_has_as_much_time(world: World) -> None:

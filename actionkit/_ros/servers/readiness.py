@@ -73,6 +73,7 @@ class ServerReadiness:
         on_ready: Callable[[], None],
         on_change: Callable[[frozenset[bytes], frozenset[bytes]], None],
         on_mismatch: Callable[[tuple[str, ...]], None],
+        on_complete: Callable[[], None],
         action_type: str,
     ) -> None:
         """Begin without servers, until `matched` is called.
@@ -86,6 +87,7 @@ class ServerReadiness:
             on_ready: Called when goals can be sent, again for each new server.
             on_change: Called with the ids of servers that have come, and of those that are gone.
             on_mismatch: Called with the types served, where none of them is `action_type`.
+            on_complete: Called when a server's services are seen; `known` may be called then.
             action_type: The type of this side.
         """
         self.state = State.ABSENT
@@ -100,6 +102,7 @@ class ServerReadiness:
         self._on_ready = on_ready
         self._on_change = on_change
         self._on_mismatch = on_mismatch
+        self._on_complete = on_complete
         self._action_type = action_type
         self._outdated: frozenset[bytes] = frozenset()
         """The servers that the graph shows as long as it does not show one that has come."""
@@ -107,6 +110,8 @@ class ServerReadiness:
         self._settling_since = 0.0
         self._services_since: float | None = None
         """When the services were seen first, in this settling."""
+        self._probed = False
+        """Whether a probe was sent since then."""
         self._closed = False
         self._looking = False
 
@@ -148,6 +153,11 @@ class ServerReadiness:
         """Whether the graph shows the servers that the middleware's event told of."""
         return len(self.servers) == self.count and not self.servers & UNNAMED
 
+    def known(self) -> None:
+        """Handle that a server which is there knows our endpoints: it needs no head start."""
+        if self.count == 1 and self._services_since is not None and not self._probed:
+            self._settle(self._settling_since, _PROBE_STEP)
+
     def answered(self) -> None:
         """Handle that a probe was answered."""
         if self.state is State.SETTLING:
@@ -185,7 +195,7 @@ class ServerReadiness:
     def _begin_settling(self) -> None:
         self.state = State.SETTLING
         self._settling_since = self._timers.now()
-        self._services_since = None
+        self._services_since, self._probed = None, False
         self._settle(self._settling_since, _FIRST_STEP)
 
     def _compare(self) -> None:
@@ -239,16 +249,22 @@ class ServerReadiness:
             return
         if self._services_since is None:
             self._services_since = now
-            self._timers.call_at(now + _HEAD_START, lambda: self._settle(since, _PROBE_STEP))
+            self._timers.call_at(now + _HEAD_START, lambda: self._end_head_start(since))
+            self._on_complete()
             return
         patience = _PATIENCE if self.count == 1 else _PATIENCE_WITH_SEVERAL
         ready_at = self._services_since + patience
         if now >= ready_at:
             self._become_ready()
             return
+        self._probed = True
         self._probe()
         following = min(2 * step, _SETTLING_STEP)
         self._timers.call_at(min(now + step, ready_at), lambda: self._settle(since, following))
+
+    def _end_head_start(self, since: float) -> None:
+        if not self._probed:
+            self._settle(since, _PROBE_STEP)
 
     def _become_ready(self) -> None:
         self.state = State.READY
