@@ -18,6 +18,9 @@ from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState
 from actionkit._threads.clock import TimerHandle, Timers
 
+_TIME_IS_UP = (fx.Timer.SERVER, fx.Timer.DEADLINE)
+_WAITING = (Stage.AWAITING_SERVER, Stage.RESENDING)
+
 
 class Clock(Timers, Protocol):
     """The communication thread's clock and timers."""
@@ -43,6 +46,7 @@ class AttemptLink(Protocol):
     def rebind(self, listener: Attempt) -> None: ...
     def await_server(self, listener: Attempt) -> None: ...
     def await_next_ready(self, listener: Attempt) -> None: ...
+    def look_again(self) -> None: ...
     def dequeue(self, listener: Attempt) -> None: ...
     def send_goal(self, listener: Attempt, goal: Any) -> None: ...
     def leave_outbox(self, listener: Attempt) -> None: ...
@@ -287,6 +291,9 @@ class Attempt:
 
     def _fire(self, timer: fx.Timer) -> None:
         self._timers.pop(timer, None)
+        if timer in _TIME_IS_UP and self.goal.stage in _WAITING:
+            # A server of another type may have come into view only now (R21).
+            self._link.look_again()
         confirmed_at = self._link.others_confirmed_at
         self._apply(self.goal.timer(timer, self._now(), others_confirmed_at=confirmed_at))
 

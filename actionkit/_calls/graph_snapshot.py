@@ -31,6 +31,11 @@ def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
             "A server of this name and type is visible, but has not answered this client yet: it"
             " is just starting, or this machine or the server is too busy. Allow it more time."
         )
+    if action_name in actions:
+        return (
+            f"That name is served as {', '.join(actions[action_name])}: use this type, or the name"
+            " of a server of your type."
+        )
     close = similar_names(action_name, sorted(actions))
     if close:
         parts.append("Served under a similar name: " + _listed(close, actions) + ".")

@@ -97,6 +97,11 @@ class Link:
         self._feedback.poll_now()
         self.monitor.await_server(listener)
 
+    def look_again(self) -> None:
+        """Tell those who wait for a server now whether another type is served."""
+        self._feedback.poll_now()
+        self.readiness.look_again()
+
     def await_next_ready(self, listener: GoalListener) -> None:
         """Tell the listener when a server becomes ready the next time."""
         self._feedback.poll_now()

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import pickle
+import time
 from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from test_msgs.action import Fibonacci
+import rclpy
+from test_msgs.action import Fibonacci, NestedMessage
 
 import actionkit as ak
 from actionkit import CancelReport, GoalState, RetryPolicy, Timeouts
-from tests.conftest import FORMS, ask, runs_nothing
+from tests.conftest import FORMS, NEVER, ask, runs_nothing
 
 
 @dataclass
@@ -237,6 +239,60 @@ def test_the_type_that_is_served_is_named(action_server, make_client):
         make_client(timeouts=Timeouts(server=None)).call({"order": 1})
     assert caught.value.expected == "test_msgs/action/Fibonacci"
     assert caught.value.served == ("test_msgs/action/NestedMessage",)
+
+
+def test_another_type_is_told_in_a_process_that_had_a_client_before(action_server, make_client):
+    """Its successor's node learns anew what is there, by chance long after its first look."""
+    action_server("fibonacci")
+    for limit in (0.15, 0.3, 0.5, 0.7, 30.0):
+        with make_client() as before:
+            assert before.call({"order": 3}, 30)
+        client = make_client(
+            NestedMessage, timeouts=Timeouts(server=limit), retry=RetryPolicy.none()
+        )
+        with client, pytest.raises(ak.ActionKitError) as caught:
+            client.call({})
+        if not isinstance(caught.value, ak.ActionTypeMismatchError):
+            assert isinstance(caught.value, ak.ServerUnavailableError)  # it is not seen so far
+            assert "similar name" not in str(caught.value)
+    assert isinstance(caught.value, ak.ActionTypeMismatchError)
+    assert caught.value.expected == "test_msgs/action/NestedMessage"
+    assert caught.value.served == ("test_msgs/action/Fibonacci",)
+
+
+def test_another_type_is_told_that_comes_while_a_call_waits(action_server, make_client):
+    client = make_client(timeouts=Timeouts(server=None))
+    future = client.call_async({"order": 1})
+    assert future.state is GoalState.SENDING
+    action_server("wrong_type")
+    with pytest.raises(ak.ActionTypeMismatchError):
+        future.result(30)
+
+
+def test_another_type_beside_ours_does_not_matter(action_server, make_client):
+    server = action_server("fibonacci")
+    client = make_client()
+    assert client.wait_for_server(30)
+    action_server("wrong_type")
+    port = client._session.port
+    until = time.monotonic() + 30
+    while len(port.runtime.run(port.actions)["/fibonacci"]) < 2:
+        assert time.monotonic() < until
+        NEVER.wait(0.01)
+    assert client.call({"order": 1}, 30)
+    assert len(server.wait_for("succeeded")) == 1
+
+
+def test_another_type_is_told_after_rclpy_s_shutdown(action_server, make_client):
+    action_server("wrong_type")
+    rclpy.init()
+    node = rclpy.create_node("before")
+    with make_client(name="elsewhere", node=node) as before:
+        assert not before.wait_for_server(0)
+    node.destroy_node()
+    rclpy.shutdown()
+    with pytest.raises(ak.ActionTypeMismatchError):
+        make_client(timeouts=Timeouts(server=30)).call({"order": 1})
 
 
 def test_an_invalid_goal_is_a_type_and_a_value_error(action_server, make_client):

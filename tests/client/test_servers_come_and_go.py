@@ -12,6 +12,8 @@ from actionkit import GoalState, RetryPolicy, Timeouts
 from tests.conftest import NEVER, all_is_logged, runs_nothing
 
 ONCE = RetryPolicy.none()
+_QUESTIONS = 3
+"""How often one client asks a server at most, before it takes it for busy."""
 
 
 def test_a_call_waits_for_its_server(action_server, make_client):
@@ -227,3 +229,25 @@ def test_a_deaf_server_does_not_block_the_goals_behind(action_server, make_clien
     for future in futures:
         with pytest.raises(ak.AcceptanceTimeoutError):
             future.result(20)
+
+
+def test_a_busy_server_is_asked_a_few_times_and_no_more(action_server, make_client):
+    """Each question waits in its queue, and an rclpy server may be held up by each for 0.1 s."""
+    server = action_server("blocking", gate=1)
+    first = make_client().call_async({"order": 1}, timeout=60)
+    server.wait_for("executing")
+    before = server.count("cancel_requested")
+    newcomer = make_client()
+    assert newcomer.wait_for_server(30)  # it is taken for busy
+    server.release()
+    assert first.result(30)
+    assert newcomer.call({"order": 1}, 30)  # what it asked is answered by now
+    assert server.count("cancel_requested") - before <= _QUESTIONS
+
+
+def test_fresh_clients_ask_a_server_a_few_times_each(action_server, make_client):
+    server = action_server("fibonacci")
+    for _ in range(10):
+        with make_client() as client:  # with a node of its own
+            assert client.call({"order": 1}, 30)
+    assert server.count("cancel_requested") <= 10 * _QUESTIONS

@@ -82,6 +82,7 @@ class Link:
         self.awaiting: dict[Attempt, None] = {}
         self.queue: OrderedDict[bytes, Attempt] = OrderedDict()
         self.listeners: dict[bytes, Attempt] = {}
+        self.other_types: tuple[str, ...] = ()
 
     def rebind(self, listener: Attempt) -> None:
         if listener.goal_id.bytes in self.listeners:
@@ -95,6 +96,11 @@ class Link:
 
     def await_next_ready(self, listener: Attempt) -> None:
         self.awaiting[listener] = None
+
+    def look_again(self) -> None:
+        if self.other_types:
+            for listener in list(self.awaiting):
+                listener.on_type_mismatch(self.other_types)
 
     def send_goal(self, listener: Attempt, goal: Any) -> None:
         self.awaiting.pop(listener, None)

@@ -424,6 +424,19 @@ def test_a_server_that_comes_back_later_than_it_is_waited_for_once_is_tried() ->
     assert (life.sends, life.call._attempts) == (2, 3)
 
 
+@pytest.mark.parametrize("limits", [{"server": 2.0}, {"server": None, "timeout": 2.0}])
+def test_a_server_of_another_type_that_is_seen_only_when_time_is_up_is_told(
+    limits: dict[str, float | None],
+) -> None:
+    life = CallLife(**limits)  # type: ignore[arg-type]
+    life.link.other_types = ("a/action/Other",)
+    life.wait(2.1)
+    error = life.outcome.error
+    assert isinstance(error, errors.ActionTypeMismatchError)
+    assert (error.expected, error.served) == (life.type_name, ("a/action/Other",))
+    assert (life.sends, life.outcome.attempts) == (0, 1)
+
+
 # --- what the user's `classify=` has to say (contract C3.3) ------------------------------------
 
 SUCCEEDED: Event = ("result", 0, GoalState.SUCCEEDED)

@@ -434,8 +434,10 @@ def test_where_the_server_is_seen_the_text_does_not_call_it_similar() -> None:
     text = no_server({"/fibonacci": ("test_msgs/action/Fibonacci",)})
     assert "is visible, but has not answered this client yet" in text
     assert "similar" not in text
-    served = no_server({"/fibonacci": ("a/action/B",)})
-    assert "similar name: '/fibonacci' (a/action/B)" in served
+    others = {"/fibonacci": ("a/action/B", "a/action/C"), "/fibonaci": ("a/action/B",)}
+    served = no_server(others)
+    assert "similar" not in served
+    assert "served as a/action/B, a/action/C" in served
 
 
 def test_after_a_short_look_the_text_says_that_a_server_may_take_longer() -> None:

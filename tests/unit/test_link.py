@@ -68,12 +68,22 @@ class Entities:
         self.feedback = Topic()
         self.matched = self
         self.event: tuple[int, int] | None = None
+        self.status: Topic | None = None
         self.sources = [self.goal, self.result, self.cancel, self.feedback, self.matched]
         self.on_matched = callbacks["on_matched"]
         self.destroyed = False
 
     def services_ready(self) -> bool:
         return True
+
+    def subscribe_status(self, on_status: Callable[[], None]) -> Topic:
+        self.status = Topic()
+        self.status.on_readable = on_status  # type: ignore[attr-defined]
+        return self.status
+
+    def unsubscribe_status(self, source: Topic) -> None:
+        assert source is self.status
+        self.status = None
 
     def take(self) -> None:
         event, self.event = self.event, None
@@ -137,7 +147,7 @@ class World(CommunicationThread):
         self.gids = list(gids)
         self.entities.on_matched(len(gids), came)
         if came:
-            self.advance(0.0)
+            self.advance(0.1)
             self.entities.cancel.answer(CancelGoal.Response(return_code=UNKNOWN))
 
     def send(self) -> Listener:
@@ -159,6 +169,7 @@ def world(monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
     yield world
     world.link.close()
     assert world.entities.destroyed
+    assert world.entities.status is None
     assert world.sources == set()
     sent = len(world.entities.cancel.sent)
     world.advance(100.0)
@@ -181,6 +192,36 @@ def test_a_goal_s_way_and_what_is_left_of_it(world: World) -> None:
     world.result(4)
     world.serve()
     assert goal.news() == []
+
+
+def test_a_server_that_has_sent_its_status_is_asked_at_once(world: World) -> None:
+    """It went to a subscription that was made after all the others, so it knows those, too."""
+    world.gids = [A]
+    world.entities.on_matched(1, 1)
+    world.advance(0.005)
+    assert world.entities.status in world.sources
+    assert world.entities.cancel.sent == []
+    world.entities.status.on_readable()
+    assert len(world.entities.cancel.sent) == 1
+    assert world.entities.status is None
+    world.advance(0.005)
+    world.entities.cancel.answer(CancelGoal.Response(return_code=UNKNOWN))
+    assert world.link.server_is_ready()
+
+
+@pytest.mark.parametrize("then", ["ready", "gone", "closed"])
+def test_status_is_waited_for_no_longer_than_it_says_anything(world: World, then: str) -> None:
+    world.gids = [A]
+    world.entities.on_matched(1, 1)
+    assert world.entities.status is not None
+    if then == "closed":
+        return  # the fixture closes it, and looks
+    if then == "gone":
+        world.serve()
+    else:
+        world.advance(0.6)
+        assert world.link.server_is_ready()
+    assert world.entities.status is None
 
 
 def test_a_goal_that_is_unwanted_meanwhile_is_not_sent(world: World) -> None:
@@ -314,7 +355,7 @@ def test_whether_a_server_is_ready_is_asked_of_the_middleware(world: World) -> N
     world.gids = [A]
     world.entities.event = (1, 1)
     assert not world.link.server_is_ready()  # it has not answered so far
-    world.advance(0.0)
+    world.advance(0.1)
     world.entities.cancel.answer(CancelGoal.Response(return_code=UNKNOWN))
     assert world.link.server_is_ready()
 

@@ -78,7 +78,11 @@ class World:
             cast(Runtime, runtime),
             cast(
                 Entities,
-                SimpleNamespace(matched=matched, services_ready=lambda: bool(self.matched)),
+                SimpleNamespace(
+                    matched=matched,
+                    services_ready=lambda: bool(self.matched),
+                    subscribe_status=self._no_status,
+                ),
             ),
             name="/fibonacci",
             type_name=TYPE,
@@ -91,6 +95,9 @@ class World:
 
     def _count_ready(self) -> None:
         self.ready += 1
+
+    def _no_status(self, _: object) -> Any:
+        raise InvalidHandle("no server here has a status to send")
 
     def _publishers(self, _topic: str) -> list[Any]:
         if self.graph is None:
@@ -142,7 +149,7 @@ class World:
             self.see(gid)
         self.matched = set(gids)
         self.read_event()
-        self.clock.advance(0.01)
+        self.clock.advance(0.11)
 
     def wait(self, goal: Goal | None = None) -> Goal:
         """Let a goal wait for a server."""
@@ -312,6 +319,35 @@ def test_who_waits_is_told_that_another_type_is_served(world: World) -> None:
     assert len(world.clock.queue) == 0  # nobody looks any more
 
 
+def test_who_waits_for_a_server_to_answer_is_told_what_took_its_place(world: World) -> None:
+    """The servers of our type went before they were ready, and another type is served since."""
+    world.graph = [b"a"]
+    world.see(b"a")
+    world.read_event()
+    waiting = world.wait()
+    assert waiting.mismatches == []
+    world.lose(b"a")
+    world.graph = []
+    world.read_event()
+    world.action_type, world.graph = "a/action/Other", [b"x"]
+    world.clock.advance(1.0)
+    assert waiting.mismatches == [("a/action/Other",)]
+
+
+def test_who_waits_can_have_the_graph_looked_at_at_any_time(world: World) -> None:
+    waiting = world.wait()
+    world.monitor.readiness.look_again()
+    assert waiting.mismatches == []
+    world.action_type, world.graph = "a/action/Other", [b"x"]
+    world.monitor.readiness.look_again()
+    assert waiting.mismatches == [("a/action/Other",)]
+    world.action_type = TYPE
+    world.serve(b"a")
+    world.action_type = "a/action/Other"
+    world.monitor.readiness.look_again()  # a server of our type was there a moment ago
+    assert len(waiting.mismatches) == 1
+
+
 # --- who loses a server ------------------------------------------------------------------------
 
 
@@ -474,7 +510,7 @@ def test_servers_are_looked_for_once_a_second_where_there_is_no_event() -> None:
     waiting = world.wait()
     world.alive = world.matched = {b"a"}
     world.graph = [b"a"]
-    world.clock.advance(1.1)
+    world.clock.advance(1.2)
     assert waiting.ready == 1
     goal = world.sent()
     seen: list[int] = []

@@ -10,6 +10,9 @@ from tests.unit.clock import Clock
 
 OURS = "test_msgs/action/Fibonacci"
 PATIENCE = 0.5
+HEAD_START = 0.1  # as long as `readiness` gives a server, at least
+KEPT = 0.1
+"""Seconds for which a server keeps an answer until it knows the way back."""
 A, B, C = b"a", b"b", b"c"
 
 
@@ -22,7 +25,7 @@ class World:
         self.services = True
         self.told: list[object] = []
         self.probes: list[float] = []
-        self.looks = 0
+        self.looks = self.completed = 0
         self.readiness = ServerReadiness(
             self.clock,
             list_servers=self._list,
@@ -31,8 +34,12 @@ class World:
             on_ready=lambda: self.told.append("ready"),
             on_change=self._changed,
             on_mismatch=lambda types: self.told.append(("mismatch", types)),
+            on_complete=self._count_complete,
             action_type=OURS,
         )
+
+    def _count_complete(self) -> None:
+        self.completed += 1
 
     def _list(self) -> list[Endpoint] | None:
         self.looks += 1
@@ -82,7 +89,7 @@ def test_a_server_is_ready_when_it_answers(world: World) -> None:
     world.match(A)
     assert world.readiness.state is State.SETTLING
     assert not world.readiness.ready
-    world.clock.advance(0.0)
+    world.clock.advance(HEAD_START)
     assert len(world.probes) == 1
     world.clock.advance(0.01)
     assert world.news() == []
@@ -96,12 +103,73 @@ def test_a_server_is_ready_when_it_answers(world: World) -> None:
     assert (world.news(), len(world.probes), len(world.clock.queue)) == ([], asked, 0)
 
 
-def test_the_question_is_repeated_ever_more_rarely(world: World) -> None:
+def test_a_server_has_time_to_find_us_before_it_is_asked(world: World) -> None:
+    """Else an rclpy server is held up for 0.1 s, prints a warning, and the answer is lost."""
+    world.services = False
     world.match(A)
-    world.clock.advance(0.4)
+    world.clock.advance(0.3)
+    world.services = True
+    seen = world.clock.time
+    world.clock.advance(1.0)
+    assert world.probes[0] - seen >= HEAD_START
     pauses = [later - one for one, later in zip(world.probes, world.probes[1:], strict=False)]
-    assert pauses == pytest.approx([0.001 * 2**n for n in range(len(pauses))])
-    assert len(world.probes) < 12
+    assert len(pauses) == 1
+    assert min(pauses) > KEPT
+
+
+def test_a_server_that_shows_that_it_knows_us_is_asked_at_once(world: World) -> None:
+    world.readiness.known()  # what is known before anybody is there means nothing
+    world.match(A)
+    assert (world.completed, world.probes) == (1, [])
+    world.clock.advance(0.003)
+    world.readiness.known()
+    assert world.probes == [world.clock.time]
+    world.readiness.known()
+    world.clock.advance(HEAD_START)
+    assert len(world.probes) == 1  # the end of the head start is no second question
+    world.clock.advance(KEPT)
+    assert len(world.probes) == 2
+    world.readiness.answered()
+    world.readiness.known()
+    world.clock.advance(10.0)
+    assert (len(world.probes), world.news()) == (2, ["ready"])
+
+
+def test_of_several_servers_one_that_knows_us_proves_nothing_of_the_others(world: World) -> None:
+    world.match(A, B)
+    world.readiness.known()
+    assert world.probes == []
+    world.clock.advance(HEAD_START)
+    assert len(world.probes) == 1
+
+
+def test_who_comes_in_the_place_of_another_has_as_much_time(world: World) -> None:
+    world.match(A)
+    world.clock.advance(HEAD_START - 0.01)
+    world.match()
+    world.clock.advance(0.001)
+    world.match(B)
+    world.clock.advance(HEAD_START - 0.001)
+    assert world.probes == []
+    world.clock.advance(0.002)
+    assert len(world.probes) == 1
+
+
+def test_a_server_that_is_long_in_coming_is_asked_all_the_same(world: World) -> None:
+    """Its services are seen long after itself: it may know even less of us."""
+    world.services = False
+    world.match(A)
+    world.clock.advance(2 * PATIENCE)
+    world.services = True
+    world.clock.advance(PATIENCE - 0.01)
+    assert (len(world.probes), world.news()) == (2, [])
+
+
+def test_several_servers_are_asked_ever_more_rarely(world: World) -> None:
+    world.match(A, B)
+    world.clock.advance(4.9)
+    assert world.news() == []
+    assert 15 < len(world.probes) < 22
 
 
 def test_a_server_that_answers_nothing_is_busy_not_deaf(world: World) -> None:

@@ -21,6 +21,7 @@ from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.liveness import Liveness
 from actionkit._ros.servers.readiness import UNNAMED, ServerReadiness
 from actionkit._ros.servers.restarts import RestartDetector
+from actionkit._ros.servers.way_back import WayBack
 from actionkit._threads.clock import TimerGroup
 from actionkit._threads.diagnostics import log_later
 
@@ -103,8 +104,10 @@ class ServerMonitor:
             on_ready=self._on_ready,
             on_change=self._on_change,
             on_mismatch=self._on_mismatch,
+            on_complete=lambda: self._way_back.watch(),  # noqa: PLW0108  it is made below
             action_type=type_name,
         )
+        self._way_back = WayBack(runtime, entities, self.readiness.known)
         if entities.matched is None:
             self._poll_matched()
 
@@ -113,6 +116,7 @@ class ServerMonitor:
         self._closed = True
         self._timers.close()
         self.readiness.close()
+        self._way_back.stop()
 
     # --- who waits for a server ------------------------------------------------------------
 
@@ -122,11 +126,15 @@ class ServerMonitor:
             listener.on_server_ready()
             return
         self._awaiting[listener] = None
-        self.readiness.look(lambda: bool(self._awaiting))
+        self._look()
 
     def await_next_ready(self, listener: GoalListener) -> None:
         """Tell the listener when a server becomes ready the next time."""
         self._awaiting[listener] = None
+        self._look()
+
+    def _look(self) -> None:
+        self.readiness.look(lambda: bool(self._awaiting))
 
     def stop_waiting(self, listener: GoalListener) -> None:
         """Undo `await_server` and `await_next_ready`."""
@@ -216,6 +224,7 @@ class ServerMonitor:
                 yield listener, goal
 
     def _on_ready(self) -> None:
+        self._way_back.stop()
         awaiting, self._awaiting = self._awaiting, {}
         for listener in awaiting:
             listener.on_server_ready()
@@ -247,6 +256,8 @@ class ServerMonitor:
         if not self.readiness.servers:
             for listener in self._queued():
                 listener.on_server_lost(reason)
+            self._way_back.stop()
+            self._look()  # for those who waited for it to answer
 
     def _reconsider(self, goal: _SentGoal, came: frozenset[bytes]) -> None:
         """Add the servers that may have a goal although they were not known when it was sent.

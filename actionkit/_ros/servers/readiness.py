@@ -6,6 +6,10 @@ endpoints one by one; if a goal comes before the server knows the way back, it r
 its acknowledgement is lost (R4). So a probe is sent first: a request to cancel a goal that cannot
 exist. It is sent over the endpoint that was made last, so a server that answers it knows all the
 others too.
+
+For the probe, too, the server has to know the way back. If it does not, it waits for that, up to
+0.1 s in which an rclpy server does nothing else; then it prints a warning, and the answer is lost.
+So the first probe comes a moment after the server's services are seen, the next after that wait.
 """
 
 from __future__ import annotations
@@ -17,16 +21,22 @@ from actionkit._ros.graph import Endpoint
 from actionkit._threads.clock import Timers
 
 _FIRST_STEP = 0.001
-"""Seconds between the first two probes, or looks at the graph; twice as long each time. A server
-that knows us answers within a millisecond."""
+"""Seconds between the first two looks at the graph, or at the services; twice as long each time."""
 _SETTLING_STEP = 0.25
-"""Seconds between two probes at most, so that a server that has just come is ready soon."""
+"""Seconds between two such looks, or two probes, at most, so that a server is ready soon."""
 _SETTLING = 10.0
-"""Seconds for which it is probed that often; it is either ready by then or does not answer."""
+"""Seconds for which the services are looked at that often; they are either there by then or not."""
 _LAST_STEP = 1.0
-"""Seconds between two probes or looks after that; an idle client may do so no oftener (C7.4)."""
+"""Seconds between two looks after that; an idle client may do so no oftener (C7.4)."""
+_HEAD_START = 0.1
+"""Seconds that a server has to find our endpoints before it is probed. rclpy's own wait for a
+server gives it as much: it looks every 0.25 s, so the first goal is 0.125 s late on average."""
+_PROBE_STEP = 0.15
+"""Seconds between the first two probes: a server keeps the answer to one for 0.1 s until it knows
+the way back. To ask again meanwhile would bring nothing, and hold it up once more."""
 _PATIENCE = 0.5
-"""Seconds after which a server that does not answer is taken for busy, and for ready (C5.5)."""
+"""Seconds after which a server that does not answer is taken for busy, and for ready (C5.5). They
+run from when its services are seen, and two probes were sent by then."""
 _PATIENCE_WITH_SEVERAL = 5.0
 """The same with several servers. After a restart it is the dead server's endpoints that are
 matched; those of the new server have been seen to take 4 s."""
@@ -63,6 +73,7 @@ class ServerReadiness:
         on_ready: Callable[[], None],
         on_change: Callable[[frozenset[bytes], frozenset[bytes]], None],
         on_mismatch: Callable[[tuple[str, ...]], None],
+        on_complete: Callable[[], None],
         action_type: str,
     ) -> None:
         """Begin without servers, until `matched` is called.
@@ -76,6 +87,7 @@ class ServerReadiness:
             on_ready: Called when goals can be sent, again for each new server.
             on_change: Called with the ids of servers that have come, and of those that are gone.
             on_mismatch: Called with the types served, where none of them is `action_type`.
+            on_complete: Called when a server's services are seen; `known` may be called then.
             action_type: The type of this side.
         """
         self.state = State.ABSENT
@@ -90,11 +102,16 @@ class ServerReadiness:
         self._on_ready = on_ready
         self._on_change = on_change
         self._on_mismatch = on_mismatch
+        self._on_complete = on_complete
         self._action_type = action_type
         self._outdated: frozenset[bytes] = frozenset()
         """The servers that the graph shows as long as it does not show one that has come."""
         self._outdated_until = 0.0
         self._settling_since = 0.0
+        self._services_since: float | None = None
+        """When the services were seen first, in this settling."""
+        self._probed = False
+        """Whether a probe was sent since then."""
         self._closed = False
         self._looking = False
 
@@ -136,6 +153,11 @@ class ServerReadiness:
         """Whether the graph shows the servers that the middleware's event told of."""
         return len(self.servers) == self.count and not self.servers & UNNAMED
 
+    def known(self) -> None:
+        """Handle that a server which is there knows our endpoints: it needs no head start."""
+        if self.count == 1 and self._services_since is not None and not self._probed:
+            self._settle(self._settling_since, _PROBE_STEP)
+
     def answered(self) -> None:
         """Handle that a probe was answered."""
         if self.state is State.SETTLING:
@@ -147,6 +169,18 @@ class ServerReadiness:
             self._looking = True
             self._look(wanted)
 
+    def look_again(self) -> None:
+        """Compare the types served with ours, once and now.
+
+        A server may come into view long after it was there: where the first announcement between
+        two processes is lost, with Fast DDS it takes 3 s until the next.
+        """
+        if self.state is not State.ABSENT:
+            return
+        types = {server.action_type for server in self._list_servers() or ()}
+        if types and self._action_type not in types:
+            self._on_mismatch(tuple(sorted(types)))
+
     def close(self) -> None:
         """Call none of the callbacks any more."""
         self._closed = True
@@ -155,15 +189,14 @@ class ServerReadiness:
         if self._closed or self.state is not State.ABSENT or not wanted():
             self._looking = False
             return
-        types = {server.action_type for server in self._list_servers() or ()}
-        if types and self._action_type not in types:
-            self._on_mismatch(tuple(sorted(types)))
+        self.look_again()
         self._timers.call_at(self._timers.now() + _GRAPH_PERIOD, lambda: self._look(wanted))
 
     def _begin_settling(self) -> None:
         self.state = State.SETTLING
         self._settling_since = self._timers.now()
-        self._settle(_FIRST_STEP)
+        self._services_since, self._probed = None, False
+        self._settle(self._settling_since, _FIRST_STEP)
 
     def _compare(self) -> None:
         """Compare the servers there are with those there were."""
@@ -206,18 +239,32 @@ class ServerReadiness:
             self._outdated = frozenset()
         return gids | UNNAMED if len(gids) < self.count else gids
 
-    def _settle(self, step: float) -> None:
-        if self._closed or self.state is not State.SETTLING:
+    def _settle(self, since: float, step: float) -> None:
+        if self._closed or self.state is not State.SETTLING or since != self._settling_since:
             return
         now = self._timers.now()
-        if self._services_ready():
-            patience = _PATIENCE if self.count == 1 else _PATIENCE_WITH_SEVERAL
-            if now - self._settling_since >= patience:
-                self._become_ready()
-                return
-            self._probe()
-        slowest = _SETTLING_STEP if now - self._settling_since < _SETTLING else _LAST_STEP
-        self._timers.call_at(now + step, lambda: self._settle(min(2 * step, slowest)))
+        if not self._services_ready():
+            slowest = _SETTLING_STEP if now - since < _SETTLING else _LAST_STEP
+            self._timers.call_at(now + step, lambda: self._settle(since, min(2 * step, slowest)))
+            return
+        if self._services_since is None:
+            self._services_since = now
+            self._timers.call_at(now + _HEAD_START, lambda: self._end_head_start(since))
+            self._on_complete()
+            return
+        patience = _PATIENCE if self.count == 1 else _PATIENCE_WITH_SEVERAL
+        ready_at = self._services_since + patience
+        if now >= ready_at:
+            self._become_ready()
+            return
+        self._probed = True
+        self._probe()
+        following = min(2 * step, _SETTLING_STEP)
+        self._timers.call_at(min(now + step, ready_at), lambda: self._settle(since, following))
+
+    def _end_head_start(self, since: float) -> None:
+        if not self._probed:
+            self._settle(since, _PROBE_STEP)
 
     def _become_ready(self) -> None:
         self.state = State.READY

@@ -1,0 +1,54 @@
+"""Notices that a server knows the way back to this side, before anything is asked of it.
+
+A server learns of a process's subscriptions and response readers in the order in which they are
+made. So one more subscription is made last, to the action's status, of which a server sends the
+latest message to each newcomer: when that comes, the server knows all the others, too. A server
+that has had no goal so far has no status to send.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rclpy.exceptions import InvalidHandle
+
+from actionkit._ros.entities import Entities
+from actionkit._ros.native import MessageSource, RCLError
+from actionkit._ros.runtime import Runtime
+
+
+class WayBack:
+    """Waits for a status message that proves it. On the communication thread only."""
+
+    def __init__(self, runtime: Runtime, entities: Entities, on_known: Callable[[], None]) -> None:
+        """Do nothing until `watch` is called.
+
+        Args:
+            runtime: Whose thread this is.
+            entities: What makes the subscription, and has made all the others.
+            on_known: Called once for each `watch`, when a status message has come.
+        """
+        self._runtime = runtime
+        self._entities = entities
+        self._on_known = on_known
+        self._source: MessageSource | None = None
+
+    def watch(self) -> None:
+        """Subscribe, until a message has come or `stop` is called."""
+        self.stop()
+        try:
+            self._source = self._entities.subscribe_status(self._take)
+        except (RCLError, InvalidHandle):
+            return  # the context was shut down: nothing new can be made in it (R10)
+        self._runtime.enable(self._source)
+
+    def stop(self) -> None:
+        """Destroy the subscription, if there is one."""
+        if self._source is not None:
+            self._runtime.disable(self._source)
+            self._entities.unsubscribe_status(self._source)
+            self._source = None
+
+    def _take(self) -> None:
+        self.stop()
+        self._on_known()
