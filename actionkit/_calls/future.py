@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import _thread
-import asyncio
 import concurrent.futures
-import contextlib
 import logging
 import os
 import sys
 import uuid
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Coroutine, Generator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, Protocol, cast
 
+from actionkit._calls.awaiting import Awaiters
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast, FeedbackStream
 from actionkit._goal.effects import End
 from actionkit._model.action_type import FeedbackT, ResultT
@@ -23,8 +21,9 @@ from actionkit._model.timeline import Recorder
 from actionkit._model.values import GoalState, Outcome, Timeline
 from actionkit._threads.blocked import Label
 from actionkit._threads.diagnostics import is_interrupt, log_here
+from actionkit._threads.function_runner import Clock
 from actionkit._threads.pool import Pool
-from actionkit._threads.waiting import Flag, taken_from, wake_future
+from actionkit._threads.waiting import Flag, run_in_thread, taken_from
 
 if sys.version_info >= (3, 11):
     LocalTimeout = TimeoutError
@@ -63,17 +62,28 @@ class _Over:
         """Do nothing: it is too late."""
 
 
-class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]):
+class GoalFuture(
+    concurrent.futures.Future[ResultT],
+    Coroutine[Any, Any, ResultT],
+    Generic[ResultT, FeedbackT],
+):
     """The result that a call will have.
 
     Works with `concurrent.futures.wait`, `as_completed` and `add_done_callback`, and can be
-    awaited from any running asyncio loop. Made by `Client.call_async` only.
+    awaited under asyncio, under trio, and in callbacks that an executor of rclpy runs; asyncio
+    takes it for a coroutine, too, as in `asyncio.create_task`. Made by `Client.call_async` only.
 
     In a signal handler use the methods here: `wait` and `as_completed` may have been what the
     handler interrupted, and would then wait for themselves.
     """
 
-    def __init__(self, call: CallView, feedback: FeedbackBroadcast[FeedbackT], pool: Pool) -> None:
+    def __init__(
+        self,
+        call: CallView,
+        feedback: FeedbackBroadcast[FeedbackT],
+        pool: Pool,
+        clock: Clock,
+    ) -> None:
         super().__init__()
         self._call = call
         self._feedback = feedback
@@ -83,7 +93,7 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         self._over = Flag()
         self._pid = os.getpid()
         self._user_callbacks: deque[Callable[[Any], object]] = deque()
-        self._waiters_async: deque[Callable[[], None]] = deque()
+        self._awaiters = Awaiters(self._over, clock)
 
     def __repr__(self) -> str:
         return f"<GoalFuture {self.goal_id} {self.state}{' done' if self.done() else ''}>"
@@ -183,41 +193,47 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         return self._cancelled and self.done()
 
     def __await__(self) -> Generator[Any, None, ResultT]:
-        """Wait on the running event loop, without polling.
+        """Wait without polling and without blocking what runs this coroutine.
 
-        Cancelling the awaiting task cancels the goal on the server, waits for that to be
-        confirmed, `Timeouts.cancel` seconds at most, and lets the cancellation go on.
+        Cancelling the task that waits cancels the goal on the server, waits for that to be
+        confirmed, `Timeouts.cancel` seconds at most, and lets the cancellation go on. Where
+        several tasks wait for one goal, only the last of them to be cancelled cancels it.
+
+        Raises:
+            RuntimeError: Nothing runs this coroutine that could wait; the goal is cancelled.
         """
         return self._wait_async().__await__()
 
     async def _wait_async(self) -> ResultT:
-        try:
-            await self._settled()
-        except asyncio.CancelledError:
-            self.cancel()
-            # A second cancellation of the task ends this wait at once.
-            await _within(self._settled(), self._call.cancel_grace)
-            raise
+        self._check_process()
+        was_cancelled = await self._awaiters.wait(self._give_up, self._call.cancel_grace)
         if self.cancelled():
-            raise asyncio.CancelledError(f"goal {self.goal_id} was cancelled")
+            raise was_cancelled(f"goal {self.goal_id} was cancelled")
         return self.result(0)
 
-    async def _settled(self) -> None:
-        """Return when the future is done."""
-        self._check_process()
-        loop = asyncio.get_running_loop()
-        woken: asyncio.Future[None] = loop.create_future()
+    def _give_up(self) -> None:
+        """Cancel the goal, because nobody awaits it any more."""
+        if os.getpid() == self._pid:  # in a forked child coroutines are cleared away as well
+            self.cancel()
 
-        def wake() -> None:
-            wake_future(loop, woken)
+    # What asyncio calls in a task whose coroutine this is, as in `asyncio.create_task(future)`.
 
-        self._waiters_async.append(wake)
-        try:
-            if not self.done():  # or it may have ended before `wake` could be seen
-                await woken
-        finally:
-            with contextlib.suppress(ValueError):  # it was taken out by `settle`
-                self._waiters_async.remove(wake)
+    def send(self, value: Any) -> Any:
+        """Go on with the running task of asyncio, whose coroutine this is."""
+        return self._awaiters.send(self._wait_async, value)
+
+    def throw(self, typ: Any, val: Any = None, tb: Any = None) -> Any:
+        """Raise an error in the running task of asyncio, whose coroutine this is."""
+        error: BaseException = typ if val is None else val
+        if isinstance(error, type):
+            error = error()
+        return self._awaiters.throw(
+            self._wait_async, error if tb is None else error.with_traceback(tb)
+        )
+
+    def close(self) -> None:
+        """Cancel the goal if nobody awaits it: asyncio has refused to make a task of this."""
+        self._awaiters.close(self._give_up)
 
     # --- control ---------------------------------------------------------------------------
 
@@ -277,9 +293,7 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         notified = self._notify_base_at_once()
         self._over.set()
         if not notified:
-            self._notify_base_in_thread()
-        for wake in taken_from(self._waiters_async):
-            wake()
+            run_in_thread(self._notify_base)
         for callback in taken_from(self._user_callbacks):
             label = Label("done callback", callback, "a thread, but no other callback")
             self._pool.submit(partial(self._call_back, callback), label)
@@ -304,13 +318,6 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         finally:
             self._condition.release()
 
-    def _notify_base_in_thread(self) -> None:
-        try:
-            # Not a `threading.Thread`: starting one takes a lock, too.
-            _thread.start_new_thread(self._notify_base, ())
-        except RuntimeError:  # there are too many
-            self._notify_base()
-
     def _notify_base(self) -> None:
         outcome = self._outcome
         assert outcome is not None
@@ -328,10 +335,3 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
                 "this GoalFuture belongs to the process that was forked; its goal cannot be"
                 " followed here"
             )
-
-
-async def _within(settled: Any, seconds: float) -> None:
-    try:
-        await asyncio.wait_for(settled, seconds)
-    except asyncio.TimeoutError:
-        return
