@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING, Any, Generic
 
 from typing_extensions import Never, Self
 
+from actionkit._calls.blocking import refuse_in_callback, warn_on_event_loop
 from actionkit._calls.budget import RetryBudget, check_budget
 from actionkit._calls.call import Call
 from actionkit._calls.classify import Classify, check_classify
+from actionkit._calls.drivers import finished_in_thread
 from actionkit._calls.feedback import callbacks_for
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.request import Request
+from actionkit._calls.transport import transport
 from actionkit._messages.convert import to_message
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
 from actionkit._model.arguments import UNSET, Unset, check_type, refuse_unknown
@@ -22,7 +25,7 @@ from actionkit._model.field_errors import FieldError, FieldTypeError
 from actionkit._model.settings import RetryPolicy, Timeouts, check_seconds
 from actionkit._observers.protocol import Observer, check_observers
 from actionkit._threads.function_runner import function_pool
-from actionkit._threads.pool import Pool, in_callback
+from actionkit._threads.pool import Pool
 
 if TYPE_CHECKING:
     from actionkit._calls.session import OnClose, Session
@@ -87,7 +90,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         checked = check_observers(observers)
         if on_close not in ("cancel", "abandon"):
             raise ValueError(f"on_close={on_close!r} must be 'cancel' or 'abandon'")
-        port, session = _transport()
+        port, session = transport()
         self._timeouts = timeouts
         self._retry = retry
         self._classify = classify
@@ -164,11 +167,8 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             RuntimeError: Called from one of ActionKit's own callbacks, or after a fork.
             TypeError, ValueError: An argument is wrong.
         """
-        if in_callback.get():
-            raise RuntimeError(
-                "Client.call() would wait inside a callback that ActionKit itself is waiting"
-                " for: use call_async() here"
-            )
+        refuse_in_callback()
+        warn_on_event_loop("Client.call()", "await client.call_async()")
         call = self._prepare(goal, on_feedback, timeout, retry, classify, unknown)
         future: GoalFuture[ResultT, FeedbackT] = call.future
         try:
@@ -270,7 +270,26 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             TypeError, ValueError: A bad `timeout`.
         """
         seconds = check_seconds("timeout", timeout)
+        warn_on_event_loop("Client.wait_for_server()", "await client.wait_for_server_async()")
         return self._session.wait_for_server(seconds)
+
+    async def wait_for_server_async(self, timeout: float | None = None) -> bool:
+        """Wait until a server is ready for goals, without blocking what runs this coroutine.
+
+        That may be asyncio, trio, or an executor of rclpy.
+
+        Args:
+            timeout: As for `wait_for_server`.
+
+        Returns:
+            Whether one is ready.
+
+        Raises:
+            ClientClosedError: The client was closed.
+            RuntimeError: Nothing runs this coroutine that could wait.
+            TypeError, ValueError: A bad `timeout`.
+        """
+        return await self._session.wait_for_server_async(check_seconds("timeout", timeout))
 
     def server_is_ready(self) -> bool:
         """Whether a server is ready for goals now.
@@ -326,22 +345,5 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         exc: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Close the client without blocking the event loop."""
-        import asyncio
-
-        await asyncio.shield(asyncio.get_running_loop().run_in_executor(None, self.close))
-
-
-def _transport() -> tuple[Any, Any]:
-    """Import what needs rclpy, late: `import actionkit` works, and is quick, without rclpy."""
-    try:
-        from actionkit._calls import exit as _exit
-        from actionkit._calls import session as _session
-        from actionkit._ros import port
-    except ImportError as error:
-        raise ImportError(
-            f"ActionKit needs rclpy, which cannot be imported ({error}). On a machine with a"
-            " ROS installation source its setup file; elsewhere: pip install 'actionkit[ros]'"
-        ) from error
-    _exit.arm()
-    return port, _session
+        """Close the client without blocking what runs this coroutine."""
+        await finished_in_thread(self.close)

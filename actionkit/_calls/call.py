@@ -347,4 +347,4 @@ class Call:
         outcome = self._record.outcome(ending, self.goal_id, self._attempts)
         self._record.tell_outcome(outcome)
         self._carrier.finished(self)  # first: who sees the end sees it counted out (C1.11)
-        self.future.settle(outcome, ending.end)
+        self.future._settle(outcome, ending.end)

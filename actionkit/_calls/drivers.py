@@ -12,6 +12,7 @@ import concurrent.futures
 import contextlib
 import inspect
 import sys
+import threading
 from collections.abc import Callable
 from functools import partial
 from types import FrameType
@@ -145,10 +146,36 @@ def find_driver() -> Driver:
         return Asyncio()
     except RuntimeError:
         raise RuntimeError(
-            "nothing runs this coroutine that can wait for a goal: await it under asyncio, under"
-            " trio, or in a callback that an executor of rclpy runs. Elsewhere use result()"
+            "nothing runs this coroutine that could go on with it later: await under asyncio, under"
+            " trio, or in a callback that an executor of rclpy runs; elsewhere use what blocks, as"
+            " result() does"
         ) from None
 
 
 def _is_in(package: str, frame: FrameType) -> bool:
     return str(frame.f_globals.get("__name__")).partition(".")[0] == package
+
+
+async def finished_in_thread(function: Callable[[], None]) -> None:
+    """Call a function on a thread of its own, and wait for its end.
+
+    It goes on where the task that waits is cancelled.
+
+    Raises:
+        RuntimeError: Nothing runs this coroutine that could wait; the function was called.
+    """
+    ended = Flag()
+    errors: list[BaseException] = []
+
+    def call() -> None:
+        try:
+            function()
+        except BaseException as error:  # noqa: BLE001  raised below
+            errors.append(error)
+        finally:
+            ended.set()
+
+    threading.Thread(target=call, name="actionkit-close", daemon=True).start()
+    await find_driver().wait(ended)
+    for error in errors:
+        raise error
