@@ -134,8 +134,9 @@ def find_driver() -> Driver:
         RuntimeError: Nothing that can wait for a goal.
     """
     frame: FrameType | None = sys._getframe(1)
+    trio_runs = "trio" in sys.modules
     while frame is not None and frame.f_code.co_flags & _COROUTINE:
-        if _is_in("trio", frame):  # it is driven by a generator of trio's
+        if trio_runs and _is_of_trio(frame):
             return Trio()
         frame = frame.f_back
     if frame is not None and frame.f_globals.get("__name__") == "rclpy.task":
@@ -152,8 +153,9 @@ def find_driver() -> Driver:
         ) from None
 
 
-def _is_in(package: str, frame: FrameType) -> bool:
-    return str(frame.f_globals.get("__name__")).partition(".")[0] == package
+def _is_of_trio(frame: FrameType) -> bool:
+    """Whether it is of trio's own code: there a generator resumes the coroutines."""
+    return str(frame.f_globals.get("__name__")).startswith("trio.")
 
 
 async def finished_in_thread(function: Callable[[], None]) -> None:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import concurrent.futures
-import contextlib
 import time
 import weakref
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.exceptions import InvalidHandle
 from rclpy.task import Future
 
 from actionkit._ros.native import executor_of, has_ended, take_out
+from actionkit._threads.diagnostics import log_own_error
 from actionkit._threads.waiting import Flag, run_in_thread
 
 _STEP = 0.0005
@@ -48,28 +47,34 @@ class Rclpy:
         executor: Any = self._executor()
         task, woken = self._task, _Future(executor=executor)
         put_back = take_out(executor, task)
+        left = Flag()
 
         def resume() -> None:
-            while task.executing():  # else the executor passes over it, and is not woken again
+            # An executor passes over a task whose step is not over, and is not woken again.
+            while task.executing() and not left.is_set():
                 time.sleep(_STEP)
-            woken.set_result(None)
-            put_back()
-            if (executor := self._executor()) is not None:
-                with contextlib.suppress(InvalidHandle):  # it is shut down
+            executor = self._executor()
+            try:
+                woken.set_result(None)
+                put_back()
+                if executor is not None:
                     executor.wake()
+            except Exception:  # noqa: BLE001  of many kinds where the executor was shut down
+                if not (executor is None or has_ended(executor)):
+                    log_own_error()
 
         def wake() -> None:
             run_in_thread(resume)  # future and executor have locks
 
         del executor  # that is the user's to drop
         flag.add_waiter(wake)
-        if flag.is_set():
-            flag.remove_waiter(wake)
-            put_back()
-            return
         try:
-            await woken
+            if flag.is_set():  # so it goes on in this step
+                put_back()
+            else:
+                await woken
         finally:
+            left.set()
             flag.remove_waiter(wake)
 
     async def let_others_begin(self) -> None:
