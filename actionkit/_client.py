@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any, Generic
 
 from typing_extensions import Never, Self
 
+from actionkit._calls.blocking import refuse_in_callback, warn_on_event_loop
 from actionkit._calls.budget import RetryBudget, check_budget
 from actionkit._calls.call import Call
 from actionkit._calls.classify import Classify, check_classify
+from actionkit._calls.drivers import finished_in_thread
 from actionkit._calls.feedback import callbacks_for
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.request import Request
@@ -23,7 +25,7 @@ from actionkit._model.field_errors import FieldError, FieldTypeError
 from actionkit._model.settings import RetryPolicy, Timeouts, check_seconds
 from actionkit._observers.protocol import Observer, check_observers
 from actionkit._threads.function_runner import function_pool
-from actionkit._threads.pool import Pool, in_callback
+from actionkit._threads.pool import Pool
 
 if TYPE_CHECKING:
     from actionkit._calls.session import OnClose, Session
@@ -99,9 +101,8 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         self._session: Session = session.Session(
             lambda: port.Port(action_type, action_name, node), on_close, timeouts.cancel, checked
         )
-        action: Any = action_type  # pyright knows no properties of a class object
-        self._goal_type: Any = action.Goal
-        self._action_type = action
+        self._action_type: Any = action_type  # pyright knows no properties of a class object
+        self._goal_type: Any = self._action_type.Goal
         self._identity = self._session.port.identity
         self._pool = Pool(self.action_name)
         self._function_pool = function_pool(self.action_name)
@@ -170,11 +171,8 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             RuntimeError: Called from one of ActionKit's own callbacks, or after a fork.
             TypeError, ValueError: An argument is wrong.
         """
-        if in_callback.get():
-            raise RuntimeError(
-                "Client.call() would wait inside a callback that ActionKit itself is waiting"
-                " for: use call_async() here"
-            )
+        refuse_in_callback()
+        warn_on_event_loop("Client.call()", "await client.call_async()")
         call = self._prepare(goal, on_feedback, timeout, retry, classify, unknown)
         future: GoalFuture[ResultT, FeedbackT] = call.future
         try:
@@ -232,10 +230,8 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
     ) -> Call:
         self._session.check()
         refuse_unknown(unknown)
-        if isinstance(timeout, Unset):
-            seconds = self._timeouts.total
-        else:
-            seconds = check_seconds("timeout", timeout)
+        unset = isinstance(timeout, Unset)
+        seconds = self._timeouts.total if unset else check_seconds("timeout", timeout)
         if retry is not None:
             check_type("retry", retry, RetryPolicy)
         check_classify(classify, self._action_type)
@@ -276,7 +272,26 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             TypeError, ValueError: A bad `timeout`.
         """
         seconds = check_seconds("timeout", timeout)
+        warn_on_event_loop("Client.wait_for_server()", "await client.wait_for_server_async()")
         return self._session.wait_for_server(seconds)
+
+    async def wait_for_server_async(self, timeout: float | None = None) -> bool:
+        """Wait until a server is ready for goals, without blocking what runs this coroutine.
+
+        That may be asyncio, trio, or an executor of rclpy.
+
+        Args:
+            timeout: As for `wait_for_server`.
+
+        Returns:
+            Whether one is ready.
+
+        Raises:
+            ClientClosedError: The client was closed.
+            RuntimeError: Nothing runs this coroutine that could wait.
+            TypeError, ValueError: A bad `timeout`.
+        """
+        return await self._session.wait_for_server_async(check_seconds("timeout", timeout))
 
     def server_is_ready(self) -> bool:
         """Whether a server is ready for goals now.
@@ -332,7 +347,5 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         exc: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Close the client without blocking the event loop."""
-        import asyncio
-
-        await asyncio.shield(asyncio.get_running_loop().run_in_executor(None, self.close))
+        """Close the client without blocking what runs this coroutine."""
+        await finished_in_thread(self.close)

@@ -59,13 +59,13 @@ class Call:
         self._carrier = carrier
         self._request = request
         self._record = CallRecord(carrier, request, dispatcher, self.goal_id)
-        self.timeline = self._record.timeline
+        self.timeline, tape = self._record.timeline, self._record.tape
         began = self._record.began
         self._deadline = None if request.timeout is None else began + request.timeout
         threads = request.function_pool
         self._retrying = RetryRunner(carrier, threads, request.retry, request.budget, began)
         self._judging = ClassifyRunner(carrier, threads, request.classify)
-        self.future: GoalFuture[Any, Any] = GoalFuture(self, self._record.tape, request.pool)
+        self.future: GoalFuture[Any, Any] = GoalFuture(self, tape, request.pool, carrier)
         self._attempt: Attempt | None = None
         self._previous: Attempt | None = None
         self._attempts = 0
@@ -345,4 +345,4 @@ class Call:
         outcome = self._record.outcome(ending, self.goal_id, self._attempts)
         self._record.tell_outcome(outcome)
         self._carrier.finished(self)  # first: who sees the end sees it counted out (C1.11)
-        self.future.settle(outcome, ending.end)
+        self.future._settle(outcome, ending.end)

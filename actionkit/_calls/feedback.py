@@ -197,7 +197,11 @@ def callbacks_for(
     if function is None:
         return None
     if not callable(function):
-        raise TypeError(f"on_feedback={function!r} must be callable with the feedback message")
+        number = isinstance(function, (int, float))
+        hint = f"; for a time limit write timeout={function!r}" if number else ""
+        raise TypeError(
+            f"on_feedback={function!r} must be callable with the feedback message{hint}"
+        )
     if not inspect.iscoroutinefunction(function) and not inspect.iscoroutinefunction(
         getattr(function, "__call__", None)  # noqa: B004  an object with `async def __call__`
     ):

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator
-from functools import partial
 from typing import Generic
 
+from actionkit._calls.drivers import find_driver
 from actionkit._calls.feedback import KEPT
 from actionkit._messages.lazy import UndecodableError
 from actionkit._model.action_type import FeedbackT
-from actionkit._threads.waiting import Flag, taken_from, wake_future
+from actionkit._threads.waiting import Flag, taken_from
 
 
 class FeedbackBroadcast(Generic[FeedbackT]):
@@ -93,22 +92,20 @@ class FeedbackStream(Generic[FeedbackT]):
                 self._remove_wake(woken.set)
 
     async def __aiter__(self) -> AsyncIterator[FeedbackT]:
-        """Yield messages, awaiting each without blocking the event loop."""
-        loop = asyncio.get_running_loop()
+        """Yield messages, awaiting each without blocking what runs this coroutine."""
         while True:
             ended = self._ended
             for message in self._messages():
                 yield message
             if ended:
                 return
-            woken: asyncio.Future[None] = loop.create_future()
-            wake = partial(wake_future, loop, woken)
-            self._wakes.append(wake)
+            woken = Flag()
+            self._wakes.append(woken.set)
             try:
                 if not self._buffer and not self._ended:
-                    await woken
+                    await find_driver().wait(woken)
             finally:
-                self._remove_wake(wake)
+                self._remove_wake(woken.set)
 
     def _messages(self) -> Iterator[FeedbackT]:
         for number, decode in taken_from(self._buffer):

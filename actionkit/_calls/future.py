@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-import _thread
-import asyncio
 import concurrent.futures
-import contextlib
 import logging
 import os
 import sys
 import uuid
 from collections import deque
-from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from collections.abc import Callable, Coroutine, Generator
 from functools import partial
-from typing import Any, Generic, Protocol, cast
+from typing import Any, Generic, cast
 
+from typing_extensions import Never
+
+from actionkit._calls.awaiting import Awaiters
+from actionkit._calls.call_view import CallIsOver, CallView
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast, FeedbackStream
 from actionkit._goal.effects import End
 from actionkit._model.action_type import FeedbackT, ResultT
-from actionkit._model.timeline import Recorder
+from actionkit._model.errors import ActionKitError, ClientClosedError
 from actionkit._model.values import GoalState, Outcome, Timeline
 from actionkit._threads.blocked import Label
-from actionkit._threads.diagnostics import is_interrupt, log_here
+from actionkit._threads.diagnostics import is_interrupt, log_here, log_later
+from actionkit._threads.function_runner import Clock
 from actionkit._threads.pool import Pool
-from actionkit._threads.waiting import Flag, taken_from, wake_future
+from actionkit._threads.waiting import Flag, run_in_thread, taken_from
 
 if sys.version_info >= (3, 11):
     LocalTimeout = TimeoutError
@@ -34,46 +35,33 @@ else:
         """A local wait ran out. The two bases are one class from Python 3.11 on."""
 
 
-class CallView(Protocol):
-    """What a future needs of its call."""
-
-    goal_id: uuid.UUID
-    state: GoalState
-    timeline: Recorder
-    cancel_grace: float
-
-    def request_cancel(self) -> None:
-        """Cancel soon. From any thread; never blocks."""
+_NOT_YOURS = "GoalFuture.{}() is not for users: only its call ends a future. To give up, cancel()"
 
 
-@dataclass
-class _Over:
-    """The few facts of a call that is over, so that its future need not hold the call itself.
-
-    The two would refer to each other, and a result would not be freed when the last reference to
-    the future goes, but only at some later garbage collection.
-    """
-
-    goal_id: uuid.UUID
-    state: GoalState
-    timeline: Recorder
-    cancel_grace: float
-
-    def request_cancel(self) -> None:
-        """Do nothing: it is too late."""
-
-
-class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]):
+class GoalFuture(
+    concurrent.futures.Future[ResultT],
+    Coroutine[Any, Any, ResultT],
+    Generic[ResultT, FeedbackT],
+):
     """The result that a call will have.
 
     Works with `concurrent.futures.wait`, `as_completed` and `add_done_callback`, and can be
-    awaited from any running asyncio loop. Made by `Client.call_async` only.
+    awaited under asyncio, under trio, and in callbacks that an executor of rclpy runs; asyncio
+    takes it for a coroutine, too, as in `asyncio.create_task`. Made by `Client.call_async` only.
+
+    Dropping it leaves the goal alone. A failure that nobody has looked at then is logged.
 
     In a signal handler use the methods here: `wait` and `as_completed` may have been what the
     handler interrupted, and would then wait for themselves.
     """
 
-    def __init__(self, call: CallView, feedback: FeedbackBroadcast[FeedbackT], pool: Pool) -> None:
+    def __init__(
+        self,
+        call: CallView,
+        feedback: FeedbackBroadcast[FeedbackT],
+        pool: Pool,
+        clock: Clock,
+    ) -> None:
         super().__init__()
         self._call = call
         self._feedback = feedback
@@ -81,9 +69,11 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         self._outcome: Outcome[ResultT] | None = None
         self._cancelled = False
         self._over = Flag()
+        self._looked_at = False
+        """Whether anybody asked how the call ended, or will be told."""
         self._pid = os.getpid()
         self._user_callbacks: deque[Callable[[Any], object]] = deque()
-        self._waiters_async: deque[Callable[[], None]] = deque()
+        self._awaiters = Awaiters(self._over, clock)
 
     def __repr__(self) -> str:
         return f"<GoalFuture {self.goal_id} {self.state}{' done' if self.done() else ''}>"
@@ -166,6 +156,7 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         return self._outcome
 
     def _error(self, timeout: float | None) -> BaseException | None:
+        self._looked_at = True
         self._check_process()
         if not self._over.wait(timeout):
             raise LocalTimeout(
@@ -183,41 +174,43 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         return self._cancelled and self.done()
 
     def __await__(self) -> Generator[Any, None, ResultT]:
-        """Wait on the running event loop, without polling.
+        """Wait without polling and without blocking what runs this coroutine.
 
-        Cancelling the awaiting task cancels the goal on the server, waits for that to be
-        confirmed, `Timeouts.cancel` seconds at most, and lets the cancellation go on.
+        Cancelling the task that waits cancels the goal on the server, waits for that to be
+        confirmed, `Timeouts.cancel` seconds at most, and lets the cancellation go on. Where
+        several tasks wait for one goal, only the last of them to be cancelled cancels it.
+
+        Raises:
+            RuntimeError: Nothing runs this coroutine that could wait; the goal is cancelled.
         """
         return self._wait_async().__await__()
 
     async def _wait_async(self) -> ResultT:
-        try:
-            await self._settled()
-        except asyncio.CancelledError:
-            self.cancel()
-            # A second cancellation of the task ends this wait at once.
-            await _within(self._settled(), self._call.cancel_grace)
-            raise
+        self._looked_at = True
+        self._check_process()
+        was_cancelled = await self._awaiters.wait(self._give_up, self._call.cancel_grace)
         if self.cancelled():
-            raise asyncio.CancelledError(f"goal {self.goal_id} was cancelled")
+            raise was_cancelled(f"goal {self.goal_id} was cancelled")
         return self.result(0)
 
-    async def _settled(self) -> None:
-        """Return when the future is done."""
-        self._check_process()
-        loop = asyncio.get_running_loop()
-        woken: asyncio.Future[None] = loop.create_future()
+    def _give_up(self) -> None:
+        """Cancel the goal, because nobody awaits it any more."""
+        if os.getpid() == self._pid:  # in a forked child coroutines are cleared away as well
+            self.cancel()
 
-        def wake() -> None:
-            wake_future(loop, woken)
+    # What asyncio calls in a task whose coroutine this is, as in `asyncio.create_task(future)`.
 
-        self._waiters_async.append(wake)
-        try:
-            if not self.done():  # or it may have ended before `wake` could be seen
-                await woken
-        finally:
-            with contextlib.suppress(ValueError):  # it was taken out by `settle`
-                self._waiters_async.remove(wake)
+    def send(self, value: Any) -> Any:
+        """Go on with the running task of asyncio, whose coroutine this is."""
+        return self._awaiters.send(self._wait_async, value)
+
+    def throw(self, typ: Any, val: Any = None, tb: Any = None) -> Any:
+        """Raise an error in the running task of asyncio, whose coroutine this is."""
+        return self._awaiters.throw(self._wait_async, typ if val is None else val)
+
+    def close(self) -> None:
+        """Cancel the goal if nobody awaits it: asyncio has refused to make a task of this."""
+        self._awaiters.close(self._give_up)
 
     # --- control ---------------------------------------------------------------------------
 
@@ -248,6 +241,7 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
 
         At once and on this thread where it is done already. What `fn` raises is logged.
         """
+        self._looked_at = True
         if self.done():
             self._call_back(fn)
             return
@@ -266,25 +260,56 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
                 logging.ERROR, "a done callback of goal %s raised", self.goal_id, exc_info=True
             )
 
+    def set_result(self, result: ResultT) -> Never:
+        """Refuse: only its call can end a future.
+
+        Raises:
+            RuntimeError: Always.
+        """
+        raise RuntimeError(_NOT_YOURS.format("set_result"))
+
+    def set_exception(self, exception: BaseException | None) -> Never:
+        """Refuse, as `set_result`.
+
+        Raises:
+            RuntimeError: Always.
+        """
+        raise RuntimeError(_NOT_YOURS.format("set_exception"))
+
+    def set_running_or_notify_cancel(self) -> Never:
+        """Refuse, as `set_result`.
+
+        Raises:
+            RuntimeError: Always.
+        """
+        raise RuntimeError(_NOT_YOURS.format("set_running_or_notify_cancel"))
+
+    def __del__(self) -> None:
+        """Log a failure that nobody has looked at, on whatever thread drops the future."""
+        if self._looked_at or self._outcome is None:
+            return
+        error = self._outcome.error
+        if isinstance(error, ActionKitError) and not isinstance(error, ClientClosedError):
+            text = "a call failed, and nobody asked its future how it ended: %s"
+            log_later(logging.ERROR, text, str(error))
+
     # --- for the call only -----------------------------------------------------------------
 
-    def settle(self, outcome: Outcome[ResultT], end: End) -> None:
+    def _settle(self, outcome: Outcome[ResultT], end: End) -> None:
         """End the call. On the communication thread, once. Never blocks."""
         self._outcome = outcome
         self._cancelled = end is End.CANCELLED_BY_CALLER
         call = self._call
-        self._call = _Over(call.goal_id, call.state, call.timeline, call.cancel_grace)
+        self._call = CallIsOver(call.goal_id, call.state, call.timeline, call.cancel_grace)
         notified = self._notify_base_at_once()
         self._over.set()
         if not notified:
-            self._notify_base_in_thread()
-        for wake in taken_from(self._waiters_async):
-            wake()
+            run_in_thread(self._notify_base)
         for callback in taken_from(self._user_callbacks):
             label = Label("done callback", callback, "a thread, but no other callback")
             self._pool.submit(partial(self._call_back, callback), label)
 
-    def wait_until_over(self, seconds: float) -> bool:
+    def _wait_until_over(self, seconds: float) -> bool:
         """Wait so long at most; return whether the call is over."""
         return self._over.wait(seconds)
 
@@ -304,23 +329,16 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
         finally:
             self._condition.release()
 
-    def _notify_base_in_thread(self) -> None:
-        try:
-            # Not a `threading.Thread`: starting one takes a lock, too.
-            _thread.start_new_thread(self._notify_base, ())
-        except RuntimeError:  # there are too many
-            self._notify_base()
-
     def _notify_base(self) -> None:
         outcome = self._outcome
         assert outcome is not None
         if self._cancelled:
             super().cancel()
-            self.set_running_or_notify_cancel()
+            super().set_running_or_notify_cancel()
         elif outcome.error is not None:
-            self.set_exception(outcome.error)
+            super().set_exception(outcome.error)
         else:
-            self.set_result(cast("ResultT", outcome.result))
+            super().set_result(cast("ResultT", outcome.result))
 
     def _check_process(self) -> None:
         if os.getpid() != self._pid:
@@ -328,10 +346,3 @@ class GoalFuture(concurrent.futures.Future[ResultT], Generic[ResultT, FeedbackT]
                 "this GoalFuture belongs to the process that was forked; its goal cannot be"
                 " followed here"
             )
-
-
-async def _within(settled: Any, seconds: float) -> None:
-    try:
-        await asyncio.wait_for(settled, seconds)
-    except asyncio.TimeoutError:
-        return

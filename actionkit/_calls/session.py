@@ -12,11 +12,12 @@ import os
 import threading
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Literal
 
 from actionkit._calls.call import Call
 from actionkit._calls.carrier import LINGER, PortCarrier
+from actionkit._calls.drivers import find_driver
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.left_running import warn_of_goals_left
 from actionkit._calls.request import Request
@@ -24,7 +25,7 @@ from actionkit._model.errors import ClientClosedError
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._observers.dispatcher import ObserverDispatcher
 from actionkit._observers.protocol import Observer
-from actionkit._ros.port import Port
+from actionkit._ros.port import Port, ServerWait
 
 OnClose = Literal["cancel", "abandon"]
 MARGIN = 0.5
@@ -135,14 +136,37 @@ class Session:
             ClientClosedError: The session was closed, perhaps meanwhile.
             RuntimeError: This process was forked from the session's.
         """
+        for wait in self._server_waits(timeout):
+            with wait:
+                wait.over.wait(wait.seconds)
+            if wait.ready:
+                return True
+        return timeout == 0 and self.port.server_is_ready()
+
+    async def wait_for_server_async(self, timeout: float | None) -> bool:
+        """Like `wait_for_server`, but without blocking what runs this coroutine.
+
+        Raises:
+            RuntimeError: Also where nothing runs this coroutine that could wait.
+        """
+        driver = find_driver()
+        for wait in self._server_waits(timeout):
+            with wait:
+                await driver.wait(wait.over)
+            if wait.ready:
+                return True
+        return False
+
+    def _server_waits(self, timeout: float | None) -> Iterator[ServerWait]:
+        """Yield waits to be carried out one after the other, until a server is ready."""
         until = None if timeout is None else time.monotonic() + timeout
-        while not self.port.wait_for_server(timeout):
+        while True:
+            yield self.port.server_wait(timeout)
             self.check()
             if until is not None and until <= time.monotonic():
-                return False
+                return
             # The port became unusable. Wait on, over the next one.
             timeout = None if until is None else until - time.monotonic()
-        return True
 
     def _current(self) -> PortCarrier:
         self.check()
@@ -309,7 +333,7 @@ def await_ends(futures: list[GoalFuture[Any, Any]], grace: float) -> None:
     while futures and len(futures) < before and time.monotonic() < latest:
         before = len(futures)
         until = time.monotonic() + grace
-        if all(future.wait_until_over(until - time.monotonic()) for future in futures):
+        if all(future._wait_until_over(until - time.monotonic()) for future in futures):
             return
         futures = [future for future in futures if not future.done()]
 

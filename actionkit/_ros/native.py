@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import operator
+import weakref
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -24,6 +25,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.subscription import Subscription
+from rclpy.task import Task
 
 _FOREVER = -1
 """The timeout of a wait without end."""
@@ -66,6 +68,55 @@ def domain_of(context: Context) -> int:
         return context.get_domain_id()  # which says what is wrong
     with handle:
         return handle.get_domain_id()
+
+
+# --- executors of the user's, for coroutines that wait there ------------------------------------
+
+
+def executor_of(task: Any) -> Any:
+    """Return the executor of a task; `None` where it has none, or it was dropped."""
+    return task._executor()
+
+
+def has_ended(executor: Any) -> bool:
+    """Whether an executor, or its context, was shut down. From any thread; takes no lock."""
+    context = getattr(executor, "context", None)
+    return getattr(executor, "_is_shutdown", False) or (context is not None and not is_up(context))
+
+
+def take_out(executor: Any, task: Task) -> Callable[[], None]:
+    """Take a task that begins to wait out of the list of its executor.
+
+    Up to 7.1.8 an executor runs every task in that list again whenever anything wakes it, and the
+    one with several threads keeps a note of each time: with ten tasks that waited beside a timer of
+    100 Hz it used a whole core after some seconds. Later ones have no such list, and go on with a
+    task when what it awaits is done.
+
+    Returns:
+        What puts it back, so that the executor runs it when it is next woken. It takes a lock.
+    """
+    tasks = getattr(executor, "_tasks", None)
+    lock = getattr(executor, "_tasks_lock", None)
+    taken: list[Any] = []
+    if isinstance(tasks, list) and lock is not None:
+        with lock:
+            # Not `tasks`, which may be another by now.
+            taken = [entry for entry in executor._tasks if entry[0] is task]
+            executor._tasks = [entry for entry in executor._tasks if entry[0] is not task]
+    weak = weakref.ref(executor)
+
+    def put_back() -> None:
+        owner = weak()
+        if owner is not None and lock is not None:
+            with lock:
+                owner._tasks += taken
+                taken.clear()
+
+    return put_back if taken else _nothing
+
+
+def _nothing() -> None:
+    return
 
 
 class Source:

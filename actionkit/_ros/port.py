@@ -5,12 +5,14 @@ A port outlives its client until no goal is left that may still have to be cance
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
+from typing_extensions import Self
 
 from actionkit._model.errors import ActionTypeMismatchError
 from actionkit._ros import graph, runtimes
@@ -18,6 +20,7 @@ from actionkit._ros.link import Link
 from actionkit._ros.names import Identity, resolve, type_name_of
 from actionkit._ros.native import RCLError, domain_of
 from actionkit._ros.wire import feedback_alone
+from actionkit._threads.clock import TimerHandle
 from actionkit._threads.waiting import Flag
 
 
@@ -45,8 +48,9 @@ class Port:
         self.freed = Flag()
         """Set when the entities are destroyed and the runtime is released."""
         self._failure_callback: Callable[[BaseException], None] | None = None
-        self._waits: set[Flag] = set()
-        self._waits_over = False
+        self.server_waits: set[Flag] = set()
+        """What is set when the port is freed. On the communication thread, as the next."""
+        self.waits_ended = False
         try:
             self.identity = Identity(
                 action_name=name or resolve(self.runtime.node, action_name),
@@ -91,37 +95,9 @@ class Port:
         """Return whether goals can be sent now."""
         return self.runtime.run(self.link.server_is_ready)
 
-    def wait_for_server(self, timeout: float | None) -> bool:
-        """Block until goals can be sent; return whether they can.
-
-        Args:
-            timeout: Seconds, or `None` for no limit. `end_waits` ends the wait earlier.
-        """
-        ready, over = [False], Flag()
-
-        def tell() -> None:
-            ready[0] = True
-            over.set()
-
-        def begin() -> None:
-            if self._waits_over:
-                over.set()
-                return
-            self._waits.add(over)
-            self.link.monitor.add_ready_waiter(tell)
-            if self.link.server_is_ready():
-                tell()
-
-        def end() -> None:
-            self._waits.discard(over)
-            self.link.monitor.remove_ready_waiter(tell)
-
-        self.runtime.call_soon(begin)
-        try:
-            over.wait(timeout)
-            return ready[0] or (timeout == 0 and self.server_is_ready())
-        finally:
-            self.runtime.call_soon(end)
+    def server_wait(self, seconds: float | None) -> ServerWait:
+        """Return a wait until goals can be sent, for so many seconds; `None` means no limit."""
+        return ServerWait(self, seconds)
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table of the link and the timers hold."""
@@ -133,8 +109,8 @@ class Port:
 
     def end_waits(self) -> None:
         """End all waits for a server, also those that begin later."""
-        self._waits_over = True
-        for over in self._waits:
+        self.waits_ended = True
+        for over in self.server_waits:
             over.set()
 
     def _open(self, action_type: Any) -> None:
@@ -180,3 +156,51 @@ class Port:
         self.runtime.names_in_use.remove((self.identity.action_name, self.identity.type_name))
         runtimes.release(self.runtime, self)
         self.freed.set()
+
+
+class ServerWait:
+    """One wait until goals can be sent, between entering and leaving it as a context."""
+
+    def __init__(self, port: Port, seconds: float | None) -> None:
+        """Plan a wait.
+
+        Args:
+            port: Over which goals are to be sent.
+            seconds: How long, or `None` for no limit. `end_waits` ends the wait earlier.
+        """
+        self.seconds = seconds
+        self.ready = False
+        """Whether goals can be sent."""
+        self.over = Flag()
+        """Set when they can, when the time is over, or when the port is freed."""
+        self._port = port
+        self._timer: TimerHandle | None = None
+
+    def __enter__(self) -> Self:
+        self._port.runtime.call_soon(self._begin)
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._port.runtime.call_soon(self._end)
+
+    def _begin(self) -> None:
+        if self._port.waits_ended:
+            self.over.set()
+            return
+        self._port.server_waits.add(self.over)
+        self._port.link.monitor.add_ready_waiter(self._tell)
+        if self._port.link.server_is_ready():
+            self._tell()
+        elif self.seconds is not None:
+            until = time.monotonic() + self.seconds
+            self._timer = self._port.runtime.call_at(until, self.over.set)
+
+    def _tell(self) -> None:
+        self.ready = True
+        self.over.set()
+
+    def _end(self) -> None:
+        self._port.server_waits.discard(self.over)
+        self._port.link.monitor.remove_ready_waiter(self._tell)
+        if self._timer is not None:
+            self._port.runtime.cancel_timer(self._timer)

@@ -10,12 +10,13 @@ cores.) So the main thread waits in slices.
 
 from __future__ import annotations
 
+import _thread
 import asyncio
 import contextlib
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 _T = TypeVar("_T")
@@ -67,7 +68,7 @@ class Flag:
 
     def __init__(self) -> None:
         self._is_set = False
-        self._waiting: deque[threading.Lock] = deque()
+        self._waiting: deque[Callable[[], None]] = deque()
 
     def is_set(self) -> bool:
         """Whether it was set."""
@@ -76,8 +77,21 @@ class Flag:
     def set(self) -> None:
         """Set it, once and for all; whoever waits goes on. Never blocks."""
         self._is_set = True
-        for waiting in taken_from(self._waiting):
-            waiting.release()
+        for wake in taken_from(self._waiting):
+            wake()
+
+    def add_waiter(self, wake: Callable[[], None]) -> None:
+        """Have `wake` called when it is set, unless it is set already: look for that afterwards.
+
+        Args:
+            wake: Called by who sets the flag, so it must neither block nor raise.
+        """
+        self._waiting.append(wake)
+
+    def remove_waiter(self, wake: Callable[[], None]) -> None:
+        """Undo `add_waiter`, also where `wake` was called by now."""
+        with contextlib.suppress(ValueError):
+            self._waiting.remove(wake)
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until it is set; hear Ctrl-C meanwhile.
@@ -92,7 +106,7 @@ class Flag:
             return True
         woken = threading.Lock()
         woken.acquire()
-        self._waiting.append(woken)
+        self.add_waiter(woken.release)
         try:
             if self._is_set:  # just before `woken` could be seen
                 return True
@@ -101,18 +115,29 @@ class Flag:
                     return True
             return self._is_set
         finally:
-            with contextlib.suppress(ValueError):  # it was taken out by `set`
-                self._waiting.remove(woken)
+            self.remove_waiter(woken.release)
 
 
 def wake_future(loop: asyncio.AbstractEventLoop, future: asyncio.Future[None]) -> None:
     """Complete `future` from another thread, whatever has become of its loop (R11)."""
-
-    def complete() -> None:
-        if not future.done():
-            future.set_result(None)
-
     try:
-        loop.call_soon_threadsafe(complete)
+        loop.call_soon_threadsafe(complete, future)
     except RuntimeError:  # the loop was closed by now
         return
+
+
+def complete(future: asyncio.Future[None]) -> None:
+    """Complete `future` on the thread of its loop, if nobody else did."""
+    if not future.done():
+        future.set_result(None)
+
+
+def run_in_thread(function: Callable[[], object]) -> None:
+    """Run `function` on a thread for that alone, because it takes locks of the user's threads.
+
+    Not a `threading.Thread`: starting one takes a lock, too.
+    """
+    try:
+        _thread.start_new_thread(function, ())
+    except RuntimeError:  # there are too many, or the interpreter is at its end
+        function()

@@ -110,6 +110,14 @@ async def await_it() -> None:
             client.call_async({"order": 1}), client.call_async(Fibonacci.Goal())
         )
         assert_type(both, tuple[Fibonacci.Result, Fibonacci.Result])
+        task = asyncio.create_task(client.call_async({"order": 1}))
+        assert_type(task, asyncio.Task[Fibonacci.Result])
+        assert_type(await client.wait_for_server_async(1.0), bool)
+
+
+def run_it() -> None:
+    client = Client(Fibonacci, "fibonacci")
+    assert_type(asyncio.run(client.call_async({"order": 1})), Fibonacci.Result)
 
 
 def a_client_of_any_action(client: Client) -> object:

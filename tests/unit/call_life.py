@@ -208,14 +208,14 @@ class CallLife:
                 ),
             )
         self.deadline = None if timeout is None else self.clock + timeout
-        settle = self.call.future.settle
+        settle = self.call.future._settle
 
         def count(*args: Any) -> None:
             self.settled += 1
             self.require(self.settled == 1, "it ends once")
             settle(*args)
 
-        self.call.future.settle = count  # type: ignore[method-assign]
+        self.call.future._settle = count  # type: ignore[method-assign]
         if begin:
             self.does(self.call.begin)
 

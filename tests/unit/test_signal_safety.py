@@ -110,7 +110,7 @@ def a_future() -> GoalFuture[Any, Any]:
         cancel_grace=1.0,
         request_cancel=lambda: None,
     )
-    return GoalFuture(call, FeedbackBroadcast(), Pool())
+    return GoalFuture(call, FeedbackBroadcast(), Pool(), SimpleNamespace())
 
 
 def outcome(error: Exception | None = None) -> Outcome[Any]:
@@ -131,7 +131,7 @@ def test_a_future_is_settled_while_its_lock_is_held() -> None:
     called = Flag()
     future.add_done_callback(lambda _: called.set())
     with future._condition:
-        elsewhere(future.settle, outcome(), End.SUCCEEDED)
+        elsewhere(future._settle, outcome(), End.SUCCEEDED)
         assert future.done()
         assert future.result(0) == "result"
         assert future.outcome(0).ok
@@ -154,7 +154,7 @@ def test_whoever_waits_for_several_futures_is_told(how: str) -> None:
     errors = [None, ValueError("for the test"), None]
     ends = [End.SUCCEEDED, End.ABORTED, End.CANCELLED_BY_CALLER]
     for future, error, end in zip(futures, errors, ends, strict=True):
-        elsewhere(future.settle, outcome(error), end)
+        elsewhere(future._settle, outcome(error), end)
     waiting.join(BOUND)
     assert found[0] == 3 if how == concurrent.futures.ALL_COMPLETED else found[0] >= 1
     assert len(list(concurrent.futures.as_completed(futures, BOUND))) == 3
@@ -165,7 +165,7 @@ def test_a_callback_that_is_added_just_as_the_goal_ends_is_called_once() -> None
     called: deque[Any] = deque()
     flags = [Flag() for _ in made]
     settling = threading.Thread(
-        target=lambda: [future.settle(outcome(), End.SUCCEEDED) for future in made]
+        target=lambda: [future._settle(outcome(), End.SUCCEEDED) for future in made]
     )
     settling.start()
     for future, flag in zip(made, flags, strict=True):

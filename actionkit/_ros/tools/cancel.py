@@ -46,7 +46,7 @@ class GoalCanceller:
         """
         self._name = action_name
         self._on_answer = on_answer
-        self._asked: dict[int, bytes] = {}
+        self._asked: dict[int, tuple[bytes, float]] = {}
         """Request -> goal, also of those that were answered: another server may answer, too."""
         self._runtime = runtimes.acquire(None, self)
         self._runtime.run(self._begin)
@@ -90,13 +90,13 @@ class GoalCanceller:
             return  # nobody would get it; the queue repeats it soon
         request = CancelGoal.Request()
         request.goal_info.goal_id.uuid = list(key)
-        self._asked[self._source.send(request)] = key
+        self._asked[self._source.send(request)] = key, self._runtime.now()
 
     def _take(self, seq: int, response: Any) -> None:
-        key = self._asked.get(seq)
-        if key is None:
+        if seq not in self._asked:
             return
+        key, asked_at = self._asked[seq]
         canceling = {bytes(info.goal_id.uuid) for info in response.goals_canceling}
         answer = cancel_answer(response, key, canceling)
-        self._queue.answered(key, known=answer is not CancelAnswer.UNKNOWN_GOAL)
+        self._queue.answered(key, answer, asked_at)
         self._on_answer(CancelSaid(str(uuid.UUID(bytes=key)), answer))

@@ -1,0 +1,183 @@
+"""What drives coroutines: asyncio, trio, or an executor of rclpy (C1.4, C1.13).
+
+Each has a way of its own to wake a coroutine that waits for another thread. Which of them it is, is
+told by the frame that resumed the coroutine: several may be running on a thread, one inside a
+callback of the other, and only the nearest can go on with this coroutine.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import contextlib
+import inspect
+import sys
+import threading
+from collections.abc import Callable
+from functools import partial
+from types import FrameType
+from typing import Any, Protocol
+
+from actionkit._threads.waiting import Flag, complete, run_in_thread, wake_future
+
+_COROUTINE = (
+    inspect.CO_COROUTINE
+    | inspect.CO_GENERATOR
+    | inspect.CO_ITERABLE_COROUTINE
+    | inspect.CO_ASYNC_GENERATOR
+)
+
+
+class Driver(Protocol):
+    """What drives the running coroutine."""
+
+    cancellation: tuple[type[BaseException], ...]
+    """What it raises in a coroutine to cancel it, where that may go on to wait."""
+    was_cancelled: type[BaseException]
+    """What awaiting a goal raises when somebody else has cancelled the goal."""
+    has_ended: Callable[[], bool] | None
+    """Whether it will go on with nothing any more; `None` where its coroutines are told of that."""
+
+    async def wait(self, flag: Flag) -> None:
+        """Return when the flag is set."""
+
+    async def let_others_begin(self) -> None:
+        """Let tasks take their first step that were made by now."""
+
+    async def wait_cancelled(self, flag: Flag, seconds: float) -> None:
+        """Return when the flag is set, or after `seconds`, though the task was cancelled."""
+
+
+class Asyncio:
+    """The running event loop."""
+
+    cancellation: tuple[type[BaseException], ...] = (asyncio.CancelledError,)
+    was_cancelled: type[BaseException] = asyncio.CancelledError
+    has_ended: Callable[[], bool] | None = None
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+
+    async def wait(self, flag: Flag, seconds: float | None = None) -> None:
+        """Return when the flag is set, or after `seconds`."""
+        woken = self._loop.create_future()
+        wake = partial(wake_future, self._loop, woken)
+        timer = None if seconds is None else self._loop.call_later(seconds, complete, woken)
+        flag.add_waiter(wake)
+        try:
+            if not flag.is_set():  # or it may have been set before `wake` could be seen
+                await woken
+        finally:
+            flag.remove_waiter(wake)
+            if timer is not None:
+                timer.cancel()
+
+    async def let_others_begin(self) -> None:
+        """Wait for the next turn of the loop."""
+        with _unless_by_anyio():
+            await asyncio.sleep(0)
+
+    async def wait_cancelled(self, flag: Flag, seconds: float) -> None:
+        """Return when the flag is set, after `seconds`, or when the task is cancelled again."""
+        with _unless_by_anyio():
+            await self.wait(flag, seconds)
+
+
+def _unless_by_anyio() -> contextlib.AbstractContextManager[object]:
+    """Keep out the cancel scopes of anyio, which cancel a task at each turn of the loop."""
+    anyio: Any = sys.modules.get("anyio")
+    return contextlib.nullcontext() if anyio is None else anyio.CancelScope(shield=True)
+
+
+class Trio:
+    """The running trio."""
+
+    was_cancelled: type[BaseException] = concurrent.futures.CancelledError
+    has_ended: Callable[[], bool] | None = None
+
+    def __init__(self) -> None:
+        self._trio: Any = sys.modules["trio"]
+        self._token = self._trio.lowlevel.current_trio_token()
+        self.cancellation: tuple[type[BaseException], ...] = (self._trio.Cancelled,)
+
+    async def wait(self, flag: Flag) -> None:
+        """Return when the flag is set."""
+        woken = self._trio.Event()
+
+        def set_woken() -> None:
+            with contextlib.suppress(self._trio.RunFinishedError):
+                self._token.run_sync_soon(woken.set)
+
+        def wake() -> None:
+            run_in_thread(set_woken)  # the token has a lock
+
+        flag.add_waiter(wake)
+        try:
+            if not flag.is_set():
+                await woken.wait()
+        finally:
+            flag.remove_waiter(wake)
+
+    async def let_others_begin(self) -> None:
+        """Do nothing: trio takes functions, not futures, so no task is made of a future there."""
+
+    async def wait_cancelled(self, flag: Flag, seconds: float) -> None:
+        """Return when the flag is set, or after `seconds`; only Ctrl-C ends that earlier."""
+        with self._trio.CancelScope(shield=True, deadline=self._trio.current_time() + seconds):
+            await self.wait(flag)
+
+
+def find_driver() -> Driver:
+    """Return what drives the coroutine that calls this.
+
+    Raises:
+        RuntimeError: Nothing that can wait for a goal.
+    """
+    frame: FrameType | None = sys._getframe(1)
+    trio_runs = "trio" in sys.modules
+    while frame is not None and frame.f_code.co_flags & _COROUTINE:
+        if trio_runs and _is_of_trio(frame):
+            return Trio()
+        frame = frame.f_back
+    if frame is not None and frame.f_globals.get("__name__") == "rclpy.task":
+        from actionkit._ros.coroutines import Rclpy  # rclpy is there
+
+        return Rclpy(frame.f_locals["self"])
+    try:
+        return Asyncio()
+    except RuntimeError:
+        raise RuntimeError(
+            "nothing runs this coroutine that could go on with it later: await under asyncio, under"
+            " trio, or in a callback that an executor of rclpy runs; elsewhere use what blocks, as"
+            " result() does"
+        ) from None
+
+
+def _is_of_trio(frame: FrameType) -> bool:
+    """Whether it is of trio's own code: there a generator resumes the coroutines."""
+    return str(frame.f_globals.get("__name__")).startswith("trio.")
+
+
+async def finished_in_thread(function: Callable[[], None]) -> None:
+    """Call a function on a thread of its own, and wait for its end.
+
+    It goes on where the task that waits is cancelled.
+
+    Raises:
+        RuntimeError: Nothing runs this coroutine that could wait; the function was called.
+    """
+    ended = Flag()
+    errors: list[BaseException] = []
+
+    def call() -> None:
+        try:
+            function()
+        except BaseException as error:  # noqa: BLE001  raised below
+            errors.append(error)
+        finally:
+            ended.set()
+
+    threading.Thread(target=call, name="actionkit-close", daemon=True).start()
+    await find_driver().wait(ended)
+    for error in errors:
+        raise error
