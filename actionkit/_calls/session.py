@@ -63,7 +63,7 @@ class Session:
         """
         self.cancel_grace = cancel_grace
         self._open_port = open_port
-        self._on_close = on_close
+        self._abandon = on_close == "abandon"
         self._interrupted_at = -math.inf
         """Monotonic time at which Ctrl-C ended a wait for cancellations."""
         self._warned_of: list[uuid.UUID] = []
@@ -74,7 +74,7 @@ class Session:
         The communication thread never waits for it, and other threads for a limited time.
         """
         self._closed = False
-        self._carriers = [PortCarrier(open_port(), self._on_freed)]
+        self._carriers = [self._new_carrier()]
         identity = self._carriers[0].port.identity
         self.action_name = identity.action_name
         self._dispatcher = ObserverDispatcher(
@@ -147,17 +147,31 @@ class Session:
     def _current(self) -> PortCarrier:
         self.check()
         carrier = self._carriers[-1]
-        return carrier if carrier.port.usable else self._reopened()
+        if carrier.port.usable and not carrier.port.why_shut_down():
+            return carrier
+        return self._reopened()
+
+    def _new_carrier(self) -> PortCarrier:
+        return PortCarrier(self._open_port(), self._on_freed, abandon=self._abandon)
 
     def _reopened(self) -> PortCarrier:
         acquired = self._opening.acquire(timeout=_OPENING_TIMEOUT)
         try:
             carrier = self._carriers[-1]
+            if (why := carrier.port.why_shut_down()) and not carrier.port.is_up_again():
+                # A program that was told to end starts no goals.
+                again = "call rclpy.try_shutdown() and rclpy.init(), or "
+                remedy = "" if carrier.port.has_node else again
+                raise ClientClosedError(
+                    f"the client of action {self.action_name!r} takes no more calls, because"
+                    f" {why}: {remedy}make a new client",
+                    action_name=self.action_name,
+                )
             if not carrier.port.usable:
-                # The context was shut down (R10), or the communication thread died (R8). Goals
-                # in flight stay on the old port; new ones go over the new one.
+                # The context was shut down (R10), or the communication thread died (R8). What is
+                # left of calls stays on the old port; new ones go over the new one.
                 carrier.call_soon(carrier.release)
-                carrier = PortCarrier(self._open_port(), self._on_freed)
+                carrier = self._new_carrier()
                 self._carriers.append(carrier)
                 for old in list(self._carriers):
                     if old is not carrier and old.port.freed.is_set():
@@ -194,9 +208,13 @@ class Session:
     def cancel_all(self) -> int:
         """Cancel every call in flight; return how many there were."""
         self.check()
+        return self.cancel_calls()
+
+    def cancel_calls(self, *, urgent: bool = False) -> int:
+        """Do so also where the session was closed; `urgent` as for `Call.request_cancel`."""
         calls = self._calls()
         for call in calls:
-            call.request_cancel()
+            call.request_cancel(urgent=urgent)
         return len(calls)
 
     # --- the end ---------------------------------------------------------------------------
@@ -225,9 +243,8 @@ class Session:
     def close_calls(self) -> None:
         """Take no more calls, and begin to end those in flight by the policy `on_close`."""
         self._closed = True
-        abandon = self._on_close == "abandon"
         for carrier in list(self._carriers):
-            carrier.call_soon(lambda c=carrier: c.close_calls(abandon=abandon))  # type: ignore[misc]
+            carrier.call_soon(carrier.close_calls)
 
     def end_grace(self) -> None:
         """Wait no longer for cancellations to be confirmed: end the calls that are left."""
@@ -238,7 +255,8 @@ class Session:
 
     def await_cancel(self, future: GoalFuture[Any, Any]) -> None:
         """Wait for a call that was just cancelled, within `Timeouts.cancel`."""
-        self._await_ends([future], self.cancel_grace)
+        if not self.was_interrupted:
+            self._await_ends([future], self.cancel_grace)
 
     def _await_ends(self, futures: list[GoalFuture[Any, Any]], grace: float) -> None:
         try:
@@ -255,6 +273,17 @@ class Session:
         """Return the ids of the goals that may be running, but for those that were warned of."""
         goals = [goal_id for carrier in list(self._carriers) for goal_id in carrier.running()]
         return [goal_id for goal_id in goals if goal_id not in self._warned_of]
+
+    def give_up_waiting(self) -> list[tuple[str, uuid.UUID]]:
+        """Wait no more for the goals that may be running, and return them with the action's name.
+
+        Those that were warned of before are left out.
+        """
+        left = self.running()
+        if left or self.pending:
+            self._interrupted_at = time.monotonic()
+        self._warned_of += left
+        return [(self.action_name, goal_id) for goal_id in left]
 
     def _calls(self) -> list[Call]:
         return [call for carrier in list(self._carriers) for call in list(carrier.calls)]
