@@ -1,6 +1,6 @@
 from collections.abc import Callable
-from typing import Any
 from types import TracebackType
+from typing import Any
 
 from rclpy import _rclpy_pybind11
 
