@@ -111,7 +111,7 @@ class cancel_on_signals:
         for number in self._signals:
             _users[number] += 1
             if signal.getsignal(number) is not _on_signal:
-                _before[number] = _former(number)
+                _before[number] = signal.getsignal(number)
                 _set(number, _on_signal)
         _watch()
 
@@ -146,8 +146,8 @@ def _check(number: object) -> None:
 
 
 def _former(number: int) -> Handler:
-    """Return what a signal does now; where it is ignored, what it does by default."""
-    handler = signal.getsignal(number)
+    """Return what a signal did before; where it was ignored, what it does by default."""
+    handler = _before[number]
     if handler is not signal.SIG_IGN:
         return handler
     return signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
@@ -226,7 +226,7 @@ def _leave(work: _Work) -> None:
 
 
 def _pass_on(number: int, frame: FrameType | None) -> None:
-    before = _before[number]
+    before = _former(number)
     if callable(before):
         _at_work.clear()  # what it calls may begin, and has to see to its own end
         before(number, frame)
@@ -292,7 +292,7 @@ class _Watcher:
             if self._heard.is_set():
                 return  # it is about to be
             cancel_goals(lambda: mine.hurry.is_set() or bool(self._read()))
-            if not callable(_before[number]) and not _rclpy_handles(number):
+            if not callable(_former(number)) and not _rclpy_handles(number):
                 _end_process(number)
             self._done.add(number)
         finally:

@@ -389,6 +389,9 @@ def test_at_the_end_of_the_block_all_is_as_it_was():
         before = signal.signal(signal.SIGTERM, signal.SIG_IGN)  # what is set later stays
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
     assert before is signals._on_signal
+    with cancel_on_signals(signal.SIGTERM):  # also where it was ignored
+        assert signal.getsignal(signal.SIGTERM) is signals._on_signal
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
