@@ -12,6 +12,7 @@ Importing this does not import rclpy; making a `Client` does.
 from actionkit._calls.budget import RetryBudget
 from actionkit._calls.classify import classify_by_field, retry_aborted
 from actionkit._calls.future import GoalFuture
+from actionkit._calls.signals import cancel_on_signals
 from actionkit._client import Client
 from actionkit._model.errors import (
     AcceptanceTimeoutError,
@@ -79,6 +80,7 @@ __all__ = [
     "Timeouts",
     "TransientError",
     "Verdict",
+    "cancel_on_signals",
     "classify_by_field",
     "read_json_lines",
     "retry_aborted",

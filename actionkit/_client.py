@@ -102,7 +102,6 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             lambda: port.Port(action_type, action_name, node), on_close, timeouts.cancel, checked
         )
         self._action_type: Any = action_type  # pyright knows no properties of a class object
-        self._goal_type: Any = self._action_type.Goal
         self._identity = self._session.port.identity
         self._pool = Pool(self.action_name)
         self._function_pool = function_pool(self.action_name)
@@ -238,7 +237,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         callbacks = callbacks_for(on_feedback, self.action_name, self._pool)
         message = invalid = None
         try:
-            message = to_message(self._goal_type, goal)
+            message = to_message(self._action_type.Goal, goal)
         except (FieldError, FieldTypeError) as error:
             invalid = error
         return self._session.prepare(

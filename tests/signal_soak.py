@@ -25,7 +25,15 @@ from typing import Any
 
 from test_msgs.action import Fibonacci
 
-from actionkit import ActionKitError, Client, GoalFuture, RetryPolicy, Timeouts
+from actionkit import (
+    ActionKitError,
+    Client,
+    GoalFuture,
+    RetryPolicy,
+    Timeouts,
+    cancel_on_signals,
+)
+from actionkit._calls import left_running
 
 HANG = 90.0
 """Seconds without anything done after which this process is taken for hung, and says where."""
@@ -132,6 +140,9 @@ class Soak:
     def wait_for_server(self) -> None:
         assert self.client().wait_for_server(30)
 
+    def end_by_signal(self) -> None:
+        signal.raise_signal(signal.SIGUSR1)
+
     def close_one(self) -> None:
         place = self.random.randrange(len(self.clients))
         client, self.clients[place] = self.clients[place], self.new_client("fibonacci")
@@ -193,6 +204,7 @@ class Soak:
             self.close_one,
             self.close_endless,
             self.make_one,
+            self.end_by_signal,
         ]
         return quick * 4 + slow
 
@@ -202,6 +214,9 @@ class Soak:
     def run(self) -> None:
         for client in (*self.clients, self.endless):
             assert client.wait_for_server(60)
+        signal.signal(signal.SIGUSR1, lambda *_: None)
+        cancel_on_signals(signal.SIGUSR1)
+        left_running.mute()  # a second one ends the wait for the goals of the first
         signal.signal(signal.SIGALRM, self.handle)
         self.arm()
         while self.handled.total() < self.signals:

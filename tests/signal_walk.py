@@ -18,6 +18,7 @@ import contextlib
 import faulthandler
 import json
 import random
+import signal
 import sys
 import time
 import warnings
@@ -25,9 +26,18 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
+import rclpy
 from test_msgs.action import Fibonacci
 
-from actionkit import ActionKitError, Client, ClientClosedError, GoalFuture, RetryPolicy
+from actionkit import (
+    ActionKitError,
+    Client,
+    ClientClosedError,
+    GoalFuture,
+    RetryPolicy,
+    cancel_on_signals,
+)
+from actionkit._calls import signals
 from actionkit._threads.pool import in_callback
 
 HANG = 30.0
@@ -146,7 +156,7 @@ def making(client: AnyClient) -> None:
 
 
 def renewing(client: AnyClient) -> None:
-    """As after Ctrl-C with rclpy's own signal handler: the next call starts a new thread."""
+    """As after Ctrl-C and another `rclpy.init()`: the next call starts a new thread."""
     context = client._session.port.runtime.context
     context.shutdown()
     client.call({"order": 1}, 20)
@@ -219,7 +229,14 @@ def do_make(client: AnyClient) -> None:
         another.call({"order": 1}, 20)
 
 
-HANDLERS = (do_call, do_future, do_cancel, do_look, do_close, do_make)
+def do_end_by_signal(client: AnyClient) -> None:
+    """What `cancel_on_signals` does, in a program that goes on after it."""
+    client.call_async({"order": 50}, timeout=20)
+    signals._on_signal(signal.SIGUSR1, None)
+    assert client.pending == 0
+
+
+HANDLERS = (do_call, do_future, do_cancel, do_look, do_close, do_make, do_end_by_signal)
 
 
 def interrupted(use: Callable[[AnyClient], None], interruption: Interruption) -> Interruption:
@@ -236,6 +253,9 @@ def interrupted(use: Callable[[AnyClient], None], interruption: Interruption) ->
 
 def main(use_name: str, count: int) -> None:
     (use,) = (use for use in USES if use.__name__ == use_name)
+    rclpy.init()  # for `renewing`
+    signal.signal(signal.SIGUSR1, lambda *_: None)
+    cancel_on_signals(signal.SIGUSR1)
     keeper = new_client()  # so that the thread, and what it knows of servers, stays
     assert keeper.wait_for_server(60)
     total = min(interrupted(use, Interruption()).seen for _ in range(2))

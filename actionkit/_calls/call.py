@@ -15,6 +15,7 @@ from actionkit._calls.attempt import Attempt
 from actionkit._calls.call_record import ActionView, CallRecord
 from actionkit._calls.classify import apply_verdict
 from actionkit._calls.classify_runner import ClassifyRunner
+from actionkit._calls.explain import CLIENT_CLOSED
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.request import Request
 from actionkit._calls.retry import GiveUp, RejectedByClassifier, Retry, after_no_server
@@ -74,7 +75,7 @@ class Call:
         self._cause: BaseException = RejectedByClassifier()  # the same, for strategies
         self._ending: fx.Ending | None = None
         self._settled = False
-        self._closing = False
+        self._closing = ""  # why, as a clause: calls end, and nothing is tried again
         self.unwanted = False
         """Whether the caller cancelled, even if this thread has not come to it yet (C1.5)."""
         self.urgent = False
@@ -114,9 +115,9 @@ class Call:
         else:
             self._end_idle(fx.End.CANCELLED_BY_CALLER, "the call was cancelled")
 
-    def close(self, *, abandon: bool) -> None:
-        """End because the client closes."""
-        self._closing = True
+    def close(self, *, abandon: bool, because: str = CLIENT_CLOSED) -> None:
+        """End because the client closes, or something else that calls depend on."""
+        self._closing = because
         if self._attempt is not None:
             self._attempt.close(abandon=abandon)
         else:
@@ -132,8 +133,7 @@ class Call:
             self._end(fx.Ending(end, GoalState.SENDING, given_up=True))
         else:
             # Nothing is cancelled now: what is told is the fate of the last goal, and no more.
-            fate, status = self._last.fate, self._last.status
-            self._end(fx.Ending(end, status, fate=fate, given_up=True))
+            self._end(fx.Ending(end, self._last.status, fate=self._last.fate, given_up=True))
 
     def end_grace(self) -> None:
         """End a call that was closed: there is no more time for confirmations."""
@@ -144,7 +144,7 @@ class Call:
 
     def fail(self, reason: str, error: BaseException) -> None:
         """End because this side broke."""
-        self._closing = True  # nothing fires any more that could try again
+        self._closing = reason  # nothing fires any more that could try again
         if self._attempt is not None:
             self._attempt.fail(reason, error)
         elif self._judging.under_way:
@@ -264,9 +264,8 @@ class Call:
         if ending.end is fx.End.SUCCEEDED and self._request.classify is None:
             self._judged(ending, None, Verdict.SUCCESS)  # most are: no outcome is made for it
         else:
-            now = time.monotonic()
             outcome = self._record.outcome(ending, self.goal_id, self._attempts)
-            self._judging.begin(ending, outcome, now, self._deadline, self._judged)
+            self._judging.begin(ending, outcome, time.monotonic(), self._deadline, self._judged)
 
     def _judged(
         self, ending: fx.Ending, error: BaseException | None, verdict: Verdict | fx.Fault
@@ -311,8 +310,7 @@ class Call:
         if resent and stage is Stage.ACCEPTED:
             # Accepted after all, in the pause: it was cancelled then, and has not ended so far.
             assert self._last is not None
-            late = "the goal was accepted late, and may still run"
-            self._end(replace(self._last, not_retried=late))
+            self._end(replace(self._last, not_retried="it was accepted late, and may still run"))
             return
         self._try(resent=resent and stage is Stage.SENT)
 
@@ -321,6 +319,8 @@ class Call:
     def _end(self, ending: fx.Ending) -> None:
         if self._ending is not None:
             return
+        if ending.end is fx.End.CLOSED:
+            ending = replace(ending, lost_because=self._closing)
         if self._earlier_in_flight:
             ending = replace(ending, earlier_may_run=True)
         self._ending = ending

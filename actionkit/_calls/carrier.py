@@ -13,7 +13,9 @@ from typing import Any
 
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.call import Call
+from actionkit._calls.explain import CLIENT_CLOSED
 from actionkit._calls.graph_snapshot import GraphSnapshot
+from actionkit._calls.signals import is_ending
 from actionkit._goal.stages import Stage
 from actionkit._model.settings import Timeouts
 from actionkit._ros.port import Port
@@ -23,14 +25,28 @@ from actionkit._threads.waiting import Flag
 LINGER = 30.0
 """Seconds that a closed client goes on watching for the late acceptance of a goal (C2.4). A server
 that is busy in a callback answers only after that, and few callbacks take longer."""
+_NODE_CHECK = 1.0
+"""Seconds between looks whether the user's node was destroyed, while calls are in flight. Nothing
+tells of that, and nothing polls more often (C7.4)."""
+_CTRL_C_HEARD = 0.6
+"""Seconds in which a blocking call hears Ctrl-C (see `_threads.waiting`). It cancels its goal, also
+where the client abandons the others."""
 _DIED = "the communication thread of ActionKit died"
 
 
 class PortCarrier:
     """The calls and attempts in flight over one port."""
 
-    def __init__(self, port: Port, on_freed: Callable[[], None]) -> None:
+    def __init__(self, port: Port, on_freed: Callable[[], None], *, abandon: bool = False) -> None:
+        """Take over a port.
+
+        Args:
+            port: The port.
+            on_freed: Called when it is freed.
+            abandon: Whether closing leaves goals to run.
+        """
         self.port = port
+        self._abandon = abandon
         self.action_name = port.identity.action_name
         self.type_name = port.identity.type_name
         self.calls: set[Call] = set()
@@ -40,12 +56,16 @@ class PortCarrier:
         self._attempts: set[Attempt] = set()
         self._releasing = False
         self._linger_timer: TimerHandle | None = None
+        self._node_timer: TimerHandle | None = None
         self._closing = False
+        self._shut_down = ""
+        """Why calls end though their client was not closed."""
         self.decode_feedback = port.decode_feedback
         self.call_soon = port.runtime.call_soon
         self.call_at = port.runtime.call_at
         self.cancel_timer = port.runtime.cancel_timer
         port.on_failure(self._on_failure)
+        port.on_shutdown(self._look_at_ros)
         port.link.orphans.on_none_confirmed = self._free_if_done
 
     def begin(self, call: Call) -> None:
@@ -57,12 +77,18 @@ class PortCarrier:
         failure = self.port.runtime.failure
         if failure is not None:
             call.fail(_DIED, failure)
-        elif self._closing:
-            call.close(abandon=True)  # it came after the closing, and has sent nothing
+        elif self._closing or self._shut_down:
+            # It came after the closing, and has sent nothing.
+            call.close(abandon=True, because=self._shut_down or CLIENT_CLOSED)
+        elif is_ending():
+            call.unwanted = True  # between the signal and the process's end nothing begins
+            call.start()
         elif self.port.freed.is_set():
             call.refuse("the ROS context was shut down just when the call began")
         else:
             call.start()
+            if self.port.has_node and self._node_timer is None:
+                self._arm_node_timer()
 
     # --- for calls -------------------------------------------------------------------------
 
@@ -114,12 +140,31 @@ class PortCarrier:
 
     # --- the end ---------------------------------------------------------------------------
 
-    def close_calls(self, *, abandon: bool) -> None:
+    def close_calls(self) -> None:
         """End every call by the client's policy, and take no more."""
         self._closing = True
         self.port.end_waits()
         for call in list(self.calls):
-            call.close(abandon=abandon)
+            call.close(abandon=self._abandon, because=self._shut_down or CLIENT_CLOSED)
+
+    def _look_at_ros(self) -> None:
+        """End every call where the user's ROS was shut down (C2.6)."""
+        if self._shut_down or self.port.freed.is_set():
+            return
+        self._shut_down = self.port.why_shut_down()
+        if self._shut_down and self._abandon:
+            self.call_at(time.monotonic() + _CTRL_C_HEARD, self.close_calls)
+        elif self._shut_down:
+            self.close_calls()
+
+    def _arm_node_timer(self) -> None:
+        self._node_timer = self.call_at(time.monotonic() + _NODE_CHECK, self._look_at_node)
+
+    def _look_at_node(self) -> None:
+        self._node_timer = None
+        self._look_at_ros()
+        if self.calls and not self._shut_down:
+            self._arm_node_timer()
 
     def end_grace(self) -> None:
         """Wait no longer for cancellations to be confirmed: end the calls that are left."""
@@ -170,6 +215,9 @@ class PortCarrier:
             if self._linger_timer is not None:
                 self.cancel_timer(self._linger_timer)
                 self._linger_timer = None
+            if self._node_timer is not None:
+                self.cancel_timer(self._node_timer)
+                self._node_timer = None
             for attempt in list(self._attempts):
                 attempt.drop()
             self.port.free()

@@ -1,4 +1,4 @@
-"""What is done for all clients of a process: at the interpreter's exit, and after a fork."""
+"""What is done for all clients of a process: at its exit, at a signal, and after a fork."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import atexit
 import os
 import time
 import uuid
+from collections.abc import Callable
 from functools import cache
 
+from actionkit._calls import signals
 from actionkit._calls.left_running import warn_of_goals_left
 from actionkit._calls.session import (
     FREEING_TIMEOUT,
@@ -22,7 +24,11 @@ from actionkit._observers import observer_queue
 from actionkit._ros import runtimes
 from actionkit._threads import blocked as _blocked
 from actionkit._threads import diagnostics as _diagnostics
+from actionkit._threads.waiting import Flag
 
+_LOOK = 0.02
+"""Seconds between looks whether goals still run, while a process that was told to end waits for
+that: too short to notice, and too long to keep a processor busy."""
 _inherited: list[Session] = []
 """The sessions of the parent process, kept for ever: freed here, they would break the parent's."""
 
@@ -67,6 +73,29 @@ def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
             return
 
 
+def cancel_goals(hurry: Callable[[], bool]) -> None:
+    """Cancel all goals, whatever their clients' `on_close`; wait for that, and warn of the others.
+
+    In a signal handler, whatever it interrupted.
+
+    Args:
+        hurry: Whether a human does not want to wait for it.
+    """
+    sessions = list(open_sessions)
+    grace = max((session.cancel_grace for session in sessions), default=0.0)
+    began = time.monotonic()
+    try:
+        for session in sessions:
+            session.cancel_calls(urgent=True)
+        while any(session.pending or session.running() for session in sessions) and not hurry():
+            confirmed_at = max(session.confirmed_at for session in sessions)
+            if time.monotonic() >= min(max(began, confirmed_at), began + LONGEST_GRACE) + grace:
+                break
+            Flag().wait(_LOOK)
+    finally:
+        warn_of_goals_left([left for session in sessions for left in session.give_up_waiting()])
+
+
 def _left_running(sessions: list[Session]) -> list[tuple[str, uuid.UUID]]:
     return [(session.action_name, goal) for session in sessions for goal in session.running()]
 
@@ -83,6 +112,7 @@ def forget_inherited() -> None:
 
 @cache
 def arm() -> None:
-    """Register both for this process, once."""
+    """Register them for this process, once."""
+    signals.cancel_goals = cancel_goals
     atexit.register(close_all)
     os.register_at_fork(after_in_child=forget_inherited)

@@ -20,6 +20,8 @@ from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState, Timeline, Verdict
 from actionkit._threads.function_runner import LONGEST_ANSWER
 
+CLIENT_CLOSED = "its client was closed"
+"""Why most calls end that did not end by themselves; others end when ROS was shut down."""
 _BY_CLASSIFY = (End.REJECTED_BY_CLASSIFIER, End.CLASSIFIER_FAILED)
 _DISCOVERY = 3.0
 """Seconds that a server which runs may take to be seen, on machines with other work."""
@@ -302,9 +304,11 @@ def _closed(ending: Ending, call: ErrorContext) -> str:
         became = " It was left to run on the server, or may still be running."
     else:
         became = _cancel_sentence(ending, call)
+    because = ending.lost_because or CLIENT_CLOSED
+    closed = because == CLIENT_CLOSED
+    remedy = "close(), or leave the `with` block later" if closed else "that"
     return (
-        f"{_what(call)} was in flight when its client was closed.{became} Wait for the result"
-        " before close(), or leave the `with` block later."
+        f"{_what(call)} was in flight when {because}.{became} Wait for the result before {remedy}."
     )
 
 

@@ -6,10 +6,8 @@ until it is known to run no more (C2.4).
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
-import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -17,6 +15,7 @@ from typing import Any, Literal
 
 from actionkit._calls.call import Call
 from actionkit._calls.carrier import LINGER, PortCarrier
+from actionkit._calls.carriers import Carriers
 from actionkit._calls.drivers import find_driver
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.left_running import warn_of_goals_left
@@ -37,9 +36,6 @@ _INTERRUPTED_FOR = 2.0
 OBSERVERS_TIMEOUT = 1.0
 """Seconds that closing, and the interpreter's exit, wait for slow observers: enough to write a few
 thousand lines to a file, and not so long that a blocked observer is noticed as a hang."""
-_OPENING_TIMEOUT = 2.0
-"""Seconds to wait for another thread that opens a port, which takes tenths; a second port does no
-harm."""
 FREEING_TIMEOUT = 5.0
 """Seconds that the freeing of entities may take; it takes milliseconds on an idle machine."""
 
@@ -63,20 +59,13 @@ class Session:
             observers: The observers of the goals, already checked.
         """
         self.cancel_grace = cancel_grace
-        self._open_port = open_port
-        self._on_close = on_close
         self._interrupted_at = -math.inf
         """Monotonic time at which Ctrl-C ended a wait for cancellations."""
         self._warned_of: list[uuid.UUID] = []
         self._pid = os.getpid()
-        self._opening = threading.RLock()
-        """Held while a port is opened in place of another: threads that come together share it.
-
-        The communication thread never waits for it, and other threads for a limited time.
-        """
         self._closed = False
-        self._carriers = [PortCarrier(open_port(), self._on_freed)]
-        identity = self._carriers[0].port.identity
+        self._carriers = Carriers(open_port, self._on_freed, abandon=on_close == "abandon")
+        identity = next(iter(self._carriers)).port.identity
         self.action_name = identity.action_name
         self._dispatcher = ObserverDispatcher(
             observers,
@@ -94,7 +83,7 @@ class Session:
     @property
     def pending(self) -> int:
         """How many calls are in flight."""
-        return sum(len(carrier.calls) for carrier in list(self._carriers))
+        return sum(len(carrier.calls) for carrier in self._carriers)
 
     @property
     def port(self) -> Port:
@@ -170,30 +159,11 @@ class Session:
 
     def _current(self) -> PortCarrier:
         self.check()
-        carrier = self._carriers[-1]
-        return carrier if carrier.port.usable else self._reopened()
-
-    def _reopened(self) -> PortCarrier:
-        acquired = self._opening.acquire(timeout=_OPENING_TIMEOUT)
-        try:
-            carrier = self._carriers[-1]
-            if not carrier.port.usable:
-                # The context was shut down (R10), or the communication thread died (R8). Goals
-                # in flight stay on the old port; new ones go over the new one.
-                carrier.call_soon(carrier.release)
-                carrier = PortCarrier(self._open_port(), self._on_freed)
-                self._carriers.append(carrier)
-                for old in list(self._carriers):
-                    if old is not carrier and old.port.freed.is_set():
-                        with contextlib.suppress(ValueError):  # others do the same
-                            self._carriers.remove(old)
-                if self._closed:
-                    carrier.call_soon(carrier.release)  # `release` may not have seen it
-                    self.check()
-            return carrier
-        finally:
-            if acquired:
-                self._opening.release()
+        carrier = self._carriers.current()
+        if self._closed:
+            carrier.call_soon(carrier.release)  # `release` may not have seen it
+            self.check()
+        return carrier
 
     def check(self) -> None:
         """Raise where the session cannot be used.
@@ -218,9 +188,13 @@ class Session:
     def cancel_all(self) -> int:
         """Cancel every call in flight; return how many there were."""
         self.check()
+        return self.cancel_calls()
+
+    def cancel_calls(self, *, urgent: bool = False) -> int:
+        """Do so also where the session was closed; `urgent` as for `Call.request_cancel`."""
         calls = self._calls()
         for call in calls:
-            call.request_cancel()
+            call.request_cancel(urgent=urgent)
         return len(calls)
 
     # --- the end ---------------------------------------------------------------------------
@@ -249,20 +223,20 @@ class Session:
     def close_calls(self) -> None:
         """Take no more calls, and begin to end those in flight by the policy `on_close`."""
         self._closed = True
-        abandon = self._on_close == "abandon"
-        for carrier in list(self._carriers):
-            carrier.call_soon(lambda c=carrier: c.close_calls(abandon=abandon))  # type: ignore[misc]
+        for carrier in self._carriers:
+            carrier.call_soon(carrier.close_calls)
 
     def end_grace(self) -> None:
         """Wait no longer for cancellations to be confirmed: end the calls that are left."""
         if left := self.futures():
-            for carrier in list(self._carriers):
+            for carrier in self._carriers:
                 carrier.call_soon(carrier.end_grace)
             await_ends(left, MARGIN)
 
     def await_cancel(self, future: GoalFuture[Any, Any]) -> None:
         """Wait for a call that was just cancelled, within `Timeouts.cancel`."""
-        self._await_ends([future], self.cancel_grace)
+        if not self.was_interrupted:
+            self._await_ends([future], self.cancel_grace)
 
     def _await_ends(self, futures: list[GoalFuture[Any, Any]], grace: float) -> None:
         try:
@@ -277,17 +251,28 @@ class Session:
 
     def running(self) -> list[uuid.UUID]:
         """Return the ids of the goals that may be running, but for those that were warned of."""
-        goals = [goal_id for carrier in list(self._carriers) for goal_id in carrier.running()]
+        goals = [goal_id for carrier in self._carriers for goal_id in carrier.running()]
         return [goal_id for goal_id in goals if goal_id not in self._warned_of]
 
+    def give_up_waiting(self) -> list[tuple[str, uuid.UUID]]:
+        """Wait no more for the goals that may be running, and return them with the action's name.
+
+        Those that were warned of before are left out.
+        """
+        left = self.running()
+        if left or self.pending:
+            self._interrupted_at = time.monotonic()
+        self._warned_of += left
+        return [(self.action_name, goal_id) for goal_id in left]
+
     def _calls(self) -> list[Call]:
-        return [call for carrier in list(self._carriers) for call in list(carrier.calls)]
+        return [call for carrier in self._carriers for call in list(carrier.calls)]
 
     def release_and_wait(self) -> None:
         """Release, and wait until what no goal needs is freed."""
         self.release()
         until = time.monotonic() + FREEING_TIMEOUT
-        for carrier in list(self._carriers):
+        for carrier in self._carriers:
             carrier.released.wait(max(0.0, until - time.monotonic()))
             if carrier.port.freed.is_set():
                 carrier.port.runtime.join_if_stopping(max(0.0, until - time.monotonic()))
@@ -300,29 +285,29 @@ class Session:
         if os.getpid() != self._pid:
             return
         self._closed = True
-        for carrier in list(self._carriers):
+        for carrier in self._carriers:
             carrier.call_soon(carrier.release)
 
     @property
     def confirmed_at(self) -> float:
         """Monotonic time at which a server last answered a cancel request."""
-        return max(carrier.port.link.others_confirmed_at for carrier in list(self._carriers))
+        return max(carrier.port.link.others_confirmed_at for carrier in self._carriers)
 
     def await_freed(self, until: float) -> bool:
         """Wait until every port is freed, so no goal is watched; return whether it is so."""
         return all(
             carrier.port.freed.wait(max(0.0, until - time.monotonic()))
-            for carrier in list(self._carriers)
+            for carrier in self._carriers
         )
 
     def free(self) -> None:
         """Free every port now, whatever goals need it."""
-        for carrier in list(self._carriers):
+        for carrier in self._carriers:
             carrier.call_soon(carrier.free)
             carrier.port.freed.wait(FREEING_TIMEOUT)
 
     def _on_freed(self) -> None:
-        if self._closed and all(c.port.freed.is_set() for c in list(self._carriers)):
+        if self._closed and all(c.port.freed.is_set() for c in self._carriers):
             open_sessions.discard(self)
 
 

@@ -106,7 +106,8 @@ class Ending:
         earlier_may_run: Whether an earlier goal of the same call may be running.
         served: The types with which the name is served, where none is the client's.
         error: The exception that ended it: what is wrong with the goal, or what broke this side.
-        lost_because: Why its server counts as lost, or why its result cannot be had.
+        lost_because: Why its server counts as lost, why its result cannot be had, or what was shut
+            down, so that the call ended as by closing.
         verdict: What `classify=` says of a goal that succeeded.
         not_retried: Why it was not tried again, where it might have been.
         classifier_fault: How `classify=` failed to judge it.

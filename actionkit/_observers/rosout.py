@@ -16,7 +16,8 @@ class Rosout:
 
         Client(NavigateToPose, "navigate_to_pose", node=node, observers=[Rosout(node)])
 
-    Levels and texts are those of the log `actionkit.goal`.
+    Levels and texts are those of the log `actionkit.goal`. Nothing is written once the node's ROS
+    context was shut down.
     """
 
     def __init__(self, node: Any) -> None:
@@ -32,6 +33,7 @@ class Rosout:
         if inspect.isclass(node) or not callable(getattr(node, "get_logger", None)):
             raise TypeError(f"Rosout: node={node!r} must be an rclpy node")
         self._logger = node.get_logger()
+        self._context = getattr(node, "context", None)
 
     def __repr__(self) -> str:
         return f"<Rosout {getattr(self._logger, 'name', '')!r}>"
@@ -45,6 +47,8 @@ class Rosout:
         self._write(level_of_outcome(outcome), outcome_sentence(outcome, call.action_name))
 
     def _write(self, level: int, text: str) -> None:
+        if self._context is not None and not self._context.ok():
+            return  # it was shut down, and rclpy would complain of each line on standard error
         # A line for each level: rclpy remembers the level of each line that logs, and refuses
         # another one there.
         if level >= logging.WARNING:

@@ -17,13 +17,17 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, TypeVar
+from weakref import WeakMethod
 
+from rclpy import utilities
 from rclpy.client import Client as ServiceClient
 from rclpy.context import Context
 from rclpy.event_handler import EventHandler
 from rclpy.exceptions import InvalidHandle
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerGuardCondition
 from rclpy.subscription import Subscription
 from rclpy.task import Task
 
@@ -68,6 +72,35 @@ def domain_of(context: Context) -> int:
         return context.get_domain_id()  # which says what is wrong
     with handle:
         return handle.get_domain_id()
+
+
+def default_context_is_up() -> bool:
+    """Return whether the context of `rclpy.init()` is there and not shut down.
+
+    `rclpy.ok()` takes two locks: see `is_up`.
+    """
+    context = utilities.g_default_context
+    return context is not None and context.handle is not None and is_up(context)
+
+
+def node_is_destroyed(node: Node) -> bool:
+    """Return whether `destroy_node()` was called. Nothing tells of that."""
+    try:
+        with node.handle:
+            return False
+    except InvalidHandle:
+        return True
+
+
+def on_shutdown(context: Context, method: Callable[[], None]) -> None:
+    """Have a bound method called when the context is shut down, but not by a signal handler.
+
+    It is called on the thread that shuts down, in the middle of that. The context keeps no
+    reference to its object. What is shut down already has to be looked at afterwards.
+
+    `Context.on_shutdown()` takes the lock of `Context.ok()`: see `is_up`.
+    """
+    context._callbacks.append(WeakMethod(method, context._remove_callback))
 
 
 # --- executors of the user's, for coroutines that wait there ------------------------------------
@@ -214,11 +247,14 @@ class EventSource(Source):
 
 
 class Waiter:
-    """Waits for the sources that it is given and for `wake`."""
+    """Waits for the sources that it is given, for `wake` and for rclpy's signal handler."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
         self._guard = GuardCondition(None, None, context=context)
+        self._signal_guard = SignalHandlerGuardCondition(context)
+        self.signalled = False
+        """Whether rclpy's signal handler has run during the last wait."""
         self._room = -1  # for so many sources of each kind
         self._wait_set: Any = None
 
@@ -252,8 +288,10 @@ class Waiter:
         wait_set = self._wait_set
         wait_set.clear_entities()
         wait_set.add_guard_condition(self._guard.handle)
+        signalled = wait_set.add_guard_condition(self._signal_guard.handle)
         indices = [source.add_to(wait_set) for source in sources]
         wait_set.wait(_FOREVER if timeout is None else max(0, int(min(timeout, _LONGEST) * 1e9)))
+        self.signalled = bool(wait_set.is_ready("guard_condition", signalled))
         return [
             source
             for source, index in zip(sources, indices, strict=True)
@@ -269,7 +307,7 @@ class Waiter:
         self._room = room
         # Subscriptions, guard conditions, timers, clients, services, events.
         self._wait_set = rclpy_implementation.WaitSet(
-            room, 1, 0, room, 0, room, self._context.handle
+            room, 2, 0, room, 0, room, self._context.handle
         )
 
     def _release_wait_set(self) -> None:
@@ -278,6 +316,7 @@ class Waiter:
             self._wait_set = None
 
     def destroy(self) -> None:
-        """Free the wait set and the guard condition."""
+        """Free the wait set and the guard conditions."""
         self._release_wait_set()
         self._guard.destroy()
+        self._signal_guard.destroy()

@@ -15,10 +15,10 @@ from rclpy.serialization import deserialize_message
 from typing_extensions import Self
 
 from actionkit._model.errors import ActionTypeMismatchError
-from actionkit._ros import graph, runtimes
+from actionkit._ros import graph, native, runtimes
 from actionkit._ros.link import Link
 from actionkit._ros.names import Identity, resolve, type_name_of
-from actionkit._ros.native import RCLError, domain_of
+from actionkit._ros.native import RCLError, domain_of, is_up
 from actionkit._ros.wire import feedback_alone
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.waiting import Flag
@@ -48,6 +48,8 @@ class Port:
         self.freed = Flag()
         """Set when the entities are destroyed and the runtime is released."""
         self._failure_callback: Callable[[BaseException], None] | None = None
+        self._shutdown_callback: Callable[[], None] | None = None
+        self._node: Node | None = node
         self.server_waits: set[Flag] = set()
         """What is set when the port is freed. On the communication thread, as the next."""
         self.waits_ended = False
@@ -75,6 +77,43 @@ class Port:
         """Call `callback` if the communication thread dies."""
         self._failure_callback = callback
         self.runtime.on_failure.append(callback)
+
+    def on_shutdown(self, callback: Callable[[], None]) -> None:
+        """Call `callback` on the communication thread when `why_shut_down` may say something."""
+        self._shutdown_callback = callback
+        self.runtime.on_shutdown.append(callback)
+        if self._node is not None:
+            native.on_shutdown(self._node.context, self._on_node_shutdown)
+        if self.runtime.was_shut_down or self.why_shut_down():  # just before
+            self.runtime.call_soon(callback)
+
+    def _on_node_shutdown(self) -> None:
+        if (callback := self._shutdown_callback) is not None:
+            self.runtime.call_soon(callback)
+
+    @property
+    def has_node(self) -> bool:
+        """Whether the client was made with `node=`."""
+        return self._node is not None
+
+    def why_shut_down(self) -> str:
+        """Return what of the user's ROS was shut down that calls depend on, or `""`.
+
+        The context of the client's node; without a node, what rclpy's signal handler shuts down: it
+        does so with every context of the process, ours included (R10).
+        """
+        if self._node is not None:
+            if not is_up(self._node.context):
+                return "the ROS context of its client's node was shut down"
+            if native.node_is_destroyed(self._node):
+                return "its client's node was destroyed"
+        if not is_up(self.runtime.context):
+            return "rclpy's signal handler shut down ROS in this process"
+        return ""
+
+    def is_up_again(self) -> bool:
+        """Return whether a client can go on after that: not with a node, whose end is final."""
+        return self._node is None and native.default_context_is_up()
 
     def decode_feedback(self, message: bytes) -> Any:
         """Return the feedback in a serialised feedback message.
@@ -151,6 +190,9 @@ class Port:
         if self._failure_callback is not None:
             self.runtime.on_failure.remove(self._failure_callback)
             self._failure_callback = None
+        if self._shutdown_callback is not None:
+            self.runtime.on_shutdown.remove(self._shutdown_callback)
+            self._shutdown_callback = None
         self.end_waits()
         self.link.close()
         self.runtime.names_in_use.remove((self.identity.action_name, self.identity.type_name))

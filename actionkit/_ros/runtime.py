@@ -40,6 +40,9 @@ _START_TIMEOUT = 30.0
 overloaded machine a few seconds; without a limit a broken middleware would hang the caller."""
 _LAST_STEP = 0.5
 """Seconds for a thread to end that has done everything; it takes microseconds."""
+_CONTEXTS_DOWN_WITHIN = (0.0, 0.01, 0.1, 1.0)
+"""Seconds after which to look whether rclpy's signal handler has shut down the contexts. rclpy 7.1
+does so before it wakes anybody; nobody promises that."""
 _numbers = itertools.count(1)
 """For the names of the nodes, which must differ within a process."""
 
@@ -64,6 +67,10 @@ class Runtime:
         """The action name and type of each client here, once for each."""
         self._windows: WeakValueDictionary[tuple[type, str], Any] = WeakValueDictionary()
         self.on_failure: list[Callable[[BaseException], None]] = []
+        self.on_shutdown: list[Callable[[], None]] = []
+        """Called on the thread when rclpy's signal handler has shut down the context (R10)."""
+        self.was_shut_down = False
+        """Whether they were called, or are being called."""
         self._pid = os.getpid()
         self._domain_id = domain_id
         self._inbox: deque[Callable[[], None]] = deque()
@@ -281,6 +288,15 @@ class Runtime:
         for source in self._waiter.wait(self._waited_for, timeout):
             if source in self._sources:  # a callback for an earlier one may have disabled it
                 self._guarded(source.on_readable)
+        if self._waiter.signalled:
+            for seconds in _CONTEXTS_DOWN_WITHIN:
+                self.call_at(time.monotonic() + seconds, self._look_at_context)
+
+    def _look_at_context(self) -> None:
+        if not self.was_shut_down and not is_up(self.context):
+            self.was_shut_down = True
+            for callback in list(self.on_shutdown):
+                self._guarded(callback)
 
     def _guarded(self, callback: Callable[[], None]) -> None:
         try:

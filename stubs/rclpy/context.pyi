@@ -1,9 +1,12 @@
 from collections.abc import Callable
 from types import TracebackType
+from typing import Any
 
 from rclpy import _rclpy_pybind11
 
 class Context:
+    _callbacks: list[Any]
+    def _remove_callback(self, callback: Any) -> None: ...
     def __init__(self) -> None: ...
     # None before `init`; as that is a fault of the program, callers need not ask for it each time
     @property

@@ -168,16 +168,29 @@ DOCS = Path(__file__).parents[2] / "docs" / "losing-the-server.md"
 LONG = "client.call({'order': 90}, on_feedback=lambda fb: print('runs', flush=True))"
 
 
-def test_a_handler_of_sigterm_as_documented_leaves_no_goal_running(action_server, run_script):
-    server = action_server("fibonacci", period=0.5)
-    found = re.search(r"```python\n( +import signal\n.*?)```", DOCS.read_text("utf-8"), re.S)
+def as_documented() -> str:
+    found = re.search(
+        r"```python\n( +from actionkit import cancel_on_.*?)```", DOCS.read_text("utf-8"), re.S
+    )
     assert found is not None
-    handler = textwrap.dedent(found[1])
+    return textwrap.dedent(found[1])
+
+
+@pytest.mark.parametrize(
+    ("handler", "expected"),
+    [
+        (as_documented(), -signal.SIGTERM),
+        ("import signal, sys\nsignal.signal(signal.SIGTERM, lambda *_: sys.exit(143))", 143),
+    ],
+    ids=["documented", "exit"],
+)
+def test_a_handler_of_sigterm_leaves_no_goal_running(handler, expected, action_server, run_script):
+    server = action_server("fibonacci", period=0.5)
     source = f"{HEAD}{handler}\nclient = Client(Fibonacci, 'fibonacci')\n{LONG}\n"
     script = run_script(source)
     assert script.line() == "runs"
     script.process.send_signal(signal.SIGTERM)
     code, _, err = script.finish(timeout=15)
-    assert (code, err) == (143, "")
+    assert (code, err) == (expected, "")
     server.wait_for("canceled")
     assert runs_nothing(server)

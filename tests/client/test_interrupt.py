@@ -104,19 +104,21 @@ def test_a_ctrl_c_that_does_not_wake_the_main_thread_is_heard(wait, action_serve
     assert (code, err) == (0, "")
 
 
-def test_a_goal_goes_on_where_a_handler_of_the_users_only_takes_note(action_server, run_script):
-    """rclpy has shut down every context by then (R10), and nothing new can be made on ours."""
-    # Longer than a second, after which the status topic would be subscribed to.
+@pytest.mark.parametrize("rclpys", ["ALL", "NO"])
+def test_where_a_handler_of_the_users_only_takes_note_rclpys_decides(
+    rclpys, action_server, run_script
+):
+    """By default it shuts down every context (R10), and that ends the calls (C2.6)."""
     action_server("fibonacci", period=0.3)
     script = run_script(
         HEAD
-        + """
+        + f"""
 import rclpy, signal
 signal.signal(signal.SIGINT, lambda *_: print("noted"))
-rclpy.init()
+rclpy.init(signal_handler_options=rclpy.SignalHandlerOptions.{rclpys})
 with Client(Fibonacci, "fibonacci") as client:
-    result = client.call({"order": 8}, on_feedback=lambda feedback: print("running"))
-    print(list(result.sequence))
+    future = client.call_async({{"order": 8}}, lambda feedback: print("running"))
+    print(future.exception() or list(future.result().sequence))
 """
     )
     assert script.line() == "running"
@@ -125,7 +127,10 @@ with Client(Fibonacci, "fibonacci") as client:
     assert (code, err) == (0, "")
     lines = without_noise(out).splitlines()
     assert "noted" in lines
-    assert lines[-1] == "[0, 1, 1, 2, 3, 5, 8, 13, 21]"
+    if rclpys == "NO":
+        assert lines[-1] == "[0, 1, 1, 2, 3, 5, 8, 13, 21]"
+    else:
+        assert "signal handler shut down ROS" in lines[-1]
 
 
 def test_ctrl_c_while_waiting_for_a_server(action_server, run_script):
@@ -213,7 +218,8 @@ with Client(Fibonacci, "fibonacci") as client:
     try:
         client.call({"order": 90}, on_feedback=lambda fb: print("running"))
     except KeyboardInterrupt:
-        pass
+        rclpy.try_shutdown()
+        rclpy.init()
     print("result", list(client.call({"order": 1}, 10).sequence))
     with Client(Fibonacci, "fibonaci", timeouts=Timeouts(server=1.0)) as typo:
         error = typo.call_async({"order": 1}).exception()

@@ -3,7 +3,7 @@
 To write the page anew, run these tests with `ACTIONKIT_WRITE_FAULTS=1` in the environment, in
 one process (`-n 0`). Otherwise each row that a test comes to has to be the one that is written.
 With `ACTIONKIT_WRITE_ATTACKS=1` docs/attacks.md is written, of which only those rows change
-that were tried.
+that were tried; with `ACTIONKIT_WRITE_ENDING=1` docs/ending.md.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import pytest
 
 from actionkit import Timeouts, servers
 from actionkit.servers import Server
-from tests.faults import attacks, network, page, table
+from tests.faults import attacks, ending, network, page, table
 from tests.faults.callers import LocalCaller, RemoteCaller
 from tests.faults.lab import TIMEOUTS
 from tests.faults.network import Network
@@ -25,8 +25,10 @@ from tests.faults.table import Row
 
 _ROWS: pytest.StashKey[list[Row]] = pytest.StashKey()
 _ATTACKS: pytest.StashKey[list[attacks.Row]] = pytest.StashKey()
+_ENDINGS: pytest.StashKey[list[ending.Row]] = pytest.StashKey()
 WRITING = os.environ.get("ACTIONKIT_WRITE_FAULTS") == "1"
 WRITING_ATTACKS = os.environ.get("ACTIONKIT_WRITE_ATTACKS") == "1"
+WRITING_ENDING = os.environ.get("ACTIONKIT_WRITE_ENDING") == "1"
 
 
 @pytest.fixture
@@ -65,6 +67,19 @@ def attacked(request: pytest.FixtureRequest) -> Callable[[attacks.Row], None]:
     return take
 
 
+@pytest.fixture
+def ended(request: pytest.FixtureRequest) -> Callable[[ending.Row], None]:
+    """Take the row of a program that was ended: it is the one that is written."""
+    rows = request.config.stash.setdefault(_ENDINGS, [])
+
+    def take(row: ending.Row) -> None:
+        rows.append(row)
+        if not WRITING_ENDING:
+            assert ending.is_written(row, ending.PATH.read_text()), f"docs/ending.md: {row.line}"
+
+    return take
+
+
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
@@ -77,6 +92,11 @@ def pytest_terminal_summary(
         attacks.PATH.write_text(attacks.merge(rows, known))
         terminalreporter.section("docs/attacks.md")
         terminalreporter.write_line(f"written, {len(rows)} rows of them new")
+    if WRITING_ENDING:
+        known = ending.PATH.read_text() if ending.PATH.exists() else ""
+        ending.PATH.write_text(ending.render(config.stash.get(_ENDINGS, []), known))
+        terminalreporter.section("docs/ending.md")
+        terminalreporter.write_line("written")
 
 
 @pytest.fixture

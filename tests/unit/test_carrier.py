@@ -38,6 +38,7 @@ class World(Clock):
                 cancel_timer=self.queue.cancel,
             ),
             on_failure=lambda callback: None,
+            on_shutdown=lambda callback: None,
             end_waits=lambda: None,
         )
         self.carrier = PortCarrier(self.port, on_freed=lambda: None)  # type: ignore[arg-type]

@@ -51,6 +51,7 @@ NAMES = [
     "Timeouts",
     "TransientError",
     "Verdict",
+    "cancel_on_signals",
     "classify_by_field",
     "read_json_lines",
     "retry_aborted",
@@ -70,6 +71,7 @@ SIGNATURES = {
     actionkit.RetryBudget.__init__: "(self, capacity=10.0, ratio=0.1)",
     actionkit.classify_by_field: "(path, *, transient=(), permanent=(), ok=())",
     actionkit.retry_aborted: "()",
+    actionkit.cancel_on_signals.__init__: "(self, *signals)",
     actionkit.JsonLines.__init__: "(self, path, *, max_bytes=10000000, backups=5, messages=True,"
     " max_items=100)",
     actionkit.OpenTelemetry.__init__: "(self, tracer_provider=None, meter_provider=None)",

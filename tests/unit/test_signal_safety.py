@@ -220,6 +220,8 @@ class Port(SimpleNamespace):
             free=freed.set,
             decode_feedback=None,
             on_failure=lambda callback: None,
+            on_shutdown=lambda callback: None,
+            has_node=False,
             end_waits=lambda: None,
         )
 
@@ -237,7 +239,7 @@ class Begun:
     def start(self) -> None:
         self.notes.append("started")
 
-    def close(self, *, abandon: bool) -> None:
+    def close(self, *, abandon: bool, because: str) -> None:
         self.notes.append("closed")
 
     def refuse(self, reason: str) -> None:
@@ -252,7 +254,7 @@ def test_a_call_that_slips_in_behind_the_closing_sends_nothing() -> None:
     carrier = PortCarrier(port, lambda: None)  # type: ignore[arg-type]
     before, behind = Begun(), Begun()
     carrier.begin(before)  # type: ignore[arg-type]
-    carrier.call_soon(lambda: carrier.close_calls(abandon=False))
+    carrier.call_soon(carrier.close_calls)
     carrier.begin(behind)  # type: ignore[arg-type]
     port.turn()
     assert before.notes == ["started", "closed"]

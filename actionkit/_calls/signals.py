@@ -1,0 +1,321 @@
+"""A process that is told to end by a signal cancels its goals first (C2.6).
+
+What is done runs in the main thread, as all signal handlers of Python do, between two bytecodes of
+whatever that does. Where it is in C and stays there, as in rclpy's `spin` while nothing happens, no
+handler runs until it comes back. So a thread of ours hears of signals, too, by Python's wakeup file
+descriptor, and does it where the main thread does not begin.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import select
+import signal
+import sys
+import threading
+from collections import Counter
+from collections.abc import Callable
+from types import FrameType, TracebackType
+from typing import Any, TypeAlias
+
+from actionkit._threads.waiting import Flag
+
+Handler: TypeAlias = "Callable[[int, FrameType | None], Any] | int | None"
+_DEFAULT = (signal.SIGTERM, signal.SIGHUP)
+_MAIN_HEARS = 0.2
+"""Seconds for the main thread to begin, before the other takes its place: it takes microseconds
+where it runs Python at all, and a human does not notice them."""
+
+_NOT_ENDING = {
+    *(signal.SIGKILL, signal.SIGSTOP),  # cannot be handled
+    *(signal.SIGCHLD, signal.SIGCONT, signal.SIGURG, signal.SIGWINCH),  # tell of something
+    *(signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU),  # stop a process
+    *(signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL),  # come again at once
+}
+
+_before: dict[int, Handler] = {}
+"""What each signal did before."""
+_users: Counter[int] = Counter()
+"""How many `cancel_on_signals` each signal is handled for."""
+_at_work: dict[str, _Work] = {}
+"""Who cancels the goals at the moment; `setdefault` lets only one begin."""
+_watcher: _Watcher | None = None
+_libc = ctypes.CDLL(None)
+_pythons_handler = 0
+"""The address of Python's own handler in C."""
+
+
+def _nothing(hurry: Callable[[], bool]) -> None:
+    """Cancel the goals of a process that has had no client so far."""
+
+
+cancel_goals: Callable[[Callable[[], bool]], None] = _nothing
+"""Cancels all goals and waits for that; `_calls.exit` puts its function here. It is not imported,
+as that would import rclpy."""
+
+
+class _Work:
+    """The cancelling at one signal."""
+
+    def __init__(self) -> None:
+        self.thread = threading.get_ident()
+        """The main thread's, or the watcher's."""
+        self.hurry = Flag()
+        self.over = Flag()
+
+
+def is_ending() -> bool:
+    """Whether goals are being cancelled at a signal: then no other begins. From any thread."""
+    return bool(_at_work)
+
+
+class cancel_on_signals:
+    """Cancel every goal of this process when a signal tells it to end.
+
+        cancel_on_signals()
+
+    On the signal, all goals in flight are cancelled on their servers, and the confirmations waited
+    for, `timeouts.cancel` seconds at most (the longest of all clients'; longer while servers go on
+    confirming many goals). A warning names goals that may still run. Then the signal does what it
+    did before: a Python handler is called, rclpy's own handler has its way, or the process ends. A
+    second signal, or Ctrl-C, ends the waiting.
+
+    As a context manager it puts back what was there at the end of the block.
+
+    A later `signal.signal()`, or `add_signal_handler()` of an event loop, for the same signal takes
+    its place. It may be called before `rclpy.init()` or after it.
+    """
+
+    def __init__(self, *signals: int) -> None:
+        """Handle signals.
+
+        Args:
+            signals: Left out, SIGTERM and SIGHUP, but for one that is ignored, as SIGHUP is under
+                `nohup`. One that is given is handled also where it was ignored, as SIGINT is in a
+                script's background; afterwards it ends the process then.
+
+        Raises:
+            RuntimeError: Not called in the main thread.
+            TypeError, ValueError: What is given is no signal that can be handled.
+        """
+        if threading.current_thread() is not threading.main_thread():
+            raise RuntimeError(
+                "cancel_on_signals() must be called in the main thread, because Python handles"
+                " signals only there: call it at the start of the program"
+            )
+        for number in signals:
+            _check(number)
+        default = [each for each in _DEFAULT if signal.getsignal(each) is not signal.SIG_IGN]
+        self._signals = [int(each) for each in dict.fromkeys(signals or default)]
+        for number in self._signals:
+            _users[number] += 1
+            if signal.getsignal(number) is not _on_signal:
+                _before[number] = signal.getsignal(number)
+                _set(number, _on_signal)
+        _watch()
+
+    def __enter__(self) -> cancel_on_signals:
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        for number in self._signals:
+            _users[number] -= 1
+            # What was set over it meanwhile stays.
+            if not _users[number] and signal.getsignal(number) is _on_signal:
+                _set(number, _before[number])
+        self._signals = []
+
+
+def _check(number: object) -> None:
+    if isinstance(number, bool) or not isinstance(number, int):
+        raise TypeError(
+            f"cancel_on_signals: {number!r} is no signal: give signals one by one, such as"
+            " signal.SIGTERM"
+        )
+    if number not in signal.valid_signals() or number in _NOT_ENDING:
+        raise ValueError(
+            f"cancel_on_signals: {number!r} is no signal that tells a process to end and can be"
+            " handled"
+        )
+
+
+def _former(number: int) -> Handler:
+    """Return what a signal did before; where it was ignored, what it does by default."""
+    handler = _before[number]
+    if handler is not signal.SIG_IGN:
+        return handler
+    return signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
+
+
+def _set(number: int, handler: Handler) -> None:
+    """Set Python's handler of a signal, below that of rclpy where there is one.
+
+    `rclpy.init()` sets a handler in C, which passes the signal on to what it found there, shuts
+    down all contexts and wakes the executors. Python knows nothing of it, and would put ours in its
+    place. Taken out before and put in again, which takes microseconds, it is as if `rclpy.init()`
+    came later. (Where somebody has put another over it, it takes no notice of both.)
+    """
+    global _pythons_handler  # noqa: PLW0603
+    rclpy = sys.modules.get("rclpy.signals")
+    options = rclpy and rclpy.get_current_signal_handlers_options()
+    listed = options is not None and _lists(options, number)
+    if rclpy and listed:
+        rclpy.uninstall_signal_handlers()
+    signal.signal(number, signal.SIG_DFL if handler is None else handler)
+    if handler is _on_signal:
+        _pythons_handler = _c_handler(number)
+    if rclpy and listed:
+        rclpy.install_signal_handlers(options)
+
+
+def _lists(options: Any, number: int) -> bool:
+    """Whether rclpy says that it handles a signal; also where another has taken its place."""
+    mine = {int(signal.SIGINT): "SIGINT", int(signal.SIGTERM): "SIGTERM"}.get(number)
+    return mine is not None and options.name in ("ALL", mine)
+
+
+def _rclpy_handles(number: int) -> bool:
+    """Whether rclpy's handler passed the signal on to ours, and does its own part by itself."""
+    rclpy = sys.modules.get("rclpy.signals")
+    if rclpy is None or _c_handler(number) == _pythons_handler:
+        return False
+    return _lists(rclpy.get_current_signal_handlers_options(), number)
+
+
+def _c_handler(number: int) -> int:
+    """Return the address of a signal's handler in C: the first field of `struct sigaction`."""
+    action = (ctypes.c_size_t * 64)()  # of which it has 19
+    _libc.sigaction(number, None, action)
+    return action[0]
+
+
+# --- on the signal -----------------------------------------------------------------------------
+
+
+def _on_signal(number: int, frame: FrameType | None) -> None:
+    """Cancel the goals, and let the signal do what it did before. In the main thread."""
+    another = _watcher is not None and _watcher.main_hears()
+    mine = _Work()
+    while (work := _at_work.setdefault("", mine)) is not mine:
+        if work.thread == mine.thread:
+            work.hurry.set()  # a second signal; the first goes on at once, and does the rest
+            return
+        if another:
+            work.hurry.set()
+        work.over.wait()  # the watcher was quicker
+    try:
+        if _watcher is None or not _watcher.has_done(number):
+            cancel_goals(work.hurry.is_set)
+    finally:
+        try:
+            _pass_on(number, frame)
+        finally:
+            _leave(mine)
+
+
+def _leave(work: _Work) -> None:
+    if _at_work.get("") is work:
+        del _at_work[""]
+    work.over.set()
+
+
+def _pass_on(number: int, frame: FrameType | None) -> None:
+    before = _former(number)
+    if callable(before):
+        _at_work.clear()  # what it calls may begin, and has to see to its own end
+        before(number, frame)
+    elif not _rclpy_handles(number):
+        _end_process(number)
+
+
+def _end_process(number: int) -> None:
+    """Let the signal do what it does by default, which ends the process. From any thread."""
+    _libc.signal(number, None)  # Python's function is for the main thread alone
+    os.kill(os.getpid(), number)
+    Flag().wait(1.0)  # another thread may take it, within microseconds
+
+
+class _Watcher:
+    """Cancels the goals where the main thread does not hear of the signal."""
+
+    def __init__(self) -> None:
+        self._reads, self.writes = os.pipe()
+        for end in (self._reads, self.writes):
+            os.set_blocking(end, False)
+        self._heard = Flag()
+        self._done: set[int] = set()
+        threading.Thread(target=self._main, name="actionkit-signals", daemon=True).start()
+
+    def main_hears(self) -> bool:
+        """Take note that the main thread has heard; return whether the watcher had not so far."""
+        another = bool(self._read())
+        self._heard.set()
+        return another
+
+    def has_done(self, number: int) -> bool:
+        """Return whether the goals were cancelled at a signal, once for each time."""
+        done = number in self._done
+        self._done.discard(number)
+        return done
+
+    def _read(self) -> list[int]:
+        """Return the signals that have come and that matter here."""
+        try:
+            numbers = os.read(self._reads, 64)
+        except BlockingIOError:
+            return []
+        return [n for n in numbers if signal.getsignal(n) is _on_signal or n == signal.SIGINT]
+
+    def _main(self) -> None:
+        poll = select.poll()
+        poll.register(self._reads, select.POLLIN)
+        while True:
+            self._heard = Flag()
+            poll.poll()
+            numbers = self._read()
+            if numbers and not self._heard.wait(_MAIN_HEARS):
+                for number in numbers[:1]:
+                    if signal.getsignal(number) is _on_signal:
+                        self._take_over(number)
+
+    def _take_over(self, number: int) -> None:
+        mine = _Work()
+        if _at_work.setdefault("", mine) is not mine:
+            return  # the main thread is at it
+        try:
+            if self._heard.is_set():
+                return  # it is about to be
+            cancel_goals(lambda: mine.hurry.is_set() or bool(self._read()))
+            if not callable(_former(number)) and not _rclpy_handles(number):
+                _end_process(number)
+            self._done.add(number)
+        finally:
+            _leave(mine)
+
+
+def _watch() -> None:
+    """Have the watcher hear of signals, unless an event loop does: then the main thread hears."""
+    global _watcher  # noqa: PLW0603  one for each process
+    if _watcher is None:
+        _watcher = _Watcher()
+        os.register_at_fork(after_in_child=_after_fork)
+    earlier = signal.set_wakeup_fd(_watcher.writes, warn_on_full_buffer=False)
+    if earlier not in (-1, _watcher.writes):
+        signal.set_wakeup_fd(earlier)
+
+
+def _after_fork() -> None:
+    """Leave the watcher to the parent, which would hear of the child's signals."""
+    global _watcher  # noqa: PLW0603
+    if _watcher is not None:
+        earlier = signal.set_wakeup_fd(-1)
+        if earlier != _watcher.writes:
+            signal.set_wakeup_fd(earlier)
+    _watcher = None
+    _at_work.clear()

@@ -1,0 +1,98 @@
+"""Programs that are told to end leave no goal running (C2.6), and docs/ending.md says how."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import time
+
+import pytest
+
+from actionkit.servers import Server
+from tests.faults import ending
+from tests.faults.conftest import WRITING_ENDING
+from tests.faults.ending import CANCEL, IGNORED, KILL, NOTHING, SHUTDOWN, Case, Row
+
+BOUND = 3.0
+"""Seconds: `Timeouts.cancel`, and one."""
+IGNORING = ("sh", "-c", 'trap "" INT; exec "$@"', "sh")
+"""Starts a program as a shell script does in the background."""
+NOISE = 4.0
+"""A machine with other work is so much slower."""
+
+
+def end(case: Case, server: Server, goals: int) -> Row:
+    """Run a program until its goal runs, end it, and look what reached the server."""
+    process = subprocess.Popen(
+        [*(IGNORING if case.what == IGNORED else ()), sys.executable, "-c", case.source],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )
+    try:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        while "running" not in (line := process.stdout.readline()):
+            assert line, process.communicate()[1]
+        goal = server.wait_for("executing", count=goals)[-1].goal_id
+        began = time.monotonic()
+        if case.number is not None:
+            process.send_signal(case.number)
+        else:
+            process.stdin.write("shutdown\n" if case.what == SHUTDOWN else "destroy\n")
+            process.stdin.flush()
+        if case.goes_on:
+            server.wait_for("canceled", goal_id=goal)
+            process.kill()
+        process.wait(60)
+        took = time.monotonic() - began
+        print(f"{case}: gone after {took:.2f} s, {process.returncode}")
+        reached = NOTHING
+        if case.what != KILL and (case.handled or case.what != "SIGTERM" or "node" in case.program):
+            server.wait_for("cancel_accepted", goal_id=goal)
+            server.wait_for("canceled", goal_id=goal)
+            reached = CANCEL
+            assert took < BOUND * NOISE
+        else:
+            assert goal in server.running()
+        _, err = process.communicate()
+        assert "Exception ignored" not in err
+        assert "MAY STILL" not in err
+        return Row(case, reached, None if case.goes_on else process.returncode)
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("program", ending.EXPLAINED)
+def test_what_reaches_the_server_when_a_program_ends(program, action_server, ended):
+    server = action_server("never_finishes")
+    for n, case in enumerate(ending.cases(program)):
+        ended(end(case, server, n + 1))
+
+
+@pytest.mark.skipif(WRITING_ENDING, reason="docs/ending.md is being written")
+def test_the_page_of_endings_has_a_row_for_each_and_no_other():
+    text = ending.PATH.read_text()
+    for program in ending.EXPLAINED:
+        section = ending.section(program, text)
+        written = re.findall(r"^\| (.+?) \| (yes|no) \|", section, re.MULTILINE)
+        assert written == [
+            (case.what, "yes" if case.handled else "no") for case in ending.cases(program)
+        ]
+    assert text.startswith(ending.INTRO.strip())
+
+
+def test_a_row_that_is_not_so_is_found():
+    row = Row(Case(ending.SCRIPT, "SIGTERM", handled=True), CANCEL, -15)
+    text = ending.render([row], "")
+    assert ending.render([], text) == text
+    assert ending.is_written(row, text)
+    assert not ending.is_written(Row(row.case, NOTHING, -15), text)
+    assert not ending.is_written(Row(row.case, CANCEL, 1), text)
