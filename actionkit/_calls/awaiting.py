@@ -122,9 +122,8 @@ class Awaiters:
         """Raise an error in the running task, which begins where it has not so far."""
         task = _running_task()
         begun = self._tasks.get(task)
-        if (
-            begun is None
-        ):  # cancelled before its first step; the goal is to be cancelled all the same
+        if begun is None:
+            # Cancelled before its first step; the goal is to be cancelled all the same.
             begun = self._tasks[task] = wait()
             try:
                 self._step(task, partial(begun.send, None))
