@@ -63,8 +63,8 @@ class Soak:
         self.deepest = 0
         self.called_back = 0
         self.futures: deque[AnyFuture] = deque(maxlen=MOST_FUTURES)
-        self.clients = [self.new_client("fibonacci") for _ in range(2)]
-        self.endless = self.new_client("endless")
+        self.clients = deque(self.new_client("fibonacci") for _ in range(2))
+        self.endless_clients = deque([self.new_client("endless")])
 
     def new_client(self, name: str) -> AnyClient:
         return Client(Fibonacci, name, timeouts=Timeouts(total=30.0), retry=RetryPolicy.none())
@@ -73,6 +73,18 @@ class Soak:
 
     def client(self) -> AnyClient:
         return self.random.choice(self.clients)
+
+    @property
+    def endless(self) -> AnyClient:
+        return self.endless_clients[-1]
+
+    def renew(self, clients: deque[AnyClient], name: str) -> None:
+        """Close the oldest client, after another has taken its place.
+
+        Each step is one operation: with a handler that does the same between them, none is lost.
+        """
+        clients.append(self.new_client(name))
+        clients.popleft().close()
 
     def goal(self) -> dict[str, int]:
         return {"order": self.random.randint(1, 12)}
@@ -144,13 +156,10 @@ class Soak:
         signal.raise_signal(signal.SIGUSR1)
 
     def close_one(self) -> None:
-        place = self.random.randrange(len(self.clients))
-        client, self.clients[place] = self.clients[place], self.new_client("fibonacci")
-        client.close()
+        self.renew(self.clients, "fibonacci")
 
     def close_endless(self) -> None:
-        client, self.endless = self.endless, self.new_client("endless")
-        client.close()
+        self.renew(self.endless_clients, "endless")
 
     def make_one(self) -> None:
         with self.new_client("fibonacci") as client:
@@ -212,7 +221,7 @@ class Soak:
         return [*self.in_handlers(), self.wait_for_all]
 
     def run(self) -> None:
-        for client in (*self.clients, self.endless):
+        for client in (*self.clients, *self.endless_clients):
             assert client.wait_for_server(60)
         signal.signal(signal.SIGUSR1, lambda *_: None)
         cancel_on_signals(signal.SIGUSR1)
@@ -224,7 +233,7 @@ class Soak:
             self.one_of(self.in_main(), self.done)
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, signal.SIG_IGN)
-        for client in (*self.clients, self.endless):
+        for client in (*self.clients, *self.endless_clients):
             client.close()
         faulthandler.cancel_dump_traceback_later()
 
