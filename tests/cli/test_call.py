@@ -250,9 +250,9 @@ def test_a_deadline_without_a_server_is_no_server(world: World) -> None:
     done = world.run("call", "nobody", FIBONACCI, "--timeout", "0.5", "--json")
     assert done.code == Exit.NO_SERVER
     last = json.loads(done.out.splitlines()[-1])
-    assert (last["error"], last["exit"]) == ("ServerUnavailableError", "NO_SERVER")
-    assert (last["cancel"], last["status"]) == ("NOT_NEEDED", "TIMED_OUT")
-    assert re.search(r"after \d+\.\d s of looking, so nothing was sent", last["message"])
+    assert (last["outcome"], last["exit"]) == ("ServerUnavailableError", "NO_SERVER")
+    assert (last["cancel"], last["state"]) == ("NOT_NEEDED", "TIMED_OUT")
+    assert re.search(r"after \d+\.\d s of looking, so nothing was sent", last["error"])
 
 
 def test_sigterm_is_as_ctrl_c(world: World) -> None:
