@@ -149,7 +149,10 @@ class PortCarrier:
 
     def _look_at_ros(self) -> None:
         """End every call where the user's ROS was shut down (C2.6)."""
-        if self._shut_down or self.port.freed.is_set():
+        if self.port.freed.is_set():
+            return
+        self.port.end_spinning()
+        if self._shut_down:
             return
         self._shut_down = self.port.why_shut_down()
         if self._shut_down and self._abandon:

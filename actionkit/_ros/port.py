@@ -111,6 +111,12 @@ class Port:
             return "rclpy's signal handler shut down ROS in this process"
         return ""
 
+    def end_spinning(self) -> None:
+        """Have the user's executors see that their context was shut down, if it was."""
+        context = native.default_context() if self._node is None else self._node.context
+        if context is not None and not is_up(context):
+            native.wake_executors(context)
+
     def is_up_again(self) -> bool:
         """Return whether a client can go on after that: not with a node, whose end is final."""
         return self._node is None and native.default_context_is_up()
@@ -193,6 +199,7 @@ class Port:
         if self._shutdown_callback is not None:
             self.runtime.on_shutdown.remove(self._shutdown_callback)
             self._shutdown_callback = None
+        self.end_spinning()
         self.end_waits()
         self.link.close()
         self.runtime.names_in_use.remove((self.identity.action_name, self.identity.type_name))

@@ -41,8 +41,8 @@ overloaded machine a few seconds; without a limit a broken middleware would hang
 _LAST_STEP = 0.5
 """Seconds for a thread to end that has done everything; it takes microseconds."""
 _CONTEXTS_DOWN_WITHIN = (0.0, 0.01, 0.1, 1.0)
-"""Seconds after which to look whether rclpy's signal handler has shut down the contexts. rclpy 7.1
-does so before it wakes anybody; nobody promises that."""
+"""Seconds after which to look whether rclpy's signal handler has shut down the contexts. It wakes
+everybody first, then takes microseconds for the contexts; the user's may come after ours."""
 _numbers = itertools.count(1)
 """For the names of the nodes, which must differ within a process."""
 
@@ -293,7 +293,7 @@ class Runtime:
                 self.call_at(time.monotonic() + seconds, self._look_at_context)
 
     def _look_at_context(self) -> None:
-        if not self.was_shut_down and not is_up(self.context):
+        if not is_up(self.context):
             self.was_shut_down = True
             for callback in list(self.on_shutdown):
                 self._guarded(callback)

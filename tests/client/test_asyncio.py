@@ -168,8 +168,9 @@ def test_uvloop(action_server, make_client):
     async def main():
         return await asyncio.gather(*(client.call_async({"order": n}) for n in (1, 2)))
 
-    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        assert len(runner.run(main())) == 2
+    loop = uvloop.new_event_loop()
+    assert len(loop.run_until_complete(main())) == 2
+    loop.close()
 
 
 def test_a_closed_loop_harms_nobody(action_server, make_client):

@@ -39,7 +39,7 @@ def user_node(domain: int, *args: str, namespace: str = "") -> Iterator[Node]:
 
 
 @contextmanager
-def spinning(node: Node, kind: str) -> Iterator[None]:
+def spinning(node: Node, kind: str) -> Iterator[threading.Thread]:
     """Spin the node in a thread, in one of the ways that users have."""
     if kind == "rclpy.spin":
         executor = SingleThreadedExecutor(context=node.context)
@@ -59,7 +59,7 @@ def spinning(node: Node, kind: str) -> Iterator[None]:
     thread = threading.Thread(target=spin)
     thread.start()
     try:
-        yield
+        yield thread
     finally:
         node.context.try_shutdown()
         thread.join(10)

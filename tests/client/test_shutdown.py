@@ -420,3 +420,21 @@ def test_it_is_for_the_main_thread():
     thread.start()
     thread.join()
     assert "main thread" in errors[0]
+
+
+@pytest.mark.parametrize("spin", ["single", "multi", "rclpy.spin"])
+def test_spin_ends_where_rclpy_woke_it_too_early(spin, action_server, ros_domain):
+    """At a signal rclpy wakes executors first, and then shuts down; this one missed it."""
+    server = action_server("never_finishes")
+    with (
+        user_node(ros_domain) as node,
+        Client(Fibonacci, "fibonacci", node=node) as client,
+        spinning(node, spin) as thread,
+    ):
+        future = client.call_async({"order": 1})
+        server.wait_for("executing")
+        with node.context.handle:
+            node.context.handle.shutdown()  # which wakes nobody
+        assert isinstance(future.exception(10), ClientClosedError)
+        thread.join(10)
+        assert not thread.is_alive()
