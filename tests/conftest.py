@@ -10,7 +10,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -174,9 +175,23 @@ class Script:
         return line.strip() if without_noise(line) == line else self.line()
 
     def finish(self, timeout: float = 20) -> tuple[int, str, str]:
-        """Return its exit code and the rest of its output."""
-        out, err = self.process.communicate(timeout=timeout)
-        return self.process.returncode, without_noise(out), without_noise(err)
+        """Return its exit code and the rest of its output.
+
+        Not by `communicate`, which leaves out what `line` has read beyond its line.
+        """
+        process = self.process
+        assert process.stdout is not None
+        assert process.stderr is not None
+        if process.stdin is not None:
+            with suppress(BrokenPipeError):
+                process.stdin.close()
+        with process.stdout, process.stderr, ThreadPoolExecutor(2) as readers:
+            out, err = readers.submit(process.stdout.read), readers.submit(process.stderr.read)
+            try:
+                code = process.wait(timeout)
+            finally:
+                process.kill()  # does nothing to one that has ended; the readers come to an end
+            return code, without_noise(out.result()), without_noise(err.result())
 
 
 @pytest.fixture
@@ -209,4 +224,5 @@ def run_script(ros_domain: int) -> Iterator[Callable[..., Script]]:
     for process in started:
         if process.poll() is None:
             process.kill()
-        process.communicate()
+        with suppress(ValueError):  # `finish` has closed its pipes
+            process.communicate()
