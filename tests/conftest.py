@@ -193,11 +193,17 @@ class Script:
                 process.kill()  # does nothing to one that has ended; the readers come to an end
             return code, without_noise(out.result()), without_noise(err.result())
 
+    def end(self) -> None:
+        """Kill it where it still runs, and free what is left of it."""
+        self.process.kill()
+        with suppress(ValueError):  # `finish` has closed the pipes
+            self.process.communicate()
+
 
 @pytest.fixture
 def run_script(ros_domain: int) -> Iterator[Callable[..., Script]]:
     """Start scripts in the test's domain; what is left of them is killed at its end."""
-    started: list[subprocess.Popen[str]] = []
+    started: list[Script] = []
 
     def run(source: str, *args: str) -> Script:
         process = subprocess.Popen(
@@ -217,12 +223,9 @@ def run_script(ros_domain: int) -> Iterator[Callable[..., Script]]:
             text=True,
             env=os.environ | {"PYTHONUNBUFFERED": "1"},
         )
-        started.append(process)
-        return Script(process)
+        started.append(Script(process))
+        return started[-1]
 
     yield run
-    for process in started:
-        if process.poll() is None:
-            process.kill()
-        with suppress(ValueError):  # `finish` has closed its pipes
-            process.communicate()
+    for script in started:
+        script.end()

@@ -109,9 +109,7 @@ class Crowd:
 
     def kill(self) -> None:
         """End it, whatever it does."""
-        if self.process.poll() is None:
-            self.process.kill()
-        self.process.communicate()
+        self._script.end()
 
 
 def drain(server: Server, seconds: float = 10.0, quiet: float = 4.0) -> set[str]:
