@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import pytest
 
-from actionkit import CancelReport, Client, GoalFuture, GoalState
+from actionkit import CancelReport, Client, GoalFuture
 from actionkit.servers import Server
 from tests.awaiting import table
 from tests.awaiting.page import FORMS
@@ -83,9 +83,13 @@ def reached(server: Server, client: Client, future: GoalFuture) -> str:
         assert future.outcome(0).cancel is CancelReport.CONFIRMED
         server.wait_for("canceled", goal_id=str(future.goal_id))
         return CONFIRMED
-    # Another goal goes the same way: when it is over, a cancel request was sent before it.
-    client.call_async(QUICK).result(20)
-    if any(event.state is GoalState.CANCELING for event in future.timeline):
+    # Another goal is cancelled: when that has come, so has every request that was sent before it.
+    later = client.call_async(LONG)
+    server.wait_for("executing", goal_id=str(later.goal_id))
+    later.cancel()
+    server.wait_for("canceled", goal_id=str(later.goal_id))
+    asked = [event for event in server.events if event.event == "cancel_requested"]
+    if any(event.goal_id == str(future.goal_id) for event in asked):
         server.wait_for("canceled", goal_id=str(future.goal_id))
         return CANCELLED
     assert str(future.goal_id) in server.running()
