@@ -17,6 +17,7 @@ from actionkit import GoalFuture
 from tests.awaiting.conftest import LONG, QUICK, reached
 from tests.awaiting.page import ASYNCIO
 from tests.awaiting.table import Form
+from tests.conftest import NEVER
 
 NEW = sys.version_info >= (3, 11)
 NEWER = pytest.mark.skipif(not NEW, reason="it is of Python 3.11")
@@ -116,6 +117,10 @@ def test_asyncio_run_takes_it(server, client, record):
 
     def interrupt():
         server.wait_for("executing", goal_id=str(futures[0].goal_id))
+        for _ in range(1000):
+            if futures[0]._awaiters._waiting:  # so `asyncio.run` is ready for Ctrl-C
+                break
+            NEVER.wait(0.01)
         os.kill(os.getpid(), signal.SIGINT)
 
     futures.append(client.call_async(LONG))
