@@ -151,14 +151,13 @@ class PortCarrier:
         """End every call where the user's ROS was shut down (C2.6)."""
         if self.port.freed.is_set():
             return
+        if not self._shut_down:
+            self._shut_down = self.port.why_shut_down()
+            if self._shut_down and self._abandon:
+                self.call_at(time.monotonic() + _CTRL_C_HEARD, self.close_calls)
+            elif self._shut_down:
+                self.close_calls()
         self.port.end_spinning()
-        if self._shut_down:
-            return
-        self._shut_down = self.port.why_shut_down()
-        if self._shut_down and self._abandon:
-            self.call_at(time.monotonic() + _CTRL_C_HEARD, self.close_calls)
-        elif self._shut_down:
-            self.close_calls()
 
     def _arm_node_timer(self) -> None:
         self._node_timer = self.call_at(time.monotonic() + _NODE_CHECK, self._look_at_node)

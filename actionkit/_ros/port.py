@@ -199,12 +199,12 @@ class Port:
         if self._shutdown_callback is not None:
             self.runtime.on_shutdown.remove(self._shutdown_callback)
             self._shutdown_callback = None
-        self.end_spinning()
         self.end_waits()
         self.link.close()
         self.runtime.names_in_use.remove((self.identity.action_name, self.identity.type_name))
         runtimes.release(self.runtime, self)
         self.freed.set()
+        self.end_spinning()  # a client that is closed at once may not have seen the shutdown
 
 
 class ServerWait:

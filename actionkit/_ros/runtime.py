@@ -68,7 +68,7 @@ class Runtime:
         self._windows: WeakValueDictionary[tuple[type, str], Any] = WeakValueDictionary()
         self.on_failure: list[Callable[[BaseException], None]] = []
         self.on_shutdown: list[Callable[[], None]] = []
-        """Called on the thread when rclpy's signal handler has shut down the context (R10)."""
+        """Called on the thread, several times, if a signal handler shuts down the context (R10)."""
         self.was_shut_down = False
         """Whether they were called, or are being called."""
         self._pid = os.getpid()

@@ -6,18 +6,24 @@ What reaches the server in each kind of program is in `faults/test_ending.py`.
 from __future__ import annotations
 
 import gc
+import linecache
 import signal
+import sys
 import threading
+import time
 
 import pytest
 import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from test_msgs.action import Fibonacci
 
 from actionkit import CancelReport, Client, ClientClosedError, Rosout, cancel_on_signals
 from actionkit._calls import session, signals
 from actionkit._ros.discovery import stop_listening
 from tests.client.test_node import spinning, user_node
-from tests.conftest import is_accepted, runs_nothing, without_noise
+from tests.conftest import NEVER, is_accepted, runs_nothing, without_noise
 
 HEAD = r"""
 import signal, sys, threading, time
@@ -422,9 +428,32 @@ def test_it_is_for_the_main_thread():
     assert "main thread" in errors[0]
 
 
+# --- spin, where rclpy woke it too early ----------------------------------------------------------
+
+# At a signal rclpy wakes executors first, then shuts down contexts. A quick one misses the latter.
+
+
+def shut_down_unheard(context: Context) -> None:
+    with context.handle:
+        context.handle.shutdown()  # which wakes nobody
+
+
+def is_in_wait(thread: threading.Thread) -> bool:
+    """Wait until an executor's thread is, and stays, where only an event of ROS wakes it.
+
+    After each callback, and each change of its node, the executor wakes itself once more.
+    """
+    until, looks = time.monotonic() + 20, 0
+    while time.monotonic() < until and looks < 100:
+        frame = sys._current_frames()[thread.ident]
+        line = linecache.getline(frame.f_code.co_filename, frame.f_lineno)
+        looks = looks + 1 if "wait_set.wait(" in line else 0
+        NEVER.wait(0.002)
+    return looks == 100
+
+
 @pytest.mark.parametrize("spin", ["single", "multi", "rclpy.spin"])
 def test_spin_ends_where_rclpy_woke_it_too_early(spin, action_server, ros_domain):
-    """At a signal rclpy wakes executors first, and then shuts down; this one missed it."""
     server = action_server("never_finishes")
     with (
         user_node(ros_domain) as node,
@@ -433,8 +462,63 @@ def test_spin_ends_where_rclpy_woke_it_too_early(spin, action_server, ros_domain
     ):
         future = client.call_async({"order": 1})
         server.wait_for("executing")
-        with node.context.handle:
-            node.context.handle.shutdown()  # which wakes nobody
+        assert is_in_wait(thread)
+        shut_down_unheard(node.context)
         assert isinstance(future.exception(10), ClientClosedError)
         thread.join(10)
         assert not thread.is_alive()
+
+
+@pytest.mark.parametrize("how", ["told", "closed"])
+def test_so_it_does_beside_a_client_without_a_node(how, make_client, ros_domain):
+    client = make_client()
+    runtime = client._session.port.runtime
+    rclpy.init(domain_id=ros_domain, signal_handler_options=rclpy.SignalHandlerOptions.NO)
+    node = Node("users")
+    try:
+        with spinning(node, "single") as thread:
+            assert is_in_wait(thread)
+            shut_down_unheard(node.context)
+            if how == "told":
+                shut_down_unheard(runtime.context)
+                runtime.run(runtime._look_at_context)
+            else:
+                client.close()
+            thread.join(10)
+            assert not thread.is_alive()
+    finally:
+        stop_listening(node)
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.mark.parametrize("how", ["raises", "blocks"])
+def test_an_executor_of_the_users_holds_up_no_end(how, action_server, ros_domain):
+    server = action_server("never_finishes")
+    is_bad = threading.Event()
+    over = threading.Event()
+
+    class Executor(SingleThreadedExecutor):
+        def wake(self) -> None:
+            if not is_bad.is_set():
+                super().wake()
+            elif how == "raises":
+                raise OSError("a defect of the user's")
+            else:
+                over.wait(60)
+
+    with user_node(ros_domain) as node, Client(Fibonacci, "fibonacci", node=node) as client:
+        executor = Executor(context=node.context)
+        executor.add_node(node)
+        future = client.call_async({"order": 1})
+        server.wait_for("executing")
+        is_bad.set()
+        shut_down_unheard(node.context)
+        try:
+            error = future.exception(10)
+        finally:
+            is_bad.clear()
+            over.set()
+        assert isinstance(error, ClientClosedError)
+        assert error.cancel is CancelReport.CONFIRMED
+        assert runs_nothing(server)

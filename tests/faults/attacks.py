@@ -52,8 +52,6 @@ BLOCKS = {
 #: Seconds, of which the first with room to spare is written: times differ from run to run.
 _BOUNDS = (5, 10, 20, 30, 45, 60, 110)
 _ROOM = 2.0
-#: How many times that a run may take: other tests beside it slow it down. Not a measurement.
-_NOISE = 4.0
 _HEAD = ("what was done", "tried", "left running", "wrong outcomes", "longest delay")
 
 
@@ -84,7 +82,7 @@ class Row:
 
     @property
     def bound(self) -> float:
-        """The delay as it is written."""
+        """The delay as it is written: no later run may take longer."""
         return next((b for b in _BOUNDS if self.delay * _ROOM <= b), float(round(self.delay * 2)))
 
     @property
@@ -162,7 +160,7 @@ def differs(row: Row, written: dict[Attack, float]) -> str:
     """How an observed row is not what the page says; `""` where it is."""
     if row.attack not in written:
         return "it is not on the page"
-    if row.delay > written[row.attack] * _NOISE:
+    if row.delay > written[row.attack]:
         return f"it took {row.delay:.1f} s, and the page says < {written[row.attack]:g} s"
     return ""
 

@@ -54,7 +54,7 @@ def record(request: pytest.FixtureRequest) -> Callable[[Iterable[Row]], None]:
 
 @pytest.fixture
 def attacked(request: pytest.FixtureRequest) -> Callable[[attacks.Row], None]:
-    """Take the row of an attack: nothing may be left or wrong, no delay far longer than written."""
+    """Take the row of an attack: nothing may be left or wrong, and no delay longer than written."""
     rows = request.config.stash.setdefault(_ATTACKS, [])
 
     def take(row: attacks.Row) -> None:
