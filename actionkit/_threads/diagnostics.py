@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import sys
 import threading
 import time
@@ -129,6 +130,9 @@ def log_later(
         error = exc_info if isinstance(exc_info, BaseException) else None
         if exc_info is True:
             error = sys.exc_info()[1]
+        if sys.is_finalizing():  # for what the interpreter itself drops at the exit
+            _write_at_the_end(text % args, error)
+            return
         kept = None if error is None else (type(error), error, error.__traceback__)
         _writer.put(_entry(level, text, args, kept, stack))
 
@@ -220,6 +224,18 @@ def _write(entry: _Entry) -> None:
         _logger.handle(dated(record, entry.wall))
     except BaseException as error:  # noqa: BLE001  a handler of the user's may raise anything
         _handler_raised(error)
+
+
+def _write_at_the_end(text: str, error: BaseException | None) -> None:
+    """Write to standard error without any lock, when the interpreter is on its way out.
+
+    No other thread runs any more then, and one that is begun never starts (before Python 3.12 its
+    `start()` waits for that without end). One that has held a lock, such as that of a log handler,
+    holds it for ever.
+    """
+    lines = [text + "\n", *([] if error is None else traceback.format_exception(error))]
+    with contextlib.suppress(AttributeError, OSError, ValueError):  # there is none, or it is closed
+        os.write(sys.stderr.fileno(), "".join(lines).encode(errors="backslashreplace"))
 
 
 def _handler_raised(error: BaseException) -> None:

@@ -99,6 +99,33 @@ def test_exit(moment, code, action_server, run_script):
     assert runs_nothing(server)
 
 
+UNSEEN = """
+future = Client(Fibonacci, 'nobody').call_async({'order': 2}, timeout=0.1)
+concurrent.futures.wait([future])
+"""
+
+
+@pytest.mark.parametrize(
+    ("end", "told"),
+    [
+        ("", 1),
+        ("future.itself = future", 1),
+        ("del future", 1),
+        ("future.exception()", 0),
+        ("logging.getLogger('actionkit').setLevel(logging.CRITICAL)", 0),
+        ("sys.stderr.close(); sys.stderr = None", 0),
+    ],
+)
+def test_a_failure_that_nobody_looked_at_is_told_when_the_interpreter_drops_it(
+    end, told, ros_domain, run_script
+):
+    source = "import concurrent.futures, logging" + HEAD + UNSEEN + end
+    code, out, err = run_script(source).finish(timeout=15)
+    assert (code, out) == (0, "")
+    assert err.count("nobody asked its future how it ended: No server for") == told
+    assert len(err.splitlines()) == told
+
+
 def test_exit_by_an_exception_prints_just_that(action_server, run_script):
     server = action_server("fibonacci", period=0.05)
     source = HEAD + MOMENTS["while it runs"] + "\nraise ValueError('mine')"
