@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -103,6 +103,26 @@ def runs_nothing(server: Server) -> bool:
     for goal_id in server.running():
         server.wait_for("canceled", goal_id=goal_id)
     return server.running() == set()
+
+
+RCLPYS_RACE = "the given context is not valid"
+"""Of rclpy's RCLError where a context is shut down between two steps of its executor (R10)."""
+
+
+@contextmanager
+def until_shutdown() -> Iterator[None]:
+    """Let an executor spin until its context is shut down, whichever way rclpy tells that."""
+    from rclpy.executors import ExternalShutdownException
+
+    from actionkit._ros.native import RCLError
+
+    try:
+        yield
+    except ExternalShutdownException:
+        pass
+    except RCLError as error:
+        if RCLPYS_RACE not in str(error):
+            raise
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -17,11 +17,7 @@ from rclpy.action import ActionClient, ActionServer
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import (
-    ExternalShutdownException,
-    MultiThreadedExecutor,
-    SingleThreadedExecutor,
-)
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
 from test_msgs.action import Fibonacci
 from test_msgs.msg import Empty as EmptyMessage
@@ -31,6 +27,7 @@ from actionkit._ros.discovery import stop_listening
 from tests.awaiting.conftest import LONG, QUICK, reached
 from tests.awaiting.page import NOWHERE, RCLPY
 from tests.awaiting.table import Form
+from tests.conftest import until_shutdown
 
 BOUND = 20.0
 EXECUTORS = {"single": SingleThreadedExecutor, "multi": lambda **kw: MultiThreadedExecutor(2, **kw)}
@@ -55,19 +52,21 @@ class Robot:
 
     def _spin(self) -> None:
         try:
-            if self.kind == "rclpy.spin":
-                rclpy.spin(self.node, self.executor)
-                return
-            self.executor.add_node(self.node)
-            if self.kind == "spin_once":
-                while self.context.ok() and not self.stopping.is_set():
-                    self.executor.spin_once(timeout_sec=0.05)
-                return
-            self.executor.spin()
-        except ExternalShutdownException:
-            return
+            with until_shutdown():
+                self._spin_until_shutdown()
         except BaseException as error:  # noqa: BLE001  looked at by the test
             self.errors.append(error)
+
+    def _spin_until_shutdown(self) -> None:
+        if self.kind == "rclpy.spin":
+            rclpy.spin(self.node, self.executor)
+            return
+        self.executor.add_node(self.node)
+        if self.kind == "spin_once":
+            while self.context.ok() and not self.stopping.is_set():
+                self.executor.spin_once(timeout_sec=0.05)
+            return
+        self.executor.spin()
 
     def call(self, function: Callable[[], Any]) -> None:
         """Have a timer call it once."""

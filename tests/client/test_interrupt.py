@@ -35,6 +35,8 @@ def spin():
         rclpy.spin(node)
     except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
         pass
+    except rclpy._rclpy_pybind11.RCLError:
+        assert not rclpy.ok()  # the signal came between two steps of the executor (R10)
 # Not a daemon: rclpy aborts where the interpreter ends while a thread is in it.
 threading.Thread(target=spin).start()
 """

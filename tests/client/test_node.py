@@ -10,11 +10,7 @@ import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import (
-    ExternalShutdownException,
-    MultiThreadedExecutor,
-    SingleThreadedExecutor,
-)
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
 from test_msgs.action import Fibonacci
 from test_msgs.srv import Empty
@@ -22,6 +18,7 @@ from test_msgs.srv import Empty
 from actionkit import Client
 from actionkit._ros.discovery import stop_listening
 from actionkit.testing import EventLog
+from tests.conftest import until_shutdown
 
 
 @contextmanager
@@ -51,10 +48,8 @@ def spinning(node: Node, kind: str) -> Iterator[threading.Thread]:
         target, args = executor.spin, ()
 
     def spin() -> None:
-        try:
+        with until_shutdown():
             target(*args)
-        except ExternalShutdownException:
-            return
 
     thread = threading.Thread(target=spin)
     thread.start()

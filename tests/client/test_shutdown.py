@@ -224,7 +224,8 @@ node = rclpy.create_node("users")
 future = client.call_async({{"order": 1}}, say)
 try:
     rclpy.spin(node)
-except rclpy.executors.ExternalShutdownException:
+# The latter where the signal comes between two steps of the executor (R10)
+except (rclpy.executors.ExternalShutdownException, rclpy._rclpy_pybind11.RCLError):
     print("shut down", future.done())
 rclpy.try_shutdown()
 signal.raise_signal(signal.SIGTERM)  # it is gone with rclpy.shutdown()

@@ -167,6 +167,9 @@ it.
 - **reached the server**: "the cancel" means also that the goal ended, before the program did.
 - **exit code**: as a shell shows it, and in brackets that of Python's `subprocess`. 1 is the error
   of the call, `ClientClosedError` or `CancelledError`, that nothing in these programs catches.
+  Where a signal comes between two steps of an executor, rclpy itself fails ("failed to initialize
+  wait set: the given context is not valid"), and the program ends with 1: one in hundreds, which
+  was tried again here.
 
 Each of them is gone within `Timeouts.cancel` and a second, and most at once.
 """

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 
 import pytest
 
 from actionkit.servers import Server
+from tests.conftest import RCLPYS_RACE
 from tests.faults import ending
 from tests.faults.conftest import WRITING_ENDING
 from tests.faults.ending import CANCEL, IGNORED, KILL, NOTHING, SHUTDOWN, Case, Row
@@ -23,8 +26,20 @@ NOISE = 4.0
 """A machine with other work is so much slower."""
 
 
-def end(case: Case, server: Server, goals: int) -> Row:
-    """Run a program until its goal runs, end it, and look what reached the server."""
+def end(case: Case, server: Server, goals: Iterator[int]) -> Row:
+    """Run a program until its goal runs, end it, and look what reached the server.
+
+    Once more where rclpy itself has failed: its executor does where a signal comes between two of
+    its steps (R10).
+    """
+    row, err = end_once(case, server, next(goals))
+    if row.code == 1 and RCLPYS_RACE in err:
+        row, _ = end_once(case, server, next(goals))
+    return row
+
+
+def end_once(case: Case, server: Server, goals: int) -> tuple[Row, str]:
+    """Do it, with as many goals as the server has had by then; return what the program said too."""
     process = subprocess.Popen(
         [*(IGNORING if case.what == IGNORED else ()), sys.executable, "-c", case.source],
         stdin=subprocess.PIPE,
@@ -62,7 +77,7 @@ def end(case: Case, server: Server, goals: int) -> Row:
         _, err = process.communicate()
         assert "Exception ignored" not in err
         assert "MAY STILL" not in err
-        return Row(case, reached, None if case.goes_on else process.returncode)
+        return Row(case, reached, None if case.goes_on else process.returncode), err
     finally:
         if process.poll() is None:
             process.kill()
@@ -73,8 +88,9 @@ def end(case: Case, server: Server, goals: int) -> Row:
 @pytest.mark.parametrize("program", ending.EXPLAINED)
 def test_what_reaches_the_server_when_a_program_ends(program, action_server, ended):
     server = action_server("never_finishes")
-    for n, case in enumerate(ending.cases(program)):
-        ended(end(case, server, n + 1))
+    goals = itertools.count(1)
+    for case in ending.cases(program):
+        ended(end(case, server, goals))
 
 
 @pytest.mark.skipif(WRITING_ENDING, reason="docs/ending.md is being written")
