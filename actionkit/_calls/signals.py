@@ -14,6 +14,7 @@ import select
 import signal
 import sys
 import threading
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from types import FrameType, TracebackType
@@ -130,6 +131,8 @@ class cancel_on_signals:
             if not _users[number] and signal.getsignal(number) is _on_signal:
                 _set(number, _before[number])
         self._signals = []
+        if not any(_users.values()):
+            _stop_watching()
 
 
 def _check(number: object) -> None:
@@ -305,17 +308,26 @@ def _watch() -> None:
     if _watcher is None:
         _watcher = _Watcher()
         os.register_at_fork(after_in_child=_after_fork)
+        # It puts its own file descriptor in place of ours while it runs, which is right: it wakes
+        # the main thread. And it warns that it has found one.
+        trios = "It looks like Trio's signal handling code"
+        warnings.filterwarnings("ignore", trios, RuntimeWarning, "trio")
     earlier = signal.set_wakeup_fd(_watcher.writes, warn_on_full_buffer=False)
     if earlier not in (-1, _watcher.writes):
         signal.set_wakeup_fd(earlier)
 
 
-def _after_fork() -> None:
-    """Leave the watcher to the parent, which would hear of the child's signals."""
-    global _watcher  # noqa: PLW0603
+def _stop_watching() -> None:
+    """Have the watcher hear of no signals any more."""
     if _watcher is not None:
         earlier = signal.set_wakeup_fd(-1)
         if earlier != _watcher.writes:
             signal.set_wakeup_fd(earlier)
+
+
+def _after_fork() -> None:
+    """Leave the watcher to the parent, which would hear of the child's signals."""
+    global _watcher  # noqa: PLW0603
+    _stop_watching()
     _watcher = None
     _at_work.clear()

@@ -264,6 +264,29 @@ def test_goals_are_cancelled_while_the_main_thread_hears_nothing(number, action_
     assert len(server.wait_for("canceled")) == 1
 
 
+@pytest.mark.parametrize("warnings", ["default", "error"])
+def test_it_goes_with_trio(warnings, action_server, run_script):
+    """Trio warns of a wakeup file descriptor that it finds, as one of `cancel_on_signals` is."""
+    server = action_server("never_finishes")
+    script = run_script(
+        HEAD
+        + f"""
+import trio, warnings
+warnings.simplefilter({warnings!r}, RuntimeWarning)
+cancel_on_signals()
+async def main():
+    async with Client(Fibonacci, "fibonacci") as client:
+        await client.call_async({{"order": 1}}, say)
+trio.run(main)
+"""
+    )
+    assert script.line() == "running"
+    script.process.send_signal(signal.SIGTERM)
+    code, _, err = script.finish(30)
+    assert (code, err) == (-signal.SIGTERM, "")
+    assert len(server.wait_for("canceled")) == 1
+
+
 WAITING = (
     HEAD
     + """
@@ -400,6 +423,7 @@ def test_at_the_end_of_the_block_all_is_as_it_was():
         assert signal.getsignal(signal.SIGTERM) is signals._on_signal
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    assert signal.set_wakeup_fd(-1) == -1
 
 
 @pytest.mark.parametrize(
