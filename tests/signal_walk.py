@@ -38,6 +38,7 @@ from actionkit import (
     cancel_on_signals,
 )
 from actionkit._calls import signals
+from actionkit._ros.native import RCLError
 from actionkit._threads.pool import in_callback
 
 HANG = 30.0
@@ -158,7 +159,8 @@ def making(client: AnyClient) -> None:
 def renewing(client: AnyClient) -> None:
     """As after Ctrl-C and another `rclpy.init()`: the next call starts a new thread."""
     context = client._session.port.runtime.context
-    context.shutdown()
+    with contextlib.suppress(RCLError):  # a handler that closes the client has shut it down
+        context.shutdown()
     client.call({"order": 1}, 20)
 
 

@@ -262,9 +262,9 @@ def test_sigterm_is_as_ctrl_c(world: World) -> None:
     running.signal(signal.SIGTERM)
     assert running.finish() == Exit.TERMINATED, running.text
     records = [json.loads(line) for line in running.text.splitlines()]
-    assert "CANCELING" in [record["state"] for record in records]
     last = records[-1]
-    # By a cancel, and not just by the end of the client.
+    # By a cancel, and not just by the end of the client. CANCELING is not seen where the end of the
+    # goal comes before the answer to the cancel.
     assert (last["outcome"], last["cancel"]) == ("cancelled", "CONFIRMED")
     assert (last["state"], last["exit"], last["exit_code"]) == ("CANCELED", "TERMINATED", 143)
     server.wait_for("canceled", goal_id=last["goal_id"])
