@@ -116,7 +116,9 @@ SCENES = {
     "interrupted-refused": Scene(
         Exit.INTERRUPTED,
         "refuses_cancel",
-        words=("--cancel-timeout", "0.5"),
+        "{order: 5000}",
+        # Shorter than the goal; long enough to ask once more, as an answer may get lost.
+        words=("--cancel-timeout", "4"),
         says="REFUSED by the server. IT IS STILL RUNNING",
         act=interrupt,
     ),

@@ -27,7 +27,7 @@ HEAD = """
 import asyncio, signal, sys, threading
 import rclpy
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
-from actionkit import Client, cancel_on_signals
+from actionkit import Client, Timeouts, cancel_on_signals
 from test_msgs.action import Fibonacci
 
 def say(feedback):
@@ -37,6 +37,8 @@ def do_as_told():
     for line in sys.stdin:
         rclpy.shutdown() if line == "shutdown\\n" else node.destroy_node()
 
+# The middleware may take seconds to see a server that many programs before have left by a signal.
+PATIENT = Timeouts(server=60)
 if Q is not None:
     cancel_on_signals(*Q)
 """
@@ -44,7 +46,7 @@ NODE = """
 rclpy.init()
 node = rclpy.create_node("users")
 threading.Thread(target=do_as_told, daemon=True).start()
-client = Client(Fibonacci, "fibonacci", node=node)
+client = Client(Fibonacci, "fibonacci", node=node, timeouts=PATIENT)
 """
 CALLBACK = (
     NODE
@@ -57,12 +59,12 @@ timer = node.create_timer(0.01, on_timer)
 )
 PROGRAMS = {
     SCRIPT: """
-with Client(Fibonacci, "fibonacci") as client:
+with Client(Fibonacci, "fibonacci", timeouts=PATIENT) as client:
     client.call({"order": 1}, on_feedback=say)
 """,
     ASYNCIO: """
 async def main():
-    async with Client(Fibonacci, "fibonacci") as client:
+    async with Client(Fibonacci, "fibonacci", timeouts=PATIENT) as client:
         await client.call_async({"order": 1}, say)
 asyncio.run(main())
 """,
