@@ -15,6 +15,7 @@ import pytest
 
 from actionkit.cli._exits import Exit
 from tests.cli.conftest import FIBONACCI, NESTED, World, compare
+from tests.conftest import without_noise
 
 from .test_call import masked, shell
 
@@ -37,8 +38,8 @@ class Terminal:
 
     @property
     def text(self) -> str:
-        """What was written, without the codes for colours and places."""
-        return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", self.raw)
+        """What was written, without the codes for colours and places, and by Fast DDS."""
+        return without_noise(re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", self.raw))
 
     def until(self, words: str) -> None:
         """Read until the words come; the test's time limit bounds the wait."""
