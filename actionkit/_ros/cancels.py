@@ -43,7 +43,8 @@ class CancelWindow(Window):
         self.progressed_at = -math.inf
         """Monotonic time at which a goal was last confirmed while other requests waited.
 
-        As long as a server goes on like that, it is worth waiting for (contract C2.5).
+        It may be one of another process, whose requests are in the server's queue, too. As long as
+        a server goes on like that, it is worth waiting for (contract C2.5).
         """
 
     def answered(self) -> None:
@@ -58,6 +59,10 @@ class CancelWindow(Window):
         """Note that a server has answered that it knows a goal, or has ended it."""
         if self._taken >= self._size or self._waiting[0] or self._waiting[1]:
             self.progressed_at = now
+
+    def note_progress_of_others(self, now: float) -> None:
+        """Note that the server has cancelled goals of others, while requests of ours wait."""
+        self.progressed_at = now
 
     def _resize(self, room: float) -> None:
         self._room = min(max(room, 1.0), float(self._most))

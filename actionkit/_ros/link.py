@@ -64,9 +64,17 @@ class Link:
             count_servers=lambda: self.readiness.count,
             on_cancel_sent=lambda key: self._listeners[key].on_cancel_sent(),
         )
+        window = self._requests.cancel_window
         self.orphans = self._requests.orphans
         """The goals that have ended here and are being cancelled on other servers."""
-        self._status = StatusWatch(runtime, self._entities, self._listeners, self._take_status)
+        self._status = StatusWatch(
+            runtime,
+            self._entities,
+            self._listeners,
+            self._take_status,
+            awaits_cancels=lambda: bool(self._requests.cancels),
+            on_cancels=lambda: window.note_progress_of_others(runtime.now()),
+        )
         self.monitor = ServerMonitor(
             runtime,
             self._entities,

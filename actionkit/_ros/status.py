@@ -10,17 +10,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from action_msgs.msg import GoalStatus
 from rclpy.exceptions import InvalidHandle
 
 from actionkit._ros.entities import Entities
 from actionkit._ros.native import MessageSource, RCLError
 from actionkit._ros.runtime import Runtime
-from actionkit._ros.wire import goal_states
+from actionkit._ros.wire import count_goals, goal_states
 from actionkit._threads.clock import TimerHandle
 
 _PERIOD = 0.1
 """Seconds between two reads. No state is missed for longer: the topic keeps its latest message,
 which tells all."""
+_CANCELS = (GoalStatus.STATUS_CANCELING, GoalStatus.STATUS_CANCELED)
 
 
 class StatusWatch:
@@ -32,6 +34,9 @@ class StatusWatch:
         entities: Entities,
         goals: Mapping[bytes, Any],
         on_state: Callable[[bytes, int], None],
+        *,
+        awaits_cancels: Callable[[], bool],
+        on_cancels: Callable[[], None],
     ) -> None:
         """Do nothing until `start` is called.
 
@@ -40,11 +45,18 @@ class StatusWatch:
             entities: What makes the subscription.
             goals: The goals wanted, by id. Read at each message.
             on_state: Called with a goal's id and its status code.
+            awaits_cancels: Whether a request to cancel a goal of ours is unanswered.
+            on_cancels: Called when the server has cancelled more goals than before, whoever sent
+                them, while one of ours awaits that.
         """
         self._runtime = runtime
         self._entities = entities
         self._goals = goals
         self._on_state = on_state
+        self._awaits_cancels = awaits_cancels
+        self._on_cancels = on_cancels
+        self._canceled: int | None = None
+        """How many goals were cancelled when that was last looked at."""
         self._source: MessageSource | None = None
         self._pause: TimerHandle | None = None
 
@@ -78,6 +90,18 @@ class StatusWatch:
         for message in self._source.take()[-1:]:  # each message tells all
             for goal_id, code in list(goal_states(message, self._goals.keys())):
                 self._on_state(goal_id, code)
+            self._look_for_cancels(message)
+
+    def _look_for_cancels(self, message: bytes) -> None:
+        """See whether the server goes on cancelling while ours have to wait for their turn."""
+        if not self._awaits_cancels():
+            self._canceled = None
+            return
+        before, self._canceled = self._canceled, count_goals(message, _CANCELS)
+        if before is not None and self._canceled > before:
+            self._on_cancels()
+        elif before is not None:  # of two servers on one name each tells its own
+            self._canceled = max(before, self._canceled)
 
     def _read(self) -> None:
         if self._source is None:

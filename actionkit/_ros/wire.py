@@ -59,6 +59,23 @@ def goal_states(message: bytes, wanted: Collection[bytes]) -> Iterator[tuple[byt
         at = status + 1
 
 
+def count_goals(message: bytes, codes: Collection[int]) -> int:
+    """Return how many goals have one of these status codes in a serialised status array.
+
+    Args:
+        message: A serialised `action_msgs/msg/GoalStatusArray`.
+        codes: Status codes.
+
+    No bytes raise an error. An entry that is cut off is left out.
+    """
+    count = 0
+    at = _HEADER + _LENGTH
+    while (status := _status_at(at)) < len(message):
+        count += message[status] in codes
+        at = status + 1
+    return count
+
+
 def _status_at(at: int) -> int:
     """Return the offset of the status byte of the entry whose id starts at `at`."""
     stamp = -(-(at - _HEADER + ID_SIZE) // 4) * 4  # the stamp is aligned to 4 in the body

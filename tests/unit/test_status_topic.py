@@ -13,7 +13,7 @@ from tests.unit.clock import CommunicationThread
 from tests.unit.test_wire import status_array
 
 OURS, THEIRS = bytes([1]) * 16, bytes([2]) * 16
-ACCEPTED, EXECUTING, SUCCEEDED = 1, 2, 4
+ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED = 1, 2, 3, 4, 5
 
 
 class World:
@@ -28,12 +28,22 @@ class World:
         self.source: Any = None
         self.error: Exception | None = None
         self.reads = 0
-        self.watch = StatusWatch(
+        self.awaits_cancels = False
+        self.canceled_others = 0
+        self.watch = self.make_watch(lambda goal, code: self.told.append((goal, code)))
+
+    def make_watch(self, on_state: Any) -> StatusWatch:
+        return StatusWatch(
             self.thread,  # type: ignore[arg-type]
             self,  # type: ignore[arg-type]
             self.goals,
-            lambda goal, code: self.told.append((goal, code)),
+            on_state,
+            awaits_cancels=lambda: self.awaits_cancels,
+            on_cancels=self.note_cancels,
         )
+
+    def note_cancels(self) -> None:
+        self.canceled_others += 1
 
     # -- the entities --------------------------------------------------------------------------
 
@@ -118,11 +128,8 @@ def test_of_several_messages_the_last_counts(world: World) -> None:
 
 def test_it_may_be_stopped_by_what_it_tells(world: World) -> None:
     world.goals[THEIRS] = None
-    watch = StatusWatch(
-        world.thread,  # type: ignore[arg-type]
-        world,  # type: ignore[arg-type]
-        world.goals,
-        lambda goal, code: (world.told.append((goal, code)), world.goals.clear(), watch.stop()),  # type: ignore[func-returns-value]
+    watch = world.make_watch(
+        lambda goal, code: (world.told.append((goal, code)), world.goals.clear(), watch.stop())  # type: ignore[func-returns-value]
     )
     watch.start()
     world.come((OURS, SUCCEEDED), (THEIRS, SUCCEEDED))
@@ -139,3 +146,28 @@ def test_nothing_can_be_subscribed_to_after_the_shutdown_of_the_context(world: W
     world.up = True
     with pytest.raises(InvalidHandle):
         world.watch.start()
+
+
+def canceled(count: int) -> list[tuple[bytes, int]]:
+    """Return goals of others, so many of which were cancelled, or are being."""
+    codes = [CANCELING, CANCELED] * count + [EXECUTING, SUCCEEDED] * 3
+    return [(bytes([n]) * 16, code) for n, code in enumerate(codes[count:], 10)]
+
+
+def test_a_server_that_goes_on_cancelling_is_told_of_while_ours_await_that(world: World) -> None:
+    world.watch.start()
+
+    def come(count: int) -> int:
+        world.thread.advance(0.2)
+        world.come((OURS, EXECUTING), *canceled(count))
+        return world.canceled_others
+
+    assert [come(count) for count in (0, 1, 2)] == [0, 0, 0]  # nobody awaits it
+    world.awaits_cancels = True
+    assert [come(count) for count in (2, 2, 3, 3, 5)] == [0, 0, 1, 1, 2]
+    # Of two servers on one name each tells its own, and a server forgets goals.
+    assert [come(count) for count in (1, 5, 1, 6)] == [2, 2, 2, 3]
+    world.awaits_cancels = False
+    assert come(9) == 3
+    world.awaits_cancels = True
+    assert [come(count) for count in (9, 10)] == [3, 4]

@@ -15,7 +15,7 @@ from test_msgs.action import Fibonacci, NestedMessage
 from test_msgs.msg import BasicTypes
 from unique_identifier_msgs.msg import UUID
 
-from actionkit._ros.wire import feedback_alone, feedback_goal_id, goal_states
+from actionkit._ros.wire import count_goals, feedback_alone, feedback_goal_id, goal_states
 
 FEW = 64  # up to so many ids each is searched for; more are looked up entry by entry
 
@@ -61,6 +61,17 @@ def test_all_the_states_that_there_are(extra: int) -> None:
     goals = [(uuid.uuid4().bytes, status) for status in range(7)]
     wanted = {goal_id for goal_id, _ in goals} | {uuid.uuid4().bytes for _ in range(extra)}
     assert sorted(goal_states(status_array(goals), wanted)) == sorted(goals)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 70, 1000])
+def test_goals_are_counted_by_their_status(count: int) -> None:
+    goals = some_goals(count)
+    message = status_array(goals)
+    assert count_goals(message, ()) == 0
+    assert count_goals(message, range(7)) == count
+    for codes in ((3, 5), (6,)):
+        assert count_goals(message, codes) == sum(status in codes for _, status in goals)
+    assert count_goals(message[:-1], range(7)) == max(0, count - 1)
 
 
 @pytest.mark.parametrize("form", [bytes, bytearray, memoryview])
