@@ -21,6 +21,9 @@ COMMON_OPTIONS: dict[str, OptionValue] = {
     "result_timeout": 900.0,
     # "all" events, all but "feedback" ("goals"), or "ready" and what ends a process ("none").
     "journal": "all",
+    # How many steps a goal has where the action's type is not the server's own: Fibonacci's goals
+    # say it by `order`.
+    "steps": 5,
 }
 """Options of every server, with their defaults. The default's type is the option's type."""
 
@@ -29,6 +32,7 @@ class Process(Protocol):
     """What a behaviour may ask of the process that serves it."""
 
     life: Life
+    foreign: bool
 
     def enable_self_cancel(self) -> None:
         """Make a second action client, in a node of its own; call it before any goal."""
@@ -48,7 +52,9 @@ class Behaviour:
     Attributes:
         options: The options of its own, with their defaults.
         choices: The values that an option may have, where there are only a few.
-        action_type: Module and class of the action.
+        action_type: The type of the action.
+        any_type: Whether it makes sense for actions of other types: it then reads nothing of a goal
+            but `run.order`, and its feedback and results are empty messages.
         servers: How many action servers there are on the name, each with its own node.
         decides_slowly: Whether `decide` may wait: it then runs beside the other requests, which
             are answered meanwhile.
@@ -56,7 +62,8 @@ class Behaviour:
 
     options: ClassVar[dict[str, OptionValue]] = {}
     choices: ClassVar[dict[str, tuple[str, ...]]] = {}
-    action_type: ClassVar[str] = "test_msgs.action:Fibonacci"
+    action_type: ClassVar[str] = "test_msgs/action/Fibonacci"
+    any_type: ClassVar[bool] = False
     servers: ClassVar[int] = 1
     decides_slowly: ClassVar[bool] = False
 
@@ -64,6 +71,15 @@ class Behaviour:
         self.option = options
         self.process = process
         self.life = process.life
+
+    def order_of(self, goal: Any) -> int:
+        """Return how many steps a goal asks for, 0 where the server's own type has no such field.
+
+        In another type a field of that name may be anything.
+        """
+        if self.process.foreign:
+            return int(self.option["steps"])
+        return int(getattr(goal, "order", 0))
 
     def received(self, run: Run) -> None:
         """Hear of a goal request; of all hooks, the first, and in the order of the requests."""
@@ -113,12 +129,21 @@ class Behaviour:
         return run.canceled()
 
     @classmethod
-    def parse(cls, given: Mapping[str, str]) -> dict[str, OptionValue]:
+    def parse(cls, given: Mapping[str, str], *, foreign: bool = False) -> dict[str, OptionValue]:
         """Return all options with their values.
+
+        Args:
+            given: Those that were given, as texts.
+            foreign: Whether the action is of another type than the server's own.
 
         Raises:
             ValueError: An option is unknown, not of its type, or not among the choices.
         """
+        if "steps" in given and not foreign:
+            raise ValueError(
+                f"option steps={given['steps']} is for actions of another type than"
+                f" {cls.action_type}, whose goals themselves say what is to be done"
+            )
         values = {**COMMON_OPTIONS, **cls.options}
         for key, text in given.items():
             if key not in values:

@@ -82,6 +82,7 @@ class Fibonacci(Behaviour):
 class Twins(Fibonacci):
     """Two fibonacci servers on the one name: both execute every goal; `server` tells which."""
 
+    any_type = True
     servers = 2
 
 
@@ -115,6 +116,7 @@ class SlowAccept(Fibonacci):
     Requests to cancel are answered meanwhile.
     """
 
+    any_type = True
     options: ClassVar = {**Fibonacci.options, "delay": 3.0}
     decides_slowly = True
     gate_at_end = False

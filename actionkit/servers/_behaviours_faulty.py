@@ -26,12 +26,16 @@ class NeverFinishes(Preset):
 class RefusesCancel(Countdown):
     """Counts down and refuses every request to cancel, as rclpy does by default."""
 
+    any_type = True
+
     def may_cancel(self, run: Run) -> bool:
         return False
 
 
 class IgnoresCancel(Countdown):
     """Counts down, accepts requests to cancel, goes on all the same and succeeds."""
+
+    any_type = True
 
     def received(self, run: Run) -> None:
         run.heeds_cancel = False
@@ -40,6 +44,7 @@ class IgnoresCancel(Countdown):
 class SlowCancel(Behaviour):
     """Executes until cancelled; then takes `delay` seconds (gate=1: until released) to stop."""
 
+    any_type = True
     options: ClassVar = {"delay": 1.0, "gate": 0}
 
     def execute(self, run: Run) -> object:
@@ -56,6 +61,7 @@ class SlowCancel(Behaviour):
 class Aborts(Behaviour):
     """Aborts after `order` feedbacks, with the sequence so far as the result."""
 
+    any_type = True
     options: ClassVar = {"period": 0.0}
 
     def execute(self, run: Run) -> object:
@@ -87,6 +93,7 @@ class Blocking(Behaviour):
     Answers nothing meanwhile; then succeeds.
     """
 
+    any_type = True
     options: ClassVar = {"threads": 1, "delay": 2.0, "gate": 0}
 
     def execute(self, run: Run) -> object:
@@ -101,7 +108,8 @@ class Blocking(Behaviour):
 class WrongType(Behaviour):
     """Serves the name with another type, test_msgs/action/NestedMessage."""
 
-    action_type = "test_msgs.action:NestedMessage"
+    any_type = True
+    action_type = "test_msgs/action/NestedMessage"
 
     def execute(self, run: Run) -> object:
         return run.succeed()
@@ -114,6 +122,7 @@ class Crashes(Fibonacci):
     before_result: the goal has reached SUCCEEDED, its result was not sent.
     """
 
+    any_type = True
     options: ClassVar = {**Fibonacci.options, "point": "feedback"}
 
     def __init__(self, options: Mapping[str, Any], process: Process) -> None:
@@ -145,6 +154,7 @@ class Crashes(Fibonacci):
 class Expires(Fibonacci):
     """Forgets its results almost at once (after `result_timeout` = 0.01 seconds)."""
 
+    any_type = True
     options: ClassVar = {**Fibonacci.options, "result_timeout": 0.01}
 
 
@@ -155,6 +165,7 @@ class Vanishes(Behaviour):
     the acceptance itself could be lost with the server.
     """
 
+    any_type = True
     options: ClassVar = {"gate": 0}
 
     def execute(self, run: Run) -> object:

@@ -47,6 +47,7 @@ class Queued(Fibonacci):
     once as CANCELED, without having executed.
     """
 
+    any_type = True
     options: ClassVar = {**Fibonacci.options, "period": 0.1}
 
     def __init__(self, options: Mapping[str, Any], process: Process) -> None:

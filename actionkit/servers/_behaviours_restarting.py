@@ -17,6 +17,7 @@ class Flaky(Fibonacci):
     back at once. A ``Server.restart()`` does not begin the count anew.
     """
 
+    any_type = True
     options: ClassVar = {**Fibonacci.options, "fails": 2, "how": "aborts"}
     choices: ClassVar = {"how": ("aborts", "rejects", "silent", "crashes")}
 
@@ -55,6 +56,7 @@ class Restarts(Fibonacci):
     itself could be lost with the server.
     """
 
+    any_type = True
     options: ClassVar = {**Fibonacci.options, "times": 1, "how": "clean", "point": "feedback"}
     choices: ClassVar = {"how": ("clean", "kill"), "point": ("accepted", "feedback")}
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from actionkit.servers._behaviour import Behaviour, Process
 from actionkit.servers._run import Content, GoalStopped, Run
 
-_NESTED = "test_msgs.action:NestedMessage"
+_NESTED = "test_msgs/action/NestedMessage"
 _PLANNING, _MOVING, _ARRIVED, _STOPPED = range(4)
 """What `navigate` says in `nested_field.uint8_value`."""
 
@@ -99,8 +99,10 @@ class ErrorCode(Behaviour):
     choices: ClassVar = {"ends": ("aborted", "succeeded")}
 
     @classmethod
-    def parse(cls, given: Mapping[str, str]) -> dict[str, int | float | str]:
-        options = super().parse(given)
+    def parse(
+        cls, given: Mapping[str, str], *, foreign: bool = False
+    ) -> dict[str, int | float | str]:
+        options = super().parse(given, foreign=foreign)
         _codes(str(options["codes"]))
         return options
 
@@ -131,6 +133,7 @@ class Floods(Behaviour):
     "flooded" (`n`, `seconds`) at the end. Requests, cancels too, are answered in the middle of it.
     """
 
+    any_type = True
     options: ClassVar = {"rate": 0.0, "size": 1}
 
     def __init__(self, options: Mapping[str, Any], process: Process) -> None:

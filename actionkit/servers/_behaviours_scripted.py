@@ -14,6 +14,8 @@ from actionkit.servers._steps import MODES, Script, Step, parse_scripts, read_sc
 class ByScript(Behaviour):
     """Does what a script says, step by step."""
 
+    any_type = True
+
     def __init__(self, options: Mapping[str, Any], process: Process) -> None:
         super().__init__(options, process)
         self._scripts = self.scripts()
@@ -178,9 +180,18 @@ class Scripted(ByScript):
     options: ClassVar = {"script": "[]"}
 
     @classmethod
-    def parse(cls, given: Mapping[str, str]) -> dict[str, int | float | str]:
-        options = super().parse(given)
-        parse_scripts(str(options["script"]))
+    def parse(
+        cls, given: Mapping[str, str], *, foreign: bool = False
+    ) -> dict[str, int | float | str]:
+        options = super().parse(given, foreign=foreign)
+        scripts = parse_scripts(str(options["script"]))
+        for step in (step for script in scripts for step in script.after):
+            if foreign and isinstance(step.value, list):
+                raise ValueError(
+                    f"the script's step {step.word!r} has numbers {step.value}, which are the"
+                    f" sequence of {cls.action_type}. For another type leave them out, or use"
+                    " actionkit.testing.FakeServer, whose messages may say anything"
+                )
         return options
 
     def scripts(self) -> list[Script]:

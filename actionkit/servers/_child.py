@@ -13,8 +13,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import IO, TYPE_CHECKING, Any, NoReturn
 
-from actionkit.servers._life import END_SIGNALS, RESTART_SIGNAL, Life
-from actionkit.servers._registry import behaviour_named, names
+from actionkit.servers._life import END_SIGNALS, INSTANCE_VARIABLE, RESTART_SIGNAL, Life
+from actionkit.servers._registry import behaviour_named, is_foreign, names
+from actionkit.servers._types import load_type, type_name
 
 if TYPE_CHECKING:
     from actionkit.servers._harness import Harness
@@ -78,7 +79,10 @@ def main(
         refuse("NAME is missing; see --list")
     try:
         behaviour = behaviour_named(given.name)
-        options = behaviour.parse(dict(_pair(text) for text in given.option))
+        type_given = type_name(given.type or behaviour.action_type)
+        foreign = is_foreign(given.name, type_given)
+        options = behaviour.parse(dict(_pair(text) for text in given.option), foreign=foreign)
+        action = load_type(type_given)
     except ValueError as error:
         refuse(str(error))
 
@@ -94,7 +98,17 @@ def main(
     from actionkit.servers._harness import Harness  # rclpy: heavy, and not needed before
 
     try:
-        harness = Harness(behaviour, options, given.action, journal, Life(stdout, journal))
+        harness = Harness(
+            behaviour,
+            options,
+            action,
+            given.action,
+            # The same after a restart, as a real server has it, and another for each server.
+            node_name=f"reference_server_{os.environ.get(INSTANCE_VARIABLE, os.getpid())}",
+            journal=journal,
+            life=Life(stdout, journal),
+            foreign=foreign,
+        )
     except ValueError as error:
         refuse(str(error))
     harness.start()
@@ -153,6 +167,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("name", metavar="NAME", nargs="?", help="which server; see --list")
     parser.add_argument("--action", default="fibonacci", help="action name (default: fibonacci)")
+    parser.add_argument(
+        "--type",
+        metavar="TYPE",
+        help="action type, such as my_robot/action/Pick, for servers"
+        " that serve any; without it their own",
+    )
     parser.add_argument(
         "--option", action="append", default=[], metavar="KEY=VALUE", help="may be repeated"
     )

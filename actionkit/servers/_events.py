@@ -58,7 +58,8 @@ class Journal:
         max_running: The most goals that ever executed at one time.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, whose: str = "the server process") -> None:
+        self._whose = whose
         self.events: list[ServerEvent] = []
         self.counts: Counter[str] = Counter()
         self.goals = 0
@@ -95,6 +96,10 @@ class Journal:
             )  # fmt: skip
         except (ValueError, KeyError):
             return
+        self.add(event)
+
+    def add(self, event: ServerEvent) -> None:
+        """Take one event."""
         with self._changed:
             self.events.append(event)
             self.counts[event.event] += 1
@@ -164,7 +169,7 @@ class Journal:
         error = EventNotSeenError(
             f"saw {len(found)} of {count} {event!r} events"
             + (f" of goal {goal_id}" if goal_id else "")
-            + (" before the server process ended" if ended else f" within {timeout:g} s")
+            + (f" before {self._whose} ended" if ended else f" within {timeout:g} s")
             + f"; the last {len(shown)} events:\n  "
             + "\n  ".join(shown)
         )

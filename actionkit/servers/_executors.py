@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import inspect
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -28,22 +29,39 @@ class ThreadPerGoalExecutor(SingleThreadedExecutor):
     def __init__(self, *, context: Context, on_error: Callable[[BaseException], None]) -> None:
         super().__init__(context=context)
         self._on_error = on_error
+        self._threads: set[threading.Thread] = set()
+        self._threads_lock = threading.Lock()
 
     def create_task(self, callback: Any, *args: Any, **kwargs: Any) -> Task:
         if not inspect.iscoroutinefunction(callback):
             return super().create_task(callback, *args, **kwargs)
         task = Task(callback, args, kwargs, executor=self)
-        threading.Thread(target=self._run, args=(task,), name="goal", daemon=True).start()
+        thread = threading.Thread(target=self._run, args=(task,), name="goal", daemon=True)
+        with self._threads_lock:
+            self._threads.add(thread)
+        thread.start()
         return task
+
+    def join_goals(self, seconds: float) -> bool:
+        """Wait until the threads of the goals have ended; return whether all did in that time."""
+        until = time.monotonic() + seconds
+        with self._threads_lock:
+            threads = list(self._threads)
+        for thread in threads:
+            thread.join(max(0.0, until - time.monotonic()))
+        return not any(thread.is_alive() for thread in threads)
 
     def _run(self, task: Task) -> None:
         try:
             task()
+            error = task.exception()
+            if error is not None:
+                self._on_error(error)
         except ServerStopping:
-            return
-        error = task.exception()
-        if error is not None:
-            self._on_error(error)
+            pass
+        finally:
+            with self._threads_lock:
+                self._threads.discard(threading.current_thread())
 
 
 def make_executor(

@@ -1,13 +1,12 @@
 # rclpy has annotations here and there only.
 # mypy: disable-error-code="no-untyped-call"
-"""Runs one behaviour as real rclpy ActionServers. Only the server's own process imports this."""
+"""Runs one behaviour as real rclpy ActionServers: in a process of its own, or for a fake server."""
 
 from __future__ import annotations
 
-import importlib
-import os
 import threading
 import uuid
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.action.server import ActionServer, CancelResponse, GoalResponse
@@ -16,10 +15,11 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from actionkit._ros.discovery import stop_listening
-from actionkit.servers._behaviour import Behaviour
-from actionkit.servers._executors import make_executor, spin
-from actionkit.servers._life import INSTANCE_VARIABLE, Life
-from actionkit.servers._run import Control, Journal, Run
+from actionkit.servers._behaviour import Behaviour, Process
+from actionkit.servers._contents import message_of
+from actionkit.servers._executors import ThreadPerGoalExecutor, make_executor, spin
+from actionkit.servers._life import Life
+from actionkit.servers._run import Content, Control, Journal, Run
 
 _JOIN_TIMEOUT = 1.0
 """Seconds for the spinning thread to end its round, or for a service of our own to be matched; both
@@ -77,13 +77,14 @@ class JournalledServer(ActionServer):
             goal_id,
             server=self._index,
             number=first.number if first else self._harness.life.next_number(),
+            order=self._behaviour.order_of(request.goal),
             journal=self._harness.journal,
             control=self._harness.control,
-            action=self._harness.action,
+            make_message=self._harness.make_message,
         )
         again = {"again": True} if first else {}
-        run.emit("goal_received", order=run.order, **again)
         self._behaviour.received(run)
+        run.emit("goal_received", order=run.order, **again)
         return run
 
     async def _serve_goal(self, goal: Any, run: Run) -> None:
@@ -166,28 +167,55 @@ class Harness:
 
     def __init__(
         self,
-        behaviour: type[Behaviour],
-        options: dict[str, Any],
+        make_behaviour: Callable[[Mapping[str, Any], Process], Behaviour],
+        options: Mapping[str, Any],
+        action: Any,
         action_name: str,
+        *,
+        node_name: str,
         journal: Journal,
         life: Life,
+        foreign: bool = False,
+        domain_id: int | None = None,
     ) -> None:
+        """Make the servers; they answer nothing before `start`.
+
+        Args:
+            make_behaviour: The behaviour's class.
+            options: Its options, all of them.
+            action: The action's class.
+            action_name: The name to serve.
+            node_name: Of the first node; those after it have a number more.
+            journal: Where events are written.
+            life: The process's, as the behaviour sees it.
+            foreign: Whether the action is of another type than the behaviour's own.
+            domain_id: The ROS domain; `None` takes the environment's.
+
+        Raises:
+            ValueError: The behaviour refuses an option.
+            Exception: rclpy refuses the name.
+        """
         self.action_name = action_name
         self.journal = journal
         self.control = Control()
         self.life = life
-        self.action = _generated(behaviour.action_type)
+        self.action = action
+        self.foreign = foreign
+        self._node_name = node_name
         self._context = Context()
         # No log files, no signal handlers: the process has its own.
-        self._context.init(args=[], initialize_logging=False)
+        self._context.init(args=[], initialize_logging=False, domain_id=domain_id)
         self.executor = make_executor(options["threads"], self._context, self._on_error)
         self._canceller: Any = None
         self._nodes: list[Node] = []
-        self.behaviour = behaviour(options, self)
-        self._servers = {
-            index: JournalledServer(self, self._add_node(f"reference_server_{index}"), index)
-            for index in range(behaviour.servers)
-        }
+        self._servers: dict[int, JournalledServer] = {}
+        try:
+            self.behaviour = make_behaviour(options, self)
+            for index in range(self.behaviour.servers):
+                self._servers[index] = JournalledServer(self, self._add_node(), index)
+        except BaseException:  # whatever it was goes on, but nothing is left of the start
+            self._take_down()
+            raise
         self._spinner = threading.Thread(
             target=spin,
             args=(self.executor, lambda: self.control.stopping, self._on_error),
@@ -201,27 +229,45 @@ class Harness:
 
     def stop(self) -> None:
         """Leave the ROS graph, at once and properly. Running goals are not ended."""
+        self.stop_goals()
+        self._take_down()
+
+    def stop_goals(self, seconds: float = 0) -> bool:
+        """Begin to stop: wake every goal that waits, so that its thread ends, and spin no more.
+
+        Args:
+            seconds: How long to wait for the goals' threads.
+
+        Returns:
+            Whether they have ended.
+        """
         self.control.stop()
-        # Not executor.wake(): that ends a wait, but not spin_once, which needs something to do.
-        self.executor.create_task(lambda: None)
+        if self._context.ok():
+            # Not executor.wake(): that ends a wait, but not spin_once, which needs something to do.
+            self.executor.create_task(lambda: None)
         # While it waits, the spinning thread keeps alive what it waits for.
         self._spinner.join(_JOIN_TIMEOUT)
+        if isinstance(self.executor, ThreadPerGoalExecutor):
+            return self.executor.join_goals(seconds)
+        return True
+
+    def _take_down(self) -> None:
         # It may have been left half-way through a round, which still uses the entities.
         self.executor.shutdown(timeout_sec=0)
         for index in list(self._servers):
             self._destroy(index)
         for node in self._nodes[1:]:
             node.destroy_node()
-        stop_listening(self._nodes[0])
-        self._nodes[0].destroy_node()
-        self._context.shutdown()
+        for node in self._nodes[:1]:
+            stop_listening(node)
+            node.destroy_node()
+        self._context.try_shutdown()
 
     # -- for behaviours --------------------------------------------------------------------
 
     def enable_self_cancel(self) -> None:
-        node = self._add_node("reference_server_canceller")
-        self._canceller = node.create_client(
-            _generated("action_msgs.srv:CancelGoal"), f"{self.action_name}/_action/cancel_goal"
+        self._canceller = self._add_node().create_client(
+            self.action.Impl.CancelGoalService, f"{self.action_name}/_action/cancel_goal"
         )
 
     def cancel_from_elsewhere(self, goal_id: str) -> None:
@@ -237,12 +283,19 @@ class Harness:
         # the wait set that is being waited on.
         self.executor.create_task(self._destroy, index)
 
+    def make_message(self, part: str, content: Content) -> Any:
+        """Return a message of the action: its "Feedback" or its "Result"."""
+        message = getattr(self.action, part)()
+        if self.foreign and not isinstance(content, type(message)):
+            return message  # what the behaviour has to say is about fields of its own type
+        return message_of(message, content)
+
     # -- private ---------------------------------------------------------------------------
 
-    def _add_node(self, name: str) -> Node:
+    def _add_node(self) -> Node:
+        number = f"_{len(self._nodes)}" if self._nodes else ""
         node = Node(
-            # The same name after a restart, as a real server has it, and another for each server.
-            f"{name}_{os.environ.get(INSTANCE_VARIABLE, os.getpid())}",
+            f"{self._node_name}{number}",
             context=self._context,
             enable_rosout=False,
             start_parameter_services=False,
@@ -259,12 +312,6 @@ class Harness:
     def _on_error(self, error: BaseException) -> None:
         if not self.control.stopping:
             self.journal.emit("error", message=repr(error))
-
-
-def _generated(spec: str) -> Any:
-    """Return a generated class, named as `"package.module:Class"`; it has no types to check."""
-    module, _, name = spec.partition(":")
-    return getattr(importlib.import_module(module), name)
 
 
 def _text(goal_id: Any) -> str:

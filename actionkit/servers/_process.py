@@ -19,7 +19,8 @@ from actionkit.servers._behaviour import Option, format_option
 from actionkit.servers._events import EventNotSeenError, Journal, ServerEvent
 from actionkit.servers._life import GOALS_VARIABLE, INSTANCE_VARIABLE
 from actionkit.servers._quiet import await_quiet
-from actionkit.servers._registry import behaviour_named
+from actionkit.servers._registry import behaviour_named, is_foreign
+from actionkit.servers._types import type_name
 
 _instances = itertools.count(1)
 _START_TIMEOUT = 20.0
@@ -41,10 +42,16 @@ class Server:
     """
 
     def __init__(
-        self, name: str, action_name: str, domain_id: int | None, options: dict[str, Option]
+        self,
+        name: str,
+        action_name: str,
+        type_name: str,
+        domain_id: int | None,
+        options: dict[str, Option],
     ) -> None:
         self.name = name
         self.action_name = action_name
+        self._type_name = type_name
         self._domain_id = domain_id
         self._instance = f"{os.getpid()}_{next(_instances)}"
         self._options = options
@@ -221,7 +228,7 @@ class Server:
 
     def _launch(self) -> None:
         command = [sys.executable, "-m", "actionkit.servers", self.name]
-        command += ["--action", self.action_name]
+        command += ["--action", self.action_name, "--type", self._type_name]
         for key, value in self._options.items():
             command += ["--option", f"{key}={format_option(value)}"]
         # The same interpreter: where ROS comes from wheels, the library path that their
@@ -293,6 +300,7 @@ def start(
     name: str,
     *,
     action_name: str = "fibonacci",
+    action_type: type | str | None = None,
     domain_id: int | None = None,
     **options: Option,
 ) -> Server:
@@ -304,6 +312,10 @@ def start(
     Args:
         name: Which server; see `names`, or `python -m actionkit.servers --list`.
         action_name: The action to serve.
+        action_type: Its type, where that is not the server's own: a class, or a name such as
+            `"my_robot/action/Pick"`. Most servers do without fields of their own: a goal then has
+            `steps=5` steps (an option), and feedback and results are empty messages. The error
+            for one that does not lists those that do.
         domain_id: Its ROS domain; `None` takes the environment's.
         options: The server's own options, such as `period=0.1`; a script is a list.
 
@@ -311,8 +323,13 @@ def start(
         The running server, already announced to the ROS graph.
 
     Raises:
-        ValueError: There is no such server or option, or an option's value is not right.
+        TypeError: `action_type` is no action type.
+        ValueError: There is no such server or option, an option's value is not right, or the
+            server cannot serve that type.
         RuntimeError: The process ended, or was not up within 20 seconds; says what it said.
     """
-    behaviour_named(name).parse({key: format_option(value) for key, value in options.items()})
-    return Server(name, action_name, domain_id, options)
+    behaviour = behaviour_named(name)
+    served = behaviour.action_type if action_type is None else type_name(action_type)
+    foreign = is_foreign(name, served)
+    behaviour.parse({key: format_option(value) for key, value in options.items()}, foreign=foreign)
+    return Server(name, action_name, served, domain_id, options)

@@ -58,3 +58,24 @@ def behaviour_named(name: str) -> type[Behaviour]:
         raise ValueError(
             f"no reference server {name!r}; there are: {', '.join(_BEHAVIOURS)}"
         ) from None
+
+
+def is_foreign(server: str, name: str) -> bool:
+    """Return whether a type is another than the reference server's own, and served all the same.
+
+    Args:
+        server: The server's name.
+        name: The type's name, such as `test_msgs/action/Fibonacci`.
+
+    Raises:
+        ValueError: There is no such server, or it makes no sense for that type.
+    """
+    behaviour = behaviour_named(server)
+    foreign = name != behaviour.action_type
+    if foreign and not behaviour.any_type:
+        able = ", ".join(sorted(key for key, cls in _BEHAVIOURS.items() if cls.any_type))
+        raise ValueError(
+            f"the {server} server is about the fields of {behaviour.action_type} and cannot serve"
+            f" {name}. Those that serve any type are: {able}"
+        )
+    return foreign

@@ -7,11 +7,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from functools import reduce
 from typing import Any, Protocol, TypeAlias
 
 Content: TypeAlias = Sequence[int] | Mapping[str, object]
-"""What a message says: its `sequence`, or its fields by path, as `{"goal_info.stamp.sec": 3}`."""
+"""What a message says: its `sequence`, or its fields by path, as `{"goal_info.stamp.sec": 3}`. A
+message itself does too: it is sent as it is."""
 
 
 class ServerStopping(BaseException):
@@ -101,11 +101,13 @@ class Run:
         *,
         server: int,
         number: int,
+        order: int,
         journal: Journal,
         control: Control,
-        action: Any,
+        make_message: Callable[[str, Content], Any],
     ) -> None:
         self.goal = goal
+        self.order = order  # how many steps it asks for
         self.goal_id = goal_id
         self.handle: Any = None  # rclpy's ServerGoalHandle, once the goal is accepted
         self.server = server  # which of the action servers on the name
@@ -125,13 +127,8 @@ class Run:
         self._feedbacks = 0
         self._journal = journal
         self._control = control
-        self._action = action
+        self._make_message = make_message
         self._wake = threading.Event()
-
-    @property
-    def order(self) -> int:
-        """Return the goal's `order`, 0 in an action that has none."""
-        return int(getattr(self.goal, "order", 0))
 
     def emit(self, event: str, **details: Any) -> None:
         """Write a journal event about this goal."""
@@ -241,7 +238,7 @@ class Run:
         self.content = content
         self._feedbacks += 1
         try:
-            self.handle.publish_feedback(_filled(self._action.Feedback(), content))
+            self.handle.publish_feedback(self._make_message("Feedback", content))
         except RuntimeError as error:  # RCLError, InvalidHandle: the server is being taken down
             self.emit("error", message=f"feedback: {error}")
         else:
@@ -280,15 +277,4 @@ class Run:
                 self.emit("error", message=f"{event}: {error}")
             else:
                 self.emit(event)
-        return _filled(self._action.Result(), self.content if content is None else content)
-
-
-def _filled(message: Any, content: Content) -> Any:
-    """Return the message with its fields set; one without a `sequence` takes none for it."""
-    if isinstance(content, Mapping):
-        for path, value in content.items():
-            *parents, field = path.split(".")
-            setattr(reduce(getattr, parents, message), field, value)
-    elif hasattr(message, "sequence"):
-        message.sequence = list(content)
-    return message
+        return self._make_message("Result", self.content if content is None else content)

@@ -20,7 +20,16 @@ class Silent:
 
 @pytest.fixture
 def run() -> Run:
-    return Run(None, "a", server=0, number=0, journal=Silent(), control=Control(), action=None)
+    return Run(
+        None,
+        "a",
+        server=0,
+        number=0,
+        order=0,
+        journal=Silent(),
+        control=Control(),
+        make_message=lambda part, content: None,
+    )
 
 
 def test_a_result_request_ends_its_wait(run: Run) -> None:
