@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import threading
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -58,8 +58,19 @@ class Journal:
         max_running: The most goals that ever executed at one time.
     """
 
-    def __init__(self, whose: str = "the server process") -> None:
+    def __init__(
+        self,
+        whose: str = "the server process",
+        gives_up: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """Make an empty one.
+
+        Args:
+            whose: Who writes it, for error texts.
+            gives_up: Whether to wait no more; asked at each event, and by `wake`.
+        """
         self._whose = whose
+        self._gives_up = gives_up
         self.events: list[ServerEvent] = []
         self.counts: Counter[str] = Counter()
         self.goals = 0
@@ -104,6 +115,16 @@ class Journal:
             self.events.append(event)
             self.counts[event.event] += 1
             self._follow(event)
+            self._changed.notify_all()
+
+    @property
+    def incarnation(self) -> int:
+        """Return which process writes: 0 for the first."""
+        return self._incarnation
+
+    def wake(self) -> None:
+        """Have all who wait look whether to give up."""
+        with self._changed:
             self._changed.notify_all()
 
     def _follow(self, event: ServerEvent) -> None:
@@ -158,7 +179,7 @@ class Journal:
                 and incarnation in (None, entry.incarnation)
             )
             seen = len(self.events)
-            return len(found) >= count or not self._open
+            return len(found) >= count or not self._open or self._gives_up()
 
         with self._changed:
             self._changed.wait_for(is_over, timeout)

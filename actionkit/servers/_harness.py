@@ -227,16 +227,12 @@ class Harness:
         """Begin to answer."""
         self._spinner.start()
 
-    def stop(self) -> None:
-        """Leave the ROS graph, at once and properly. Running goals are not ended."""
-        self.stop_goals()
-        self._take_down()
-
-    def stop_goals(self, seconds: float = 0) -> bool:
-        """Begin to stop: wake every goal that waits, so that its thread ends, and spin no more.
+    def stop(self, seconds: float = 0) -> bool:
+        """Leave the ROS graph, at once and properly. Running goals are not ended.
 
         Args:
-            seconds: How long to wait for the goals' threads.
+            seconds: How long to wait for the goals' threads, which end at once unless they are in
+                code that is not ours.
 
         Returns:
             Whether they have ended.
@@ -247,9 +243,11 @@ class Harness:
             self.executor.create_task(lambda: None)
         # While it waits, the spinning thread keeps alive what it waits for.
         self._spinner.join(_JOIN_TIMEOUT)
+        ended = True
         if isinstance(self.executor, ThreadPerGoalExecutor):
-            return self.executor.join_goals(seconds)
-        return True
+            ended = self.executor.join_goals(seconds)
+        self._take_down()
+        return ended
 
     def _take_down(self) -> None:
         # It may have been left half-way through a round, which still uses the entities.

@@ -1,10 +1,12 @@
-"""Helpers for tests of code that uses ROS actions, and a pytest plugin with two fixtures.
+"""Helpers for tests of code that uses ROS actions, and a pytest plugin with three fixtures.
 
-``ros_domain`` gives a test a ROS domain of its own, ``action_server`` starts reference servers
-in it. See `actionkit.testing.plugin`.
+``ros_domain`` gives a test a ROS domain of its own; ``fake_server`` makes servers of your own
+action types in it, and ``action_server`` starts reference servers in it. See
+`actionkit.testing.plugin`.
 """
 
 from actionkit.testing._domains import isolated_domain
 from actionkit.testing._event_log import EventLog
+from actionkit.testing._fake_server import FakeServer
 
-__all__ = ["EventLog", "isolated_domain"]
+__all__ = ["EventLog", "FakeServer", "isolated_domain"]

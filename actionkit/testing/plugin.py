@@ -5,23 +5,51 @@ So nothing heavy is imported here: people run pytest for other things, and may h
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import pytest
 
 if TYPE_CHECKING:
+    from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
     from actionkit.servers import Server
     from actionkit.servers._behaviour import Option
+    from actionkit.testing import FakeServer
 
 
 class ActionServerFactory(Protocol):
     """The type of the `action_server` fixture."""
 
     def __call__(
-        self, name: str, *, action_name: str = "fibonacci", **options: Option
+        self,
+        name: str,
+        *,
+        action_name: str = "fibonacci",
+        action_type: type | str | None = None,
+        **options: Option,
     ) -> Server: ...
+
+
+class FakeServerFactory(Protocol):
+    """The type of the `fake_server` fixture: it takes what `FakeServer` takes."""
+
+    def __call__(
+        self,
+        action_type: type[ActionType[GoalT, ResultT, FeedbackT]],
+        name: str,
+        *,
+        accept: bool | Callable[[GoalT], bool] = ...,
+        feedback: Iterable[FeedbackT | Mapping[str, Any]]
+        | Callable[[GoalT], Iterable[FeedbackT | Mapping[str, Any]]] = ...,
+        period: float | Callable[[GoalT], float] = ...,
+        result: ResultT
+        | Mapping[str, Any]
+        | Callable[[GoalT], ResultT | Mapping[str, Any] | None]
+        | None = ...,
+        end: Literal["succeeded", "aborted", "canceled", "never"] | Callable[[GoalT], str] = ...,
+        cancel: Literal["accept", "refuse", "ignore"] | Callable[[GoalT], str] = ...,
+    ) -> FakeServer[GoalT, ResultT, FeedbackT]: ...
 
 
 @pytest.fixture
@@ -57,9 +85,44 @@ def action_server(ros_domain: int) -> Iterator[ActionServerFactory]:
 
     with ExitStack() as running:
 
-        def start(name: str, *, action_name: str = "fibonacci", **options: Option) -> Server:
+        def start(
+            name: str,
+            *,
+            action_name: str = "fibonacci",
+            action_type: type | str | None = None,
+            **options: Option,
+        ) -> Server:
             return running.enter_context(
-                servers.start(name, action_name=action_name, domain_id=ros_domain, **options)
+                servers.start(
+                    name,
+                    action_name=action_name,
+                    action_type=action_type,
+                    domain_id=ros_domain,
+                    **options,
+                )
             )
+
+        yield start
+
+
+@pytest.fixture
+def fake_server(ros_domain: int) -> Iterator[FakeServerFactory]:
+    """Return a function that makes and starts `FakeServer`s in the test's own ROS domain.
+
+    ::
+
+        def test_it(fake_server):
+            server = fake_server(Pick, "pick", result={"ok": True})
+
+    They are stopped at the end of the test. Where a function of the test's raised, and nobody was
+    told, that is an error of the test.
+    """
+    from actionkit.testing import FakeServer
+
+    with ExitStack() as running:
+
+        def start(action_type: Any, name: str, **settings: Any) -> Any:
+            server = FakeServer(action_type, name, domain_id=ros_domain, **settings)
+            return running.enter_context(server)
 
         yield start

@@ -27,7 +27,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "_client": {"_model", "_threads", "_messages", "_observers", "_ros", "_calls"},
     "": {"_model", "_observers", "_calls", "_client"},
     "servers": {"_ros"},
-    "testing": {"servers"},
+    "testing": {"_model", "_messages", "servers"},
     "cli": {
         "",
         "_model",

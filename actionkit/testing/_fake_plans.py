@@ -1,0 +1,206 @@
+"""What a fake server does with its goals: checked settings, and functions that give them."""
+
+from __future__ import annotations
+
+import inspect
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from actionkit._messages.convert import to_message
+from actionkit._messages.paths import is_message_class
+from actionkit._model.arguments import check_function
+from actionkit._model.field_errors import FieldProblem, shown
+from actionkit._model.settings import check_seconds
+from actionkit._model.similar_names import similar_names
+
+ENDS = ("succeeded", "aborted", "canceled", "never")
+CANCELS = ("accept", "refuse", "ignore")
+EARLY = ("accept", "period", "end", "cancel")
+"""Settings that have to be known before a goal is accepted."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What happens to a goal: each setting is a checked value, or a function of the goal.
+
+    Attributes:
+        action: The action's class.
+        settings: All of them, by name.
+        where: How an error calls the place that they come from: `""`, or `"script[2]."`.
+    """
+
+    action: Any
+    settings: Mapping[str, Any]
+    where: str = ""
+
+    @classmethod
+    def checked(cls, action: Any, settings: Mapping[str, Any]) -> Plan:
+        """Return the plan of settings that are all given.
+
+        Raises:
+            TypeError, ValueError: A setting is not right.
+        """
+        return cls(
+            action, {name: checked(action, name, value, name) for name, value in settings.items()}
+        )
+
+    def changed(self, settings: object, where: str) -> Plan:
+        """Return a plan with some settings in place of these.
+
+        Raises:
+            TypeError, ValueError: A setting is not right, or there is none of that name.
+        """
+        if not isinstance(settings, Mapping):
+            raise TypeError(
+                f"{where}={shown(settings)} must be a mapping of settings, such as"
+                ' {"end": "aborted"}, or a function of the goal that returns one'
+            )
+        merged = dict(self.settings)
+        for name, value in settings.items():
+            if name not in merged:
+                near = similar_names(str(name), list(merged))
+                hint = f"; did you mean {near[0]!r}?" if near else "."
+                raise ValueError(
+                    f"{where}: there is no setting {name!r}{hint} There are: {', '.join(merged)}"
+                )
+            merged[name] = checked(self.action, name, value, f"{where}.{name}")
+        return Plan(self.action, merged, f"{where}.")
+
+    @property
+    def asks_early(self) -> bool:
+        """Return whether a function of the user's is asked before the goal is accepted."""
+        return any(callable(self.settings[name]) for name in EARLY)
+
+    def settled(self, goal: Any) -> Plan:
+        """Return the plan with the settings known that are needed before the acceptance."""
+        known = {name: self.value(name, goal) for name in EARLY}
+        return Plan(self.action, {**self.settings, **known}, self.where)
+
+    def value(self, name: str, goal: Any) -> Any:
+        """Return a setting for a goal. A function's answer is checked; what it raises goes on."""
+        setting = self.settings[name]
+        if not callable(setting):
+            return setting
+        return checked_value(self.action, name, setting(goal), self.where + name)
+
+    def feedback(self, goal: Any) -> Iterator[Any]:
+        """Yield the feedback messages for a goal; those of a generator as they come."""
+        setting = self.settings["feedback"]
+        if not callable(setting):
+            return iter(setting)
+        return feedback_of(self.action, setting(goal), self.where + "feedback")
+
+
+class Script:
+    """Which plan is whose: those of the script in turn, then the server's own settings.
+
+    Safe to use from any thread.
+    """
+
+    def __init__(self, defaults: Plan) -> None:
+        self._defaults = defaults
+        self._lock = threading.Lock()
+        self._next: deque[Plan | Callable[[Any], Any]] = deque()
+        self._all: Callable[[Any], Any] | None = None
+
+    def replace(self, script: object) -> None:
+        """Forget what is left, and do this from the next goal on.
+
+        Raises:
+            TypeError, ValueError: It is not right; says where, and why.
+        """
+        wanted = "a function (goal) -> mapping of settings"
+        if callable(script):
+            check_function("script", script, wanted)
+            plans: list[Any] = []
+            every: Any = script
+        else:
+            if not isinstance(script, Iterable) or isinstance(script, (str, bytes, Mapping)):
+                raise TypeError(
+                    f"script={shown(script)} must be a list with an entry for each goal in turn,"
+                    ' such as [{"accept": False}, {"end": "aborted"}], or a function of the goal'
+                )
+            plans, every = [], None
+            for index, entry in enumerate(script):
+                where = f"script[{index}]"
+                if callable(entry):
+                    check_function(where, entry, wanted)
+                    plans.append(lambda goal, entry=entry, where=where: (entry(goal), where))
+                else:
+                    plans.append(self._defaults.changed(entry, where))
+        with self._lock:
+            self._next = deque(plans)
+            self._all = every and (lambda goal: (every(goal), "script"))
+
+    def take(self) -> Plan | Callable[[Any], Any]:
+        """Return the plan of the next goal, or the function that gives it."""
+        with self._lock:
+            return self._next.popleft() if self._next else self._all or self._defaults
+
+    def asked(self, function: Callable[[Any], Any], goal: Any) -> Plan:
+        """Return the plan that a function gives for a goal; what it raises goes on."""
+        settings, where = function(goal)
+        return self._defaults if settings is None else self._defaults.changed(settings, where)
+
+
+def checked(action: Any, name: str, value: object, path: str) -> Any:
+    """Return a setting, checked: a function as it is, a value as messages or plain values.
+
+    Raises:
+        TypeError, ValueError: It is not right; the text begins with the path.
+    """
+    if callable(value) and not (name in ("feedback", "result") and is_message_class(value)):
+        check_function(path, value, "a value, or a function of the goal that returns it")
+        if inspect.isasyncgenfunction(value):
+            raise TypeError(f"{path}={value!r} must be a plain function, not an async generator")
+        return value
+    if name == "feedback":
+        return tuple(feedback_of(action, value, path))
+    return checked_value(action, name, value, path)
+
+
+def checked_value(action: Any, name: str, value: Any, path: str) -> Any:
+    """Return a setting other than the feedback, checked and no function.
+
+    Raises:
+        TypeError, ValueError: It is not right; the text begins with the path.
+    """
+    if name == "result":
+        return action.Result() if value is None else _message(action.Result, value, path)
+    if name == "accept":
+        if not isinstance(value, bool):
+            raise TypeError(f"{path}={shown(value)} must be True or False")
+        return value
+    if name == "period":
+        return check_seconds(path, value, optional=False)
+    choices = ENDS if name == "end" else CANCELS
+    if value not in choices:
+        words = ", ".join(map(repr, choices[:-1]))
+        raise ValueError(f"{path}={shown(value)} must be {words} or {choices[-1]!r}")
+    return value
+
+
+def feedback_of(action: Any, value: Any, path: str) -> Iterator[Any]:
+    """Yield feedback messages, each checked when its turn comes.
+
+    Raises:
+        TypeError, ValueError: It is no list of feedback, or one of them is not right.
+    """
+    single = isinstance(value, (str, bytes, Mapping)) or is_message_class(type(value))
+    if single or not isinstance(value, Iterable):
+        hint = f"; for one write [{shown(value)}]" if single else ", such as ()"
+        raise TypeError(
+            f"{path}={shown(value)} must be a list of feedback, messages or mappings{hint}"
+        )
+    return (_message(action.Feedback, one, f"{path}[{n}]") for n, one in enumerate(value))
+
+
+def _message(cls: Any, value: Any, path: str) -> Any:
+    try:
+        return to_message(cls, value)
+    except FieldProblem as problem:
+        problem.add_parent(path)
+        raise

@@ -1,0 +1,364 @@
+"""A server of any action type, in the process of the test that uses it."""
+
+from __future__ import annotations
+
+import atexit
+import itertools
+import logging
+import os
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Generic, Literal
+
+from typing_extensions import Self
+
+from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
+from actionkit._model.missing import cannot_import
+from actionkit._model.settings import check_seconds
+from actionkit.servers._events import EventNotSeenError, Journal, ServerEvent
+from actionkit.servers._types import type_name
+from actionkit.testing._fake_plans import Plan, Script
+
+if TYPE_CHECKING:
+    from actionkit.servers._harness import Harness
+
+_log = logging.getLogger(__name__)
+_numbers = itertools.count(1)
+_STOP_TIMEOUT = 3.0
+"""Seconds for functions of the user's to return; all else ends in milliseconds."""
+_MOST_DOMAINS = 232
+"""The highest domain that has ports of its own."""
+EVENTS = (
+    "received",
+    "accepted",
+    "rejected",
+    "executing",
+    "feedback",
+    "cancel_requested",
+    "cancel_accepted",
+    "cancel_refused",
+    "succeeded",
+    "aborted",
+    "canceled",
+)
+
+
+class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
+    """A real action server of your own type, for tests, in this process.
+
+        with FakeServer(Pick, "pick", feedback=[{"percent": 50.0}], result={"ok": True}) as server:
+            mission.run()
+            assert server.goals == [Pick.Goal(object_id="mug")]
+
+    It has a ROS context and threads of its own, and needs no `rclpy.init()`. What a goal meets is
+    said by the settings, the same for every goal; by functions of the goal, in place of a setting's
+    value; or by `script`, for each goal in turn. A function runs on the goal's own thread. Where
+    one raises, the goal is rejected, or aborted once it was accepted, and the exception is raised
+    in the test: by `wait_for`, or at the latest by `stop` or the end of the `with` statement.
+
+    Every method may be called from any thread. Ending the server leaves goals that are running as
+    they are, as the end of a real server does.
+    """
+
+    def __init__(
+        self,
+        action_type: type[ActionType[GoalT, ResultT, FeedbackT]],
+        name: str,
+        *,
+        accept: bool | Callable[[GoalT], bool] = True,
+        feedback: Iterable[FeedbackT | Mapping[str, Any]]
+        | Callable[[GoalT], Iterable[FeedbackT | Mapping[str, Any]]] = (),
+        period: float | Callable[[GoalT], float] = 0.0,
+        result: ResultT
+        | Mapping[str, Any]
+        | Callable[[GoalT], ResultT | Mapping[str, Any] | None]
+        | None = None,
+        end: Literal["succeeded", "aborted", "canceled", "never"] | Callable[[GoalT], str] = (
+            "succeeded"
+        ),
+        cancel: Literal["accept", "refuse", "ignore"] | Callable[[GoalT], str] = "accept",
+        domain_id: int | None = None,
+    ) -> None:
+        """Check everything. Nothing is in the ROS graph before `start` or the `with` statement.
+
+        Args:
+            action_type: The action's class.
+            name: The action's name.
+            accept: Whether goals are accepted.
+            feedback: What is published while a goal executes: messages, or mappings of their
+                fields. Of a generator, a function that yields, each is published when it is
+                yielded, so a test can steer the goal by what the generator waits for.
+            period: Seconds after each feedback.
+            result: The result: a message, a mapping of its fields, or `None` for an empty one.
+                A function is called when the goal is about to end.
+            end: How goals end. `"never"`: they execute until they are cancelled. `"canceled"`: as
+                if somebody else had cancelled them.
+            cancel: What comes of requests to cancel: `"accept"`, the goal ends CANCELED at once;
+                `"refuse"`; or `"ignore"`, accepted, and the goal goes on to its `end`. A goal that
+                a client cancelled has an empty result, unless `end` is `"never"` or `"canceled"`:
+                then it has `result`.
+            domain_id: The ROS domain, 0 to 232; `None` takes the environment's.
+
+        Raises:
+            TypeError: An argument, or a field of a message, is of the wrong type.
+            ValueError: An argument, or a field, has a value that is not right.
+            ImportError: rclpy is not importable.
+        """
+        if isinstance(action_type, str):
+            raise TypeError(f"action_type={action_type!r} must be the class itself, not its name")
+        type_name(action_type)
+        if domain_id is not None:
+            if isinstance(domain_id, bool) or not isinstance(domain_id, int):
+                raise TypeError(f"domain_id={domain_id!r} must be an int, or None")
+            if not 0 <= domain_id <= _MOST_DOMAINS:
+                raise ValueError(f"domain_id={domain_id!r} must be 0 to {_MOST_DOMAINS}")
+        settings: dict[str, Any] = {
+            "accept": accept,
+            "feedback": feedback,
+            "period": period,
+            "result": result,
+            "end": end,
+            "cancel": cancel,
+        }
+        self._ros = _import_ros_side()
+        self.name = self._ros.check_name(name)
+        self._action: Any = action_type
+        self._domain_id = domain_id
+        self._number = next(_numbers)
+        self._errors: list[BaseException] = []
+        self._journal = Journal("the fake server", lambda: bool(self._errors))
+        self._script = Script(Plan.checked(self._action, settings))
+        self._goals = self._ros.Goals(self._script, self._keep)
+        self._life = threading.RLock()
+        self._harness: Harness | None = None
+        self._pid = os.getpid()
+
+    # -- what it does ----------------------------------------------------------------------
+
+    def script(
+        self,
+        entries: Iterable[Mapping[str, Any] | Callable[[GoalT], Mapping[str, Any] | None]]
+        | Callable[[GoalT], Mapping[str, Any] | None],
+    ) -> None:
+        """Say what happens to the next goals: each entry is for one, in the order they come.
+
+        ::
+
+            server.script([{"accept": False}, {"end": "aborted", "result": {"code": 7}}, {}])
+
+        An entry has settings by their names; those that it leaves out are the server's own. An
+        entry may be a function of the goal that returns such a mapping, or `None` for `{}`. When
+        the script is over, goals meet the server's own settings. One function in place of the list
+        is for every goal from now on. What was left of an earlier script is forgotten.
+
+        Args:
+            entries: The script.
+
+        Raises:
+            TypeError: It, or something in it, is of the wrong type; nothing has changed then.
+            ValueError: Something in it has a value that is not right; nothing has changed then.
+        """
+        self._script.replace(entries)
+
+    # -- what it saw -----------------------------------------------------------------------
+
+    @property
+    def goals(self) -> list[GoalT]:
+        """Return the goals that were received so far, rejected ones too, as messages, in order."""
+        return list(self._goals.received)
+
+    @property
+    def events(self) -> list[ServerEvent]:
+        """Return all events so far, in order."""
+        return list(self._journal.events)
+
+    def count(self, event: str) -> int:
+        """Return how many events of a name there were so far; the names are those of `wait_for`.
+
+        Raises:
+            ValueError: There is no event of that name.
+        """
+        return self._journal.counts[_checked_event(event)]
+
+    def running(self) -> set[str]:
+        """Return the ids of goals that were accepted and have not ended."""
+        return self._journal.running()
+
+    def wait_for(
+        self,
+        event: str,
+        *,
+        goal_id: str | uuid.UUID | None = None,
+        count: int = 1,
+        timeout: float = 10.0,
+    ) -> list[ServerEvent]:
+        """Block until an event was seen, however long ago it happened. Never polls.
+
+        It blocks its thread. In a coroutine whose event loop has to go on meanwhile, write
+        `await asyncio.to_thread(server.wait_for, "executing")`.
+
+        Args:
+            event: `"received"`, `"accepted"`, `"rejected"`, `"executing"`, `"feedback"`,
+                `"cancel_requested"`, `"cancel_accepted"`, `"cancel_refused"`, `"succeeded"`,
+                `"aborted"` or `"canceled"`.
+            goal_id: Only events of this goal, such as `future.goal_id`.
+            count: How many of them.
+            timeout: Seconds to wait.
+
+        Returns:
+            All such events so far, `count` or more. That of `"received"` has, in `details`, the
+            `number` of the goal in `goals`.
+
+        Raises:
+            AssertionError: (also a `TimeoutError`) They were not seen in time, or the server was
+                stopped without them; the message holds all events.
+            TypeError, ValueError: An argument is wrong.
+            Exception: What a function of yours raised.
+        """
+        _checked_event(event)
+        if isinstance(count, bool) or not isinstance(count, int):
+            raise TypeError(f"count={count!r} must be an int")
+        check_seconds("timeout", timeout, optional=False)
+        self._raise_kept()
+        wanted = None if goal_id is None else str(goal_id)
+        try:
+            return self._journal.wait_for(event, goal_id=wanted, count=count, timeout=timeout)
+        except EventNotSeenError:
+            self._raise_kept()
+            raise
+
+    # -- its life --------------------------------------------------------------------------
+
+    def start(self) -> Self:
+        """Enter the ROS graph and answer goals. After `stop` it is as a server that came back.
+
+        Returns:
+            The server itself.
+
+        Raises:
+            RuntimeError: It runs already, or rclpy refuses.
+        """
+        with self._life:
+            if self._harness is not None:
+                raise RuntimeError(f"{self!r} was started already")
+            harness = self._ros.make_harness(
+                self._goals,
+                self._action,
+                self.name,
+                self._domain_id,
+                self._number,
+                _Notes(self._journal, self._goals.received, self._keep),
+            )
+            self._pid = os.getpid()
+            self._journal.begin()
+            self._harness = harness
+            harness.start()
+            atexit.register(self._leave)
+        return self
+
+    def stop(self) -> None:
+        """Leave the ROS graph and end all threads, within seconds. Safe to call twice.
+
+        Raises:
+            RuntimeError: A function of yours has not returned, so its thread is left.
+            Exception: What a function of yours raised, where `wait_for` has not raised it.
+        """
+        self._leave()
+        self._raise_kept()
+
+    def __enter__(self) -> Self:
+        return self.start()
+
+    def __exit__(self, _type: object, error: BaseException | None, _traceback: object) -> None:
+        self._leave()
+        if error is None or isinstance(error, Exception):
+            # Python shows both: the test's own error is often a consequence of the function's.
+            self._raise_kept()
+
+    def __repr__(self) -> str:
+        state = "stopped" if self._harness is None else "running"
+        return f"<FakeServer {self.name!r} ({type_name(self._action)}), {state}>"
+
+    # -- private ---------------------------------------------------------------------------
+
+    def _leave(self) -> None:
+        if os.getpid() != self._pid:
+            return  # a forked child: the server is its parent's
+        with self._life:
+            harness, self._harness = self._harness, None
+            if harness is None:
+                return
+            atexit.unregister(self._leave)
+            if not harness.stop(_STOP_TIMEOUT):
+                self._keep(
+                    RuntimeError(
+                        f"a function given to the fake server of {self.name!r} had not returned"
+                        f" {_STOP_TIMEOUT:g} s after the server was stopped; its thread is left"
+                    )
+                )
+            self._journal.end()
+
+    def _keep(self, error: BaseException) -> None:
+        """Keep an error until it can be raised in the test."""
+        self._errors.append(error)
+        self._journal.wake()
+
+    def _raise_kept(self) -> None:
+        if not self._errors:
+            return
+        errors, self._errors = self._errors, []
+        for other in errors[1:]:
+            _log.error("the fake server of %r met another error", self.name, exc_info=other)
+        raise errors[0]
+
+
+class _Notes:
+    """The journal of a fake server, as its ROS side writes it.
+
+    Attributes:
+        lock: Holding it keeps others from writing in between.
+    """
+
+    def __init__(
+        self, journal: Journal, received: list[Any], on_error: Callable[[BaseException], None]
+    ) -> None:
+        self.lock = threading.RLock()
+        self._journal = journal
+        self._received = received
+        self._on_error = on_error
+
+    def emit(self, event: str, goal_id: str | None = None, **details: Any) -> None:
+        if event == "error":
+            self._on_error(RuntimeError(f"the fake server itself failed: {details['message']}"))
+        if event == "goal_received":
+            if "again" in details:
+                return
+            event, details = "received", {"number": len(self._received) - 1}
+        details.pop("order", None)  # it is for Fibonacci's goals
+        # Clients ask for the cancel of goals that do not exist to see whether a server is alive.
+        if event not in EVENTS or details.pop("running", None) is False:
+            return
+        with self.lock:
+            self._journal.add(
+                ServerEvent(
+                    event, goal_id, time.monotonic(), self._journal.incarnation, dict(details)
+                )
+            )
+
+
+def _checked_event(event: object) -> str:
+    if isinstance(event, str) and event in EVENTS:
+        return event
+    raise ValueError(f"there is no event {event!r}. There are: {', '.join(EVENTS)}")
+
+
+def _import_ros_side() -> Any:
+    try:
+        import rclpy  # noqa: F401
+    except ImportError as error:
+        raise ImportError(cannot_import("rclpy", error)) from error
+    from actionkit.testing import _fake_behaviour
+
+    return _fake_behaviour
