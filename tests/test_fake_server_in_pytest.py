@@ -6,8 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 PLAIN = """
 import pytest
 from test_msgs.action import Fibonacci
@@ -26,7 +24,6 @@ import pytest
 from test_msgs.action import Fibonacci
 from actionkit import Client
 
-MARK
 async def test_results(fake_server):
     server = fake_server(Fibonacci, "fibonacci", result={"sequence": [5]})
     async with Client(Fibonacci, "fibonacci") as client:
@@ -35,7 +32,6 @@ async def test_results(fake_server):
     assert [list(result.sequence) for result in both] == [[5], [5]]
     assert [goal.order for goal in server.goals] == [1, 2]
 
-MARK
 async def test_cancelling_a_task(fake_server):
     server = fake_server(Fibonacci, "fibonacci", end="never")
     async with Client(Fibonacci, "fibonacci") as client:
@@ -88,21 +84,15 @@ def run_pytest(folder: Path, source: str, *arguments: str) -> subprocess.Complet
     )
 
 
-def test_beside_xdist(tmp_path: Path) -> None:
-    done = run_pytest(tmp_path, PLAIN, "-n", "2", "-p", "no:asyncio")
-    assert "4 passed" in done.stdout, done.stdout + done.stderr
-
-
-@pytest.mark.parametrize("mode", ["strict", "auto"])
-def test_under_asyncio(tmp_path: Path, mode: str) -> None:
-    source = ASYNCIO.replace("MARK", "@pytest.mark.asyncio" if mode == "strict" else "")
-    done = run_pytest(tmp_path, source, f"--asyncio-mode={mode}", "-p", "no:xdist")
-    assert "2 passed" in done.stdout, done.stdout + done.stderr
-
-
-def test_what_a_function_raises_is_an_error_of_the_test(tmp_path: Path) -> None:
-    done = run_pytest(tmp_path, RAISING, "-p", "no:xdist", "-p", "no:asyncio")
-    assert "2 passed, 1 error" in done.stdout, done.stdout + done.stderr
+def test_beside_xdist_and_what_a_function_raises_is_an_error_of_the_test(tmp_path: Path) -> None:
+    done = run_pytest(tmp_path, PLAIN + RAISING, "-n", "2", "-p", "no:asyncio")
+    assert "6 passed, 1 error" in done.stdout, done.stdout + done.stderr
     assert "ERROR at teardown of test_it_is_an_error_of_the_test" in done.stdout
     assert "AssertionError: the wrong goal came" in done.stdout
     assert 'assert goal.order == 7, "the wrong goal came"' in done.stdout
+
+
+def test_under_asyncio(tmp_path: Path) -> None:
+    """In its mode `auto`; the tests in docs/testing.md run in its mode `strict`."""
+    done = run_pytest(tmp_path, ASYNCIO, "--asyncio-mode=auto", "-p", "no:xdist")
+    assert "2 passed" in done.stdout, done.stdout + done.stderr
