@@ -1,10 +1,11 @@
-"""Fake servers: real ones of any action type, in the test's own process."""
+"""Fake servers: real ones of any action type, in the test's own process (C9.1)."""
 
 from __future__ import annotations
 
 import os
 import threading
 import time
+import uuid
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -12,7 +13,6 @@ import pytest
 from test_msgs.action import Fibonacci, NestedMessage
 
 from actionkit import (
-    Client,
     GoalAbortedError,
     GoalCanceledError,
     GoalRejectedError,
@@ -324,6 +324,39 @@ def test_a_function_that_does_not_return(ros_domain: int, make_client: Any) -> N
     ends.set()
 
 
+def test_functions_that_wait_and_stop(ros_domain: int, make_client: Any) -> None:
+    """A function may use its server: neither way does the test hang."""
+    waits, stops = (FakeServer(Fibonacci, name) for name in ("waits", "stops"))
+    waits.script([{"result": lambda goal: waits.wait_for("aborted", timeout=120) and None}])
+    stops.script([{"accept": lambda goal: stops.stop() or True}])
+    began = time.monotonic()
+    for server in (waits, stops):
+        server.start()
+    make_client(name="stops").call_async({}, timeout=60.0)
+    make_client(name="waits").call_async({}, timeout=60.0)
+    waits.wait_for("executing")
+    with pytest.raises(AssertionError, match="before the fake server ended"):
+        waits.stop()
+    with pytest.raises(AssertionError, match="saw 0 of 1 'accepted' events before the fake"):
+        stops.wait_for("accepted")
+    stops.stop()
+    assert time.monotonic() - began < 60
+
+
+def test_a_request_that_is_sent_again(ros_domain: int, driver: Driver) -> None:
+    with FakeServer(Fibonacci, "fibonacci", result=FIELDS) as server:
+        server.script([{}, {"accept": False}])
+        driver.connect()
+        goal_id, future = driver.send()
+        assert driver.wait(future).accepted
+        server.wait_for("succeeded")
+        again, future = driver.send(goal_id=uuid.UUID(goal_id))
+        assert not driver.wait(future).accepted
+        assert again == goal_id
+        assert len(server.goals) == server.count("received") == 1
+        driver.rejected()  # the script's second entry is still there
+
+
 # --- waiting -------------------------------------------------------------------------------------
 
 
@@ -385,19 +418,17 @@ def test_a_server_that_comes_back(ros_domain: int, make_client: Any) -> None:
 
 
 def test_fifty_in_a_row_leave_nothing(ros_domain: int, driver: Driver) -> None:
-    def left() -> tuple[int, int]:
-        return threading.active_count(), len(os.listdir("/proc/self/fd"))
-
     with FakeServer(NestedMessage, "warm_up"):
         pass
-    before = left()
+    threads, files = set(threading.enumerate()), len(os.listdir("/proc/self/fd"))
     for number in range(50):
         with FakeServer(Fibonacci, "fibonacci", end="never") as server:
             if number % 10 == 0:
                 driver.connect().accepted()
                 server.wait_for("executing")
-    assert threading.active_count() == before[0]
-    assert left()[1] <= before[1] + 5  # those of the client, about servers that it met
+    assert set(threading.enumerate()) <= threads
+    # Those of the client, about servers that it met, are in shared memory too.
+    assert len(os.listdir("/proc/self/fd")) <= files + 5
 
 
 def test_two_on_one_name_and_other_domains(fake_server: Any, make_client: Any) -> None:
@@ -512,10 +543,3 @@ def test_wrong_scripts(script: Any, error: type[Exception], text: str) -> None:
     server = FakeServer(Fibonacci, "fibonacci")
     with pytest.raises(error, match=text):
         server.script(script)
-
-
-def test_types_are_inferred(fake_server: Any) -> None:
-    server = FakeServer(Fibonacci, "fibonacci")
-    goals: list[Fibonacci.Goal] = server.goals
-    assert goals == []
-    assert isinstance(Client, type)

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from actionkit.testing import FakeServer
-from actionkit.testing._fake_server import EVENTS
+from actionkit.testing._fake_notes import EVENTS
 from tests.test_fake_server_in_pytest import run_pytest
 
 TEXT = (Path(__file__).resolve().parent.parent / "docs" / "testing.md").read_text()

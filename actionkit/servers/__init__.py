@@ -20,6 +20,11 @@ Most take goals of `test_msgs/action/Fibonacci`; their options, and what they do
 - that fail: silent, never_finishes, refuses_cancel, ignores_cancel, slow_cancel, aborts, raises,
   no_result, cancels_itself, blocking, wrong_type, crashes, expires, vanishes
 
+Most of them also serve an action of any other type, which `action_type=` gives: a class, or a name
+such as ``"my_robot/action/Pick"``. A goal then has `steps=5` steps, and feedback and results are
+empty messages. For a server of your own type that says something, in the process of a test, see
+`actionkit.testing.FakeServer`.
+
 What none of these does can be written as a script, step by step, for the server scripted::
 
     with actionkit.servers.start(

@@ -106,7 +106,7 @@ class Blocking(Behaviour):
 
 
 class WrongType(Behaviour):
-    """Serves the name with another type, test_msgs/action/NestedMessage."""
+    """Serves the name with another type, test_msgs/action/NestedMessage, or the one it is given."""
 
     any_type = True
     action_type = "test_msgs/action/NestedMessage"

@@ -46,7 +46,7 @@ class ThreadPerGoalExecutor(SingleThreadedExecutor):
         """Wait until the threads of the goals have ended; return whether all did in that time."""
         until = time.monotonic() + seconds
         with self._threads_lock:
-            threads = list(self._threads)
+            threads = self._threads - {threading.current_thread()}
         for thread in threads:
             thread.join(max(0.0, until - time.monotonic()))
         return not any(thread.is_alive() for thread in threads)

@@ -7,7 +7,6 @@ import itertools
 import logging
 import os
 import threading
-import time
 import uuid
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Generic, Literal
@@ -19,6 +18,7 @@ from actionkit._model.missing import cannot_import
 from actionkit._model.settings import check_seconds
 from actionkit.servers._events import EventNotSeenError, Journal, ServerEvent
 from actionkit.servers._types import type_name
+from actionkit.testing._fake_notes import Notes, checked_event
 from actionkit.testing._fake_plans import Plan, Script
 
 if TYPE_CHECKING:
@@ -30,19 +30,6 @@ _STOP_TIMEOUT = 3.0
 """Seconds for functions of the user's to return; all else ends in milliseconds."""
 _MOST_DOMAINS = 232
 """The highest domain that has ports of its own."""
-EVENTS = (
-    "received",
-    "accepted",
-    "rejected",
-    "executing",
-    "feedback",
-    "cancel_requested",
-    "cancel_accepted",
-    "cancel_refused",
-    "succeeded",
-    "aborted",
-    "canceled",
-)
 
 
 class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
@@ -128,6 +115,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         self._domain_id = domain_id
         self._number = next(_numbers)
         self._errors: list[BaseException] = []
+        self._errors_lock = threading.Lock()
         self._journal = Journal("the fake server", lambda: bool(self._errors))
         self._script = Script(Plan.checked(self._action, settings))
         self._goals = self._ros.Goals(self._script, self._keep)
@@ -180,7 +168,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         Raises:
             ValueError: There is no event of that name.
         """
-        return self._journal.counts[_checked_event(event)]
+        return self._journal.counts[checked_event(event)]
 
     def running(self) -> set[str]:
         """Return the ids of goals that were accepted and have not ended."""
@@ -217,7 +205,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             TypeError, ValueError: An argument is wrong.
             Exception: What a function of yours raised.
         """
-        _checked_event(event)
+        checked_event(event)
         if isinstance(count, bool) or not isinstance(count, int):
             raise TypeError(f"count={count!r} must be an int")
         check_seconds("timeout", timeout, optional=False)
@@ -249,7 +237,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
                 self.name,
                 self._domain_id,
                 self._number,
-                _Notes(self._journal, self._goals.received, self._keep),
+                Notes(self._journal, self._goals.received, self._keep),
             )
             self._pid = os.getpid()
             self._journal.begin()
@@ -291,6 +279,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             if harness is None:
                 return
             atexit.unregister(self._leave)
+            self._journal.end()  # a function of the user's may wait for an event
             if not harness.stop(_STOP_TIMEOUT):
                 self._keep(
                     RuntimeError(
@@ -298,60 +287,22 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
                         f" {_STOP_TIMEOUT:g} s after the server was stopped; its thread is left"
                     )
                 )
-            self._journal.end()
+            self._journal.end()  # what came in between is over, too
 
     def _keep(self, error: BaseException) -> None:
         """Keep an error until it can be raised in the test."""
-        self._errors.append(error)
+        with self._errors_lock:
+            self._errors.append(error)
         self._journal.wake()
 
     def _raise_kept(self) -> None:
-        if not self._errors:
+        with self._errors_lock:
+            errors, self._errors = self._errors, []
+        if not errors:
             return
-        errors, self._errors = self._errors, []
         for other in errors[1:]:
             _log.error("the fake server of %r met another error", self.name, exc_info=other)
         raise errors[0]
-
-
-class _Notes:
-    """The journal of a fake server, as its ROS side writes it.
-
-    Attributes:
-        lock: Holding it keeps others from writing in between.
-    """
-
-    def __init__(
-        self, journal: Journal, received: list[Any], on_error: Callable[[BaseException], None]
-    ) -> None:
-        self.lock = threading.RLock()
-        self._journal = journal
-        self._received = received
-        self._on_error = on_error
-
-    def emit(self, event: str, goal_id: str | None = None, **details: Any) -> None:
-        if event == "error":
-            self._on_error(RuntimeError(f"the fake server itself failed: {details['message']}"))
-        if event == "goal_received":
-            if "again" in details:
-                return
-            event, details = "received", {"number": len(self._received) - 1}
-        details.pop("order", None)  # it is for Fibonacci's goals
-        # Clients ask for the cancel of goals that do not exist to see whether a server is alive.
-        if event not in EVENTS or details.pop("running", None) is False:
-            return
-        with self.lock:
-            self._journal.add(
-                ServerEvent(
-                    event, goal_id, time.monotonic(), self._journal.incarnation, dict(details)
-                )
-            )
-
-
-def _checked_event(event: object) -> str:
-    if isinstance(event, str) and event in EVENTS:
-        return event
-    raise ValueError(f"there is no event {event!r}. There are: {', '.join(EVENTS)}")
 
 
 def _import_ros_side() -> Any:

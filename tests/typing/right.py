@@ -25,6 +25,9 @@ from actionkit import (
     classify_by_field,
     retry_aborted,
 )
+from actionkit.servers import start
+from actionkit.testing import FakeServer
+from actionkit.testing.plugin import FakeServerFactory
 
 FibonacciClient = Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]
 
@@ -149,3 +152,23 @@ def without_opinion(outcome: Outcome[Fibonacci.Result]) -> Verdict | None:
 
 
 _ = array
+
+
+def fake_servers(fake_server: FakeServerFactory) -> None:
+    with FakeServer(
+        Fibonacci,
+        "fibonacci",
+        accept=lambda goal: goal.order > 0,
+        feedback=[Fibonacci.Feedback(), {"sequence": [1]}],
+        period=0.1,
+        result=lambda goal: Fibonacci.Result(sequence=[goal.order]),
+        end="aborted",
+        cancel="refuse",
+    ) as server:
+        assert_type(server, FakeServer[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback])
+        assert_type(server.goals, list[Fibonacci.Goal])
+        server.script([{"end": "never"}, lambda goal: {"accept": goal.order > 1}])
+        server.script(lambda goal: None)
+    assert_type(fake_server(NestedMessage, "pick", result={}).goals, list[NestedMessage.Goal])
+    start("silent", action_type=Fibonacci)
+    start("silent", action_type="test_msgs/action/Fibonacci", steps=3)

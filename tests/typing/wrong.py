@@ -11,6 +11,7 @@ import concurrent.futures
 from test_msgs.action import Fibonacci, NestedMessage
 
 from actionkit import Client, RetryBudget, RetryPolicy, Timeouts
+from actionkit.testing import FakeServer
 
 FibonacciClient = Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]
 NestedClient = Client[NestedMessage.Goal, NestedMessage.Result, NestedMessage.Feedback]
@@ -94,3 +95,10 @@ def of_another_action(client: NestedClient) -> None: ...
 
 
 of_another_action(Client(Fibonacci, "fibonacci"))  # error[arg-type, reportArgumentType]
+
+
+def fake_servers() -> None:
+    FakeServer("test_msgs/action/Fibonacci", "pick")  # error[arg-type, reportArgumentType]
+    FakeServer(Fibonacci, "pick", end="done")  # error[arg-type, reportArgumentType]
+    FakeServer(Fibonacci, "pick", cancel=True)  # error[arg-type, reportArgumentType]
+    FakeServer(Fibonacci, "pick", True)  # error[call-arg, misc, reportCallIssue]

@@ -13,7 +13,10 @@ from typing import Any
 import pytest
 
 import actionkit
+import actionkit.servers
+import actionkit.testing
 from actionkit import Client, GoalFuture
+from actionkit.testing import FakeServer
 
 NAMES = [
     "AcceptanceTimeoutError",
@@ -56,6 +59,8 @@ NAMES = [
     "read_json_lines",
     "retry_aborted",
 ]
+TESTING = ["EventLog", "FakeServer", "isolated_domain"]
+SERVERS = ["Server", "ServerEvent", "names", "start"]
 SIGNATURES = {
     Client.__init__: "(self, action_type, action_name, *misplaced, node=None,"
     " timeouts=Timeouts(server=5.0, accept=5.0, total=None, feedback=None, cancel=2.0,"
@@ -81,6 +86,16 @@ SIGNATURES = {
     Client.server_is_ready: "(self)",
     Client.cancel_all: "(self)",
     Client.close: "(self)",
+    FakeServer.__init__: "(self, action_type, name, *, accept=True, feedback=(), period=0.0,"
+    " result=None, end='succeeded', cancel='accept', domain_id=None)",
+    FakeServer.script: "(self, entries)",
+    FakeServer.wait_for: "(self, event, *, goal_id=None, count=1, timeout=10.0)",
+    FakeServer.count: "(self, event)",
+    FakeServer.running: "(self)",
+    FakeServer.start: "(self)",
+    FakeServer.stop: "(self)",
+    actionkit.servers.start: "(name, *, action_name='fibonacci', action_type=None,"
+    " domain_id=None, **options)",
     GoalFuture.result: "(self, timeout=None)",
     GoalFuture.exception: "(self, timeout=None)",
     GoalFuture.outcome: "(self, timeout=None)",
@@ -117,6 +132,10 @@ RAISES = {
     actionkit.read_json_lines: "OSError",
     Client.server_is_ready: "ClientClosedError",
     Client.cancel_all: "ClientClosedError",
+    FakeServer.__init__: "TypeError ValueError ImportError",
+    FakeServer.script: "TypeError ValueError",
+    FakeServer.wait_for: "AssertionError TypeError ValueError",
+    actionkit.servers.start: "TypeError ValueError RuntimeError",
     GoalFuture.result: "TimeoutError CancelledError ActionKitError",
     GoalFuture.exception: "TimeoutError CancelledError",
     GoalFuture.outcome: "TimeoutError",
@@ -137,6 +156,9 @@ def own_members() -> Iterator[tuple[str, Any]]:
             if inspect.isfunction(function) and not generated and not name.startswith("_"):
                 yield f"{cls.__name__}.{name}", function
     yield "Client.__init__", Client.__init__
+    for name, member in vars(FakeServer).items():
+        if inspect.isfunction(member) and (not name.startswith("_") or name == "__init__"):
+            yield f"FakeServer.{name}", member
     yield "RetryBudget.__init__", actionkit.RetryBudget.__init__
     yield "classify_by_field", actionkit.classify_by_field
     yield "retry_aborted", actionkit.retry_aborted
@@ -157,6 +179,8 @@ REFUSED = ("misplaced", "unknown")
 def test_the_names() -> None:
     assert actionkit.__all__ == NAMES
     assert sorted(NAMES) == NAMES
+    assert actionkit.testing.__all__ == TESTING
+    assert actionkit.servers.__all__ == SERVERS
 
 
 def test_nothing_else_is_public() -> None:
