@@ -427,7 +427,7 @@ def test_fifty_in_a_row_leave_nothing(ros_domain: int, driver: Driver) -> None:
                 driver.connect().accepted()
                 server.wait_for("executing")
     assert set(threading.enumerate()) <= threads
-    # Those of the client, about servers that it met, are in shared memory too.
+    # A few are of the client, which keeps something of each server that it met.
     assert len(os.listdir("/proc/self/fd")) <= files + 5
 
 
