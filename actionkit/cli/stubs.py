@@ -59,15 +59,16 @@ def command(packages: tuple[str, ...], output: Path | None, install: bool, unins
     where = None if install else output or Path("typings")
     for package in loaded.packages.values():
         try:
-            _write(package, loaded, where)
+            told = _write(package, loaded, where)
         except ForeignFilesError as error:
             # Stubs that somebody else wrote for a package that is only used are as good as ours.
             if package.name in packages:
                 problems.append(f"{error} Remove it, or choose another folder with -o DIR.")
-            else:
-                say(f"left  {error}")
+                continue
+            told = f"left  {error}"
         except OSError as error:
             raise _unwritable(error, where or package.folder.parent, install) from error
+        say(told)
     for problem in problems:
         say(f"Error: {problem}", err=True)
     if where is not None:
@@ -96,7 +97,7 @@ def _load(packages: tuple[str, ...]) -> Loaded:
             raise Problem(Exit.NO_ROS, f"rosidl_parser cannot be imported ({error}).") from error
 
 
-def _write(package: Package, loaded: Loaded, where: Path | None) -> None:
+def _write(package: Package, loaded: Loaded, where: Path | None) -> str:
     from actionkit._stubs.modules import files, placeholders
 
     written = files(package, loaded)
@@ -110,7 +111,7 @@ def _write(package: Package, loaded: Loaded, where: Path | None) -> None:
         f"{len(types)} {_NOUNS[kind]}{'s' if len(types) > 1 else ''}"
         for kind, types in package.types.items()
     )
-    say(f"{'wrote' if changed else 'same '} {folder} ({counts})")
+    return f"{'wrote' if changed else 'same '} {folder} ({counts})"
 
 
 def _uninstall(packages: tuple[str, ...]) -> int:
