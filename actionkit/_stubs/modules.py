@@ -52,7 +52,7 @@ def placeholders(package: Package) -> dict[str, str]:
     lines = [
         "from typing import Any as _Any",
         "",
-        "def __getattr__(name: str) -> _Any: ...",
+        "def __getattr__(name: str) -> _Any: ...  # pyright: ignore[reportIncompleteStub]",
     ]
     return {f"{name}.pyi": _text(lines) for name in package.others}
 

@@ -4,4 +4,4 @@
 
 from typing import Any as _Any
 
-def __getattr__(name: str) -> _Any: ...
+def __getattr__(name: str) -> _Any: ...  # pyright: ignore[reportIncompleteStub]

@@ -1,7 +1,7 @@
 """Makes interface packages for tests, with rosidl's own generators: Python without type support.
 
-Usage: interfaces.py FOLDER PACKAGE, with the interface files in FOLDER/src/PACKAGE; the package comes
-to be in FOLDER/PACKAGE.
+Usage: interfaces.py FOLDER PACKAGE. The interface files are in FOLDER/src/PACKAGE; the package
+comes to be in FOLDER/PACKAGE.
 """
 
 from __future__ import annotations

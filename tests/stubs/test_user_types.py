@@ -21,7 +21,7 @@ mypy_path = "typings"
 [tool.pyright]
 typeCheckingMode = "strict"
 """
-PACKAGES = "odd_interfaces nav_msgs sensor_msgs test_msgs".split()
+PACKAGES = ["odd_interfaces", "nav_msgs", "sensor_msgs", "test_msgs"]
 """With all that they use: action_msgs, builtin_interfaces, geometry_msgs, std_msgs."""
 
 Found = dict[str, dict[int, list[tuple[str, str]]]]
@@ -36,7 +36,6 @@ def mypy(project: Path) -> Found:
         r"^([\w/.]+):(\d+): error: (.*)  \[([\w-]+)\]$", text, re.M
     ):
         found.setdefault(file, {}).setdefault(int(line), []).append((kind, said))
-    assert "right.py" in text or found, text  # it came to checking
     return found
 
 
@@ -81,7 +80,7 @@ def project(interfaces: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     for arguments in (PACKAGES, ["plain_interfaces", "--install"]):
         subprocess.run(
             [sys.executable, "-m", "actionkit", "stubs", *arguments],
-            check=arguments != PACKAGES and True,  # odd_interfaces has a broken type
+            check=arguments is not PACKAGES,  # odd_interfaces has a broken type
             capture_output=True,
             timeout=120,
             cwd=project,
@@ -104,6 +103,7 @@ def test_right_code_is_clean_and_wrong_code_refused(check: object, project: Path
         number: set(re.findall(r"[\w-]+", match[1]))
         for number, line in enumerate(lines, 1)
         if (match := re.search(r"# error\[(.*?)\]", line))
+        if (check is pyright) or not match[1].startswith("report")
     }
     assert len(expected) > 30
     assert {n: wrong[n] for n in wrong if n not in expected} == {}

@@ -1,12 +1,13 @@
-"""A node as users write it: rclpy's own types are there beside the stubs. For type checkers only."""
+"""A node as users write it, with rclpy's own types beside the stubs. For type checkers only."""
 # pyright: standard
+# mypy: disable-error-code="no-untyped-call"
 
 from __future__ import annotations
 
 import rclpy
 import test_msgs.message_fixtures
-from rclpy.action import ActionClient, ActionServer
-from rclpy.action.server import ServerGoalHandle
+from rclpy.action.client import ActionClient
+from rclpy.action.server import ActionServer, ServerGoalHandle
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
@@ -46,5 +47,5 @@ class Mine(Node):
 
 rclpy.init()
 rclpy.spin(Mine())
-rclpy.try_shutdown()
+rclpy.shutdown()
 print(test_msgs.message_fixtures)

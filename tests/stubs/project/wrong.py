@@ -2,18 +2,21 @@
 
 Each marked line, and no other, is an error to mypy and to pyright, of the kinds in brackets.
 """
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownLambdaType=false, reportUnknownArgumentType=false
+# pyright: reportUnusedExpression=false
 # ruff: noqa: B018
 
 from __future__ import annotations
 
 import numpy
+import odd_interfaces.msg
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, PoseStamped, PoseWithCovariance
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from odd_interfaces.action import Pick
-from odd_interfaces.msg import Broken  # error[attr-defined, reportAttributeAccessIssue]
 from odd_interfaces.msg import Odd, Wide
 from plain_interfaces.msg import Plain
 from sensor_msgs.msg import JointState
@@ -31,9 +34,7 @@ def calls(client: Client[Pick.Goal, Pick.Result, Pick.Feedback]) -> None:
     client.call(Pick.Goal()).okay  # error[attr-defined, reportAttributeAccessIssue]
     client.call(Pick.Goal("cup"))  # error[misc, call-arg, reportCallIssue]: by keyword only
     client.call({}).ok.real.nothing  # error[attr-defined, reportAttributeAccessIssue]
-    client.call(
-        {}, on_feedback=lambda it: it.per_cent
-    )  # error[attr-defined, reportAttributeAccessIssue]
+    client.call({}, on_feedback=lambda it: it.no)  # error[attr-defined, reportAttributeAccessIssue]
 
 
 def fields() -> None:
@@ -70,5 +71,5 @@ def odd() -> None:
     Odd().int = numpy.zeros(3).tolist  # error[assignment, reportAttributeAccessIssue]
     Wide(field200=1)  # error[call-arg, reportCallIssue]
     Plain(number="1")  # error[arg-type, reportArgumentType]
-    {Odd(): 1}  # error[misc, reportUnhashable]: nor can it be hashed
-    print(Broken)
+    {Odd(): 1}  # error[reportUnhashable]: nor can it be hashed
+    odd_interfaces.msg.Broken  # error[attr-defined, reportAttributeAccessIssue]
