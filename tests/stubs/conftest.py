@@ -81,17 +81,16 @@ def stubs(interfaces: Path, tmp_path: Path) -> Command:
     """Run `actionkit stubs ARGUMENTS` in an empty folder, beside the packages of `interfaces`."""
 
     def run(
-        *arguments: str, path: Path = interfaces, user: int | None = None
+        *arguments: str, path: Path = interfaces, before: tuple[str, ...] = ()
     ) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [sys.executable, "-m", "actionkit", "stubs", *arguments],
+            [*before, sys.executable, "-m", "actionkit", "stubs", *arguments],
             capture_output=True,
             text=True,
             check=False,
             timeout=120,
             cwd=tmp_path,
             env={**os.environ, "PYTHONPATH": str(path)},
-            user=user,
         )
 
     return run
