@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 WITH_ROS = (
-    "On a machine with a ROS 2 installation (Ubuntu 24.04, for Jazzy) source its setup file, `source"
-    " /opt/ros/jazzy/setup.bash`, and use its Python, or a virtual environment made by `python3 -m"
-    " venv --system-site-packages .venv`"
+    "On a machine with a ROS 2 installation (Ubuntu 24.04, for Jazzy) source its setup file,"
+    " `source /opt/ros/jazzy/setup.bash`, and use its Python, or a virtual environment made by"
+    " `python3 -m venv --system-site-packages .venv`"
 )
-"""How to get at the rclpy of an installed ROS. Its modules need numpy and others of the system's."""
+"""How to get at the rclpy of an installed ROS, which uses the system's numpy and others."""
 
 
 def cannot_import(module: str, error: BaseException) -> str:
