@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+WITH_ROS = (
+    "On a machine with a ROS 2 installation (Ubuntu 24.04, for Jazzy) source its setup file,"
+    " `source /opt/ros/jazzy/setup.bash`, and use its Python, or a virtual environment made by"
+    " `python3 -m venv --system-site-packages .venv`"
+)
+"""How to get at the rclpy of an installed ROS, which uses the system's numpy and others."""
+
 
 def cannot_import(module: str, error: BaseException) -> str:
     """Return what to do where a package of ROS cannot be imported.
@@ -11,9 +18,9 @@ def cannot_import(module: str, error: BaseException) -> str:
         error: What its import raised.
     """
     extra = "ros" if module == "rclpy" else "demo"
-    package = f", and install ros-jazzy-{module.replace('_', '-')} where it is not there"
+    package = f"ros-jazzy-{module.replace('_', '-')}"
+    install = "" if module == "rclpy" else f" (`sudo apt install {package}` where it lacks that)"
     return (
-        f"{module} cannot be imported here ({type(error).__name__}: {error}). On a machine with a"
-        " ROS 2 installation source its setup file, such as /opt/ros/jazzy/setup.bash"
-        f"{'' if module == 'rclpy' else package}; elsewhere: pip install 'actionkit[{extra}]'"
+        f"{module} cannot be imported here ({type(error).__name__}: {error}). {WITH_ROS}{install}."
+        f" Elsewhere: pip install 'actionkit[{extra}]'"
     )

@@ -10,12 +10,10 @@ import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from actionkit._model.missing import WITH_ROS
 from actionkit.cli._findings import Finding, note, ok, problem
 
-_INSTALL = (
-    "With a ROS 2 installation: source its setup file, such as /opt/ros/jazzy/setup.bash, and run"
-    " ActionKit with that system's Python. Without one: pip install 'actionkit[ros]'."
-)
+_INSTALL = f"{WITH_ROS}. Elsewhere: pip install 'actionkit[ros]'."
 _PATIENCE = 30.0
 """Seconds to import rclpy, which takes one, and many times that from a slow disk."""
 _TESTED = ((3, 10), (3, 13))

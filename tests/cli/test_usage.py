@@ -28,6 +28,7 @@ COMMANDS = (
     "serve",
     "doctor",
     "timeline",
+    "stubs",
     "demo",
 )
 CALL = ("call", "/fibonacci", FIBONACCI)

@@ -26,6 +26,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "_calls": {"_model", "_threads", "_messages", "_goal", "_observers", "_ros"},
     "_client": {"_model", "_threads", "_messages", "_observers", "_ros", "_calls"},
     "": {"_model", "_observers", "_calls", "_client"},
+    "_stubs": set(),
     "servers": {"_ros"},
     "testing": {"_model", "_messages", "servers"},
     "cli": {
@@ -36,6 +37,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "_ros",
         "_calls",
         "_client",
+        "_stubs",
         "servers",
         "testing",
     },

@@ -1,29 +1,8 @@
-from typing import Any, ClassVar
+# Made by `actionkit stubs`, which overwrites it.
+# fmt: off
+# ruff: noqa
 
-from action_msgs.msg import GoalInfo
-
-class CancelGoal:
-    class Request:
-        SLOT_TYPES: ClassVar[tuple[Any, ...]]
-        goal_info: GoalInfo
-        def __init__(self, *, goal_info: GoalInfo = ..., check_fields: bool = ...) -> None: ...
-        @classmethod
-        def get_fields_and_field_types(cls) -> dict[str, str]: ...
-
-    class Response:
-        ERROR_GOAL_TERMINATED: ClassVar[int]
-        ERROR_NONE: ClassVar[int]
-        ERROR_REJECTED: ClassVar[int]
-        ERROR_UNKNOWN_GOAL_ID: ClassVar[int]
-        SLOT_TYPES: ClassVar[tuple[Any, ...]]
-        return_code: int
-        goals_canceling: list[GoalInfo]
-        def __init__(
-            self,
-            *,
-            return_code: int = ...,
-            goals_canceling: list[GoalInfo] = ...,
-            check_fields: bool = ...,
-        ) -> None: ...
-        @classmethod
-        def get_fields_and_field_types(cls) -> dict[str, str]: ...
+from action_msgs.srv._cancel_goal import CancelGoal as CancelGoal
+from action_msgs.srv._cancel_goal import CancelGoal_Event as CancelGoal_Event
+from action_msgs.srv._cancel_goal import CancelGoal_Request as CancelGoal_Request
+from action_msgs.srv._cancel_goal import CancelGoal_Response as CancelGoal_Response

@@ -1,17 +1,6 @@
-from typing import Any, ClassVar
+# Made by `actionkit stubs`, which overwrites it.
+# fmt: off
+# ruff: noqa
 
-class Time:
-    SLOT_TYPES: ClassVar[tuple[Any, ...]]
-    sec: int
-    nanosec: int
-    def __init__(self, *, sec: int = ..., nanosec: int = ..., check_fields: bool = ...) -> None: ...
-    @classmethod
-    def get_fields_and_field_types(cls) -> dict[str, str]: ...
-
-class Duration:
-    SLOT_TYPES: ClassVar[tuple[Any, ...]]
-    sec: int
-    nanosec: int
-    def __init__(self, *, sec: int = ..., nanosec: int = ..., check_fields: bool = ...) -> None: ...
-    @classmethod
-    def get_fields_and_field_types(cls) -> dict[str, str]: ...
+from builtin_interfaces.msg._duration import Duration as Duration
+from builtin_interfaces.msg._time import Time as Time

@@ -1,49 +1,17 @@
-from typing import Any, ClassVar
+# Made by `actionkit stubs`, which overwrites it.
+# fmt: off
+# ruff: noqa
 
-from builtin_interfaces.msg import Duration, Time
-
-class BasicTypes:
-    SLOT_TYPES: ClassVar[tuple[Any, ...]]
-    bool_value: bool
-    byte_value: bytes
-    char_value: int
-    float32_value: float
-    float64_value: float
-    int8_value: int
-    uint8_value: int
-    int16_value: int
-    uint16_value: int
-    int32_value: int
-    uint32_value: int
-    int64_value: int
-    uint64_value: int
-    def __init__(
-        self,
-        *,
-        bool_value: bool = ...,
-        byte_value: bytes = ...,
-        char_value: int = ...,
-        float32_value: float = ...,
-        float64_value: float = ...,
-        int8_value: int = ...,
-        uint8_value: int = ...,
-        int16_value: int = ...,
-        uint16_value: int = ...,
-        int32_value: int = ...,
-        uint32_value: int = ...,
-        int64_value: int = ...,
-        uint64_value: int = ...,
-        check_fields: bool = ...,
-    ) -> None: ...
-    @classmethod
-    def get_fields_and_field_types(cls) -> dict[str, str]: ...
-
-class Builtins:
-    SLOT_TYPES: ClassVar[tuple[Any, ...]]
-    duration_value: Duration
-    time_value: Time
-    def __init__(
-        self, *, duration_value: Duration = ..., time_value: Time = ..., check_fields: bool = ...
-    ) -> None: ...
-    @classmethod
-    def get_fields_and_field_types(cls) -> dict[str, str]: ...
+from test_msgs.msg._arrays import Arrays as Arrays
+from test_msgs.msg._basic_types import BasicTypes as BasicTypes
+from test_msgs.msg._bounded_plain_sequences import BoundedPlainSequences as BoundedPlainSequences
+from test_msgs.msg._bounded_sequences import BoundedSequences as BoundedSequences
+from test_msgs.msg._builtins import Builtins as Builtins
+from test_msgs.msg._constants import Constants as Constants
+from test_msgs.msg._defaults import Defaults as Defaults
+from test_msgs.msg._empty import Empty as Empty
+from test_msgs.msg._multi_nested import MultiNested as MultiNested
+from test_msgs.msg._nested import Nested as Nested
+from test_msgs.msg._strings import Strings as Strings
+from test_msgs.msg._unbounded_sequences import UnboundedSequences as UnboundedSequences
+from test_msgs.msg._w_strings import WStrings as WStrings

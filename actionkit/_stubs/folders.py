@@ -1,0 +1,95 @@
+"""Puts stub files into folders where type checkers look, and takes them out again.
+
+A folder of stubs is replaced as a whole, so that no file of a type that is gone stays behind. What
+`actionkit stubs` has not made is never touched.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+from actionkit._stubs.modules import MARK
+
+_PARTIAL = "py.typed"
+"""Beside installed packages it says, with its text `partial`, that what the stubs lack is to be
+read from the package itself (PEP 561)."""
+
+
+class ForeignFilesError(Exception):
+    """A folder has files that `actionkit stubs` has not made."""
+
+
+def replace(folder: Path, files: dict[str, str], *, partial: bool) -> bool:
+    """Make a folder have these files and no others.
+
+    Args:
+        folder: The stubs of one package; made, with those above it, where it is not there.
+        files: Path below the folder -> text.
+        partial: Whether it stands beside the package that it describes.
+
+    Returns:
+        Whether anything changed.
+
+    Raises:
+        ForeignFilesError: Somebody else's files are there.
+        OSError: The folder cannot be written.
+    """
+    wanted = {**files, _PARTIAL: "partial\n"} if partial else files
+    there = _ours(folder)
+    if there == wanted:
+        return False
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    # Beside it, so that a rename brings it there: whoever is killed leaves no half of it.
+    scratch = Path(tempfile.mkdtemp(prefix=".actionkit-stubs-", dir=folder.parent))
+    try:
+        new = scratch / "new"
+        for name, text in wanted.items():
+            path = new / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, "utf-8")
+        if there is not None:
+            os.rename(folder, scratch / "old")
+        os.rename(new, folder)
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    return True
+
+
+def remove(folder: Path) -> bool:
+    """Remove a folder that `replace` has made.
+
+    Returns:
+        Whether there was one.
+
+    Raises:
+        ForeignFilesError: Somebody else's files are there.
+        OSError: It cannot be removed.
+    """
+    if _ours(folder) is None:
+        return False
+    shutil.rmtree(folder)
+    return True
+
+
+def _ours(folder: Path) -> dict[str, str] | None:
+    """Return the files of a folder that we have made; `None` where there is none."""
+    if not folder.exists() and not folder.is_symlink():
+        return None
+    if folder.is_symlink() or not folder.is_dir():
+        raise ForeignFilesError(f"{folder} is not a folder that `actionkit stubs` has made.")
+    found: dict[str, str] = {}
+    for path in sorted(folder.rglob("*")):
+        if path.is_dir() or "__pycache__" in path.parts:
+            continue
+        name = path.relative_to(folder).as_posix()
+        # Whatever is no text of ours is told from it by its first line.
+        text = path.read_bytes().decode("utf-8", "replace")
+        if name != _PARTIAL and text.partition("\n")[0] != MARK:
+            raise ForeignFilesError(
+                f"{path} is not made by `actionkit stubs`, so {folder} stays as it is."
+            )
+        found[name] = text
+    return found

@@ -1,0 +1,3 @@
+# Made by `actionkit stubs`, which overwrites it.
+# fmt: off
+# ruff: noqa
