@@ -28,6 +28,7 @@ _COMMANDS = {
     "doctor": "actionkit.cli.doctor",
     "timeline": "actionkit.cli.timeline",
     "demo": "actionkit.cli.demo",
+    "interfaces": "actionkit.cli.interfaces",
 }
 """Name of the command -> module that has it as `command`; imported only where it is needed."""
 _OTHER_NAMES = {"send_goal": "call"}
