@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import os
 import sys
@@ -43,8 +44,7 @@ def files(package: Package, read: Iterable[InterfaceFile]) -> None:
     Raises:
         BadSourceError: The text has one line for each problem.
     """
-    from rosidl_pycommon import convert_camel_case_to_lower_case_underscore as snake
-
+    snake = importlib.import_module("rosidl_pycommon").convert_camel_case_to_lower_case_underscore
     found = list(read)
     problems = [problem for file in found for problem in file.problems]
     modules: dict[tuple[str, str], InterfaceFile] = {}
@@ -174,8 +174,8 @@ def _taken(package: Package, how: str) -> str:
             " PYTHONPATH: -o FOLDER --shadow"
         )
     return (
-        f"{package.folder / 'package.xml'}: a package {package.name!r} {how}: two of one name cannot"
-        f" be imported. Choose another <name>{hint}"
+        f"{package.folder / 'package.xml'}: a package {package.name!r} {how}: two of one name"
+        f" cannot be imported. Choose another <name>{hint}"
     )
 
 

@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import keyword
+import re
 
 _C_AND_CPP = frozenset(
-    ["alignas", "alignof", "and_eq", "asm", "auto", "bitand", "bitor", "bool", "break", "case", "catch", "char", "char16_t", "char32_t", "class", "co_await", "co_return", "co_yield", "compl", "concept", "const", "const_cast", "consteval", "constexpr", "constinit", "continue", "decltype", "default", "delete", "do", "double", "dynamic_cast", "else", "enum", "explicit", "export", "extern", "false", "float", "for", "friend", "goto", "if", "inline", "int", "long", "mutable", "namespace", "new", "noexcept", "not_eq", "nullptr", "operator", "or_eq", "private", "protected", "public", "register", "reinterpret_cast", "requires", "restrict", "return", "short", "signed", "sizeof", "static", "static_assert", "static_cast", "struct", "switch", "template", "this", "thread_local", "throw", "true", "try", "typedef", "typeid", "typename", "union", "unsigned", "using", "virtual", "void", "volatile", "wchar_t", "while", "xor", "xor_eq"]
+    re.findall(
+        r"\w+",
+        "alignas alignof and_eq asm auto bitand bitor bool break case catch char char16_t char32_t"
+        " class co_await co_return co_yield compl concept const const_cast consteval constexpr"
+        " constinit continue decltype default delete do double dynamic_cast else enum explicit"
+        " export extern false float for friend goto if inline int long mutable namespace new"
+        " noexcept not_eq nullptr operator or_eq private protected public register"
+        " reinterpret_cast requires restrict return short signed sizeof static static_assert"
+        " static_cast struct switch template this thread_local throw true try typedef typeid"
+        " typename union unsigned using virtual void volatile wchar_t while xor xor_eq",
+    )
 )
 
 

@@ -72,8 +72,7 @@ def generate(
 
 
 def _generate(package: str, files: list[Path], dependencies: list[Dependency], work: Path) -> None:
-    from rosidl_adapter import convert_to_idl
-
+    convert_to_idl: Any = importlib.import_module("rosidl_adapter").convert_to_idl
     idl, source = work / "idl", work / "source"
     for file in files:
         convert_to_idl(source, package, file, idl)
@@ -132,8 +131,7 @@ def _resources(generator: str) -> Path:
 @contextlib.contextmanager
 def _parsing_once() -> Iterator[None]:
     """Parse each .idl file once, and not once for each generator: that is half of all the time."""
-    from rosidl_parser import parser
-
+    parser: Any = importlib.import_module("rosidl_parser.parser")
     parse = parser.parse_idl_string
     parsed: dict[str, Any] = {}
 

@@ -6,11 +6,13 @@ rosidl's parser says what is wrong, but not where; so it is asked about each lin
 from __future__ import annotations
 
 import contextlib
+import importlib
 import io
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from actionkit._interfaces.field_names import problem_with
 
@@ -88,7 +90,7 @@ def read(package: str, folder: Path, path: Path) -> InterfaceFile:
 
 
 def _plain(line: str) -> str:
-    """Return the line as rosidl's parser takes it: it stumbles over spaces, and over `--- # result`.
+    """Return the line as rosidl's parser takes it, which stumbles over spaces and `--- # result`.
 
     An indented comment stays indented: it belongs to the line above it.
     """
@@ -131,7 +133,7 @@ def _form(kind: str, suffix: str) -> str:
 def _check_line(
     file: InterfaceFile, package: str, place: str, line: str, number: int, seen: dict[str, int]
 ) -> Iterator[str]:
-    from rosidl_adapter import parser
+    parser: Any = importlib.import_module("rosidl_adapter.parser")
 
     code = line.partition("#")[0].strip()
     if not code:

@@ -33,7 +33,10 @@ class Package:
     """An interface package as its author wrote it.
 
     Attributes:
-        name: From package.xml, as are `version`, `summary` and `declared`, the packages named there.
+        name: From package.xml.
+        version: From there too.
+        summary: And its description.
+        declared: The packages that it names as dependencies.
         folder: Where it is.
         files: Its .msg, .srv and .action files, relative to `folder`, sorted.
     """

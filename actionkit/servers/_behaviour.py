@@ -113,6 +113,12 @@ class Behaviour:
         return run.canceled()
 
     @classmethod
+    def type_spoken(cls, options: Mapping[str, Any]) -> str:
+        """Return module and class of the action, by the option `action_type` where there is one."""
+        package, _, name = str(options.get("action_type", "")).partition("/action/")
+        return f"{package}.action:{name}" if package else cls.action_type
+
+    @classmethod
     def parse(cls, given: Mapping[str, str]) -> dict[str, OptionValue]:
         """Return all options with their values.
 

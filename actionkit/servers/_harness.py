@@ -176,7 +176,7 @@ class Harness:
         self.journal = journal
         self.control = Control()
         self.life = life
-        self.action = _generated(behaviour.action_type)
+        self.action = _generated(behaviour.type_spoken(options))
         self._context = Context()
         # No log files, no signal handlers: the process has its own.
         self._context.init(args=[], initialize_logging=False)
