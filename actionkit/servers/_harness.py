@@ -176,7 +176,14 @@ class Harness:
         self.journal = journal
         self.control = Control()
         self.life = life
-        self.action = _generated(behaviour.type_spoken(options))
+        spoken = behaviour.type_spoken(options)
+        try:
+            self.action = _generated(spoken)
+        except ImportError as error:
+            raise ValueError(
+                f"action_type={options.get('action_type')!r} cannot be imported ({error}):"
+                " `actionkit interfaces build --own --install` makes actionkit_interfaces"
+            ) from error
         self._context = Context()
         # No log files, no signal handlers: the process has its own.
         self._context.init(args=[], initialize_logging=False)

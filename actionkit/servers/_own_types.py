@@ -1,6 +1,6 @@
 """What countdown and navigate say in messages of actionkit_interfaces. No rclpy here.
 
-The package is built by `actionkit interfaces build --own`. Which type a goal has shows in its fields.
+The package is built by `actionkit interfaces build --own`.
 """
 
 from __future__ import annotations
