@@ -118,7 +118,7 @@ def _check(file: InterfaceFile, package: str, shown: Path, lines: list[str]) -> 
                 file.problems.append(f"{place}: {problem}")
     if part + 1 < len(parts):
         file.problems.append(
-            f"{shown}:{len(lines)}: the {parts[part + 1]} is missing: {_form(kind, shown.suffix)}"
+            f"{shown}:{max(1, len(file.text.rstrip().splitlines()))}: the {parts[part + 1]} is missing: {_form(kind, shown.suffix)}"
         )
 
 

@@ -62,7 +62,7 @@ def actionkit(
 def run_python(code: str, *words: object, env: dict[str, str]) -> str:
     """Run a program and return what it prints."""
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code, *map(str, words)],
+        [sys.executable, "-c", code, *map(str, words)],
         env=env,
         cwd="/",
         capture_output=True,
@@ -112,7 +112,7 @@ int32 array  # behind a field\r
 string str\r
 \tint64[] self\r
     # ends with --- and\r
-string<=8 order 'a "quoted" one'\r
+string<=20 order 'a "quoted" one'\r
 float64[3] data # --- [m]\r
 # 物体 — über µ "quotes" \\ back\x0bslash\x85 \u2028 and more\r
 odd_parts/Part part\r
