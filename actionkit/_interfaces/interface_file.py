@@ -117,8 +117,9 @@ def _check(file: InterfaceFile, package: str, shown: Path, lines: list[str]) -> 
             for problem in _check_line(file, package, place, line, number, seen):
                 file.problems.append(f"{place}: {problem}")
     if part + 1 < len(parts):
+        last = max(1, len(file.text.rstrip().split("\n")))
         file.problems.append(
-            f"{shown}:{max(1, len(file.text.rstrip().splitlines()))}: the {parts[part + 1]} is missing: {_form(kind, shown.suffix)}"
+            f"{shown}:{last}: the {parts[part + 1]} is missing: {_form(kind, shown.suffix)}"
         )
 
 

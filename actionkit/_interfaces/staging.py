@@ -23,12 +23,12 @@ _RUN_TIME_DEPENDENCIES = "rosidl_default_runtime"
 _LOAD = """
 import importlib, json, sys
 package, names = json.loads(sys.argv[1])
+# First by itself: where a type imports it, the reason of a failure is lost.
+importlib.import_module(f"{package}.{package}_s__rosidl_typesupport_c")
 for kind, name in names:
     cls = getattr(importlib.import_module(f"{package}.{kind}"), name)
     type(cls).__import_type_support__()
     if type(cls)._TYPE_SUPPORT is None:
-        # It says so in a log message only: import the module itself, for the reason.
-        importlib.import_module(f"{package}.{package}_s__rosidl_typesupport_c")
         sys.exit(f"{package}.{kind}.{name} has no type support")
 """
 
