@@ -136,22 +136,6 @@ def test_what_cannot_be_compiled_or_loaded_changes_nothing(points: Path, tmp_pat
 # --- installed -------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def python(tmp_path: Path) -> str:
-    """The Python of a virtual environment in which ROS is, as it is in ours."""
-    root, ours = tmp_path / "venv", Path(sys.prefix)
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", root], check=True)
-    version = f"python{sys.version_info.major}.{sys.version_info.minor}"
-    site = Path("lib", version, "site-packages")
-    (root / site / "ours.pth").write_text(f"{ours / site}\n{Path(__file__).parents[2]}\n")
-    for folder in ("lib", "include", "share"):
-        (root / folder).mkdir(exist_ok=True)
-        for path in (ours / folder).iterdir():
-            if path.name not in (version, "ament_index"):
-                (root / folder / path.name).symlink_to(path)
-    return str(root / "bin" / "python")
-
-
 def test_installed_listed_and_uninstalled(points: Path, python: str) -> None:
     env = environment()
     root = Path(python).parents[1]
