@@ -29,6 +29,7 @@ COMMANDS = (
     "doctor",
     "timeline",
     "demo",
+    "interfaces",
 )
 CALL = ("call", "/fibonacci", FIBONACCI)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from actionkit._interfaces.build_record import FILE
+from actionkit._interfaces.publish import put
 from tests.interfaces.conftest import actionkit, environment, run_python, write_package
 
 POINTS = "float64 x\nfloat64 y\n"
@@ -114,6 +115,36 @@ def test_a_killed_build_leaves_the_old_package(points: Path, tmp_path: Path) -> 
     assert built(points, "-o", out) == ["points: built"]
     assert fields("points.msg", "Point", out) == ["x", "y", "killed"]
     assert not list(out.rglob(".actionkit-*"))
+
+
+def test_a_folder_is_replaced_in_one_step(tmp_path: Path) -> None:
+    place, over = tmp_path / "place", threading.Event()
+    missed: list[OSError] = []
+
+    def look() -> None:
+        while not over.is_set():
+            try:
+                (place / "file").read_text()
+            except OSError as error:
+                missed.append(error)
+
+    def made(name: str) -> Path:
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "file").write_text(name)
+        return folder
+
+    put(made("first"), place)
+    watcher = threading.Thread(target=look)
+    watcher.start()
+    try:
+        for n in range(500):
+            put(made(f"new_{n}"), place)
+    finally:
+        over.set()
+        watcher.join()
+    assert (place / "file").read_text() == "new_499"
+    assert missed == []
 
 
 def test_what_cannot_be_compiled_or_loaded_changes_nothing(points: Path, tmp_path: Path) -> None:
