@@ -26,7 +26,14 @@ It needs a C++ compiler and the headers of Python, and says how to get them. The
 variables count: CC, CXX, CPPFLAGS, CFLAGS, CXXFLAGS, LDFLAGS."""
 
 
-@click.group("interfaces", context_settings=HELP)
+@click.group(
+    "interfaces",
+    context_settings=HELP,
+    epilog="""\b
+Examples:
+  actionkit interfaces build pick_interfaces --install
+  actionkit interfaces build --help""",
+)
 def command() -> None:
     """Build message, service and action types of your own, without a ROS installation."""
 

@@ -138,12 +138,12 @@ def test_a_folder_is_replaced_in_one_step(tmp_path: Path) -> None:
     watcher = threading.Thread(target=look)
     watcher.start()
     try:
-        for n in range(500):
+        for n in range(50):
             put(made(f"new_{n}"), place)
     finally:
         over.set()
         watcher.join()
-    assert (place / "file").read_text() == "new_499"
+    assert (place / "file").read_text() == "new_49"
     assert missed == []
 
 
