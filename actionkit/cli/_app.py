@@ -29,6 +29,7 @@ _COMMANDS = {
     "timeline": "actionkit.cli.timeline",
     "stubs": "actionkit.cli.stubs",
     "demo": "actionkit.cli.demo",
+    "interfaces": "actionkit.cli.interfaces",
 }
 """Name of the command -> module that has it as `command`; imported only where it is needed."""
 _OTHER_NAMES = {"send_goal": "call"}

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterable, Iterator
 from typing import ClassVar
 
+from actionkit.servers import _own_types
 from actionkit.servers._behaviour import Behaviour
 from actionkit.servers._run import Run
 
@@ -91,23 +92,33 @@ class Countdown(Behaviour):
 
     Feedback and result hold the numbers that remain: ``[2, 1, 0]`` after the first step from 3,
     ``[0]`` at the end. `gate=1`: goals wait before they succeed until released.
+    Of the type actionkit_interfaces/action/Countdown it counts down from `target`, and its feedback
+    has the `current_count`.
     """
 
     options: ClassVar = {"period": 0.1, "gate": 0, "max_order": 10_000}
+    other_types = (_own_types.COUNTDOWN,)
 
     def decide(self, run: Run) -> bool:
-        return 0 <= run.order <= int(self.option["max_order"])
+        return 0 <= _start(run) <= int(self.option["max_order"])
 
     def execute(self, run: Run) -> object:
-        run.content = remaining = list(range(run.order, -1, -1))
-        while len(remaining) > 1:
-            run.pause(self.option["period"])
-            del remaining[0]
-            run.feedback(remaining)
+        own = _own_types.is_own(run.goal)
+        for left in range(_start(run), -1, -1):
+            remaining = list(range(left, -1, -1))
+            if left < _start(run):
+                run.feedback({"current_count": left} if own else remaining)
+            run.content = _own_types.counted(run.goal, left) if own else remaining
+            if left:
+                run.pause(self.option["period"])
         if self.option["gate"]:
             run.wait_gate()
         run.pause(0)
         return run.succeed()
+
+
+def _start(run: Run) -> int:
+    return int(run.goal.target) if _own_types.is_own(run.goal) else run.order
 
 
 class SlowAccept(Fibonacci):

@@ -9,12 +9,15 @@ import time
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+from actionkit.servers import _own_types
 from actionkit.servers._behaviour import Behaviour, Process
 from actionkit.servers._run import Content, GoalStopped, Run
 
 _NESTED = "test_msgs/action/NestedMessage"
 _PLANNING, _MOVING, _ARRIVED, _STOPPED = range(4)
 """What `navigate` says in `nested_field.uint8_value`."""
+_WORDS = ("planning", "moving", "arrived", "stopped")
+"""The same in `status_message`, by a type of its own."""
 
 
 class Navigate(Behaviour):
@@ -36,10 +39,18 @@ class Navigate(Behaviour):
     first feedback), 1 moving, 2 arrived, 3 stopped (by a cancel). Each feedback is one step,
     `speed` / `rate` metres; the last says 100 percent. Rejects what is negative or not finite.
     gate=1: goals wait before they succeed until released.
+
+    Of the type actionkit_interfaces/action/NavigateToPose, the robot starts at zero, and the options `distance` and `speed` do not count but for a `max_velocity` of 0.
     """
 
     action_type = _NESTED
-    options: ClassVar = {"distance": 5.0, "speed": 1.0, "rate": 10.0, "gate": 0}
+    options: ClassVar = {
+        "distance": 5.0,
+        "speed": 1.0,
+        "rate": 10.0,
+        "gate": 0,
+    }
+    other_types = (_own_types.NAVIGATE,)
 
     def __init__(self, options: Mapping[str, Any], process: Process) -> None:
         super().__init__(options, process)
@@ -48,6 +59,9 @@ class Navigate(Behaviour):
                 raise ValueError(f"{name}={options[name]!r} is not a positive number")
 
     def decide(self, run: Run) -> bool:
+        if _own_types.is_own(run.goal):
+            reason = _own_types.refusal(run.goal)
+            return reason is None or run.refuse(reason)
         asked = run.goal.nested_field
         for name, value in (("distance", asked.float64_value), ("speed", asked.float32_value)):
             if not 0 <= value < math.inf:
@@ -55,20 +69,44 @@ class Navigate(Behaviour):
         return True
 
     def execute(self, run: Run) -> object:
-        asked = run.goal.nested_field
-        distance = asked.float64_value or self.option["distance"]
-        speed = asked.float32_value or self.option["speed"]
+        began = time.monotonic()
+        distance, speed = self._way(run)
         steps = max(1, math.ceil(distance / speed * self.option["rate"]))
+        own = _own_types.is_own(run.goal)
+
+        def position(done: int, status: int) -> Content:
+            if own:
+                seconds = distance * (1 - done / steps) / speed
+                return _own_types.driving(run.goal, done / steps, seconds, _WORDS[status])
+            return _position(distance, speed, done, steps, status)
+
+        def result(done: int, status: int) -> Content:
+            if own:
+                return _own_types.drove(run.goal, done / steps, time.monotonic() - began)
+            return _position(distance, speed, done, steps, status)
+
         for done in range(steps + 1):
-            status = _PLANNING if done == 0 else _MOVING if done < steps else _ARRIVED
-            run.feedback(_position(distance, speed, done, steps, status))
-            run.content = _position(distance, speed, done, steps, _STOPPED)
+            run.feedback(
+                position(done, _PLANNING if done == 0 else _MOVING if done < steps else _ARRIVED)
+            )
+            run.content = result(done, _STOPPED)
             if done < steps:
                 run.pause(1 / self.option["rate"])
         if self.option["gate"]:
             run.wait_gate()
         run.pause(0)
-        return run.succeed(_position(distance, speed, steps, steps, _ARRIVED))
+        return run.succeed(result(steps, _ARRIVED))
+
+    def _way(self, run: Run) -> tuple[float, float]:
+        """Return how far to drive, in m, and how fast, in m/s."""
+        if _own_types.is_own(run.goal):
+            distance = math.hypot(*_own_types.way(run.goal))
+            return distance, run.goal.max_velocity or self.option["speed"]
+        asked = run.goal.nested_field
+        return (
+            asked.float64_value or self.option["distance"],
+            asked.float32_value or self.option["speed"],
+        )
 
 
 def _position(distance: float, speed: float, done: int, steps: int, status: int) -> Content:

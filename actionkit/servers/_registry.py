@@ -71,11 +71,12 @@ def is_foreign(server: str, name: str) -> bool:
         ValueError: There is no such server, or it makes no sense for that type.
     """
     behaviour = behaviour_named(server)
-    foreign = name != behaviour.action_type
+    known = (behaviour.action_type, *behaviour.other_types)
+    foreign = name not in known
     if foreign and not behaviour.any_type:
         able = ", ".join(sorted(key for key, cls in _BEHAVIOURS.items() if cls.any_type))
         raise ValueError(
-            f"the {server} server is about the fields of {behaviour.action_type} and cannot serve"
+            f"the {server} server is about the fields of {' or '.join(known)} and cannot serve"
             f" {name}. Those that serve any type are: {able}"
         )
     return foreign

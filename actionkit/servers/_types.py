@@ -47,9 +47,15 @@ def load_type(name: str) -> Any:
         found = getattr(importlib.import_module(f"{package}.action"), kind, None)
     except Exception as error:  # whatever a broken package raises
         raise ValueError(
-            f"the action type {name} cannot be imported ({type(error).__name__}: {error}). Source"
-            " the setup file of the workspace that it was built in, or install its package"
+            f"the action type {name} cannot be imported ({type(error).__name__}: {error})."
+            f" {_remedy(package)}"
         ) from error
     if not all(hasattr(found, part) for part in _PARTS):
         raise ValueError(f"the package {package!r} has no action {kind!r}")
     return found
+
+
+def _remedy(package: str) -> str:
+    if package == "actionkit_interfaces":
+        return "`actionkit interfaces build --own --install` makes it"
+    return "Source the setup file of the workspace that it was built in, or install its package"

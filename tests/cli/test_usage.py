@@ -30,6 +30,7 @@ COMMANDS = (
     "timeline",
     "stubs",
     "demo",
+    "interfaces",
 )
 CALL = ("call", "/fibonacci", FIBONACCI)
 

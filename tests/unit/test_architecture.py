@@ -27,10 +27,12 @@ MAY_IMPORT: dict[str, set[str]] = {
     "_client": {"_model", "_threads", "_messages", "_observers", "_ros", "_calls"},
     "": {"_model", "_observers", "_calls", "_client"},
     "_stubs": set(),
+    "_interfaces": {"_model"},
     "servers": {"_ros"},
     "testing": {"_model", "_messages", "servers"},
     "cli": {
         "",
+        "_interfaces",
         "_model",
         "_messages",
         "_observers",
@@ -43,7 +45,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "__main__": {"cli"},
 }
-APART = ("cli", "servers", "testing", "__main__")
+APART = ("_interfaces", "cli", "servers", "testing", "__main__")
 """Programs and servers of their own, built on the library or beside it."""
 PURE = (
     "_goal",
@@ -209,6 +211,17 @@ def test_the_state_machine_knows_only_its_own_words() -> None:
         if package_of(name) == "_goal":
             others = {o for o in own_imports(name, runtime=False) if package_of(o) != "_goal"}
             assert others <= {"_model.cancel_answer", "_model.settings", "_model.values"}, name
+
+
+def test_one_module_runs_the_generators() -> None:
+    found = {
+        name
+        for name, path in modules().items()
+        if package_of(name) == "_interfaces" and "rosidl_generator_c" in path.read_text("utf-8")
+    }
+    assert found <= {"_interfaces.generators", "_interfaces.fingerprint", "_interfaces.staging"}
+    users = [name for name in modules() if imports_package(name, "rclpy")]
+    assert not [name for name in users if package_of(name) == "_interfaces"]
 
 
 # --- sizes and costs ---------------------------------------------------------------------------

@@ -1,0 +1,19 @@
+"""What goes wrong while an interface package is built."""
+
+from __future__ import annotations
+
+
+class InterfacesError(Exception):
+    """An interface package cannot be built; the text says where, why, and what to do."""
+
+
+class BadSourceError(InterfacesError):
+    """Something in the package's own files is wrong; one line for each place."""
+
+
+class MissingToolError(InterfacesError):
+    """A compiler, Python.h or the generators are not here."""
+
+
+class TargetError(InterfacesError):
+    """The package cannot be put where it should go."""

@@ -1,0 +1,109 @@
+"""`actionkit interfaces`: message, service and action types of one's own."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from actionkit.cli._exits import Exit
+from actionkit.cli._options import HELP, debug_option
+from actionkit.cli._problems import Problem
+from actionkit.cli._say import say
+
+if TYPE_CHECKING:
+    from actionkit._interfaces.build import Built
+
+_EPILOG = """\b
+Examples:
+  actionkit interfaces build pick_interfaces --install
+  actionkit interfaces build src -o interfaces; export PYTHONPATH=$PWD/interfaces
+  actionkit interfaces build --own --install
+
+It needs a C++ compiler and the headers of Python, and says how to get them. The compiler's own
+variables count: CC, CXX, CPPFLAGS, CFLAGS, CXXFLAGS, LDFLAGS."""
+
+
+@click.group(
+    "interfaces",
+    context_settings=HELP,
+    epilog="""\b
+Examples:
+  actionkit interfaces build pick_interfaces --install
+  actionkit interfaces build --help""",
+)
+def command() -> None:
+    """Build message, service and action types of your own, without a ROS installation."""
+
+
+@command.command("build", context_settings=HELP, epilog=_EPILOG)
+@click.argument(
+    "folder", metavar="DIR", required=False, type=click.Path(path_type=Path, file_okay=False)
+)
+@click.option(
+    "-o",
+    "--output",
+    metavar="OUT",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Put the packages into this folder; with it on PYTHONPATH, Python finds them.",
+)
+@click.option(
+    "--install", is_flag=True, help="Install them into this Python environment, as pip would."
+)
+@click.option(
+    "--own",
+    is_flag=True,
+    help="Instead of DIR: actionkit_interfaces, which the servers countdown and navigate speak.",
+)
+@click.option(
+    "--shadow", is_flag=True, help="With -o: a package may have the name of an installed one."
+)
+@debug_option
+def build_command(
+    folder: Path | None, output: Path | None, install: bool, own: bool, shadow: bool
+) -> int:
+    """Build the interface packages in DIR, so that Python can import them.
+
+    DIR is a package, with a package.xml and files in msg/, srv/ and action/, or a folder that has
+    such packages below it; those that use each other's types are built in that order. What has not
+    changed is not built again, and what is there works until the new package takes its place.
+    """
+    if (folder is None) != own:
+        raise click.UsageError("Name the folder to build, DIR; or --own, without DIR.")
+    if (output is None) != install:
+        raise click.UsageError(
+            "Say where the packages go: --install puts them into this Python environment,"
+            " -o OUT into a folder."
+        )
+    if shadow and install:
+        raise click.UsageError("--shadow goes with -o: two packages cannot be installed as one.")
+    from actionkit._interfaces import own_package
+    from actionkit._interfaces.build import Target, build
+    from actionkit._interfaces.errors import BadSourceError, InterfacesError, MissingToolError
+
+    target = Target.environment() if output is None else Target.directory(output)
+    try:
+        build(folder or own_package.folder(), target, shadow=shadow, tell=_tell)
+    except InterfacesError as error:
+        usage, tools = isinstance(error, BadSourceError), isinstance(error, MissingToolError)
+        raise Problem(
+            Exit.USAGE if usage else Exit.NO_ROS if tools else Exit.FAILED, str(error)
+        ) from error
+    if output is not None:
+        say(f"To import from there: export PYTHONPATH={target.folder}${{PYTHONPATH:+:$PYTHONPATH}}")
+    return Exit.OK
+
+
+def _tell(built: Built) -> None:
+    name = built.package.name
+    if built.seconds is None:
+        say(f"{name}: unchanged, in {built.place}")
+    else:
+        kinds = Counter(file.suffix[1:] for file in built.package.files)
+        what = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
+        say(f"{name}: built in {built.seconds:.1f} s ({what}), in {built.place}")
+    if built.undeclared:
+        lines = "".join(f"<depend>{other}</depend>" for other in built.undeclared)
+        say(f"{name}: for colcon, package.xml lacks {lines}", err=True)

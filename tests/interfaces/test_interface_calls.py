@@ -1,0 +1,166 @@
+"""Built packages in real calls: with servers of the shipped package, of one's own, and ours."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from actionkit import servers
+from tests.interfaces.conftest import SHIPPED, actionkit, environment, run_python
+
+FIBONACCI = """
+import sys, test_msgs
+from actionkit import Client
+from test_msgs.action import Fibonacci
+assert test_msgs.__file__.startswith(sys.argv[1]), test_msgs.__file__
+with Client(Fibonacci, "fibonacci") as client:
+    print(list(client.call(Fibonacci.Goal(order=5), timeout=30.0).sequence))
+loaded = [line.split()[-1] for line in open("/proc/self/maps") if "test_msgs" in line]
+assert loaded
+assert all(path.startswith(sys.argv[1]) for path in loaded), set(loaded)
+"""
+
+
+def hashes(share: Path) -> dict[str, str]:
+    found = {}
+    for path in sorted(share.glob("*/*.json")):
+        for one in json.loads(path.read_text())["type_hashes"]:
+            found[one["type_name"]] = one["hash_string"]
+    return found
+
+
+@pytest.mark.heavy
+def test_type_hashes_are_those_of_colcon(shadowing: Path) -> None:
+    shipped = hashes(SHIPPED)
+    assert len(shipped) > 50
+    assert hashes(shadowing / "share" / "test_msgs") == shipped
+
+
+@pytest.mark.heavy
+def test_built_client_and_shipped_server(shadowing: Path, ros_domain: int) -> None:
+    with servers.start("fibonacci", domain_id=ros_domain):
+        env = environment(shadowing, ROS_DOMAIN_ID=str(ros_domain))
+        assert run_python(FIBONACCI, shadowing, env=env) == "[0, 1, 1, 2, 3, 5]\n"
+
+
+# --- odd names, and many of them -------------------------------------------------------------
+
+ODD = """
+from actionkit import Client
+from geometry_msgs.msg import Point
+from odd_actions.action import Odd, Wide
+from odd_parts.msg import Holder, Part
+from odd_parts.srv import Find
+
+part = Part(name="bolt", holder=Holder(at=Point(x=2.5)))
+goal = Odd.Goal(array=1, str="s", order="late", type="t", part=part, parts=[part, Part()])
+goal.self = [1, 2]
+assert Odd.Goal().order == 'a "quoted" one', Odd.Goal().order
+seen = []
+with Client(Odd, "odd") as client:
+    result = client.call(goal, timeout=30.0, on_feedback=seen.append)
+    print(result.msg, result.class_name, [feedback.percent for feedback in seen])
+with Client(Wide, "wide") as client:
+    goal = Wide.Goal(**{f"field_{n}": n for n in range(200)})
+    print(client.call(goal, timeout=30.0).sum)
+Find.Response(part=part)
+"""
+
+
+@pytest.fixture
+def odd_server(odd: Path, ros_domain: int) -> Iterator[dict[str, str]]:
+    env = environment(odd, ROS_DOMAIN_ID=str(ros_domain))
+    words = [sys.executable, str(Path(__file__).with_name("odd_server.py"))]
+    with subprocess.Popen(words, env=env, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            yield env
+        finally:
+            process.kill()
+
+
+def test_fields_named_as_what_generated_code_uses(odd_server: dict[str, str]) -> None:
+    lines = run_python(ODD, env=odd_server).splitlines()
+    assert lines == ["(1, 's', [1, 2], 'late', 2.5, 't') 2 [7.0]", str(sum(range(200)))]
+
+
+def test_fields_by_name_on_the_command_line(odd_server: dict[str, str]) -> None:
+    goal = "{array: 3, str: x, self: [5], order: soon, part: {name: nut}}"
+    done = actionkit("call", "odd", "odd_actions/action/Odd", goal, "--json", env=odd_server)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "(3, 'x', [5], 'soon', 0.0, '')" in done.stdout
+    shown = actionkit("show", "odd_actions/action/Odd", env=odd_server).stdout
+    assert "behind a field" in shown  # the comments are found where they were put
+
+
+# --- the package of our own ------------------------------------------------------------------
+
+COUNTDOWN = """
+from actionkit import Client
+from actionkit_interfaces.action import Countdown
+seen = []
+with Client(Countdown, "count") as client:
+    result = client.call(Countdown.Goal(target=3), timeout=30.0, on_feedback=seen.append)
+    print(result.completed, result.message, [one.current_count for one in seen])
+    future = client.call_async(Countdown.Goal(target=1000), timeout=60.0)
+    for _ in future.feedback():
+        future.cancel()
+    print(future.outcome(30).result.completed)
+"""
+NAVIGATE = """
+from actionkit import Client, GoalRejectedError
+from actionkit_interfaces.action import NavigateToPose
+goal = NavigateToPose.Goal(max_velocity=2.0)
+goal.target_pose.header.frame_id = "map"
+goal.target_pose.pose.position.x = 0.3
+goal.target_pose.pose.position.y = 0.4
+seen = []
+with Client(NavigateToPose, "navigate") as client:
+    result = client.call(goal, timeout=30.0, on_feedback=seen.append)
+    print(result.success, result.message, result.total_time.nanosec > 0)
+    last = seen[-1]
+    print(last.status_message, last.percent_complete, last.distance_remaining)
+    print(last.current_pose.header.frame_id, last.current_pose.pose.position.y)
+    goal.max_velocity = -1.0
+    try:
+        client.call(goal, timeout=30.0)
+    except GoalRejectedError:
+        print("rejected")
+"""
+
+
+def test_countdown_speaks_its_own_type(
+    own: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    env = environment(own, ROS_DOMAIN_ID=str(ros_domain))
+    monkeypatch.setenv("PYTHONPATH", str(own))  # of the server
+    options = {"action_type": "actionkit_interfaces/action/Countdown", "period": 0.1}
+    with servers.start("countdown", action_name="count", domain_id=ros_domain, **options):
+        lines = run_python(COUNTDOWN, env=env).splitlines()
+    assert lines == ["True counted down from 3 [2, 1, 0]", "False"]
+
+
+def test_navigate_speaks_its_own_type(
+    own: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    env = environment(own, ROS_DOMAIN_ID=str(ros_domain))
+    monkeypatch.setenv("PYTHONPATH", str(own))
+    options = {"action_type": "actionkit_interfaces/action/NavigateToPose", "rate": 50.0}
+    with servers.start("navigate", action_name="navigate", domain_id=ros_domain, **options):
+        lines = run_python(NAVIGATE, env=env).splitlines()
+    assert lines == ["True arrived True", "arrived 100.0 0.0", "map 0.4", "rejected"]
+
+
+def test_a_server_without_the_package_says_how_to_get_it(ros_domain: int) -> None:
+    with pytest.raises(RuntimeError, match=r"actionkit interfaces build --own --install"):
+        servers.start(
+            "countdown",
+            domain_id=ros_domain,
+            action_type="actionkit_interfaces/action/Countdown",
+        )

@@ -1,0 +1,196 @@
+"""What is wrong in a package is told with file and line, before anything is made."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from actionkit.cli._app import run
+from tests.interfaces.conftest import write_package
+
+GOOD = "int32 goal\n---\nint32 result\n---\nint32 feedback\n"
+
+
+def build(*words: object, code: int) -> None:
+    assert run(["interfaces", "build", *map(str, words)]) == code
+
+
+def refused(capsys: pytest.CaptureFixture[str], source: Path, *, code: int = 2) -> str:
+    """Build, and return the error; nothing may have been made."""
+    out = source.parent / "out"
+    build(source, "-o", out, code=code)
+    assert [path.name for path in out.glob("*")] in ([], ["share"])
+    return capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "line", "said"),
+    [
+        ("action/Pick.action", "int32 a\n\nint b\n---\n---\n", 3, "'int': use int32"),
+        ("action/Pick.action", "float b\n---\n---\n", 1, "'float': use float32"),
+        ("action/Pick.action", "duration b\n---\n---\n", 1, "use builtin_interfaces/Duration"),
+        ("action/Pick.action", "int32\n---\n---\n", 1, "a type and a name"),
+        ("action/Pick.action", "int32 Size\n---\n---\n", 1, "invalid field name"),
+        ("action/Pick.action", "int32 class_\n---\n---\n", 1, "invalid field name"),
+        ("action/Pick.action", "# a\nint8 a\n# b\nint8 a\n---\n---\n", 4, "taken already, by"),
+        ("action/Pick.action", "---\n---\nint8 a\nint8 a\n", 4, "taken already, by line 3"),
+        ("action/Pick.action", "int32 class\n---\n---\n", 1, "word of Python"),
+        ("action/Pick.action", "int32 default\n---\n---\n", 1, "which ROS generates"),
+        ("action/Pick.action", "int32 default\n---\n---\n", 1, "use default_value"),
+        ("action/Pick.action", "int32 new\n---\n---\n", 1, "word of C or C++"),
+        ("action/Pick.action", "int32 builtins\n---\n---\n", 1, "generated Python code"),
+        ("action/Pick.action", "uint8 a 300\n---\n---\n", 1, "integer value"),
+        ("action/Pick.action", "int32[<=x] a\n---\n---\n", 1, "int32[<=x] a"),
+        ("action/Pick.action", "int32 a\n---\nint32 b\n", 3, "the feedback is missing"),
+        ("action/Pick.action", GOOD + "---\n", 6, "one line `---` too many"),
+        ("action/Pick.action", "int32 a\n----\n---\n", 2, "by a line `---`"),
+        ("action/Pick.action", b"int32 a\r\n\r\n# \xff\r\n---\n---\n", 3, "save it as UTF-8"),
+        ("action/Pick.action", "Waypont a\n---\n---\n", 1, "Did you mean Waypoint?"),
+        ("action/Pick.action", "Pose a\n---\n---\n", 1, "write geometry_msgs/Pose"),
+        ("action/Pick.action", "Header a\n---\n---\n", 1, "use std_msgs/Header"),
+        ("action/Pick.action", "Nowhere a\n---\n---\n", 1, "add msg/Nowhere.msg"),
+        ("action/Pick.action", "geometry_msgs/Pos a\n---\n---\n", 1, "Did you mean Pose"),
+        ("action/Pick.action", "nav2_msgs/Map a\n---\n---\n", 1, "install ros-jazzy-nav2-msgs"),
+        ("srv/Pick.srv", "int32 a\n", 1, "the response is missing"),
+        ("msg/Pick.msg", "int32 a\n---\n", 2, "a .msg file has one part"),
+        ("msg/Waypoint.msg", "Waypoint a\n", None, "Waypoint -> Waypoint"),
+        ("action/pick_it.action", GOOD, None, "as PickIt.action"),
+        ("msg/HTTPServer.msg", "int32 a\n", None, "HTTPServer.msg: rename one"),
+        ("msg/Pick.idl", "module x {};", None, ".idl files are not built here"),
+    ],
+)  # fmt: skip
+def test_a_bad_line(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    file: str,
+    text: str | bytes,
+    line: int | None,
+    said: str,
+) -> None:
+    others = {"msg/Waypoint.msg": "float64 x\n", "msg/HttpServer.msg": "int32 a\n"}
+    source = write_package(tmp_path / "pick_interfaces", {**others, file: text})
+    error = refused(capsys, source)
+    place = f"{source / file}:{line}: " if line else str(source)
+    assert place in error
+    assert said in error
+
+
+def test_all_bad_lines_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = {"action/Pick.action": "int a\nint8 B\n---\n---\n", "msg/Size.msg": "\n\nfloat x\n"}
+    error = refused(capsys, write_package(tmp_path / "pick_interfaces", files))
+    assert all(f"{place}: " in error for place in ("Pick.action:1", "Pick.action:2", "Size.msg:3"))
+
+
+@pytest.mark.parametrize(
+    ("xml", "said"),
+    [
+        ("<package><name>pick</name>", "package.xml: no element found"),
+        ("<package><name>Pick</name><version>0.1.0</version></package>", "<name> is 'Pick'"),
+        ("<package><name>pick</name><version>one</version></package>", "<version> is 'one'"),
+        ("<package><name>import</name><version>0.1.0</version></package>", "cannot import"),
+        ("<package><name>json</name><version>0.1.0</version></package>", "module of Python itself"),
+        ("<package><name>test_msgs</name><version>0.1.0</version></package>", "--shadow"),
+        ("<package><name>numpy</name><version>0.1.0</version></package>", "is installed here"),
+    ],
+)
+def test_a_bad_package_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], xml: str, said: str
+) -> None:
+    source = tmp_path / "source"
+    write_package(source, {"action/Pick.action": GOOD, "package.xml": xml})
+    # A name that is taken is no mistake in the sources.
+    taken = said in ("module of Python itself", "--shadow", "is installed here")
+    assert said in refused(capsys, source, code=1 if taken else 2)
+
+
+def test_a_circle_of_packages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for one, other in ("ab", "bc", "ca"):
+        files = {f"msg/{one.upper()}.msg": f"{other}_msgs/{other.upper()} it\n"}
+        write_package(tmp_path / "source" / f"{one}_msgs", files)
+    error = refused(capsys, tmp_path / "source")
+    assert "in a circle" in error
+    assert all(f"{name}_msgs" in error for name in "abc")
+
+
+def test_folders_that_are_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = tmp_path / "source"
+    for folder in (".hidden", ".venv", "build", "install", "log", "venv", "ignored"):
+        write_package(source / folder / "pick_interfaces", {"action/Pick.action": "nonsense\n"})
+    (source / "venv" / "pyvenv.cfg").touch()
+    (source / "ignored" / "COLCON_IGNORE").touch()
+    write_package(source / "node_package", {"setup.py": ""})  # no interfaces in it
+    error = refused(capsys, source)
+    assert "there is no interface package here" in error
+    assert "<name>source</name>" in error  # a package.xml to copy
+
+
+def test_files_at_the_wrong_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = write_package(tmp_path / "pick_interfaces", {"Pick.action": GOOD})
+    assert "Pick.action? That file belongs into the folder action/" in refused(capsys, source)
+    assert "no such folder" in refused(capsys, tmp_path / "nowhere")
+
+
+def test_two_packages_of_one_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for folder in ("one", "two"):
+        write_package(tmp_path / folder / "pick_interfaces", {"action/Pick.action": GOOD})
+    assert "Rename one" in refused(capsys, tmp_path)
+
+
+# --- where it is built -----------------------------------------------------------------------
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    return write_package(tmp_path / "pick_interfaces", {"action/Pick.action": GOOD})
+
+
+def test_no_compiler(
+    source: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(source))
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.delenv("CXX", raising=False)
+    assert "sudo apt install g++" in refused(capsys, source, code=3)
+    monkeypatch.setenv("CXX", "no-such-compiler --flag")
+    monkeypatch.setenv("CC", "no-such-compiler")
+    assert "CC of the environment names 'no-such-compiler'" in refused(capsys, source, code=3)
+
+
+def test_no_python_headers(
+    source: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("actionkit._interfaces.compiler.python_headers", lambda: str(source))
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    assert f"sudo apt install python{version}-dev" in refused(capsys, source, code=3)
+
+
+def test_a_sourced_ros_is_left_alone(
+    source: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AMENT_PREFIX_PATH", "/opt/ros/jazzy")
+    error = refused(capsys, source, code=1)
+    assert "/opt/ros/jazzy" in error
+    assert "colcon build" in error
+
+
+def test_a_target_that_cannot_be_written(source: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build(source, "-o", "/proc/interfaces", code=1)  # not even by root
+    assert "/proc/interfaces: nothing can be written here" in capsys.readouterr().err
+
+
+def test_sources_are_not_overwritten(source: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build(source, "-o", source.parent, code=1)
+    assert f"{source}: this is here" in capsys.readouterr().err
+    assert (source / "action" / "Pick.action").read_text() == GOOD
+
+
+@pytest.mark.parametrize(
+    "words", ["", ".", "--own", ". -o x --install", ". --own -o x", ". --install --shadow"]
+)
+def test_wrong_usage(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    build(*words.split(), code=2)
+    assert "Usage: actionkit interfaces build" in capsys.readouterr().err
+    assert not os.path.exists("x")
