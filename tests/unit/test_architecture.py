@@ -26,6 +26,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "_calls": {"_model", "_threads", "_messages", "_goal", "_observers", "_ros"},
     "_client": {"_model", "_threads", "_messages", "_observers", "_ros", "_calls"},
     "": {"_model", "_observers", "_calls", "_client"},
+    "trees": {"_model", "_threads", "_messages", "_calls", "_client"},
     "servers": {"_ros"},
     "testing": {"servers"},
     "cli": {
@@ -202,6 +203,11 @@ def test_one_module_touches_opentelemetry() -> None:
     assert users == {"_observers.telemetry"}
 
 
+def test_one_package_touches_py_trees() -> None:
+    users = {name for name in library() if imports_package(name, "py_trees")}
+    assert {package_of(name) for name in users} == {"trees"}
+
+
 def test_the_state_machine_knows_only_its_own_words() -> None:
     for name in library():
         if package_of(name) == "_goal":
@@ -235,6 +241,7 @@ HEAVY = (
     "action_msgs",
     "rosidl_parser",
     "pytest",
+    "py_trees",
 )
 
 
