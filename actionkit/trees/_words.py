@@ -9,7 +9,7 @@ from actionkit._model.printable import on_one_line
 from actionkit._model.values import GoalState
 
 _STATES = {
-    GoalState.SENDING: "waiting for a server",
+    GoalState.SENDING: "waits for a server, or its turn",
     GoalState.SENT: "sent, not answered so far",
     GoalState.ACCEPTED: "accepted",
     GoalState.EXECUTING: "executing",
