@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import weakref
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any, Generic, Literal
 
 from py_trees.behaviour import Behaviour
@@ -134,7 +135,12 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
             ActionTypeMismatchError: This process already uses the name with another type.
             TypeError, ValueError: A bad action name, or `node`.
         """
-        self._hold.open(kwargs.get("node"), self._server_timeout, self.name)
+        node = kwargs.get("node")
+        self._hold.make(node)
+        for leaf in self._leaves_of_tree():
+            with suppress(Exception):  # it comes again in the leaf's own setup
+                leaf._hold.make(node)  # so that all find their servers at the same time
+        self._hold.await_server(self._server_timeout, self.name)
         self._runs.closed = False
 
     def initialise(self) -> None:
@@ -174,12 +180,14 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         and half a second. Then clients are closed that were made for this tree alone. The leaves
         send nothing afterwards, unless `setup()` is called again.
         """
+        end_together((leaf._runs, leaf._hold) for leaf in self._leaves_of_tree())
+
+    def _leaves_of_tree(self) -> list[ActionBehaviour[Any, Any, Any]]:
         root: Behaviour = self
         while root.parent is not None:
             root = root.parent
         leaves = {leaf.id: leaf for leaf in root.iterate() if isinstance(leaf, ActionBehaviour)}
-        leaves[self.id] = self
-        end_together((leaf._runs, leaf._hold) for leaf in list(leaves.values()))
+        return list({**leaves, self.id: self}.values())
 
     # --- a run -------------------------------------------------------------------------------
 

@@ -48,25 +48,29 @@ class ClientHold:
         self._made_from = pair
         self.action_type, self.action_name = pair
 
-    def open(self, node: Any, server_timeout: float | None, behaviour: str) -> None:
-        """Make the client, or share that of another leaf, and wait for a server.
-
-        A client that was given is left as it is.
+    def make(self, node: Any) -> None:
+        """Make the client, or share that of another leaf. One that was given is left as it is.
 
         Args:
             node: A node of the user's, or `None`.
+        """
+        if self._made_from is not None and (self.client is None or self.client.closed):
+            self._shared = _share(*self._made_from, node, self)
+            self.client = self._shared.client
+            self.action_name = self.client.action_name
+
+    def await_server(self, server_timeout: float | None, behaviour: str) -> None:
+        """Wait for a server, where the client was made here.
+
+        Args:
             server_timeout: Seconds, or `None` for no limit.
             behaviour: The leaf's name, for the error.
 
         Raises:
             ServerUnavailableError: No server came in time.
         """
-        if self._made_from is None:
+        if self._made_from is None or self.client is None:
             return
-        if self.client is None or self.client.closed:
-            self._shared = _share(*self._made_from, node, self)
-            self.client = self._shared.client
-            self.action_name = self.client.action_name
         if not self.client.wait_for_server(server_timeout):
             raise ServerUnavailableError(
                 f"no server of the action {self.action_name!r} was ready within"
