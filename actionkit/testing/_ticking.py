@@ -57,7 +57,8 @@ def tick_until(
         left = until - time.monotonic()
         ended = not callable(wanted) and root.status.name in ("SUCCESS", "FAILURE")
         if left <= 0 or ended:
-            raise TreeNotThereError(_said(root, wanted, ticks, timeout, ended=ended))
+            error = TreeNotThereError(_said(root, wanted, ticks, timeout, ended=ended))
+            raise error
         for node in root.iterate():
             future: Any = getattr(node, "future", None)
             if future is not None and future not in heard:

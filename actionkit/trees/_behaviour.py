@@ -105,8 +105,8 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         self._runs = Runs()
         self._run: Run | None = None
         self._shown: tuple[Any, Any] = (None, None)
-        # A tree that is dropped leaves no goal running. At the interpreter's exit, the clients
-        # see to that themselves.
+        # A tree that is dropped leaves no goal running (C11.2). At the interpreter's exit, the
+        # clients see to that themselves.
         weakref.finalize(self, self._runs.close).atexit = False
 
     # --- what users look at ------------------------------------------------------------------

@@ -99,7 +99,8 @@ class Runs:
     def begin(self, timeout: float | None) -> Run:
         """Begin a run, and give up those before."""
         run = Run(timeout)
-        self._runs.append(run)  # first, so that of two threads that begin one sees the other
+        # First, so that of two threads that begin one sees the other (C11.1).
+        self._runs.append(run)
         self.give_up(self.before(run))
         return run
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -94,3 +95,27 @@ def test_the_picture_of_the_tree_is_that_of_the_example(ros_domain: int) -> None
         (PICTURES / "mission_tree.dot").write_text(drawn)
     assert (PICTURES / "mission_tree.dot").read_text() == drawn
     assert text.strip() in (DOCS / "behaviour-trees.md").read_text()
+
+
+def blocks(page: str) -> list[str]:
+    """Return the Python code of a page, block by block."""
+    return re.findall(r"^```python\n(.*?)^```$", (DOCS / page).read_text(), re.M | re.S)
+
+
+def test_the_snippets_of_the_page(action_server: Any) -> None:
+    first, test = blocks("behaviour-trees.md")
+    server = action_server("fibonacci")
+    here: dict[str, Any] = {}
+    exec(first, here)
+    assert here["root"].status is py_trees.common.Status.SUCCESS
+    assert server.count("succeeded") == 2
+    exec(test, here)
+    here["test_the_dock_that_aborts"](action_server)
+
+
+def test_the_snippets_of_the_other_page_are_in_its_example() -> None:
+    example = (DOCS / "examples" / "mission_asyncio.py").read_text()
+    lines = {line.strip() for line in example.splitlines()}
+    for block in blocks("mission-asyncio.md"):
+        for line in block.splitlines():
+            assert line.strip() in lines, line

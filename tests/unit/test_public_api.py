@@ -14,6 +14,8 @@ import pytest
 
 import actionkit
 from actionkit import Client, GoalFuture
+from actionkit.testing import tick_until
+from actionkit.trees import ActionBehaviour, FromBlackboard
 
 NAMES = [
     "AcceptanceTimeoutError",
@@ -78,6 +80,12 @@ SIGNATURES = {
     actionkit.Rosout.__init__: "(self, node)",
     actionkit.Observer.on_event: "(self, event, call)",
     actionkit.read_json_lines: "(path)",
+    ActionBehaviour.__init__: "(self, name, client, goal, *, timeout=None, retry=None,"
+    " classify=None, feedback_key=None, result_key=None, earlier_goal='wait', server_timeout=5.0)",
+    ActionBehaviour.setup: "(self, **kwargs)",
+    ActionBehaviour.shutdown: "(self)",
+    FromBlackboard.__init__: "(self, key)",
+    tick_until: "(tree, wanted, timeout=10.0, *, period=0.05)",
     Client.server_is_ready: "(self)",
     Client.cancel_all: "(self)",
     Client.close: "(self)",
@@ -115,6 +123,10 @@ RAISES = {
     actionkit.OpenTelemetry.__init__: "ImportError TypeError",
     actionkit.Rosout.__init__: "TypeError",
     actionkit.read_json_lines: "OSError",
+    ActionBehaviour.__init__: "TypeError ValueError AttributeError",
+    ActionBehaviour.setup: "ServerUnavailableError ImportError ActionTypeMismatchError TypeError"
+    " ValueError",
+    tick_until: "AssertionError TimeoutError",
     Client.server_is_ready: "ClientClosedError",
     Client.cancel_all: "ClientClosedError",
     GoalFuture.result: "TimeoutError CancelledError ActionKitError",
@@ -144,6 +156,10 @@ def own_members() -> Iterator[tuple[str, Any]]:
     yield "OpenTelemetry.__init__", actionkit.OpenTelemetry.__init__
     yield "Rosout.__init__", actionkit.Rosout.__init__
     yield "read_json_lines", actionkit.read_json_lines
+    yield "ActionBehaviour.__init__", ActionBehaviour.__init__
+    yield "ActionBehaviour.setup", ActionBehaviour.setup
+    yield "ActionBehaviour.shutdown", ActionBehaviour.shutdown
+    yield "tick_until", tick_until
 
 
 METHODS = dict(own_members())
@@ -157,6 +173,31 @@ REFUSED = ("misplaced", "unknown")
 def test_the_names() -> None:
     assert actionkit.__all__ == NAMES
     assert sorted(NAMES) == NAMES
+
+
+def test_the_names_of_trees() -> None:
+    import actionkit.trees
+
+    assert actionkit.trees.__all__ == ["ActionBehaviour", "FromBlackboard"]
+
+
+@pytest.mark.parametrize(
+    ("cls", "names"),
+    [
+        (Client, "action_name closed pending retry_budget timeouts"),
+        (GoalFuture, "goal_id known_to_run latest_feedback state timeline"),
+        (ActionBehaviour, "client future"),
+    ],
+)
+def test_the_properties(cls: type, names: str) -> None:
+    own = {
+        name
+        for each in cls.__mro__
+        if each.__module__.startswith("actionkit")
+        for name, member in vars(each).items()
+        if isinstance(member, property) and not name.startswith("_")
+    }
+    assert own == set(names.split())
 
 
 def test_nothing_else_is_public() -> None:
