@@ -207,12 +207,8 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         else:
             try:
                 run.start(client, self._source.goal(self), self._retry, self._classify)
-            except NoGoalError as error:
+            except (NoGoalError, ClientClosedError) as error:
                 run.problem = str(error)
-            except ClientClosedError as error:
-                run.problem = str(error)
-            if self._runs.closed:
-                run.give_up()  # another thread has shut the tree down just now
 
     def _earlier_stopped(self, run: Run, client: Client[Any, Any, Any]) -> bool:
         """Return whether no earlier goal may run; say at the node what is waited for."""

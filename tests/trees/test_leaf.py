@@ -16,6 +16,7 @@ from test_msgs.action import Fibonacci, NestedMessage
 from actionkit import Client, RetryPolicy, ServerUnavailableError, Timeouts, Verdict
 from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour, FromBlackboard
+from actionkit.trees._runs import Runs
 from tests.conftest import NEVER
 from tests.trees.conftest import Place, fate
 
@@ -396,6 +397,58 @@ def test_threads_that_tick_at_once_do_not_run_two_goals(
     leaf.shutdown()
     for goal_id in server.running() - before:
         server.wait_for("canceled", goal_id=goal_id)
+
+
+def test_one_run_sends_one_goal_whoever_ticks(client: Any) -> None:
+    runs = Runs()
+    run = runs.begin(None)
+    run.start(client, {"order": 2}, None, None)
+    goal = run.future
+    run.start(client, {"order": 2}, None, None)
+    assert run.future is goal
+    assert goal is not None
+    assert goal.outcome(BOUND).ok
+    assert runs.before(runs.begin(None)) == []
+
+
+def test_a_run_that_was_given_up_sends_nothing(client: Any, place: Place) -> None:
+    received = place.server("fibonacci").count("goal_received")
+    runs = Runs()
+    run = runs.begin(None)
+    runs.close()
+    run.start(client, {"order": 2}, None, None)
+    assert run.future is not None
+    assert run.future.outcome(BOUND).attempts <= 1
+    assert run.future.known_to_run is False
+    assert place.server("fibonacci").count("goal_received") == received
+
+
+class Interrupted(BaseException):
+    """As KeyboardInterrupt, which pytest would take for its own."""
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_an_interrupt_in_the_middle_of_a_tick_leaves_no_goal_unknown(
+    begun: bool, client: Any, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C just before, or just after, the goal is handed over to be sent."""
+    begin = client._session.begin
+
+    def interrupted(call: Any) -> None:
+        if begun:
+            begin(call)
+        raise Interrupted
+
+    leaf = ActionBehaviour("a", client, {"order": 40})
+    with monkeypatch.context() as patch:
+        patch.setattr(client._session, "begin", interrupted)
+        with pytest.raises(Interrupted):
+            leaf.tick_once()
+    future = leaf.future
+    leaf.shutdown()
+    assert future.outcome(BOUND).error is not None
+    assert future.known_to_run is False
+    assert str(future.goal_id) not in place.server("fibonacci").running()
 
 
 def test_a_shutdown_by_another_thread_is_final(client: Any, place: Place) -> None:
