@@ -72,11 +72,9 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 `ClassifyError`, and one that failed keeps its own error. What was rejected or
                 canceled, or failed without a result, is no success: to call it one is a
                 `ClassifyError`, too. Ready-made: `classify_by_field`, `retry_aborted`.
-            observers: What is called with every transition of every goal: `JsonLines`, `Rosout`,
-                `OpenTelemetry` or an `Observer` of yours.
+            observers: Are told of each transition: `JsonLines`, `Rosout`, `OpenTelemetry`, yours.
             on_close: What closing does to goals in flight: `"cancel"` or `"abandon"`.
-            retry_budget: A limit on retries to share with other clients; left out, the client
-                has one of its own.
+            retry_budget: A limit on retries to share with other clients; else it has its own.
 
         Raises:
             TypeError: An argument of the wrong type, `action_type` and `node` included.
@@ -119,6 +117,11 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         return str(self._identity.action_name)
 
     @property
+    def closed(self) -> bool:
+        """Whether the client was closed: it takes no more calls."""
+        return self._session.closed
+
+    @property
     def timeouts(self) -> Timeouts:
         """The caps on the phases of each call."""
         return self._timeouts
@@ -152,11 +155,10 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
 
         Args:
             goal: The action's goal message, or a mapping of its field names.
-            timeout: Seconds for everything: the server's coming, acceptance, execution,
-                retries. When they are up, the goal is cancelled, and the call returns when the
-                server has confirmed that, which it has `timeouts.cancel` seconds for: a call with
-                `timeout=1.0` to a silent server returns after 3 s with the defaults. `None` means
-                no limit; left out, `timeouts.total` counts; with 0 nothing is sent.
+            timeout: Seconds for everything: the server's coming, acceptance, execution, retries.
+                When they are up, the goal is cancelled, which the server has `timeouts.cancel`
+                seconds to confirm: `timeout=1.0` and a silent server take 3 s with the defaults.
+                `None` means no limit; left out, `timeouts.total` counts; with 0 nothing is sent.
             on_feedback: Called with each feedback message, in order, on another thread.
             retry: In place of the client's policy.
             classify: In place of the client's.
@@ -319,9 +321,9 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
     def close(self) -> None:
         """End every goal in flight as `on_close` says, and free all that is held.
 
-        Returns within `timeouts.cancel` seconds of the server's latest confirmation and about a
-        second (many goals are cancelled a few at a time), and 60 s later at the most. A warning
-        names goals that may still be running then; they are asked to cancel for a little longer.
+        Returns within `timeouts.cancel` seconds of the server's latest confirmation and a second
+        (many goals are cancelled a few at a time), and 60 s later at most. A warning names goals
+        that may still be running then; they are asked to cancel for a little longer.
         """
         self._finalizer.detach()
         self._session.close()
@@ -330,10 +332,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         return self
 
     def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
+        self, exc_type: type[BaseException] | None, exc: object, traceback: TracebackType | None
     ) -> None:
         self.close()
 

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.call_record import ActionView, CallRecord
+from actionkit._calls.call_view import GoalsOfCall
 from actionkit._calls.classify import apply_verdict
 from actionkit._calls.classify_runner import ClassifyRunner
 from actionkit._calls.explain import CLIENT_CLOSED
@@ -54,14 +55,14 @@ class Call:
         self, carrier: Carrier, request: Request, dispatcher: ObserverDispatcher = NO_OBSERVERS
     ) -> None:
         """Take note of a request; its time runs from now."""
+        self.goals = GoalsOfCall()
         self.goal_id = uuid.uuid4()
         self.state = GoalState.SENDING
         self.cancel_grace = request.timeouts.cancel
         self._carrier = carrier
         self._request = request
-        self._record = CallRecord(carrier, request, dispatcher, self.goal_id)
-        self.timeline, tape = self._record.timeline, self._record.tape
-        began = self._record.began
+        self._record = record = CallRecord(carrier, request, dispatcher, self.goal_id)
+        self.timeline, tape, began = record.timeline, record.tape, record.began
         self._deadline = None if request.timeout is None else began + request.timeout
         threads = request.function_pool
         self._retrying = RetryRunner(carrier, threads, request.retry, request.budget, began)
@@ -177,6 +178,7 @@ class Call:
             resent=resent,
         )
         self._attempt.number = self._attempts
+        self.goals.add(self._attempt.goal)
         self._attempt.start()
         self._reconcile()
 

@@ -3,16 +3,40 @@
 from __future__ import annotations
 
 import uuid
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
+from actionkit._goal.record import GoalRecord
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import GoalState
+
+
+class GoalsOfCall:
+    """The goals that were made for a call and may run. Written by one thread, read by any."""
+
+    def __init__(self, goals: Iterable[GoalRecord] = ()) -> None:
+        self._goals = [goal for goal in goals if goal.in_flight]
+
+    def add(self, goal: GoalRecord) -> None:
+        """Take in one that is about to be sent; those that are over are let go."""
+        self._goals = [*self.left()._goals, goal]
+
+    def left(self) -> GoalsOfCall:
+        """Return those that may run."""
+        return GoalsOfCall(self._goals)
+
+    @property
+    def known_to_run(self) -> bool | None:
+        """Whether a goal is known to run, or to run no more; `None` where neither is."""
+        known = {goal.known_to_run for goal in self._goals}
+        return True if True in known else None if None in known else False
 
 
 class CallView(Protocol):
     """What a future needs of its call."""
 
+    goals: GoalsOfCall
     goal_id: uuid.UUID
     state: GoalState
     timeline: Recorder
@@ -30,6 +54,7 @@ class CallIsOver:
     the future goes, but only at some later garbage collection.
     """
 
+    goals: GoalsOfCall
     goal_id: uuid.UUID
     state: GoalState
     timeline: Recorder

@@ -6,7 +6,6 @@ import concurrent.futures
 import logging
 import os
 import sys
-import uuid
 from collections import deque
 from collections.abc import Callable, Coroutine, Generator
 from functools import partial
@@ -16,11 +15,12 @@ from typing_extensions import Never
 
 from actionkit._calls.awaiting import Awaiters
 from actionkit._calls.call_view import CallIsOver, CallView
-from actionkit._calls.feedback_broadcast import FeedbackBroadcast, FeedbackStream
+from actionkit._calls.feedback_broadcast import FeedbackBroadcast
+from actionkit._calls.live_goal import LiveGoal
 from actionkit._goal.effects import End
 from actionkit._model.action_type import FeedbackT, ResultT
 from actionkit._model.errors import ActionKitError, ClientClosedError
-from actionkit._model.values import GoalState, Outcome, Timeline
+from actionkit._model.values import GoalState, Outcome
 from actionkit._threads.blocked import Label
 from actionkit._threads.diagnostics import is_interrupt, log_here, log_later
 from actionkit._threads.function_runner import Clock
@@ -41,6 +41,7 @@ _NOT_YOURS = "GoalFuture.{}() is not for users: only its call ends a future. To 
 class GoalFuture(
     concurrent.futures.Future[ResultT],
     Coroutine[Any, Any, ResultT],
+    LiveGoal[FeedbackT],
     Generic[ResultT, FeedbackT],
 ):
     """The result that a call will have.
@@ -77,35 +78,6 @@ class GoalFuture(
 
     def __repr__(self) -> str:
         return f"<GoalFuture {self.goal_id} {self.state}{' done' if self.done() else ''}>"
-
-    # --- live views ------------------------------------------------------------------------
-
-    @property
-    def goal_id(self) -> uuid.UUID:
-        """The id of the goal being tried; each attempt has its own."""
-        return self._call.goal_id
-
-    @property
-    def state(self) -> GoalState:
-        """The last known state of the goal."""
-        return self._call.state
-
-    @property
-    def timeline(self) -> Timeline:
-        """The events so far, oldest first."""
-        return self._call.timeline.events()
-
-    @property
-    def latest_feedback(self) -> FeedbackT | None:
-        """The newest feedback message, or `None`."""
-        return self._feedback.latest
-
-    def feedback(self) -> FeedbackStream[FeedbackT]:
-        """Return an iterable, plain and asynchronous, over feedback from now on.
-
-        It ends when the goal ends. A reader that falls far behind misses the oldest messages.
-        """
-        return self._feedback.stream()
 
     # --- waiting ---------------------------------------------------------------------------
 
@@ -300,7 +272,9 @@ class GoalFuture(
         self._outcome = outcome
         self._cancelled = end is End.CANCELLED_BY_CALLER
         call = self._call
-        self._call = CallIsOver(call.goal_id, call.state, call.timeline, call.cancel_grace)
+        self._call = CallIsOver(
+            call.goals.left(), call.goal_id, call.state, call.timeline, call.cancel_grace
+        )
         notified = self._notify_base_at_once()
         self._over.set()
         if not notified:

@@ -21,6 +21,7 @@ from actionkit._goal.stages import (
     LONG_PAUSE,
     LONGEST_PAUSE,
     LONGEST_RESULT_PAUSE,
+    NEVER_ARRIVED,
     RANK,
     CancelReason,
     CancelReply,
@@ -114,7 +115,7 @@ class Goal(CancellableGoal):
             return []
         effects = [*self._stop_resending(), fx.Disarm(fx.Timer.ACCEPT)]
         self._progress = fx.GoalProgress.ACCEPTED
-        self._unknown_to_server = False
+        self._unknown_to_server = self._denied_for_good = False
         if self.stage is Stage.SENT:
             effects.append(self._enter(GoalState.ACCEPTED))
         self.stage = Stage.ACCEPTED
@@ -206,7 +207,7 @@ class Goal(CancellableGoal):
                 return self._over()
             # It may be taken yet (R6); but a server that rejected it twice has no more to say.
             rejected = self._duplicate_rejected
-            return self.rejected(now) if rejected else self._unknown_so_far()
+            return self.rejected(now) if rejected else self._unknown_so_far(now)
         effects = [] if self.stage is Stage.LOST else self._proven(now)
         self.stage = Stage.OVER
         self._terminal_seen = status
@@ -245,7 +246,7 @@ class Goal(CancellableGoal):
         if answer is CancelAnswer.UNKNOWN_GOAL:
             if self.stage is Stage.LOST:
                 return self._over()
-            return [fx.AskResult()] if self.stage is Stage.ACCEPTED else self._unknown_so_far()
+            return [fx.AskResult()] if self.stage is Stage.ACCEPTED else self._unknown_so_far(now)
         effects = self._proven(now)
         if answer is CancelAnswer.REFUSED:
             return effects + self._cancel_refused(now, asked_at)
@@ -257,9 +258,11 @@ class Goal(CancellableGoal):
             effects.append(self._enter(GoalState.CANCELING))
         return effects + self._cancel_accepted(now)
 
-    def _unknown_so_far(self) -> list[fx.Effect]:
+    def _unknown_so_far(self, now: float) -> list[fx.Effect]:
         """A live server does not know a goal that it was sent; it may yet (R6)."""
         self._unknown_to_server = True
+        self._denied_at = now if self._denied_at is None else self._denied_at
+        self._denied_for_good = now >= self._denied_at + NEVER_ARRIVED
         if self.cancel_reason is CancelReason.UNANSWERED and not self.settled:
             return self._settle_given_up()  # nothing more is to be learnt by waiting
         return []

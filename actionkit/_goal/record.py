@@ -46,6 +46,8 @@ class GoalRecord:
         self._duplicate_rejected = False
         self._progress = fx.GoalProgress.UNANSWERED if resent else fx.GoalProgress.NEVER_SENT
         self._unknown_to_server = False
+        self._denied_at: float | None = None  # when it first did not know it
+        self._denied_for_good = False  # it has said so for so long that the request was lost
         self._forgotten_at: float | None = None  # when it first did not know it any more
         self._terminal_seen: GoalState | None = None
         self._reask_after = FIRST_REASK
@@ -65,6 +67,13 @@ class GoalRecord:
         """Whether a server in sight may be running it, and has not said otherwise."""
         denied = self.stage is Stage.SENT and self._unknown_to_server
         return self.in_flight and self.stage is not Stage.LOST and not denied
+
+    @property
+    def known_to_run(self) -> bool | None:
+        """Whether a server has the goal and has not ended it; `None` where that is not known."""
+        if not self.in_flight or self._terminal_seen is not None or self._denied_for_good:
+            return False
+        return True if self.stage is Stage.ACCEPTED else None
 
     @property
     def _unproven(self) -> bool:

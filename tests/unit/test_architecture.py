@@ -28,6 +28,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "": {"_model", "_observers", "_calls", "_client"},
     "_stubs": set(),
     "_interfaces": {"_model"},
+    "trees": {"_model", "_threads", "_messages", "_calls", "_client"},
     "servers": {"_ros"},
     "testing": {"_model", "_messages", "servers"},
     "cli": {
@@ -206,6 +207,11 @@ def test_one_module_touches_opentelemetry() -> None:
     assert users == {"_observers.telemetry"}
 
 
+def test_one_package_touches_py_trees() -> None:
+    users = {name for name in library() if imports_package(name, "py_trees")}
+    assert {package_of(name) for name in users} == {"trees"}
+
+
 def test_the_state_machine_knows_only_its_own_words() -> None:
     for name in library():
         if package_of(name) == "_goal":
@@ -250,6 +256,7 @@ HEAVY = (
     "action_msgs",
     "rosidl_parser",
     "pytest",
+    "py_trees",
 )
 
 

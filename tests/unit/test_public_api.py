@@ -16,7 +16,8 @@ import actionkit
 import actionkit.servers
 import actionkit.testing
 from actionkit import Client, GoalFuture
-from actionkit.testing import FakeServer
+from actionkit.testing import FakeServer, tick_until
+from actionkit.trees import ActionBehaviour, FromBlackboard
 
 NAMES = [
     "AcceptanceTimeoutError",
@@ -59,7 +60,7 @@ NAMES = [
     "read_json_lines",
     "retry_aborted",
 ]
-TESTING = ["EventLog", "FakeServer", "isolated_domain"]
+TESTING = ["EventLog", "FakeServer", "isolated_domain", "tick_until"]
 SERVERS = ["Server", "ServerEvent", "names", "start"]
 SIGNATURES = {
     Client.__init__: "(self, action_type, action_name, *misplaced, node=None,"
@@ -83,6 +84,12 @@ SIGNATURES = {
     actionkit.Rosout.__init__: "(self, node)",
     actionkit.Observer.on_event: "(self, event, call)",
     actionkit.read_json_lines: "(path)",
+    ActionBehaviour.__init__: "(self, name, client, goal, *, timeout=None, retry=None,"
+    " classify=None, feedback_key=None, result_key=None, earlier_goal='wait', server_timeout=5.0)",
+    ActionBehaviour.setup: "(self, **kwargs)",
+    ActionBehaviour.shutdown: "(self)",
+    FromBlackboard.__init__: "(self, key)",
+    tick_until: "(tree, wanted, timeout=10.0, *, period=0.05)",
     Client.server_is_ready: "(self)",
     Client.cancel_all: "(self)",
     Client.close: "(self)",
@@ -130,6 +137,10 @@ RAISES = {
     actionkit.OpenTelemetry.__init__: "ImportError TypeError",
     actionkit.Rosout.__init__: "TypeError",
     actionkit.read_json_lines: "OSError",
+    ActionBehaviour.__init__: "TypeError ValueError AttributeError",
+    ActionBehaviour.setup: "ServerUnavailableError ImportError ActionTypeMismatchError TypeError"
+    " ValueError",
+    tick_until: "AssertionError TimeoutError",
     Client.server_is_ready: "ClientClosedError",
     Client.cancel_all: "ClientClosedError",
     FakeServer.__init__: "TypeError ValueError ImportError",
@@ -166,6 +177,10 @@ def own_members() -> Iterator[tuple[str, Any]]:
     yield "OpenTelemetry.__init__", actionkit.OpenTelemetry.__init__
     yield "Rosout.__init__", actionkit.Rosout.__init__
     yield "read_json_lines", actionkit.read_json_lines
+    yield "ActionBehaviour.__init__", ActionBehaviour.__init__
+    yield "ActionBehaviour.setup", ActionBehaviour.setup
+    yield "ActionBehaviour.shutdown", ActionBehaviour.shutdown
+    yield "tick_until", tick_until
 
 
 METHODS = dict(own_members())
@@ -181,6 +196,31 @@ def test_the_names() -> None:
     assert sorted(NAMES) == NAMES
     assert actionkit.testing.__all__ == TESTING
     assert actionkit.servers.__all__ == SERVERS
+
+
+def test_the_names_of_trees() -> None:
+    import actionkit.trees
+
+    assert actionkit.trees.__all__ == ["ActionBehaviour", "FromBlackboard"]
+
+
+@pytest.mark.parametrize(
+    ("cls", "names"),
+    [
+        (Client, "action_name closed pending retry_budget timeouts"),
+        (GoalFuture, "goal_id known_to_run latest_feedback state timeline"),
+        (ActionBehaviour, "client future"),
+    ],
+)
+def test_the_properties(cls: type, names: str) -> None:
+    own = {
+        name
+        for each in cls.__mro__
+        if each.__module__.startswith("actionkit")
+        for name, member in vars(each).items()
+        if isinstance(member, property) and not name.startswith("_")
+    }
+    assert own == set(names.split())
 
 
 def test_nothing_else_is_public() -> None:

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 from actionkit import GoalState, Outcome, RetryBudget
+from actionkit._calls.call_view import GoalsOfCall
 from actionkit._calls.carrier import PortCarrier
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.future import GoalFuture
@@ -108,6 +109,7 @@ def a_future() -> GoalFuture[Any, Any]:
         state=GoalState.SUCCEEDED,
         timeline=Recorder(),
         cancel_grace=1.0,
+        goals=GoalsOfCall(),
         request_cancel=lambda: None,
     )
     return GoalFuture(call, FeedbackBroadcast(), Pool(), SimpleNamespace())

@@ -1,0 +1,56 @@
+"""What a future shows of its goal at any time, without waiting."""
+
+from __future__ import annotations
+
+import uuid
+from typing import Generic
+
+from actionkit._calls.call_view import CallView
+from actionkit._calls.feedback_broadcast import FeedbackBroadcast, FeedbackStream
+from actionkit._model.action_type import FeedbackT
+from actionkit._model.values import GoalState, Timeline
+
+
+class LiveGoal(Generic[FeedbackT]):
+    """The part of a `GoalFuture` that only looks."""
+
+    _call: CallView
+    _feedback: FeedbackBroadcast[FeedbackT]
+
+    @property
+    def goal_id(self) -> uuid.UUID:
+        """The id of the goal being tried; each attempt has its own."""
+        return self._call.goal_id
+
+    @property
+    def state(self) -> GoalState:
+        """The last known state of the goal."""
+        return self._call.state
+
+    @property
+    def known_to_run(self) -> bool | None:
+        """Whether a goal of this call runs on a server, as far as that is known now.
+
+        `True`: a server has the goal, and has not ended it. `False`: no goal of the call runs;
+        none was sent, or each has ended. `None`: not known, because the server has not answered,
+        or is gone. It goes on being true to life after the future is done: a goal that was given
+        up on is watched until it has ended, for as long as the client is open.
+        """
+        return self._call.goals.known_to_run
+
+    @property
+    def timeline(self) -> Timeline:
+        """The events so far, oldest first."""
+        return self._call.timeline.events()
+
+    @property
+    def latest_feedback(self) -> FeedbackT | None:
+        """The newest feedback message, or `None`."""
+        return self._feedback.latest
+
+    def feedback(self) -> FeedbackStream[FeedbackT]:
+        """Return an iterable, plain and asynchronous, over feedback from now on.
+
+        It ends when the goal ends. A reader that falls far behind misses the oldest messages.
+        """
+        return self._feedback.stream()

@@ -1,0 +1,259 @@
+"""The leaf of a behaviour tree that has an action done."""
+
+from __future__ import annotations
+
+import time
+import weakref
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Any, Generic, Literal
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Access, Status
+from typing_extensions import Self
+
+from actionkit._calls.classify import Classify, check_classify
+from actionkit._calls.future import GoalFuture
+from actionkit._client import Client
+from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
+from actionkit._model.arguments import check_type
+from actionkit._model.errors import ClientClosedError, InvalidGoalError
+from actionkit._model.printable import on_one_line
+from actionkit._model.settings import RetryPolicy, check_seconds
+from actionkit.trees import _words
+from actionkit.trees._clients import ClientHold
+from actionkit.trees._ending import end_together
+from actionkit.trees._runs import Run, Runs
+from actionkit.trees._sources import FromBlackboard, GoalSource, NoGoalError, check_key
+
+
+class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
+    """A leaf that sends a goal, and is RUNNING until it is known how that ended.
+
+        ActionBehaviour("dock", (Dock, "dock"), {"speed": 0.2}, timeout=30.0)
+
+    SUCCESS where the call succeeded, retries included, FAILURE otherwise; `feedback_message` says
+    how far the goal is, or the error's sentence. Where the tree moves on (`stop(INVALID)`, by
+    whatever interrupts it) the goal is cancelled, be it accepted or not; a tree that is shut down
+    or dropped cancels its goals, too. A tick never blocks: it sends, cancels and looks.
+
+    A new run sends its goal only when the earlier one is known to have stopped. Until then it is
+    RUNNING and says so. Where that cannot be learnt within `timeouts.server` of the client, as the
+    server is gone or silent, it is FAILURE, and says that the goal may still run.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        client: Client[GoalT, ResultT, FeedbackT]
+        | tuple[type[ActionType[GoalT, ResultT, FeedbackT]], str],
+        goal: GoalT | Mapping[str, Any] | Callable[[Self], Any] | FromBlackboard,
+        *,
+        timeout: float | None = None,
+        retry: RetryPolicy | None = None,
+        classify: Classify | None = None,
+        feedback_key: str | None = None,
+        result_key: str | None = None,
+        earlier_goal: Literal["wait", "fail"] = "wait",
+        server_timeout: float | None = 5.0,
+    ) -> None:
+        """Make a leaf. Sends nothing, and makes no client so far.
+
+        Args:
+            name: The behaviour's name in the tree.
+            client: A client of yours, which you close; or the action's type and name. Then the
+                client is made at `setup()` and closed with the tree; leaves of one process that
+                name the same action share it.
+            goal: A goal message or a mapping of its fields, which is copied; a function that is
+                called with this behaviour each time a goal is to be sent, in the tick; or
+                `FromBlackboard("key")`.
+            timeout: Seconds for each run, as for `Client.call`, the wait for an earlier goal
+                included; `None` means the client's `timeouts.total`.
+            retry: In place of the client's policy.
+            classify: In place of the client's.
+            feedback_key: The blackboard variable for the latest feedback message, written when the
+                leaf is ticked. It is unset at the begin of each run.
+            result_key: The same for the result message, of failed goals too where there is one.
+            earlier_goal: What a new run does while the goal of the one before may still run: it
+                waits (`"wait"`), or fails at once and says so (`"fail"`).
+            server_timeout: Seconds that `setup()` waits for the server of a client that it makes;
+                `None` means no limit.
+
+        Raises:
+            TypeError, ValueError: An argument is wrong, or the goal does not fit the action.
+            AttributeError: Another behaviour is the exclusive writer of a key.
+        """
+        super().__init__(name)
+        self._hold = ClientHold(client)
+        self._timeout = check_seconds("timeout", timeout)
+        self._server_timeout = check_seconds("server_timeout", server_timeout)
+        if retry is not None:
+            check_type("retry", retry, RetryPolicy)
+        check_classify(classify, self._hold.action_type)
+        if earlier_goal not in ("wait", "fail"):
+            raise ValueError(f"earlier_goal={earlier_goal!r} must be 'wait' or 'fail'")
+        self._retry, self._classify, self._waits = retry, classify, earlier_goal == "wait"
+        self._board = self.attach_blackboard_client()
+        self._source = GoalSource(goal, self._hold.action_type.Goal, self._board)
+        self._feedback_key, self._result_key = feedback_key, result_key
+        for argument, key in (("feedback_key", feedback_key), ("result_key", result_key)):
+            if key is not None:
+                check_key(argument, key)
+                self._board.register_key(key=key, access=Access.WRITE)
+        if feedback_key is not None and feedback_key == result_key:
+            raise ValueError(f"feedback_key and result_key must differ; both are {result_key!r}")
+        self._runs = Runs()
+        self._run: Run | None = None
+        self._shown: tuple[Any, Any] = (None, None)
+        # A tree that is dropped leaves no goal running (C11.2). At the interpreter's exit, the
+        # clients see to that themselves.
+        weakref.finalize(self, self._runs.close).atexit = False
+
+    # --- what users look at ------------------------------------------------------------------
+
+    @property
+    def client(self) -> Client[GoalT, ResultT, FeedbackT] | None:
+        """The client; `None` where it is made at `setup()`, and that was not called."""
+        return self._hold.client
+
+    @property
+    def future(self) -> GoalFuture[ResultT, FeedbackT] | None:
+        """The handle on the goal of the latest run; `None` where that has sent none so far."""
+        return None if self._run is None else self._run.future
+
+    # --- what py_trees calls -----------------------------------------------------------------
+
+    def setup(self, **kwargs: Any) -> None:
+        """Make the client, where none was given, and wait until a server is ready for goals.
+
+        Args:
+            kwargs: What `tree.setup()` was given. With `node=`, the client is made with that node.
+
+        Raises:
+            ServerUnavailableError: No server was ready within `server_timeout`.
+            ImportError: rclpy is not importable.
+            ActionTypeMismatchError: This process already uses the name with another type.
+            TypeError, ValueError: A bad action name, or `node`.
+        """
+        node = kwargs.get("node")
+        self._hold.make(node)
+        for leaf in self._leaves_of_tree():
+            with suppress(Exception):  # it comes again in the leaf's own setup
+                leaf._hold.make(node)  # so that all find their servers at the same time
+        self._hold.await_server(self._server_timeout, self.name)
+        self._runs.closed = False
+
+    def initialise(self) -> None:
+        """Begin a run: give up the goal of an earlier one, where there is any."""
+        client, timeout = self._hold.client, self._timeout
+        if timeout is None and client is not None:
+            timeout = client.timeouts.total
+        self._run = self._runs.begin(timeout)
+        self._shown = (None, None)
+        for key in (self._feedback_key, self._result_key):
+            if key is not None:
+                self._board.unset(key)
+
+    def update(self) -> Status:
+        """Send the goal when that may be done, and look how far it is."""
+        run = self._run
+        if run is None:
+            self.initialise()
+            return self.update()
+        if run.future is None and not run.problem:
+            self._try_to_start(run)
+        if run.problem:
+            self.feedback_message = on_one_line(run.problem)
+            return Status.FAILURE
+        return Status.RUNNING if run.future is None else self._follow(run.future)
+
+    def terminate(self, new_status: Status) -> None:
+        """Cancel the goal where it has not ended, because the tree moves on. Never blocks."""
+        if new_status is Status.INVALID and self._runs.in_flight():
+            self.feedback_message = "interrupted: the server is asked to cancel the goal"
+        self._runs.give_up()
+
+    def shutdown(self) -> None:
+        """End the tree's goals: cancel those of all its leaves, then wait for all of them.
+
+        The wait ends when no goal has for `timeouts.cancel` seconds (the longest of the clients')
+        and half a second. Then clients are closed that were made for this tree alone. The leaves
+        send nothing afterwards, unless `setup()` is called again.
+        """
+        end_together((leaf._runs, leaf._hold) for leaf in self._leaves_of_tree())
+
+    def _leaves_of_tree(self) -> list[ActionBehaviour[Any, Any, Any]]:
+        root: Behaviour = self
+        while root.parent is not None:
+            root = root.parent
+        leaves = {leaf.id: leaf for leaf in root.iterate() if isinstance(leaf, ActionBehaviour)}
+        return list({**leaves, self.id: self}.values())
+
+    # --- a run -------------------------------------------------------------------------------
+
+    def _try_to_start(self, run: Run) -> None:
+        """Send the goal, unless an earlier one may run, or set why that cannot be done."""
+        client = self._hold.client
+        if client is None or self._runs.closed:
+            run.problem = (
+                "nothing was sent: call setup() of the tree first, which makes the client"
+                if not self._runs.closed
+                else "nothing was sent, because the tree was shut down; setup() begins anew"
+            )
+        elif client.closed:
+            run.problem = "nothing was sent, because the client is closed"
+        elif not self._earlier_stopped(run, client):
+            return
+        else:
+            try:
+                run.start(client, self._source.goal(self), self._retry, self._classify)
+            except (NoGoalError, ClientClosedError) as error:
+                run.problem = str(error)
+
+    def _earlier_stopped(self, run: Run, client: Client[Any, Any, Any]) -> bool:
+        """Return whether no earlier goal may run; say at the node what is waited for."""
+        earlier = self._runs.before(run)
+        if not earlier:
+            return True
+        oldest = earlier[0]
+        known, future = oldest.known_to_run, oldest.future
+        goal_id = "" if future is None else future.goal_id
+        now, limit = time.monotonic(), client.timeouts.server
+        if known is not None:
+            run.unknown_since = None
+        elif run.unknown_since is None:
+            run.unknown_since = now
+        why = None
+        if not self._waits:
+            why = ""
+        elif run.deadline is not None and now >= run.deadline:
+            why = "; the time for this run is up"
+        elif limit is not None and now >= (run.unknown_since or now) + limit:
+            why = f"; nothing was heard of it for {limit:g} s: its server is silent, or gone"
+        if why is not None:
+            run.problem = _words.may_still_run(goal_id, known, why)
+            return False
+        refused = future is not None and any(event.cancel_refused for event in future.timeline)
+        self.feedback_message = _words.waiting(goal_id, known, refused)
+        return False
+
+    def _follow(self, future: GoalFuture[ResultT, FeedbackT]) -> Status:
+        done = future.done()  # before the feedback, of which more may have come with the end
+        feedback = future.latest_feedback
+        if feedback is not None and feedback is not self._shown[1] and self._feedback_key:
+            self._board.set(self._feedback_key, feedback)
+        if not done:
+            state = future.state
+            if self._shown[0] is not state or self._shown[1] is not feedback:
+                self.feedback_message = _words.running(state, feedback)
+                self._shown = (state, feedback)
+            return Status.RUNNING
+        outcome = future.outcome(0)
+        if outcome.result is not None and self._result_key is not None:
+            self._board.set(self._result_key, outcome.result)
+        if outcome.ok:
+            self.feedback_message = _words.succeeded(outcome.elapsed)
+            return Status.SUCCESS
+        label = self._source.label if isinstance(outcome.error, InvalidGoalError) else ""
+        self.feedback_message = on_one_line(f"{label}{outcome.error}")
+        return Status.FAILURE

@@ -1,0 +1,131 @@
+"""The runs of one leaf, and the goals that they sent: what is known of each, and giving it up.
+
+No py_trees here. Nothing waits. Any thread may use it, a signal handler and a garbage collection
+too: what they share is changed by one operation in C each.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import deque
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import Any
+
+from actionkit._calls.classify import Classify
+from actionkit._calls.future import GoalFuture
+from actionkit._client import Client
+from actionkit._model.arguments import UNSET
+from actionkit._model.errors import ClientClosedError
+from actionkit._model.settings import RetryPolicy
+
+AnyClient = Client[Any, Any, Any]
+AnyFuture = GoalFuture[Any, Any]
+
+
+class Run:
+    """One run of a leaf: from its first tick until it ends, or is interrupted."""
+
+    def __init__(self, timeout: float | None) -> None:
+        """Begin a run, whose time runs from now; it has no goal so far."""
+        self.future: AnyFuture | None = None
+        self.unwanted = False
+        self.problem = ""
+        """Why it fails without a goal, as a sentence."""
+        self.deadline = None if timeout is None else time.monotonic() + timeout
+        self.unknown_since: float | None = None
+        """Since when it waits for an earlier goal of which nothing is known."""
+        self._client: AnyClient | None = None
+        self._tickets = deque([None])
+
+    def start(
+        self, client: AnyClient, goal: Any, retry: RetryPolicy | None, classify: Classify | None
+    ) -> None:
+        """Send the goal, unless it was sent or the run was given up.
+
+        Raises:
+            ClientClosedError: The client was closed.
+            RuntimeError: This process was forked from the client's.
+        """
+        try:
+            self._tickets.pop()
+        except IndexError:
+            return  # another thread ticks this leaf, too, and was first
+        left = UNSET if self.deadline is None else max(0.0, self.deadline - time.monotonic())
+        self._client = client
+        try:
+            call = client._prepare(goal, None, left, retry, classify, {})
+            # Before it begins, so that whatever interrupts it here leaves no goal unknown.
+            self.future = call.future
+            if not self.unwanted:
+                client._session.begin(call)
+        except BaseException as error:
+            if self.future is None or isinstance(error, ClientClosedError):
+                self.future = None  # nothing has begun
+                self._tickets.append(None)
+            self.give_up()
+            raise
+        if self.unwanted:  # perhaps only now, by another thread
+            call.request_cancel()
+
+    def give_up(self) -> None:
+        """Send no goal any more, and cancel the one that was sent."""
+        self.unwanted = True
+        if self.future is not None and not self.future.done():
+            self.future.cancel()
+
+    @property
+    def known_to_run(self) -> bool | None:
+        """Whether its goal is known to run, or to run no more; `None` where neither is."""
+        if self.future is None:
+            return False if self._tickets else None
+        known = self.future.known_to_run
+        if not self.future.done():
+            return known or None
+        client_watches = self._client is not None and not self._client.closed
+        return known if client_watches or known is False else None
+
+
+class Runs:
+    """The runs of one leaf of which a goal may be running. It does not hold the leaf."""
+
+    def __init__(self) -> None:
+        self._runs: deque[Run] = deque()
+        self._pid = os.getpid()
+        self.closed = False
+        """Whether nothing is to be started any more."""
+
+    def begin(self, timeout: float | None) -> Run:
+        """Begin a run, and give up those before."""
+        run = Run(timeout)
+        # First, so that of two threads that begin one sees the other (C11.1).
+        self._runs.append(run)
+        self.give_up(self.before(run))
+        return run
+
+    def before(self, run: Run) -> list[Run]:
+        """Return the other runs of which a goal may be running; those that are over are let go."""
+        others = [each for each in list(self._runs) if each is not run]
+        for each in others:
+            if each.known_to_run is False:
+                with suppress(ValueError):  # another thread did the same
+                    self._runs.remove(each)
+        return [each for each in others if each.known_to_run is not False]
+
+    def give_up(self, runs: Iterable[Run] | None = None) -> None:
+        """Cancel the goals of these runs, or of all."""
+        if os.getpid() != self._pid:
+            return  # a forked process: the goals are its parent's
+        for run in list(self._runs) if runs is None else runs:
+            run.give_up()
+
+    def close(self) -> None:
+        """Start nothing any more, and cancel what there is."""
+        self.closed = True
+        self.give_up()
+
+    def in_flight(self) -> list[AnyFuture]:
+        """Return the futures that are not done."""
+        futures = [run.future for run in list(self._runs)]
+        return [future for future in futures if future is not None and not future.done()]

@@ -1,0 +1,124 @@
+"""Where the goal of a leaf comes from: given once, made by a function, or on the blackboard."""
+
+from __future__ import annotations
+
+import inspect
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from py_trees.blackboard import Blackboard
+from py_trees.blackboard import Client as BlackboardClient
+from py_trees.common import Access
+
+from actionkit._messages.convert import to_message
+from actionkit._model.arguments import check_function
+from actionkit._threads.diagnostics import log_later
+
+
+class NoGoalError(Exception):
+    """There is no goal to send. Its text is a sentence for the tree's node."""
+
+
+@dataclass(frozen=True)
+class FromBlackboard:
+    """The goal of a behaviour is what stands on the blackboard when it is sent.
+
+    Attributes:
+        key: Its name there, such as `"target"`, `"/mission/target"` or `"mission.target"`, the
+            attribute of what stands under `mission`. A goal message, or a mapping of its fields.
+
+    Raises:
+        TypeError: The key is no text.
+        ValueError: The key is empty.
+    """
+
+    key: str
+
+    def __post_init__(self) -> None:
+        check_key("FromBlackboard key", self.key, nested=True)
+
+
+def check_key(name: str, key: object, *, nested: bool = False) -> None:
+    """Raise where this cannot be the key of a blackboard variable.
+
+    Raises:
+        TypeError: It is no text.
+        ValueError: It is empty, or has a dot where it must not.
+    """
+    if not isinstance(key, str):
+        raise TypeError(f"{name}={key!r} must be a text, the name of a blackboard variable")
+    if not key.strip("/. "):
+        raise ValueError(f"{name}={key!r} must be the name of a blackboard variable")
+    if "." in key and not nested:
+        raise ValueError(
+            f"{name}={key!r} must name a variable of its own, without a dot: it is written whole"
+        )
+
+
+class GoalSource:
+    """Gives the goal to be sent."""
+
+    def __init__(self, goal: object, goal_class: type, board: BlackboardClient) -> None:
+        """Check what the user gave.
+
+        Args:
+            goal: A message, a mapping, a function of the behaviour, or `FromBlackboard`.
+            goal_class: The action's goal message.
+            board: The behaviour's blackboard client, which gets read access.
+
+        Raises:
+            TypeError, ValueError: It is none of these, or does not fit the action's goal.
+        """
+        self.label = ""
+        """Where it comes from, as the beginning of a sentence about it; `""` where it was given."""
+        self._board = board
+        if isinstance(goal, FromBlackboard):
+            self.label = f"the goal under the blackboard key {goal.key!r} is not right: "
+            board.register_key(key=Blackboard.key(goal.key), access=Access.READ)
+            self._get: Callable[[Any], Any] = lambda _: self._read(goal.key)
+        elif isinstance(goal, Mapping) or (not inspect.isclass(goal) and _is_message(goal)):
+            message = to_message(goal_class, goal)  # a copy, so what is given may change
+            self._get = lambda _: message
+        else:
+            wanted = (
+                f"a {goal_class.__name__.rpartition('_')[0]}.Goal message, a mapping of its fields,"
+                " a function (behaviour) -> goal, or FromBlackboard(key)"
+            )
+            check_function("goal", goal, wanted)
+            assert callable(goal)
+            self.label = "what the function for the goal returned is not right: "
+            function: Callable[[Any], Any] = goal
+            self._get = lambda behaviour: _ask(function, behaviour)
+
+    def goal(self, behaviour: object) -> Any:
+        """Return the goal to be sent now.
+
+        Raises:
+            NoGoalError: There is none.
+        """
+        return self._get(behaviour)
+
+    def _read(self, key: str) -> Any:
+        try:
+            return self._board.get(key)
+        except (KeyError, AttributeError):
+            raise NoGoalError(
+                f"nothing stands on the blackboard under the key {key!r}: write the goal there"
+                " before this behaviour is ticked"
+            ) from None
+
+
+def _is_message(value: object) -> bool:
+    return hasattr(value, "get_fields_and_field_types")
+
+
+def _ask(function: Callable[[Any], Any], behaviour: object) -> Any:
+    try:
+        return function(behaviour)
+    except Exception as error:  # noqa: BLE001  whatever a function of the user's raises
+        log_later(logging.ERROR, "the function for a goal raised", exc_info=error)
+        raise NoGoalError(
+            f"the function for the goal raised {type(error).__name__}: {error}; nothing was sent"
+        ) from None
