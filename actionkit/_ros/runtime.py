@@ -27,6 +27,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from actionkit._ros.discovery import stop_listening
+from actionkit._ros.joining import joining
 from actionkit._ros.native import Source, Waiter, is_up
 from actionkit._ros.outbox import Window
 from actionkit._threads.clock import TimerHandle, TimerQueue
@@ -256,18 +257,19 @@ class Runtime:
         try:
             self._waiter = Waiter(self.context)
             name = f"actionkit_{os.getpid()}_{next(_numbers)}"
-            self.node = Node(
-                name,
-                context=self.context,
-                # A launch file's __node is meant for the user's node: two nodes of one name
-                # confuse every tool.
-                cli_args=["--ros-args", "-r", f"__node:={name}"],
-                enable_rosout=False,
-                start_parameter_services=False,
-                parameter_overrides=[
-                    Parameter("start_type_description_service", value=False),
-                ],
-            )
+            with joining():
+                self.node = Node(
+                    name,
+                    context=self.context,
+                    # A launch file's __node is meant for the user's node: two nodes of one name
+                    # confuse every tool.
+                    cli_args=["--ros-args", "-r", f"__node:={name}"],
+                    enable_rosout=False,
+                    start_parameter_services=False,
+                    parameter_overrides=[
+                        Parameter("start_type_description_service", value=False),
+                    ],
+                )
         except BaseException:  # no context is left behind
             self.context.try_shutdown()
             raise

@@ -16,6 +16,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from actionkit._ros.discovery import stop_listening
+from actionkit._ros.joining import joining
 from actionkit.servers._behaviour import Behaviour
 from actionkit.servers._executors import make_executor, spin
 from actionkit.servers._life import INSTANCE_VARIABLE, Life
@@ -240,13 +241,14 @@ class Harness:
     # -- private ---------------------------------------------------------------------------
 
     def _add_node(self, name: str) -> Node:
-        node = Node(
-            # The same name after a restart, as a real server has it, and another for each server.
-            f"{name}_{os.environ.get(INSTANCE_VARIABLE, os.getpid())}",
-            context=self._context,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
+        with joining():
+            node = Node(
+                # The same name after a restart, as a real server has it, and another for each.
+                f"{name}_{os.environ.get(INSTANCE_VARIABLE, os.getpid())}",
+                context=self._context,
+                enable_rosout=False,
+                start_parameter_services=False,
+            )
         self._nodes.append(node)
         self.executor.add_node(node)
         return node
