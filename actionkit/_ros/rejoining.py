@@ -25,8 +25,8 @@ _LOOKS = 4
 """Looks in all, those included at which the node could not be replaced just then."""
 _PATIENCE = 0.2
 """Seconds until a server is in view at least, where nothing was missed: 0.11, and some more."""
-_TIMES = 5
-"""The same as a multiple of the time that it took to make the node, for a busy machine."""
+_MOST_TIMES = 5.0
+"""How many times as long that may be on a busy machine, by how much slower the node was made."""
 
 
 class Link(Protocol):
@@ -71,10 +71,16 @@ class Rejoining:
         self._looks = 0
         self._patience = 0.0
 
-    def joined(self, took: float) -> None:
-        """Handle that the node was made just now; it took so many seconds."""
+    def joined(self, took: float, worked: float) -> None:
+        """Handle that the node was made just now.
+
+        Args:
+            took: Seconds that it took.
+            worked: Seconds that its thread had a core in that time. It is less on a busy machine.
+        """
+        slower = min(max(1.0, took / max(worked, 1e-6)), _MOST_TIMES)
         # Longer the second time: it may be the servers that are slow.
-        self._patience = max(_PATIENCE, _TIMES * took) * (1 + self._tries)
+        self._patience = _PATIENCE * slower * (1 + self._tries)
         if self._tries < _TRIES and is_wanted() and "fastrtps" in graph.middleware():
             self._look_later()
 

@@ -269,9 +269,9 @@ class Runtime:
             raise
 
     def _make_node(self) -> None:
-        began = time.monotonic()
+        began, worked = time.monotonic(), time.thread_time()
         self.node = make_node(self._node_name, self.context)
-        self.rejoining.joined(time.monotonic() - began)
+        self.rejoining.joined(time.monotonic() - began, time.thread_time() - worked)
 
     def _renew_node(self) -> Node:
         leave_graph(self.node)

@@ -181,7 +181,7 @@ class Graph:
             on_failure=self.failures.append,
         )
         self.link = self.add()
-        self.rejoining.joined(self.took)
+        self.rejoining.joined(self.took, 0.02)
 
     def add(self) -> FakeLink:
         link = FakeLink(self.events)
@@ -190,7 +190,7 @@ class Graph:
 
     def _renew(self) -> Any:
         self.events.append("renew")
-        self.rejoining.joined(self.took)
+        self.rejoining.joined(self.took, 0.02)
         return "node"
 
     @property
@@ -257,12 +257,19 @@ def test_without_clients_the_node_stays(network):
 
 
 def test_a_busy_machine_gets_more_time(network):
-    network.took = 1.0
+    network.took = 0.04  # of which its thread had a core for half the time
     network.clock.advance(0.3)
     assert network.renewed == 1
-    network.clock.advance(9.0)
+    network.clock.advance(0.6)
     assert network.renewed == 1
-    network.clock.advance(1.5)
+    network.clock.advance(0.2)
+    assert network.renewed == 2
+
+
+def test_a_machine_that_stood_still_does_not_hold_it_up_for_ever(network):
+    network.took = 100.0
+    network.clock.advance(0.3)
+    network.clock.advance(2.0)
     assert network.renewed == 2
 
 
