@@ -34,6 +34,7 @@ class Link(Protocol):
 
     def has_seen_servers(self) -> bool:
         """Whether a server of any type has been in view; nothing is sent before."""
+        ...
 
     def leave(self) -> None:
         """Destroy the entities: the node is replaced."""
