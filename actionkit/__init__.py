@@ -6,41 +6,53 @@
     with Client(Fibonacci, "fibonacci") as client:
         result = client.call(Fibonacci.Goal(order=10), timeout=10.0)
 
-Importing this does not import rclpy; making a `Client` does.
+Importing this does not import rclpy; making a `Client` does. Each name is imported where it is used
+first, so that a program does not wait for what it does not need.
 """
 
-from actionkit._calls.budget import RetryBudget
-from actionkit._calls.classify import classify_by_field, retry_aborted
-from actionkit._calls.future import GoalFuture
-from actionkit._calls.signals import cancel_on_signals
-from actionkit._client import Client
-from actionkit._model.errors import (
-    AcceptanceTimeoutError,
-    ActionKitError,
-    ActionTypeMismatchError,
-    ClassifyError,
-    ClientClosedError,
-    DeadlineExceededError,
-    FeedbackStalledError,
-    GoalAbortedError,
-    GoalCanceledError,
-    GoalRejectedError,
-    InvalidGoalError,
-    PermanentError,
-    ResultLostError,
-    RetriesExhaustedError,
-    ServerLostError,
-    ServerUnavailableError,
-    TransientError,
-)
-from actionkit._model.settings import RetryPolicy, Timeouts
-from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome, Timeline, Verdict
-from actionkit._observers.json_lines import JsonLines
-from actionkit._observers.json_reader import LogFile, read_json_lines
-from actionkit._observers.json_schema import LoggedLine
-from actionkit._observers.protocol import CallInfo, Observer
-from actionkit._observers.rosout import Rosout
-from actionkit._observers.telemetry import OpenTelemetry
+import importlib as _importlib
+import typing as _typing
+
+if _typing.TYPE_CHECKING:  # the same as in `_MODULES`, for type checkers and editors
+    from actionkit._calls.budget import RetryBudget
+    from actionkit._calls.classify import classify_by_field, retry_aborted
+    from actionkit._calls.future import GoalFuture
+    from actionkit._calls.signals import cancel_on_signals
+    from actionkit._client import Client
+    from actionkit._model.errors import (
+        AcceptanceTimeoutError,
+        ActionKitError,
+        ActionTypeMismatchError,
+        ClassifyError,
+        ClientClosedError,
+        DeadlineExceededError,
+        FeedbackStalledError,
+        GoalAbortedError,
+        GoalCanceledError,
+        GoalRejectedError,
+        InvalidGoalError,
+        PermanentError,
+        ResultLostError,
+        RetriesExhaustedError,
+        ServerLostError,
+        ServerUnavailableError,
+        TransientError,
+    )
+    from actionkit._model.settings import RetryPolicy, Timeouts
+    from actionkit._model.values import (
+        CancelReport,
+        GoalEvent,
+        GoalState,
+        Outcome,
+        Timeline,
+        Verdict,
+    )
+    from actionkit._observers.json_lines import JsonLines
+    from actionkit._observers.json_reader import LogFile, read_json_lines
+    from actionkit._observers.json_schema import LoggedLine
+    from actionkit._observers.protocol import CallInfo, Observer
+    from actionkit._observers.rosout import Rosout
+    from actionkit._observers.telemetry import OpenTelemetry
 
 __version__ = "0.1.0"
 
@@ -85,3 +97,60 @@ __all__ = [
     "read_json_lines",
     "retry_aborted",
 ]
+
+_MODULES = {
+    "AcceptanceTimeoutError": "_model.errors",
+    "ActionKitError": "_model.errors",
+    "ActionTypeMismatchError": "_model.errors",
+    "CallInfo": "_observers.protocol",
+    "CancelReport": "_model.values",
+    "ClassifyError": "_model.errors",
+    "Client": "_client",
+    "ClientClosedError": "_model.errors",
+    "DeadlineExceededError": "_model.errors",
+    "FeedbackStalledError": "_model.errors",
+    "GoalAbortedError": "_model.errors",
+    "GoalCanceledError": "_model.errors",
+    "GoalEvent": "_model.values",
+    "GoalFuture": "_calls.future",
+    "GoalRejectedError": "_model.errors",
+    "GoalState": "_model.values",
+    "InvalidGoalError": "_model.errors",
+    "JsonLines": "_observers.json_lines",
+    "LogFile": "_observers.json_reader",
+    "LoggedLine": "_observers.json_schema",
+    "Observer": "_observers.protocol",
+    "OpenTelemetry": "_observers.telemetry",
+    "Outcome": "_model.values",
+    "PermanentError": "_model.errors",
+    "ResultLostError": "_model.errors",
+    "RetriesExhaustedError": "_model.errors",
+    "RetryBudget": "_calls.budget",
+    "RetryPolicy": "_model.settings",
+    "Rosout": "_observers.rosout",
+    "ServerLostError": "_model.errors",
+    "ServerUnavailableError": "_model.errors",
+    "Timeline": "_model.values",
+    "Timeouts": "_model.settings",
+    "TransientError": "_model.errors",
+    "Verdict": "_model.values",
+    "cancel_on_signals": "_calls.signals",
+    "classify_by_field": "_calls.classify",
+    "read_json_lines": "_observers.json_reader",
+    "retry_aborted": "_calls.classify",
+}
+"""Where each public name is."""
+
+
+if not _typing.TYPE_CHECKING:  # a checker would take any name for one that is there
+
+    def __getattr__(name: str) -> _typing.Any:
+        if name not in _MODULES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(_importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+        globals()[name] = value  # so it is asked for once
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
 from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Any
 
 from actionkit._calls.drivers import Driver, find_driver
+from actionkit._threads.event_loop import running_task
 from actionkit._threads.function_runner import Clock
 from actionkit._threads.waiting import Flag
 
@@ -112,7 +112,7 @@ class Awaiters:
             wait: Called where the task begins.
             value: What the event loop sends.
         """
-        task = _running_task()
+        task = running_task()
         begun = self._tasks.get(task)
         if begun is None:
             begun = self._tasks[task] = wait()
@@ -120,7 +120,7 @@ class Awaiters:
 
     def throw(self, wait: Wait, error: BaseException) -> Any:
         """Raise an error in the running task, which begins where it has not so far."""
-        task = _running_task()
+        task = running_task()
         begun = self._tasks.get(task)
         if begun is None:
             # Cancelled before its first step; the goal is to be cancelled all the same.
@@ -142,10 +142,3 @@ class Awaiters:
         except BaseException:  # `StopIteration`, too: the wait is over
             self._tasks.pop(task, None)
             raise
-
-
-def _running_task() -> object:
-    try:
-        return asyncio.current_task()
-    except RuntimeError:  # no loop is running
-        return None

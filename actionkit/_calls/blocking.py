@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import warnings
 
+from actionkit._threads.event_loop import running_loop
 from actionkit._threads.pool import in_callback
 
 _warned: list[str] = []
@@ -33,11 +33,7 @@ def warn_on_event_loop(blocking: str, instead: str) -> None:
         blocking: What that is.
         instead: What does not block.
     """
-    try:
-        asyncio.get_running_loop()
-    except RuntimeError:
-        return
-    if not _warned:
+    if running_loop() is not None and not _warned:
         _warned.append(blocking)
         warnings.warn(
             f"{blocking} blocks the event loop of asyncio that runs in this thread, with all its"

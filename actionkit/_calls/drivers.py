@@ -7,7 +7,6 @@ callback of the other, and only the nearest can go on with this coroutine.
 
 from __future__ import annotations
 
-import asyncio
 import concurrent.futures
 import contextlib
 import inspect
@@ -16,9 +15,13 @@ import threading
 from collections.abc import Callable
 from functools import partial
 from types import FrameType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
+from actionkit._threads.event_loop import running_loop
 from actionkit._threads.waiting import Flag, complete, run_in_thread, wake_future
+
+if TYPE_CHECKING:
+    import asyncio
 
 _COROUTINE = (
     inspect.CO_COROUTINE
@@ -51,12 +54,15 @@ class Driver(Protocol):
 class Asyncio:
     """The running event loop."""
 
-    cancellation: tuple[type[BaseException], ...] = (asyncio.CancelledError,)
-    was_cancelled: type[BaseException] = asyncio.CancelledError
     has_ended: Callable[[], bool] | None = None
 
-    def __init__(self) -> None:
-        self._loop = asyncio.get_running_loop()
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        import asyncio  # it is there
+
+        self._asyncio = asyncio
+        self._loop = loop
+        self.was_cancelled: type[BaseException] = asyncio.CancelledError
+        self.cancellation: tuple[type[BaseException], ...] = (asyncio.CancelledError,)
 
     async def wait(self, flag: Flag, seconds: float | None = None) -> None:
         """Return when the flag is set, or after `seconds`."""
@@ -75,7 +81,7 @@ class Asyncio:
     async def let_others_begin(self) -> None:
         """Wait for the next turn of the loop."""
         with _unless_by_anyio():
-            await asyncio.sleep(0)
+            await self._asyncio.sleep(0)
 
     async def wait_cancelled(self, flag: Flag, seconds: float) -> None:
         """Return when the flag is set, after `seconds`, or when the task is cancelled again."""
@@ -143,14 +149,14 @@ def find_driver() -> Driver:
         from actionkit._ros.coroutines import Rclpy  # rclpy is there
 
         return Rclpy(frame.f_locals["self"])
-    try:
-        return Asyncio()
-    except RuntimeError:
-        raise RuntimeError(
-            "nothing runs this coroutine that could go on with it later: await under asyncio, under"
-            " trio, or in a callback that an executor of rclpy runs; elsewhere use what blocks, as"
-            " result() does"
-        ) from None
+    loop = running_loop()
+    if loop is not None:
+        return Asyncio(loop)
+    raise RuntimeError(
+        "nothing runs this coroutine that could go on with it later: await under asyncio, under"
+        " trio, or in a callback that an executor of rclpy runs; elsewhere use what blocks, as"
+        " result() does"
+    )
 
 
 def _is_of_trio(frame: FrameType) -> bool:

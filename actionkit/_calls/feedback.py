@@ -7,21 +7,24 @@ thread.
 
 from __future__ import annotations
 
-import asyncio
 import inspect
 import logging
 import threading
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from actionkit._messages.lazy import UndecodableError
 from actionkit._threads.blocked import Label
 from actionkit._threads.diagnostics import log_here
+from actionkit._threads.event_loop import running_loop, running_task
 from actionkit._threads.pool import Pool, in_callback
 from actionkit._threads.serial_queue import SerialQueue
 from actionkit._threads.waiting import taken_from
+
+if TYPE_CHECKING:
+    import asyncio
 
 KEPT = 100
 """Feedback messages that a slow callback or reader may be behind; then the oldest are left out. It
@@ -136,6 +139,8 @@ class LoopCallbacks:
         self._task = self._loop.create_task(self._drain())  # kept: tasks are held weakly
 
     async def _drain(self) -> None:
+        import asyncio  # it is there: its loop runs this
+
         in_callback.set(True)
         while (decode := self._next()) is not None:
             try:
@@ -174,7 +179,7 @@ def _log_error(action_name: str) -> None:
 
 def _is_being_cancelled() -> bool:
     """Whether the running task was cancelled, and not just something that it called."""
-    task: Any = asyncio.current_task()
+    task: Any = running_task()
     # Before Python 3.11 a task cannot tell; then it is taken to be cancelled.
     return not hasattr(task, "cancelling") or task.cancelling() > 0
 
@@ -206,11 +211,10 @@ def callbacks_for(
         getattr(function, "__call__", None)  # noqa: B004  an object with `async def __call__`
     ):
         return ThreadCallbacks(function, action_name, pool)
-    try:
-        loop = asyncio.get_running_loop()
-    except RuntimeError:
+    loop = running_loop()
+    if loop is None:
         raise TypeError(
             f"on_feedback={function!r} is a coroutine function, but no event loop is running in"
             " this thread: pass a plain function, or call from inside a coroutine"
-        ) from None
+        )
     return LoopCallbacks(function, action_name, loop)

@@ -10,7 +10,7 @@ from typing import Any
 
 from rclpy.task import Future
 
-from actionkit._ros.native import executor_of, has_ended, take_out
+from actionkit._ros.executors import executor_of, has_ended, take_out
 from actionkit._threads.diagnostics import log_own_error
 from actionkit._threads.waiting import Flag, run_in_thread
 

@@ -71,10 +71,30 @@ class Entities:
                     handler,
                     lambda event: on_matched(event.current_count, event.total_count_change),
                 )
-            self.goal = self._client(impl.SendGoalService, "send_goal", on_goal)
-            self.result = self._client(impl.GetResultService, "get_result", on_result)
-            self.cancel = self._client(CancelGoal, "cancel_goal", on_cancel)
+            self.goal = ResponseSource(self._goal_client(), on_goal)
+            self.result = ResponseSource(self._result_client(), on_result)
+            self.cancel = ResponseSource(self._cancel_client(), on_cancel)
         except BaseException:  # whatever it was goes on, but no entity is left behind
+            self.destroy()
+            raise
+
+    def make_anew(self, node: Node) -> None:
+        """Make others on another node after `destroy`; the sources are about these from now on.
+
+        Raises:
+            Exception: Whatever rclpy raises.
+        """
+        self._node = node
+        try:
+            subscription = self._subscribe_feedback()
+            self.feedback.use(subscription)
+            for handler in list(subscription.event_handlers)[:1]:
+                if self.matched is not None:
+                    self.matched.use(handler)
+            self.goal.use(self._goal_client())
+            self.result.use(self._result_client())
+            self.cancel.use(self._cancel_client())
+        except BaseException:  # as above
             self.destroy()
             raise
 
@@ -117,14 +137,21 @@ class Entities:
         self._clients.clear()
         self._subscriptions.clear()
 
-    def _client(
-        self, srv_type: Any, what: str, on_response: Callable[[int, Any], None]
-    ) -> ResponseSource:
+    def _goal_client(self) -> ServiceClient:
+        return self._client(self._impl.SendGoalService, "send_goal")
+
+    def _result_client(self) -> ServiceClient:
+        return self._client(self._impl.GetResultService, "get_result")
+
+    def _cancel_client(self) -> ServiceClient:
+        return self._client(CancelGoal, "cancel_goal")
+
+    def _client(self, srv_type: Any, what: str) -> ServiceClient:
         client = self._node.create_client(
             srv_type, f"{self._name}/_action/{what}", qos_profile=QoSProfile(depth=_DEEP)
         )
         self._clients.append(client)
-        return ResponseSource(client, on_response)
+        return client
 
     def _subscribe_feedback(self) -> Subscription:
         try:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from rclpy.node import Node
+
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.codes import STATES, cancel_answer
 from actionkit._ros.entities import Entities
@@ -97,6 +99,7 @@ class Link:
             on_feedback=self._take_feedback,
             has_waiters=lambda: self.monitor.waiting > 0,
         )
+        runtime.rejoining.links[self] = None
 
     # --- what goals ask for ----------------------------------------------------------------
 
@@ -210,6 +213,22 @@ class Link:
         self._requests.server_came()
         self._send_next()  # goals that got their turn while no server was ready
 
+    # --- what the runtime asks for ---------------------------------------------------------
+
+    def has_seen_servers(self) -> bool:
+        """Whether a server of any type has been in view; nothing is sent before."""
+        if self._entities.matched is not None:
+            self._entities.matched.take()  # the latest event may not have been read
+        return self.readiness.has_seen_servers
+
+    def leave(self) -> None:
+        """Destroy the entities, before the node is replaced."""
+        self._entities.destroy()
+
+    def enter(self, node: Node) -> None:
+        """Make the entities anew on the node that has replaced the earlier one."""
+        self._entities.make_anew(node)
+
     # --- what the port asks for ------------------------------------------------------------
 
     def server_is_ready(self) -> bool:
@@ -228,6 +247,7 @@ class Link:
 
     def close(self) -> None:
         """Destroy the entities. No listener is told anything any more."""
+        self.runtime.rejoining.links.pop(self, None)
         self._outbox.close()
         self.monitor.close()
         self._requests.close()

@@ -1,4 +1,4 @@
-"""The only module that uses private parts of rclpy: it waits for chosen entities.
+"""Uses private parts of rclpy, as `executors` does: it waits for chosen entities.
 
 At each turn rclpy's executors rebuild their wait set from every entity of the node, and wrap each
 event in a task. They end for good when a user's callback raises (R8), or when rclpy's own signal
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import operator
-import weakref
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -24,13 +23,11 @@ from rclpy.client import Client as ServiceClient
 from rclpy.context import Context
 from rclpy.event_handler import EventHandler
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import Executor
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerGuardCondition
 from rclpy.subscription import Subscription
-from rclpy.task import Task
 
 _FOREVER = -1
 """The timeout of a wait without end."""
@@ -110,71 +107,6 @@ def on_shutdown(context: Context, method: Callable[[], None]) -> None:
     context._callbacks.append(WeakMethod(method, context._remove_callback))
 
 
-# --- executors of the user's --------------------------------------------------------------------
-
-
-def wake_executors(context: Context) -> None:
-    """Wake the executors of a context that was shut down, so that their `spin` ends.
-
-    At a signal rclpy wakes executors first, and then shuts down their context. One that is quick
-    finds it still up, and waits on without end (in 4 of 270 programs of rclpy alone).
-
-    What `Executor.wake()` does is done here, as that may be a method of the user's.
-    """
-    methods = [callback() for callback in context._callbacks if isinstance(callback, WeakMethod)]
-    for executor in [getattr(method, "__self__", None) for method in methods]:
-        guard = executor._guard if isinstance(executor, Executor) else None
-        if guard is not None:
-            with contextlib.suppress(InvalidHandle, RCLError):
-                guard.trigger()
-
-
-def executor_of(task: Any) -> Any:
-    """Return the executor of a task; `None` where it has none, or it was dropped."""
-    return task._executor()
-
-
-def has_ended(executor: Any) -> bool:
-    """Whether an executor, or its context, was shut down. From any thread; takes no lock."""
-    context = getattr(executor, "context", None)
-    return getattr(executor, "_is_shutdown", False) or (context is not None and not is_up(context))
-
-
-def take_out(executor: Any, task: Task) -> Callable[[], None]:
-    """Take a task that begins to wait out of the list of its executor.
-
-    Up to 7.1.8 an executor runs every task in that list again whenever anything wakes it, and the
-    one with several threads keeps a note of each time: with ten tasks that waited beside a timer of
-    100 Hz it used a whole core after some seconds. Later ones have no such list, and go on with a
-    task when what it awaits is done.
-
-    Returns:
-        What puts it back, so that the executor runs it when it is next woken. It takes a lock.
-    """
-    tasks = getattr(executor, "_tasks", None)
-    lock = getattr(executor, "_tasks_lock", None)
-    taken: list[Any] = []
-    if isinstance(tasks, list) and lock is not None:
-        with lock:
-            # Not `tasks`, which may be another by now.
-            taken = [entry for entry in executor._tasks if entry[0] is task]
-            executor._tasks = [entry for entry in executor._tasks if entry[0] is not task]
-    weak = weakref.ref(executor)
-
-    def put_back() -> None:
-        owner = weak()
-        if owner is not None and lock is not None:
-            with lock:
-                owner._tasks += taken
-                taken.clear()
-
-    return put_back if taken else _nothing
-
-
-def _nothing() -> None:
-    return
-
-
 class Source:
     """An entity to wait for, and what to call when there is something to read."""
 
@@ -195,9 +127,13 @@ class ResponseSource(Source):
 
     def __init__(self, client: ServiceClient, on_response: Callable[[int, Any], None]) -> None:
         super().__init__(self.take)
+        self._on_response = on_response
+        self.use(client)
+
+    def use(self, client: ServiceClient) -> None:
+        """Be about this service client from now on."""
         self._handle = client.handle
         self._type = client.srv_type.Response
-        self._on_response = on_response
 
     def add_to(self, wait_set: Any) -> int:
         return int(wait_set.add_client(self._handle))
@@ -222,6 +158,10 @@ class MessageSource(Source):
 
     def __init__(self, subscription: Subscription, on_readable: Callable[[], None]) -> None:
         super().__init__(on_readable)
+        self.use(subscription)
+
+    def use(self, subscription: Subscription) -> None:
+        """Be about this subscription from now on."""
         self.subscription = subscription
         self._handle = subscription.handle
 
@@ -251,8 +191,12 @@ class EventSource(Source):
 
     def __init__(self, handler: EventHandler, on_event: Callable[[Any], None]) -> None:
         super().__init__(self.take)
-        self._handler = handler
         self._on_event = on_event
+        self.use(handler)
+
+    def use(self, handler: EventHandler) -> None:
+        """Be about this event from now on."""
+        self._handler = handler
 
     def add_to(self, wait_set: Any) -> int:
         self._handler.add_to_wait_set(wait_set)

@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message
 from typing_extensions import Self
 
 from actionkit._model.errors import ActionTypeMismatchError
-from actionkit._ros import graph, native, runtimes
+from actionkit._ros import executors, graph, native, runtimes
 from actionkit._ros.link import Link
 from actionkit._ros.names import Identity, resolve, type_name_of
 from actionkit._ros.native import RCLError, domain_of, is_up
@@ -115,7 +115,7 @@ class Port:
         """Have the user's executors see that their context was shut down, if it was."""
         context = native.default_context() if self._node is None else self._node.context
         if context is not None and not is_up(context):
-            native.wake_executors(context)
+            executors.wake_executors(context)
 
     def is_up_again(self) -> bool:
         """Return whether a client can go on after that: not with a node, whose end is final."""

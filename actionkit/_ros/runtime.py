@@ -24,11 +24,11 @@ from weakref import WeakValueDictionary
 
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
-from actionkit._ros.discovery import stop_listening
 from actionkit._ros.native import Source, Waiter, is_up
 from actionkit._ros.outbox import Window
+from actionkit._ros.own_node import leave_graph, make_node
+from actionkit._ros.rejoining import Rejoining
 from actionkit._threads.clock import TimerHandle, TimerQueue
 from actionkit._threads.diagnostics import log_later, log_own_error
 from actionkit._threads.waiting import Flag, taken_from
@@ -79,6 +79,14 @@ class Runtime:
         self._stopping = False
         self._keep_until = 0.0
         self._users: set[object] = set()
+        self._node_name = f"actionkit_{os.getpid()}_{next(_numbers)}"
+        self._broken: Exception | None = None
+        self.rejoining = Rejoining(
+            self,
+            can_leave=self._can_leave,
+            renew=self._renew_node,
+            on_failure=self._on_rejoin_failure,
+        )
         self._on_last = on_last
         self._started = Flag()
         self._refused: BaseException | None = None
@@ -255,28 +263,40 @@ class Runtime:
         self.context.init(None, initialize_logging=False, domain_id=self._domain_id)
         try:
             self._waiter = Waiter(self.context)
-            name = f"actionkit_{os.getpid()}_{next(_numbers)}"
-            self.node = Node(
-                name,
-                context=self.context,
-                # A launch file's __node is meant for the user's node: two nodes of one name
-                # confuse every tool.
-                cli_args=["--ros-args", "-r", f"__node:={name}"],
-                enable_rosout=False,
-                start_parameter_services=False,
-                parameter_overrides=[
-                    Parameter("start_type_description_service", value=False),
-                ],
-            )
+            self._make_node()
         except BaseException:  # no context is left behind
             self.context.try_shutdown()
             raise
+
+    def _make_node(self) -> None:
+        began, worked = time.monotonic(), time.thread_time()
+        self.node = make_node(self._node_name, self.context)
+        self.rejoining.joined(time.monotonic() - began, time.thread_time() - worked)
+
+    def _renew_node(self) -> Node:
+        leave_graph(self.node)
+        self._make_node()
+        return self.node
+
+    def _can_leave(self, links: int) -> bool:
+        # The command line's tools use the node without a link, and so does a client being made.
+        in_use = len(self._users) > links or self._keep_until > time.monotonic()
+        return not in_use and is_up(self.context)
+
+    def _on_rejoin_failure(self, error: Exception) -> None:
+        self._sources.clear()
+        self._waited_for = None
+        if is_up(self.context):
+            self._broken = error
+        self._look_at_context()  # a signal handler may have shut it down just now (R10)
 
     def _turn(self) -> None:
         for _ in range(len(self._inbox)):
             self._guarded(self._inbox.popleft())
         while (due := self.timers.pop_due(time.monotonic())) is not None:
             self._guarded(due)
+        if self._broken is not None:
+            raise self._broken
         if self._stopping:
             return
         timeout = 0.0 if self._inbox else None
@@ -315,7 +335,6 @@ class Runtime:
             self._waiter.wait((), left)
             self._empty_inbox()
         self._waiter.destroy()
-        stop_listening(self.node)
-        self.node.destroy_node()
+        leave_graph(self.node)
         self.context.try_shutdown()
         self.context.destroy()

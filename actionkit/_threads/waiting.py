@@ -11,13 +11,15 @@ cores.) So the main thread waits in slices.
 from __future__ import annotations
 
 import _thread
-import asyncio
 import contextlib
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    import asyncio
 
 _T = TypeVar("_T")
 _SLICE = 0.5

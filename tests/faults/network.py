@@ -25,6 +25,22 @@ table inet faults {{
 }}
 """
 
+_FIRST_LOSSES = """
+table inet faults {
+  set met { type inet_service; flags dynamic; }
+  set meeting { type inet_service; flags dynamic, timeout; timeout 80ms; }
+  chain lose {
+    type filter hook input priority 0;
+    iifname "cable" ip daddr 224.0.0.0/4 counter drop
+    iifname "cable" ip daddr != 224.0.0.0/4 udp dport != @met add @meeting { udp dport } \
+        add @met { udp dport }
+    iifname "cable" ip daddr != 224.0.0.0/4 udp dport @meeting counter drop
+  }
+}
+"""
+"""What comes to a port within 80 ms of the first packet to it; the next announcement is not missed,
+it comes after 100 ms."""
+
 
 class Host:
     """A network namespace, in which processes can be started."""
@@ -96,6 +112,10 @@ class Network:
                 host.run(
                     "tc", "qdisc", "add", "dev", "cable", "root", "netem", "loss", f"{percent}%"
                 )
+
+    def lose_first_answers(self) -> None:
+        """Drop what the first host is sent at first, on each of its ports; needs nftables."""
+        self.first.run("nft", "-f", "-", text=_FIRST_LOSSES)
 
 
 @contextmanager

@@ -226,8 +226,8 @@ def test_the_properties(cls: type, names: str) -> None:
 def test_nothing_else_is_public() -> None:
     ours = {
         name
-        for name, value in vars(actionkit).items()
-        if not name.startswith("_") and not inspect.ismodule(value)
+        for name in dir(actionkit)
+        if not name.startswith("_") and not inspect.ismodule(getattr(actionkit, name))
     }
     assert ours == set(NAMES)
 

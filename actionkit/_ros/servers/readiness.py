@@ -114,11 +114,17 @@ class ServerReadiness:
         """Whether a probe was sent since then."""
         self._closed = False
         self._looking = False
+        self._seen = False
 
     @property
     def ready(self) -> bool:
         """Whether goals can be sent."""
         return self.state is State.READY
+
+    @property
+    def has_seen_servers(self) -> bool:
+        """Whether a server of any type has been in view."""
+        return self._seen or bool(self._list_servers())
 
     def matched(self, count: int, came: int = 0) -> None:
         """Handle that the middleware sees `count` feedback publishers now.
@@ -128,6 +134,7 @@ class ServerReadiness:
             came: How many of them it did not see before, where that is known.
         """
         self.count = count
+        self._seen |= count > 0
         if count == 0:
             self.state = State.ABSENT
         before = self.servers

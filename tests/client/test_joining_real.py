@@ -1,0 +1,192 @@
+"""A fresh process sees the servers that are there, and waits survive a second try (C7.6)."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+import threading
+import time
+from typing import Any
+
+import pytest
+from rclpy.context import Context
+from rclpy.node import Node
+
+from actionkit import Client, Timeouts
+from actionkit._ros import own_node
+from actionkit._ros.joining import SWITCH
+from actionkit._ros.runtime import Runtime
+from actionkit._ros.tools.survey import Survey
+from tests.conftest import NEVER
+
+GOAL = {"order": 3}
+PATIENT = Timeouts(server=None)
+"""A server that comes later may miss the answers, too, and gets no second try."""
+
+
+@pytest.fixture(autouse=True)
+def _switched_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(SWITCH, raising=False)
+
+
+def runtime_of(client: Client[Any, Any, Any]) -> Runtime:
+    return client._session.port.runtime
+
+
+def tries(client: Client[Any, Any, Any]) -> int:
+    runtime = runtime_of(client)
+    return runtime.run(lambda: runtime.rejoining._tries)
+
+
+def has_tried(client: Client[Any, Any, Any], times: int) -> bool:
+    """Wait until its node was replaced so many times."""
+    until = time.monotonic() + 30
+    while tries(client) < times:
+        if time.monotonic() > until:
+            return False
+        NEVER.wait(0.01)
+    return True
+
+
+def has_looked_for_the_last_time(client: Client[Any, Any, Any]) -> bool:
+    runtime = runtime_of(client)
+    until = time.monotonic() + 30
+    while runtime.run(lambda: len(runtime.timers)):
+        if time.monotonic() > until:
+            return False
+        NEVER.wait(0.01)
+    return True
+
+
+def test_waits_and_calls_survive_a_second_try(action_server, make_client):
+    client = make_client(timeouts=PATIENT)
+    other = make_client(name="other", timeouts=PATIENT)
+    first = runtime_of(client).node
+    waits: list[bool] = []
+    waiting = threading.Thread(target=lambda: waits.append(client.wait_for_server(60)))
+    waiting.start()
+
+    async def await_one() -> Any:
+        return await client.call_async(GOAL, timeout=60)
+
+    awaited: list[Any] = []
+    awaiting = threading.Thread(target=lambda: awaited.append(asyncio.run(await_one())))
+    awaiting.start()
+    called = [client.call_async(GOAL, timeout=60), other.call_async(GOAL, timeout=60)]
+    taken_back = client.call_async(GOAL, timeout=60)
+
+    assert has_tried(client, 2)
+    assert runtime_of(client).node is not first
+    taken_back.cancel()
+    servers = [action_server("fibonacci"), action_server("fibonacci", action_name="other")]
+    for future in called:
+        assert list(future.result(60).sequence) == [0, 1, 1, 2]
+        assert future.outcome().attempts == 1
+    for thread in (waiting, awaiting):
+        thread.join(60)
+    assert waits == [True]
+    assert list(awaited[0].sequence) == [0, 1, 1, 2]
+    assert taken_back.cancelled()
+    # Each goal came to its server once, whatever became of the node.
+    assert [server.count("goal_received") for server in servers] == [2, 1]
+    # What comes later goes over the node as it is now, feedback too.
+    feedback: list[Any] = []
+    client.call(GOAL, on_feedback=feedback.append, timeout=60)
+    assert feedback
+    assert list(make_client().call(GOAL, timeout=60).sequence) == [0, 1, 1, 2]
+    assert tries(client) == 2
+
+
+def test_with_a_node_of_the_users_that_one_stays(action_server, make_client, ros_domain):
+    context = Context()
+    context.init(args=[], initialize_logging=False, domain_id=ros_domain)
+    node = Node("users", context=context)
+    try:
+        publishers = list(node.publishers)
+        client = make_client(node=node, timeouts=PATIENT)
+        future = client.call_async(GOAL, timeout=60)
+        assert has_tried(client, 1)
+        action_server("fibonacci")
+        assert list(future.result(60).sequence) == [0, 1, 1, 2]
+        assert list(node.publishers) == publishers
+        assert node.get_fully_qualified_name() == "/users"  # raises where it was destroyed
+    finally:
+        node.destroy_node()
+        context.try_shutdown()
+
+
+def test_no_second_try_once_a_server_was_seen(action_server, make_client):
+    """So none while goals are in flight: nothing is sent before a server is seen."""
+    server = action_server("countdown", period=0.05)
+    client = make_client()
+    future = client.call_async({"order": 1000})
+    server.wait_for("executing")
+    runtime, link = runtime_of(client), client._session.port.link
+    tried = tries(client)  # none, as a rule
+    server.kill()
+    # However many looks follow, and whether or not that server is still in view.
+    runtime.run(lambda: link.monitor.matched(0))
+    assert runtime.run(link.has_seen_servers)
+    runtime.run(runtime.rejoining._look)
+    assert tries(client) == tried
+    assert not future.done() or not future.outcome().ok
+
+
+def test_no_second_try_while_tools_use_the_node(make_client, ros_domain):
+    with Survey() as survey:
+        node = survey.runtime.node
+        client = make_client()
+        assert runtime_of(client) is survey.runtime
+        assert has_looked_for_the_last_time(client)
+        assert tries(client) == 0
+        assert survey.runtime.node is node
+
+
+def test_a_second_try_that_fails_ends_the_calls_with_its_error(make_client, monkeypatch):
+    client = make_client()
+    future = client.call_async(GOAL, timeout=60)
+
+    def refuse(*args: Any, **kwargs: Any) -> Node:
+        raise MemoryError("for the test")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(own_node, "Node", refuse)
+        error = future.exception(30)
+    assert error is not None
+    assert "for the test" in f"{error} {error.__cause__}"
+    assert not client.server_is_ready()  # a new node was made, on a new thread
+
+
+def test_the_switch_leaves_one_node(make_client, monkeypatch):
+    monkeypatch.setenv(SWITCH, "0")
+    client = make_client()
+    assert runtime_of(client).run(lambda: len(runtime_of(client).timers)) == 0
+    assert tries(client) == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="what Linux can do")
+def test_no_thread_stays_on_one_core(action_server, make_client):
+    """Neither of the client's process nor of a reference server's."""
+    expected = os.sched_getaffinity(0), os.SCHED_OTHER
+    server = action_server("fibonacci")
+    make_client().call(GOAL, timeout=60)
+    for process in (os.getpid(), server.pid):
+        threads = [int(name) for name in os.listdir(f"/proc/{process}/task")]
+        assert len(threads) > 3  # those of the middleware
+        states = {(frozenset(os.sched_getaffinity(t)), os.sched_getscheduler(t)) for t in threads}
+        assert states == {(frozenset(expected[0]), expected[1])}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="what Linux can do")
+def test_the_node_is_made_on_one_core(make_client, monkeypatch):
+    seen: list[tuple[int, int]] = []
+
+    def make(*args: Any, **kwargs: Any) -> Node:
+        node = Node(*args, **kwargs)
+        seen.append((len(os.sched_getaffinity(0)), os.sched_getscheduler(0)))
+        return node
+
+    monkeypatch.setattr(own_node, "Node", make)
+    make_client()
+    assert seen[0] == (1, os.SCHED_BATCH)
