@@ -24,6 +24,7 @@ _COMMANDS = {
     "info": "actionkit.cli.info",
     "watch": "actionkit.cli.watch",
     "cancel": "actionkit.cli.cancel",
+    "stop": "actionkit.cli.stop",
     "serve": "actionkit.cli.serve",
     "doctor": "actionkit.cli.doctor",
     "timeline": "actionkit.cli.timeline",
