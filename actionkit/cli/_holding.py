@@ -12,10 +12,10 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from actionkit._observers.json_schema import note_line
 from actionkit._ros.holds.state import Hold, HoldState, encode
 from actionkit._ros.holds.words import since
 from actionkit.cli._exits import Exit
+from actionkit.cli._hold_lines import hold_line
 from actionkit.cli._say import say
 
 if TYPE_CHECKING:
@@ -25,16 +25,6 @@ _KEEPER_READY = 10.0
 """Seconds for the keeper to come up; it takes one."""
 _LOOK = 0.1
 """Seconds between two looks while others are being told."""
-_TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
-
-
-def use_udp_only() -> None:
-    """Have Fast DDS talk by the network alone, unless the environment says how it is to talk.
-
-    By default it uses shared memory between processes of one computer. Those of another user cannot
-    open it, and get nothing: a stop by another user would stop nothing.
-    """
-    os.environ.setdefault(_TRANSPORTS, "UDPv4")
 
 
 class Keeper:
@@ -88,11 +78,12 @@ def _write_file(state: HoldState) -> None:
         HoldFiles(int(os.environ.get("ROS_DOMAIN_ID", "").strip() or "0")).write(state)
 
 
-def agents_told(view: HoldView, hold: Hold) -> tuple[list[str], list[str]]:
-    """Return which agents in sight have said that they know of the hold, and which have not."""
+def agents_told(view: HoldView) -> tuple[list[str], list[str]]:
+    """Return which agents in sight have said that they are held, and which have not."""
+    held = {hold.hold_id for hold in view.state.active}
     agents = [said for said in view.others if said.sender.role == "agent"]
-    knowing = [str(said.sender) for said in agents if hold.hold_id in said.state.holds]
-    others = [str(said.sender) for said in agents if hold.hold_id not in said.state.holds]
+    knowing = [str(said.sender) for said in agents if held & set(said.state.holds)]
+    others = [str(said.sender) for said in agents if not held & set(said.state.holds)]
     return sorted(knowing), sorted(others)
 
 
@@ -103,7 +94,7 @@ def show_status(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
     keepers = _keepers(view, state.active)
     if as_json:
         held = True if state.active else None if unknown else False
-        say(_hold_line(held, state.active, kept_by=keepers, unknown=unknown))
+        say(hold_line(held, state.active, kept_by=keepers, unknown=unknown))
     elif state.active:
         for hold in state.active:
             say(f"Held by {hold.by}{since(hold)}.")
@@ -131,7 +122,7 @@ def release(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
             break
         time.sleep(_LOOK)
     if as_json:
-        say(_hold_line(False, tuple(ended.values()), late=late, unknown=unknown))
+        say(hold_line(False, tuple(ended.values()), late=late, unknown=unknown))
     for hold in () if as_json else ended.values():
         say(f"Released: the hold of {hold.by}{since(hold)}.")
     if not ended and not unknown and not as_json:
@@ -159,13 +150,8 @@ def _keepers(view: HoldView, holds: Sequence[Hold]) -> list[str]:
     return sorted(keepers) + files
 
 
-def _hold_line(held: bool | None, holds: Sequence[Hold], **more: object) -> str:
-    told = [{"by": hold.by, "since": hold.since, "id": hold.hold_id} for hold in holds]
-    return note_line("hold", "", time.time(), held=held, holds=told, **more)
-
-
-def hold_line(view: HoldView, **more: object) -> str:
+def line_of(view: HoldView, **more: object) -> str:
     """Return the line of JSON that tells of the hold as it is known now."""
     state, unknown = view.known()
     held = True if state.active else None if unknown else False
-    return _hold_line(held, state.active, **more)
+    return hold_line(held, state.active, **more)

@@ -19,6 +19,7 @@ from actionkit.cli._problems import full_name, import_ros, open_survey
 from actionkit.cli._say import say
 from actionkit.cli._stdout import keep_clean
 from actionkit.cli._stopping import Stopping, table, worst
+from actionkit.cli._transports import use_udp_only
 
 if TYPE_CHECKING:
     from actionkit._ros.holds.state import Hold
@@ -84,8 +85,6 @@ def command(
         raise click.UsageError("Give --release or --status, not both.")
     if names and (releasing or status):
         raise click.UsageError("Give NAMEs or an option, not both: a hold is for all actions.")
-    from actionkit.cli._holding import use_udp_only
-
     use_udp_only()
     keep_clean()
     if releasing or status:
@@ -154,31 +153,32 @@ def _stop_all(timeout: float, as_json: bool) -> int:
 
 
 def _tell_of_hold(view: Any, hold: Hold, keeper: Keeper, as_json: bool) -> Exit:
-    from actionkit.cli._holding import agents_told, hold_line
+    from actionkit.cli._holding import agents_told, line_of
 
     until = time.monotonic() + _GRACE
     ready = keeper.await_ready()
-    while agents_told(view, hold)[1] and time.monotonic() < until:
+    while agents_told(view)[1] and time.monotonic() < until:
         time.sleep(_TICK)
-    knowing, late = agents_told(view, hold)
+    knowing, late = agents_told(view)
+    active = view.state.active
+    # Where the same human has stopped once more meanwhile, that hold is kept in place of this one.
+    kept = ready or bool(active and hold not in active)
     if as_json:
-        say(hold_line(view, kept_by=keeper.pid if ready else None, told=knowing, late=late))
-    elif hold in view.state.active:
-        say(
-            "Agents are held until `actionkit stop --release`"
-            + (f"; {len(knowing)} in sight obey." if knowing else "; none is in sight.")
-        )
-    for who in late:
+        say(line_of(view, kept_by=keeper.pid if ready else None, told=knowing, late=late))
+    elif active:
+        in_sight = f"; {len(knowing)} in sight obey." if knowing else "; none is in sight."
+        say(f"Agents are held until `actionkit stop --release`{in_sight}")
+    for who in late if active else ():
         say(f"Error: The {who} has not confirmed that it is held.", err=True)
-    if not ready:
+    if not active:
+        say("Somebody has released the hold meanwhile.", err=True)
+    elif not kept:
         say(
             "Error: The process that keeps the hold has not come up. The hold lasts only while a"
             " file on this computer, or an agent that knows of it, tells of it.",
             err=True,
         )
-    if hold not in view.state.active:
-        say("Somebody has released the hold meanwhile.", err=True)
-    return Exit.OK if ready and not late and hold in view.state.active else Exit.FAILED
+    return Exit.OK if kept and not late and active else Exit.FAILED
 
 
 @contextlib.contextmanager

@@ -147,7 +147,11 @@ class HoldView:
     def others(self) -> list[Said]:
         """What others in sight said last."""
         with self._lock:
-            return [said for said in self._heard.values() if self._in_sight(said.sender.node)]
+            topic = self._topic
+            own = topic.node_name if topic is not None else ""
+            return [
+                said for node, said in self._heard.items() if node != own and self._in_sight(node)
+            ]
 
     @property
     def in_files(self) -> bool:
