@@ -31,31 +31,35 @@ class Keeper:
     """The process that keeps a hold, started in the background."""
 
     def __init__(self, hold: Hold) -> None:
+        """Start it, and have a file tell of the hold; neither may hold up what comes next."""
         state = HoldState({hold.hold_id: hold})
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "actionkit.cli._keeper"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        assert self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):
-            self._process.stdin.write(encode(state).encode())
-            self._process.stdin.close()
         # Said to processes of this computer before anybody is discovered. On a thread: a disk may
         # be slow.
         threading.Thread(target=_write_file, args=(state,), daemon=True).start()
+        self._process: subprocess.Popen[bytes] | None = None
+        with contextlib.suppress(OSError):  # no more processes; `await_ready` tells
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "actionkit.cli._keeper"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+            assert self._process.stdin is not None
+            self._process.stdin.write(encode(state).encode())
+            self._process.stdin.close()
 
     @property
-    def pid(self) -> int:
-        """The number of its process."""
-        return self._process.pid
+    def pid(self) -> int | None:
+        """The number of its process, where there is one."""
+        return None if self._process is None else self._process.pid
 
     def await_ready(self) -> bool:
         """Return whether it tells of the hold, as soon as that is known, within ten seconds."""
         from actionkit.cli._keeper import READY
 
+        if self._process is None:
+            return False
         assert self._process.stdout is not None
         descriptor = self._process.stdout.fileno()
         until = time.monotonic() + _KEEPER_READY
@@ -74,7 +78,7 @@ class Keeper:
 def _write_file(state: HoldState) -> None:
     from actionkit._ros.holds.files import HoldFiles
 
-    with contextlib.suppress(OSError):  # the second defence; the view says it again
+    with contextlib.suppress(OSError, ValueError):  # the second defence; the view says it again
         HoldFiles(int(os.environ.get("ROS_DOMAIN_ID", "").strip() or "0")).write(state)
 
 

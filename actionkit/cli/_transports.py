@@ -1,8 +1,8 @@
 """Has Fast DDS talk by the network alone, so that it reaches other users of this computer, too.
 
 By default it talks by shared memory to processes of the same computer, and those of another user
-cannot open that: they are half discovered, and nothing reaches them. With one side that has no shared
-memory both talk by UDP.
+cannot open that: they are half discovered, and nothing reaches them. With one side that has no
+shared memory both talk by UDP.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import queue
+import signal
 import time
 from collections.abc import Iterator
 from functools import partial
@@ -89,6 +90,8 @@ def command(
     keep_clean()
     if releasing or status:
         return _about_hold(releasing, timeout, as_json)
+    # A stop that was asked for is carried out, also where the terminal is closed.
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     if names:
         return _stop_named(names, timeout, as_json)
     return _stop_all(timeout, as_json)
@@ -123,13 +126,21 @@ def _stop_named(names: tuple[str, ...], timeout: float, as_json: bool) -> int:
 
 def _stop_all(timeout: float, as_json: bool) -> int:
     from actionkit._ros.holds.ours import new_hold
-    from actionkit._ros.holds.state import HoldState
     from actionkit.cli._holding import Keeper
 
     hold = new_hold()
     # First of all, and beside everything else: an agent must not send again what is canceled here.
     keeper = Keeper(hold)
+    try:
+        return _stop_and_hold(hold, keeper, timeout, as_json)
+    except BaseException:
+        say("The hold stays. `actionkit stop --release` ends it.", err=True)
+        raise
+
+
+def _stop_and_hold(hold: Hold, keeper: Keeper, timeout: float, as_json: bool) -> int:
     with open_survey() as survey:
+        from actionkit._ros.holds.state import HoldState
         from actionkit._ros.holds.view import HoldView
 
         view = HoldView(None, "stop", speaks=True)
@@ -144,9 +155,6 @@ def _stop_all(timeout: float, as_json: bool) -> int:
             if not stopped:
                 say("No action server is in sight, so nothing was canceled.", err=True)
             codes.append(_tell_of_hold(view, hold, keeper, as_json))
-        except KeyboardInterrupt:
-            say("The hold stays. `actionkit stop --release` ends it.", err=True)
-            raise
         finally:
             view.close()
     return worst(codes)
@@ -233,6 +241,8 @@ def _cancel_all(survey: Survey, stopped: list[Stopping], timeout: float, *, name
     actions = {action.name: action for action in stopped}
     began = now = time.monotonic()
     again = False
+    broken: set[str] = set()
+    """Names that rclpy refuses; whoever made them does not use it."""
     with contextlib.ExitStack() as stack:
         while True:
             for seen in survey.actions().values():
@@ -242,12 +252,16 @@ def _cancel_all(survey: Survey, stopped: list[Stopping], timeout: float, *, name
                     actions[seen.name] = Stopping(seen.name)
                     stopped.append(actions[seen.name])
                 action = actions[seen.name]
-                if seen.name not in cancellers:
+                if seen.name not in cancellers and seen.name not in broken:
                     put = partial(_put, inbox, action)
-                    reader = StatusReader(seen.name, on_goals=put, on_servers=put)
-                    stack.callback(reader.close)
-                    cancellers[seen.name] = AllGoalsCanceller(seen.name, put)
-                    stack.callback(cancellers[seen.name].close)
+                    try:
+                        reader = StatusReader(seen.name, on_goals=put, on_servers=put)
+                        stack.callback(reader.close)
+                        cancellers[seen.name] = AllGoalsCanceller(seen.name, put)
+                        stack.callback(cancellers[seen.name].close)
+                    except Exception as error:  # noqa: BLE001  the others have to be stopped
+                        broken.add(seen.name)
+                        say(f"Error: {seen.name}: {type(error).__name__}: {error}", err=True)
                 action.seen([end.node for end in seen.servers])
             with contextlib.suppress(queue.Empty):
                 action, news = inbox.get(timeout=_TICK)

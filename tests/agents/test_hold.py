@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from actionkit._ros.holds import topic as topics
 from actionkit._ros.holds import view as views
 from actionkit._ros.holds.ours import new_hold
 from actionkit._ros.holds.state import Hold, HoldState
@@ -243,6 +244,11 @@ def test_whoever_is_in_sight_and_silent_makes_it_unknown(
             until(lambda: agent._view is not None and agent._view._speakers)
             assert not agent.wait_until_known(1.5)
             assert "not all been heard" in (agent.why_held() or "")
+            # One on the same computer has a file, too. (Two users' agents never hear each other.)
+            monkeypatch.setattr(views, "_FILES_DO", 2.0)
+            assert agent.wait_until_known(LONG)
+            monkeypatch.setattr(topics.Speaker, "computer", property(lambda self: self.gid))
+            until(lambda: not agent.is_known)
 
 
 def test_a_middleware_that_cannot_be_joined_makes_it_unknown(

@@ -26,6 +26,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "_calls": {"_model", "_threads", "_messages", "_goal", "_observers", "_ros"},
     "_client": {"_model", "_threads", "_messages", "_observers", "_ros", "_calls"},
     "": {"_model", "_observers", "_calls", "_client"},
+    "agents": {"_threads", "_ros"},
     "servers": {"_ros"},
     "testing": {"servers"},
     "cli": {
@@ -51,6 +52,7 @@ PURE = (
     "_calls.explain",
     "_calls.retry",
     "_ros.cancels",
+    "_ros.holds.state",
     "_ros.outbox",
     "_ros.wire",
 )

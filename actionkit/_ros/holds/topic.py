@@ -11,6 +11,7 @@ import contextlib
 import logging
 import uuid
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from rcl_interfaces.msg import Log
@@ -26,13 +27,31 @@ from actionkit._ros.native import MessageSource, RCLError
 
 TOPIC = "/actionkit/hold"
 _NODE = "actionkit_hold_"
-_UNKNOWN_NODE = "_UNKNOWN_"
-"""Part of the placeholder that the middleware has for a node's name just after discovery."""
+_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
+"""The placeholder that the middleware has for a node's name just after discovery."""
 _DEPTH = 200
 """Messages that wait to be read; the queue is one for all publishers."""
 _JOIN = 5.0
 """Seconds for the communication thread to end; it takes some ten milliseconds."""
 _log = logging.getLogger("actionkit")
+
+
+@dataclass(frozen=True)
+class Speaker:
+    """A publisher of the topic.
+
+    Attributes:
+        node: The name of its node, or the placeholder while that is not known.
+        gid: Its id; its first bytes stand for the middleware and the computer.
+    """
+
+    node: str
+    gid: bytes
+
+    @property
+    def computer(self) -> bytes:
+        """What is the same for all on one computer, with Fast DDS."""
+        return self.gid[:4]
 
 
 class HoldTopic:
@@ -76,13 +95,11 @@ class HoldTopic:
         """Publish a message, in place of the one before. Returns at once."""
         self._runtime.call_soon(lambda: self._publisher.publish(Log(name="actionkit", msg=text)))
 
-    def speakers(self) -> set[str] | None:
-        """Return the nodes in sight that tell of holds; `None` while one has no name yet."""
+    def speakers(self) -> list[Speaker]:
+        """Return the publishers in sight that tell of holds, this process's included."""
         infos = self._node.get_publishers_info_by_topic(TOPIC)
-        names = {info.node_name for info in infos}
-        if any(_UNKNOWN_NODE in name for name in names):
-            return None
-        return {name for name in names if name.startswith(_NODE)}
+        seen = [Speaker(info.node_name, bytes(info.endpoint_gid)) for info in infos]
+        return [speaker for speaker in seen if speaker.node.startswith((_NODE, _UNKNOWN_NODE))]
 
     def close(self) -> None:
         """Leave the topic: what this process said last is not told to anybody any more."""

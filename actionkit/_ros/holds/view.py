@@ -17,7 +17,7 @@ from actionkit._ros.holds import state as states
 from actionkit._ros.holds.files import HoldFiles
 from actionkit._ros.holds.ours import who_we_are
 from actionkit._ros.holds.state import Hold, HoldState, Sender
-from actionkit._ros.holds.topic import HoldTopic
+from actionkit._ros.holds.topic import HoldTopic, Speaker
 from actionkit._threads.diagnostics import log_later
 from actionkit._threads.waiting import taken_from
 
@@ -34,6 +34,8 @@ _GAP = 3 * _PERIOD
 computer slept, and messages may not have come."""
 _JOIN = 5.0
 """Seconds for the thread to end."""
+_FILES_DO = 10.0
+"""Seconds to wait for what somebody on the same computer tells; what they know is in a file, too."""
 _WORN_OUT = 30.0
 """Seconds that somebody who is not in sight is remembered."""
 NOT_YET = "others have not all been heard yet"
@@ -87,7 +89,8 @@ class HoldView:
         self._lock = threading.RLock()  # never taken by the communication thread
         self._state = HoldState()
         self._heard: dict[str, Said] = {}
-        self._speakers: set[str] | None = None
+        self._speakers: frozenset[str] = frozenset()
+        self._silent_since: dict[bytes, float] = {}
         self._topic: HoldTopic | None = None
         self._files: HoldFiles | None = None
         self._joined = 0.0
@@ -206,7 +209,7 @@ class HoldView:
         return ""
 
     def _in_sight(self, node: str) -> bool:
-        return self._speakers is None or node in self._speakers
+        return node in self._speakers
 
     # --- on its thread ---------------------------------------------------------------------
 
@@ -229,6 +232,7 @@ class HoldView:
             self._guarded(self._write)
             self._sleep(wait)
         self._guarded(self._tell)
+        self._guarded(self._write)
         self._leave()
 
     def _guarded(self, step: Callable[[], object]) -> None:
@@ -257,14 +261,24 @@ class HoldView:
             self._joined = now
             self._settled = False
         unread = self._read_files()
-        self._speakers = self._topic.speakers()
+        speakers = self._topic.speakers()
+        self._speakers = frozenset(speaker.node for speaker in speakers)
         self._take_texts()
         self._forget(now)
-        own = {self._topic.node_name}
-        silent = self._speakers is None or self._speakers - own - set(self._heard)
+        silent = self._who_is_silent(speakers, self._topic.node_name, now)
         self._settled = now - self._joined >= SETTLE and not silent
         self._looked = now
         return unread
+
+    def _who_is_silent(self, speakers: list[Speaker], own: str, now: float) -> bool:
+        """Whether somebody in sight may know of a hold, and has not told."""
+        here = {speaker.computer for speaker in speakers if speaker.node == own}
+        silent = [s for s in speakers if s.node != own and s.node not in self._heard]
+        self._silent_since = {s.gid: self._silent_since.get(s.gid, now) for s in silent}
+        # Agents of two users on one computer never hear each other, and have the files instead.
+        return any(
+            s.computer not in here or now - self._silent_since[s.gid] < _FILES_DO for s in silent
+        )
 
     def _forget(self, now: float) -> None:
         with self._lock:

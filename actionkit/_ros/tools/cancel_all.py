@@ -16,9 +16,12 @@ from rclpy.qos import QoSProfile
 
 from actionkit._ros import runtimes
 from actionkit._ros.native import RCLError, ResponseSource
+from actionkit._threads.clock import TimerHandle
 
 _DEPTH = 100
 """Depth of the queue of answers; far more than there are servers on one name."""
+_NOT_READY = 0.05
+"""Seconds between two looks whether a server can take a request, soon after it came into sight."""
 _JOIN = 5.0
 """Seconds for the communication thread to end; it takes some ten milliseconds."""
 
@@ -49,11 +52,12 @@ class AllGoalsCanceller:
         self._name = action_name
         self._on_answer = on_answer
         self._numbers: dict[int, int] = {}
+        self._timer: TimerHandle | None = None
         self._runtime = runtimes.acquire(None, self)
         self._runtime.run(self._begin)
 
     def ask(self, number: int) -> None:
-        """Send a request of that number, if a server is there to take it. Returns at once."""
+        """Send a request of that number as soon as a server is there to take it. Returns at once."""
         self._runtime.call_soon(lambda: self._ask(number))
 
     def close(self) -> None:
@@ -70,10 +74,12 @@ class AllGoalsCanceller:
         self._runtime.enable(self._source)
 
     def _end(self) -> None:
+        self._stop_waiting()
         self._runtime.disable(self._source)
         self._runtime.node.destroy_client(self._client)
 
     def _ask(self, number: int) -> None:
+        self._stop_waiting()
         try:
             ready = self._client.service_is_ready()
         except (RCLError, InvalidHandle):
@@ -82,6 +88,14 @@ class AllGoalsCanceller:
         if ready:
             # All zeros, in the id and in the stamp, stand for all goals.
             self._numbers[self._source.send(CancelGoal.Request())] = number
+        else:
+            again = self._runtime.now() + _NOT_READY
+            self._timer = self._runtime.call_at(again, lambda: self._ask(number))
+
+    def _stop_waiting(self) -> None:
+        if self._timer is not None:
+            self._runtime.cancel_timer(self._timer)
+            self._timer = None
 
     def _take(self, seq: int, response: Any) -> None:
         number = self._numbers.get(seq)
