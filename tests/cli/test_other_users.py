@@ -11,7 +11,8 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -20,8 +21,8 @@ from test_msgs.action import Fibonacci
 from actionkit import Client, GoalState
 from actionkit.agents._hold import HoldListener
 from actionkit.cli._exits import Exit
-from tests.cli.conftest import World
-from tests.holding import end_keepers, keepers
+from tests.cli.conftest import Running, World
+from tests.holding import AGENT, end_keepers, keepers
 
 LONG = 30.0
 OTHER = 54321
@@ -29,9 +30,29 @@ CAN = os.getuid() == 0 and shutil.which("setpriv") is not None
 pytestmark = pytest.mark.skipif(not CAN, reason="needs root and setpriv, to become another user")
 
 
+@dataclass
+class OtherUser:
+    """Another user of this computer, in the same ROS domain, with files of holds of their own."""
+
+    words: list[str]
+    environment: dict[str, str]
+
+    def run(self, *words: str) -> tuple[int, str]:
+        """Run the command line to its end."""
+        done = subprocess.run(
+            [*self.words, "-m", "actionkit", *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=self.environment,
+            timeout=60,
+            check=False,
+        )
+        return done.returncode, done.stdout
+
+
 @pytest.fixture
-def other_user(empty_world: World, tmp_path: Path) -> Iterator[Callable[..., tuple[int, str]]]:
-    """Run the command line as another user, with files of holds of their own."""
+def other_user(empty_world: World) -> Iterator[OtherUser]:
     directory = Path("/tmp") / f"actionkit-test-{os.getpid()}-{empty_world.domain}"
     directory.mkdir()
     os.chown(directory, OTHER, OTHER)
@@ -39,33 +60,20 @@ def other_user(empty_world: World, tmp_path: Path) -> Iterator[Callable[..., tup
     become = ["setpriv", "--reuid", str(OTHER), "--regid", str(OTHER), "--clear-groups"]
     become += ["--inh-caps", "+dac_read_search", "--ambient-caps", "+dac_read_search"]
 
-    def run(*words: str, **variables: str) -> tuple[int, str]:
-        done = subprocess.run(
-            [*become, sys.executable, "-m", "actionkit", *words],
-            capture_output=True,
-            text=True,
-            env={
-                **empty_world.environment,
-                "ACTIONKIT_HOLD_DIR": str(directory),
-                "ROS_LOG_DIR": str(directory),
-                "HOME": str(directory),
-                "USER": "ann",
-                "LOGNAME": "ann",
-                **variables,
-            },
-            timeout=60,
-            check=False,
-        )
-        return done.returncode, done.stdout + done.stderr
-
-    yield run
+    variables = ("ACTIONKIT_HOLD_DIR", "ROS_LOG_DIR", "HOME")
+    environment = {
+        **empty_world.environment,
+        **dict.fromkeys(variables, str(directory)),
+        **dict.fromkeys(("USER", "LOGNAME"), "ann"),
+    }
+    yield OtherUser([*become, sys.executable], environment)
     end_keepers(empty_world.domain)
     shutil.rmtree(directory)
 
 
 def test_the_stop_of_another_user_stops_and_holds(
     empty_world: World,
-    other_user: Callable[..., tuple[int, str]],
+    other_user: OtherUser,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     world = empty_world
@@ -82,9 +90,32 @@ def test_the_stop_of_another_user_stops_and_holds(
             assert agent.wait_until_known(LONG)
             assert agent.why_held() is None
 
-            code, text = other_user("stop")
+            # Two agents of two users never hear each other, and yet neither waits for ever.
+            theirs = Running(
+                subprocess.Popen(
+                    [*other_user.words, "-c", AGENT],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    text=True,
+                    env=other_user.environment,
+                )
+            )
+            world.stack.callback(theirs.process.kill)
+            theirs.until("known True")
+            assert agent.wait_until_known(LONG)
+
+            code, text = other_user.run("stop")
             assert code == Exit.OK, text
-            assert "1 in sight obey" in text
+            assert "2 in sight obey" in text
+            assert theirs.process.stdin is not None
+            print("now", file=theirs.process.stdin, flush=True)
+            theirs.until("A human has stopped the robot: ann@")
+            theirs.process.stdin.close()
+            theirs.process.stdin = None
+            theirs.finish()
+            assert theirs.process.stdout is not None
+            theirs.process.stdout.close()
             assert future.outcome(LONG).status is GoalState.CANCELED
             assert "ann@" in (agent.why_held() or "")
 

@@ -235,12 +235,17 @@ def test_an_agent_that_hangs_and_ctrl_c(world: World, agent: HoldListener) -> No
         (("not a name",), "no valid ROS name"),
     ],
 )
-def test_wrong_usage_stops_nothing(words: tuple[str, ...], told: str) -> None:
+def test_wrong_usage_stops_nothing(
+    words: tuple[str, ...], told: str, ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from click.testing import CliRunner
 
-    from actionkit.cli.stop import command
+    from actionkit.cli import stop
 
-    result = CliRunner().invoke(command, list(words))
+    # What belongs to the process would stay with the tests that come next.
+    monkeypatch.setattr(stop, "use_udp_only", lambda: None)
+    monkeypatch.setattr(stop.signal, "signal", lambda *_: None)
+    result = CliRunner().invoke(stop.command, list(words))
     assert result.exit_code == Exit.USAGE
     assert told in " ".join(result.output.split())
 

@@ -35,7 +35,7 @@ computer slept, and messages may not have come."""
 _JOIN = 5.0
 """Seconds for the thread to end."""
 _FILES_DO = 10.0
-"""Seconds to wait for what somebody on the same computer tells; what they know is in a file, too."""
+"""Seconds to wait for what somebody on the same computer tells: a file tells it, too."""
 _WORN_OUT = 30.0
 """Seconds that somebody who is not in sight is remembered."""
 NOT_YET = "others have not all been heard yet"

@@ -57,7 +57,7 @@ class AllGoalsCanceller:
         self._runtime.run(self._begin)
 
     def ask(self, number: int) -> None:
-        """Send a request of that number as soon as a server is there to take it. Returns at once."""
+        """Send a request of that number once a server is there to take it. Returns at once."""
         self._runtime.call_soon(lambda: self._ask(number))
 
     def close(self) -> None:
