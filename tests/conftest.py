@@ -145,6 +145,14 @@ def _ros_logs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _hold_files(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep the files of holds apart from those of other runs, which get the same domains."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ACTIONKIT_HOLD_DIR", str(tmp_path_factory.mktemp("holds")))
+        yield
+
+
 @pytest.fixture
 def make_client(ros_domain: int) -> Iterator[Callable[..., Client[Any, Any, Any]]]:
     """Make clients in the test's domain; all are closed at its end."""

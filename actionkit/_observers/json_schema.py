@@ -17,7 +17,7 @@ from actionkit._observers.words import outcome_word
 
 VERSION = 1
 """Of the schema. Fields may be added to it; what is there keeps its name and meaning."""
-_NOTES = ("servers", "cancel")
+_NOTES = ("servers", "cancel", "stop", "hold")
 """Kinds of lines that commands write beside those of calls."""
 
 
@@ -80,8 +80,8 @@ def note_line(kind: str, action_name: str, wall: float, **more: Any) -> str:
     """Return a line about no call.
 
     Args:
-        kind: `"servers"` or `"cancel"`.
-        action_name: The full name of the action.
+        kind: One of `_NOTES`.
+        action_name: The full name of the action; `""` where it is about none.
         wall: When, in seconds since the epoch.
         more: What it tells.
     """

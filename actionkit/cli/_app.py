@@ -34,6 +34,9 @@ _COMMANDS = {
     "info": _Known("info", "Show the clients and servers of the action NAME."),
     "watch": _Known("watch", "Show the goals of the action NAME as their states change."),
     "cancel": _Known("cancel", "Cancel goals of the action NAME, and tell what became of each."),
+    "stop": _Known(
+        "stop", "Cancel every goal of every action in sight, and hold agents until --release."
+    ),
     "serve": _Known("serve", "Run the reference action server SERVER and show what it sees."),
     "doctor": _Known("doctor", "Find out why a call does not work, and say what to do about it."),
     "timeline": _Known("timeline", "Show the goals in FILE, a log of the observer JsonLines."),

@@ -30,9 +30,13 @@ class Exit(IntEnum):
     STALLED = 19, "No feedback for --feedback-timeout seconds; the goal was cancelled."
     JUDGED = 20, "The goal succeeded, but not by --ok or --transient, or it lacks their field."
     RETRIES_EXHAUSTED = 21, "The same, and the retries of --retries ended."
-    CANCEL_REFUSED = 22, "Of `cancel`: a server refused; that goal is still running."
-    CANCEL_UNKNOWN = 23, "Of `cancel`: the end of a goal was not seen; it may still be running."
+    CANCEL_REFUSED = 22, "Of `cancel`, `stop`: a server refused; that goal is still running."
+    CANCEL_UNKNOWN = (
+        23,
+        "Of `cancel`, `stop`: a goal's end was not seen; it may still be running.",
+    )
     NO_SUCH_GOAL = 24, "Of `cancel`: no server in sight knows a goal of that id."
+    HELD = 25, "Of `stop --status`: a human has stopped the robot, and agents send no goals."
     HANGUP = 129, "The terminal was closed; as after Ctrl-C."
     INTERRUPTED = 130, "Ctrl-C. The goal was cancelled, and the output tells what became of it."
     OUTPUT_CLOSED = 141, "Whoever read the output went away, as `| head -1` does; as after Ctrl-C."

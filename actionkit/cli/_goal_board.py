@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from actionkit._ros.holds.state import Hold
+
 _ENDED = ("SUCCEEDED", "CANCELED", "ABORTED", "LOST")
 _MOST = 1000
 """Goals kept, many screens full, so that a watch of days stays small; of those that ended, the
@@ -43,6 +45,8 @@ class Board:
     def __init__(self) -> None:
         self.goals: dict[str, WatchedGoal] = {}
         self.servers: tuple[str, ...] = ()
+        self.holds: tuple[Hold, ...] = ()
+        """Who has stopped the robot by `actionkit stop`."""
 
     def take(self, news: Any, now: float) -> tuple[list[WatchedGoal], bool]:
         """Update the goals from a status message, or the servers.

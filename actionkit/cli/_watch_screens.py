@@ -16,7 +16,9 @@ from actionkit._model.printable import printable
 from actionkit._model.values import GoalEvent, GoalState
 from actionkit._observers.json_schema import event_line, note_line
 from actionkit._observers.protocol import CallInfo
+from actionkit._ros.holds.words import who
 from actionkit.cli._goal_board import Board, WatchedGoal
+from actionkit.cli._hold_lines import hold_line
 from actionkit.cli._say import say
 
 _STYLES = {
@@ -28,8 +30,8 @@ _STYLES = {
     "ABORTED": "red",
     "LOST": "bold red",
 }
-_FRAME = 6
-"""Lines around the goals: two above, the heads of the columns, one below, and two to spare."""
+_FRAME = 7
+"""Lines around the goals: three above, the heads of the columns, one below, and two to spare."""
 
 
 class Screen:
@@ -37,6 +39,9 @@ class Screen:
 
     def servers(self, board: Board) -> None:
         """Show that the servers have changed."""
+
+    def hold(self, board: Board) -> None:
+        """Show that a human has stopped the robot, or has released it."""
 
     def goal(self, goal: WatchedGoal) -> None:
         """Show that a goal has changed."""
@@ -56,6 +61,9 @@ class TextScreen(Screen):
     def servers(self, board: Board) -> None:
         names = ", ".join(board.servers) or "none"
         say(f"{_clock(time.time())}  servers: {names}")
+
+    def hold(self, board: Board) -> None:
+        say(f"{_clock(time.time())}  {_held(board) or 'released: agents are held no more'}")
 
     def goal(self, goal: WatchedGoal) -> None:
         say(goal_line(goal))
@@ -83,6 +91,9 @@ class JsonScreen(Screen):
 
     def servers(self, board: Board) -> None:
         say(note_line("servers", self._name, time.time(), servers=board.servers))
+
+    def hold(self, board: Board) -> None:
+        say(hold_line(bool(board.holds), board.holds))
 
     def goal(self, goal: WatchedGoal) -> None:
         try:
@@ -114,6 +125,9 @@ class TableScreen(Screen):
     def servers(self, board: Board) -> None:
         self.tick(board)
 
+    def hold(self, board: Board) -> None:
+        self.tick(board)
+
     def tick(self, board: Board) -> None:
         self._live.update(self._drawn(board, time.time()), refresh=True)
 
@@ -136,6 +150,7 @@ class TableScreen(Screen):
         hidden = len(goals) - room
         return Group(
             Text(printable(f"{self._name}  servers: {servers}"), style="bold"),
+            *([Text(printable(held), style="bold red")] if (held := _held(board)) else ()),
             Text(counts or "no goals", style="dim"),
             table,
             Text(f"and {hidden} more" if hidden > 0 else "", style="dim"),
@@ -147,6 +162,10 @@ class TableScreen(Screen):
 
     def __exit__(self, *_: object) -> None:
         self._live.stop()
+
+
+def _held(board: Board) -> str:
+    return f"agents are held by {who(board.holds)}" if board.holds else ""
 
 
 def _clock(seconds: float) -> str:

@@ -6,6 +6,7 @@ import queue
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,8 +18,17 @@ from actionkit.cli._say import say
 from actionkit.cli._signals import watch_output
 
 if TYPE_CHECKING:
+    from actionkit._ros.holds.state import Hold
     from actionkit.cli._goal_board import Board
     from actionkit.cli._watch_screens import Screen
+
+
+@dataclass(frozen=True)
+class Held:
+    """What is told when that changes: who has stopped the robot, if anybody."""
+
+    holds: tuple[Hold, ...]
+
 
 TICK = 0.25
 """Seconds between two drawings of the table: often enough for tenths of a second to look alive."""
@@ -53,12 +63,13 @@ ends it."""
 def command(
     name: str, once: bool, seconds: float | None, server_timeout: float, as_json: bool
 ) -> int:
-    """Show the goals of the action NAME as their states change."""
+    """Show the goals of the action NAME as their states change, and whether agents are held."""
     if once and seconds is not None:
         raise click.UsageError("Give --once or --for, not both.")
     with open_survey() as survey:
         full = full_name(survey, name)
 
+        from actionkit._ros.holds.view import HoldView
         from actionkit._ros.tools.watch import StatusReader
         from actionkit.cli._goal_board import Board
 
@@ -68,6 +79,10 @@ def command(
 
         board = Board()
         inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        view = HoldView(
+            None, "watch", speaks=False, on_change=lambda: inbox.put(Held(view.state.active))
+        )
+        view.start()
         reader = StatusReader(full, on_goals=inbox.put, on_servers=inbox.put)
         try:
             if once:
@@ -77,6 +92,7 @@ def command(
             return _follow(_screen(full, type_of if as_json else None), board, inbox, seconds)
         finally:
             reader.close()
+            view.close()
 
 
 def _screen(name: str, type_of: Callable[[], str] | None, *, once: bool = False) -> Screen:
@@ -114,6 +130,8 @@ def _once(
         say(f"Error: Action {name!r} has no server in sight.", err=True)
         return Exit.NO_SERVER
     with _screen(name, type_of, once=True) as screen:
+        if board.holds:
+            screen.hold(board)
         for goal in board.sorted():
             screen.goal(goal)
     if not board.goals and type_of is None:
@@ -149,6 +167,12 @@ def _take(
         return
     if news is _CLOSED:
         raise BrokenPipeError
+    if isinstance(news, Held):
+        if news.holds != board.holds:
+            board.holds = news.holds
+            if screen is not None:
+                screen.hold(board)
+        return
     changed, servers = board.take(news, time.time())
     if screen is None:
         return

@@ -25,6 +25,7 @@ COMMANDS = (
     "info",
     "watch",
     "cancel",
+    "stop",
     "serve",
     "doctor",
     "timeline",

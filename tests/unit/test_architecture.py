@@ -29,6 +29,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "_stubs": set(),
     "_interfaces": {"_model"},
     "trees": {"_model", "_threads", "_messages", "_calls", "_client"},
+    "agents": {"_threads", "_ros"},
     "servers": {"_ros"},
     "testing": {"_model", "_messages", "servers"},
     "cli": {
@@ -56,6 +57,7 @@ PURE = (
     "_calls.explain",
     "_calls.retry",
     "_ros.cancels",
+    "_ros.holds.state",
     "_ros.outbox",
     "_ros.wire",
 )

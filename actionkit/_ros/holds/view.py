@@ -1,0 +1,305 @@
+"""What one process knows of the holds in its domain, and whether it knows enough."""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import os
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from actionkit._ros import runtimes
+from actionkit._ros.holds import state as states
+from actionkit._ros.holds.files import HoldFiles
+from actionkit._ros.holds.ours import who_we_are
+from actionkit._ros.holds.state import Hold, HoldState, Sender
+from actionkit._ros.holds.topic import HoldTopic, Speaker
+from actionkit._threads.diagnostics import log_later
+from actionkit._threads.waiting import taken_from
+
+SETTLE = 4.0
+"""Seconds after joining in which somebody who tells of a hold may not be in sight yet: what Fast
+DDS sends first may get lost, and it sends again 3 s later. (Of 30 fresh processes 20 knew of a hold
+within 1 s, all within 3 s.)"""
+_PERIOD = 1.0
+"""Seconds between two looks at the graph and the files, once all is known."""
+_STEP = 0.1
+"""The same before that."""
+_GAP = 3 * _PERIOD
+"""Seconds without a look after which nothing counts as known: the process was stopped, or the
+computer slept, and messages may not have come."""
+_JOIN = 5.0
+"""Seconds for the thread to end."""
+_FILES_DO = 10.0
+"""Seconds to wait for what somebody on the same computer tells: a file tells it, too."""
+_WORN_OUT = 30.0
+"""Seconds that somebody who is not in sight is remembered."""
+NOT_YET = "others have not all been heard yet"
+"""What is known soon after `start`; any other reason may last."""
+_RETRY = 1.0
+"""Seconds until the topic is joined again where that failed."""
+
+
+def _uptime() -> float:
+    """Return seconds that go on while the computer sleeps, and that nobody can set."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+@dataclass(frozen=True)
+class Said:
+    """The last that somebody said, and when we heard it, in seconds that nobody can set."""
+
+    sender: Sender
+    state: HoldState
+    at: float
+
+
+class HoldView:
+    """Takes part in telling of holds, on a thread of its own, from `start` to `close`.
+
+    Its other methods may be called from any thread, and neither block nor raise.
+    """
+
+    def __init__(
+        self,
+        domain_id: int | None,
+        role: str,
+        *,
+        speaks: bool,
+        on_change: Callable[[], object] = lambda: None,
+    ) -> None:
+        """Take what is needed; does nothing yet.
+
+        Args:
+            domain_id: The ROS domain; `None` takes the environment's.
+            role: What this process is, for people.
+            speaks: Whether it tells others what it knows, and so keeps holds alive.
+            on_change: Called on the view's thread when something may have changed.
+        """
+        self._domain_id = domain_id
+        self._role = role
+        self._speaks = speaks
+        self._on_change = on_change
+        self._texts: deque[str] = deque()
+        self._wake: queue.SimpleQueue[None] = queue.SimpleQueue()
+        self._lock = threading.RLock()  # never taken by the communication thread
+        self._state = HoldState()
+        self._heard: dict[str, Said] = {}
+        self._speakers: frozenset[str] = frozenset()
+        self._silent_since: dict[bytes, float] = {}
+        self._topic: HoldTopic | None = None
+        self._files: HoldFiles | None = None
+        self._joined = 0.0
+        self._looked = 0.0
+        self._settled = False
+        self._told: HoldState | None = None
+        self._trouble = ""
+        self._stopping = False
+        self._pid = os.getpid()
+        self._thread = threading.Thread(target=self._main, name="actionkit-hold", daemon=True)
+
+    # --- from any thread -------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Begin to join the topic. Returns at once."""
+        self._thread.start()
+        # The middleware's own exit handlers crash under a thread that still uses it.
+        atexit.register(self.close)
+
+    def close(self) -> None:
+        """Leave the topic, within some seconds. Harmless if repeated, or without `start`."""
+        if self._pid != os.getpid():
+            return  # the thread, and all it has, are the parent's
+        self._stopping = True
+        self._wake.put(None)
+        if self._thread.ident is not None and self._thread is not threading.current_thread():
+            self._thread.join(_JOIN)
+            atexit.unregister(self.close)
+
+    @property
+    def state(self) -> HoldState:
+        """All that is known at this moment, by the topic and by the files."""
+        return self.known()[0]
+
+    def known(self) -> tuple[HoldState, str]:
+        """Return `state`, and why there may be more; `""` where all has been heard."""
+        unread = self._read_files()
+        # In this order: it counts as complete only if it was so before it was looked at.
+        unknown = self._unknown() or unread
+        return self._take_texts(), unknown
+
+    def _unknown(self) -> str:
+        if self._trouble:
+            return self._trouble
+        if self._pid != os.getpid():
+            return "this process was forked from the one that listened"
+        if not self._settled or _uptime() - self._looked > _GAP:
+            return NOT_YET
+        return ""
+
+    @property
+    def has_told(self) -> bool:
+        """Whether it has joined the topic, and told what it knew then."""
+        return self._told is not None
+
+    @property
+    def others(self) -> list[Said]:
+        """What others in sight said last."""
+        with self._lock:
+            topic = self._topic
+            own = topic.node_name if topic is not None else ""
+            return [
+                said for node, said in self._heard.items() if node != own and self._in_sight(node)
+            ]
+
+    @property
+    def in_files(self) -> bool:
+        """Whether a file on this computer tells of a hold that nobody has released."""
+        try:
+            told = self._files.read() if self._files is not None else HoldState()
+        except OSError:
+            return False
+        return bool(set(told.holds) & set(self.state.holds))
+
+    def add(self, state: HoldState) -> None:
+        """Know this, too, and tell it."""
+        with self._lock:
+            self._state = states.merged(self._state, state)
+        self._wake.put(None)
+
+    def release(self, holds: tuple[Hold, ...]) -> None:
+        """End these holds, and tell it."""
+        with self._lock:
+            self._state = states.released(self._state, holds)
+        self._wake.put(None)
+
+    # --- putting together what is known ----------------------------------------------------
+
+    def _on_text(self, text: str) -> None:
+        self._texts.append(text)
+        self._wake.put(None)
+
+    def _take_texts(self) -> HoldState:
+        with self._lock:  # so that nobody finds a text taken out and not yet added
+            for text in taken_from(self._texts):
+                state, sender = states.decode(text)
+                self._state = states.merged(self._state, state)
+                if sender is not None:
+                    self._heard[sender.node] = Said(sender, state, _uptime())
+            return self._state
+
+    def _read_files(self) -> str:
+        """Add what the files tell; return what was wrong with them."""
+        try:
+            if self._files is None:
+                domain_id = self._domain_id
+                if domain_id is None:
+                    domain_id = runtimes.environment_domain()
+                self._files = HoldFiles(domain_id)
+            state = self._files.read()
+        except (OSError, ValueError) as error:
+            return f"{type(error).__name__}: {error}"
+        if state:
+            with self._lock:
+                self._state = states.merged(self._state, state)
+        return ""
+
+    def _in_sight(self, node: str) -> bool:
+        return node in self._speakers
+
+    # --- on its thread ---------------------------------------------------------------------
+
+    def _main(self) -> None:
+        before: object = None
+        while not self._stopping:
+            try:
+                self._trouble = self._look()
+                wait = _PERIOD if self._settled else _STEP
+            except Exception as error:  # noqa: BLE001  whatever it is, nothing is known then
+                self._trouble = f"{type(error).__name__}: {error}"
+                self._leave()
+                wait = _RETRY
+            # First whoever obeys, then those elsewhere, and a disk, which may be slow, at last.
+            now = self._take_texts(), self._unknown(), self._speakers
+            if now != before:
+                before = now
+                self._guarded(self._on_change)
+            self._guarded(self._tell)
+            self._guarded(self._write)
+            self._sleep(wait)
+        self._guarded(self._tell)
+        self._guarded(self._write)
+        self._leave()
+
+    def _guarded(self, step: Callable[[], object]) -> None:
+        try:
+            step()
+        except Exception:  # noqa: BLE001  the others have to go on
+            log_later(logging.DEBUG, "an error beside the hold", exc_info=True)
+
+    def _sleep(self, seconds: float) -> None:
+        try:
+            self._wake.get(timeout=seconds)
+            while True:
+                self._wake.get_nowait()
+        except queue.Empty:
+            return
+
+    def _look(self) -> str:
+        if self._topic is not None and not self._topic.usable:
+            self._leave()
+        now = _uptime()
+        if self._topic is None:
+            self._topic = HoldTopic(self._domain_id, self._on_text, speaks=self._speaks)
+            self._joined = now = _uptime()
+        elif now - self._looked > _GAP:
+            # We were away: what came meanwhile may have been lost, and others may have lost us.
+            self._joined = now
+            self._settled = False
+        unread = self._read_files()
+        speakers = self._topic.speakers()
+        self._speakers = frozenset(speaker.node for speaker in speakers)
+        self._take_texts()
+        self._forget(now)
+        silent = self._who_is_silent(speakers, self._topic.node_name, now)
+        self._settled = now - self._joined >= SETTLE and not silent
+        self._looked = now
+        return unread
+
+    def _who_is_silent(self, speakers: list[Speaker], own: str, now: float) -> bool:
+        """Whether somebody in sight may know of a hold, and has not told."""
+        here = {speaker.computer for speaker in speakers if speaker.node == own}
+        silent = [s for s in speakers if s.node != own and s.node not in self._heard]
+        self._silent_since = {s.gid: self._silent_since.get(s.gid, now) for s in silent}
+        # Agents of two users on one computer never hear each other, and have the files instead.
+        return any(
+            s.computer not in here or now - self._silent_since[s.gid] < _FILES_DO for s in silent
+        )
+
+    def _forget(self, now: float) -> None:
+        with self._lock:
+            for node, said in list(self._heard.items()):
+                if not self._in_sight(node) and now - said.at > _WORN_OUT:
+                    del self._heard[node]
+
+    def _tell(self) -> None:
+        state = self._take_texts()
+        if self._speaks and self._topic is not None and state != self._told:
+            sender = Sender(self._topic.node_name, self._role, who_we_are(), os.getpid())
+            self._topic.say(states.encode(state, sender))
+            self._told = state
+
+    def _write(self) -> None:
+        if self._speaks and self._files is not None:
+            self._files.write(self._take_texts())
+
+    def _leave(self) -> None:
+        topic, self._topic = self._topic, None
+        self._told = None
+        self._settled = False
+        if topic is not None:
+            self._guarded(topic.close)

@@ -1,0 +1,161 @@
+"""Setting, showing and releasing the hold, for `actionkit stop`."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from actionkit._ros.holds.state import Hold, HoldState, encode
+from actionkit._ros.holds.words import since
+from actionkit.cli._exits import Exit
+from actionkit.cli._hold_lines import hold_line
+from actionkit.cli._say import say
+
+if TYPE_CHECKING:
+    from actionkit._ros.holds.view import HoldView
+
+_KEEPER_READY = 10.0
+"""Seconds for the keeper to come up; it takes one."""
+_LOOK = 0.1
+"""Seconds between two looks while others are being told."""
+
+
+class Keeper:
+    """The process that keeps a hold, started in the background."""
+
+    def __init__(self, hold: Hold) -> None:
+        """Start it, and have a file tell of the hold; neither may hold up what comes next."""
+        state = HoldState({hold.hold_id: hold})
+        # Said to processes of this computer before anybody is discovered. On a thread: a disk may
+        # be slow.
+        threading.Thread(target=_write_file, args=(state,), daemon=True).start()
+        self._process: subprocess.Popen[bytes] | None = None
+        with contextlib.suppress(OSError):  # no more processes; `await_ready` tells
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "actionkit.cli._keeper"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+            assert self._process.stdin is not None
+            self._process.stdin.write(encode(state).encode())
+            self._process.stdin.close()
+
+    @property
+    def pid(self) -> int | None:
+        """The number of its process, where there is one."""
+        return None if self._process is None else self._process.pid
+
+    def await_ready(self) -> bool:
+        """Return whether it tells of the hold, as soon as that is known, within ten seconds."""
+        from actionkit.cli._keeper import READY
+
+        if self._process is None:
+            return False
+        assert self._process.stdout is not None
+        descriptor = self._process.stdout.fileno()
+        until = time.monotonic() + _KEEPER_READY
+        text = b""
+        while (left := until - time.monotonic()) > 0:
+            if select.select([descriptor], [], [], left)[0]:
+                more = os.read(descriptor, 4096)
+                text += more
+                if READY.encode() in text.split():
+                    return self._process.poll() is None
+                if not more:
+                    break
+        return False
+
+
+def _write_file(state: HoldState) -> None:
+    from actionkit._ros.holds.files import HoldFiles
+
+    with contextlib.suppress(OSError, ValueError):  # the second defence; the view says it again
+        HoldFiles(int(os.environ.get("ROS_DOMAIN_ID", "").strip() or "0")).write(state)
+
+
+def agents_told(view: HoldView) -> tuple[list[str], list[str]]:
+    """Return which agents in sight have said that they are held, and which have not."""
+    held = {hold.hold_id for hold in view.state.active}
+    agents = [said for said in view.others if said.sender.role == "agent"]
+    knowing = [str(said.sender) for said in agents if held & set(said.state.holds)]
+    others = [str(said.sender) for said in agents if not held & set(said.state.holds)]
+    return sorted(knowing), sorted(others)
+
+
+def show_status(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
+    """Tell whether there is a hold, by whom, and what keeps it."""
+    _await_known(view, timeout)
+    state, unknown = view.known()
+    keepers = _keepers(view, state.active)
+    if as_json:
+        held = True if state.active else None if unknown else False
+        say(hold_line(held, state.active, kept_by=keepers, unknown=unknown))
+    elif state.active:
+        for hold in state.active:
+            say(f"Held by {hold.by}{since(hold)}.")
+        say(f"Kept by {', '.join(keepers) or 'nothing that is in sight any more'}.")
+        say("`actionkit stop --release` ends it.")
+    elif not unknown:
+        say("Not held.")
+    if unknown:
+        say(f"Error: It is not known whether there is another hold: {unknown}.", err=True)
+    return Exit.HELD if state.active else Exit.FAILED if unknown else Exit.OK
+
+
+def release(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
+    """End every hold, and wait until everybody in sight knows it."""
+    ended: dict[str, Hold] = {}
+    until = time.monotonic() + timeout
+    while True:
+        state, unknown = view.known()
+        if state.active:
+            ended.update({hold.hold_id: hold for hold in state.active})
+            view.release(state.active)
+        late = [str(said.sender) for said in view.others if said.state.active]
+        over = time.monotonic() >= until
+        if over or not (state.active or unknown or late):
+            break
+        time.sleep(_LOOK)
+    if as_json:
+        say(hold_line(False, tuple(ended.values()), late=late, unknown=unknown))
+    for hold in () if as_json else ended.values():
+        say(f"Released: the hold of {hold.by}{since(hold)}.")
+    if not ended and not unknown and not as_json:
+        say("There was no hold.")
+    for who in late:
+        say(
+            f"Error: The {who} has not confirmed it, and may go on holding. Try again later.",
+            err=True,
+        )
+    if unknown:
+        say(f"Error: There may be more holds: {unknown}. Try again.", err=True)
+    return Exit.FAILED if late or unknown else Exit.OK
+
+
+def _await_known(view: HoldView, timeout: float) -> None:
+    until = time.monotonic() + timeout
+    while view.known()[1] and time.monotonic() < until:
+        time.sleep(_LOOK)
+
+
+def _keepers(view: HoldView, holds: Sequence[Hold]) -> list[str]:
+    names = {hold.hold_id for hold in holds}
+    keepers = [str(said.sender) for said in view.others if names & set(said.state.holds)]
+    files = ["a file on this computer"] if view.in_files else []
+    return sorted(keepers) + files
+
+
+def line_of(view: HoldView, **more: object) -> str:
+    """Return the line of JSON that tells of the hold as it is known now."""
+    state, unknown = view.known()
+    held = True if state.active else None if unknown else False
+    return hold_line(held, state.active, **more)

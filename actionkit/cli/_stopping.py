@@ -1,0 +1,181 @@
+"""What becomes of all goals of an action that is stopped. Pure: no clock, no middleware."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from actionkit.cli._cancelling import Cancelling, Fate
+from actionkit.cli._exits import Exit
+from actionkit.cli._goal_board import Board
+
+_AGAIN = 1.0
+"""Seconds after which a request without an answer counts as lost, and is repeated. That is
+harmless: a goal is cancelled once."""
+_SINGLY = 0.5
+"""Seconds after the answer for a goal to be seen as canceling. One that is not is asked for by its
+id: rclpy's servers skip the goal after each that they refuse to cancel, and answer that they are
+cancelling it (`list.remove` in a loop over that list)."""
+_FURTHER = 0.3
+"""Seconds for which further servers on the name may still answer."""
+
+
+class Stopping:
+    """One action: its servers, the requests to cancel all goals, and what is known of each goal."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.board = Board()
+        self.servers: tuple[str, ...] = ()
+        """The nodes of all servers that were seen."""
+        self.answers = 0
+        """How many answers there were."""
+        self._cancelling = Cancelling()
+        self._asked: dict[str, float] = {}
+        """For each goal, when the first request was sent after it was seen."""
+        self._singly: set[str] = set()
+        self._number = 0
+        self._at = 0.0
+        self._want = True
+        self._latest: list[float] = []
+        """When the answers to the latest request came."""
+
+    # --- what happens ----------------------------------------------------------------------
+
+    def seen(self, servers: Sequence[str]) -> None:
+        """Note who serves the action; those who went away are remembered."""
+        new = {name for name in servers if name} - set(self.servers)
+        if new or len(servers) > len(self.servers):
+            self._want = True  # a new one has not been asked
+        self.servers = tuple(sorted(new | set(self.servers)))
+
+    def take_news(self, news: Any, wall: float) -> None:
+        """Note what a `StatusReader` tells."""
+        self.board.take(news, wall)
+
+    def take_answer(self, said: Any, now: float) -> None:
+        """Note an `AllSaid`."""
+        self.answers += 1
+        if said.request == self._number:
+            self._latest.append(now)
+        for goal_id in said.canceling:
+            self._add(goal_id, now)
+        # That it is not ended yet: without this it would look as if somebody else had ended it.
+        self._cancelling.to_ask({})
+
+    def take_single(self, said: Any, now: float) -> None:
+        """Note a `CancelSaid`, about one goal."""
+        self.answers += 1
+        self._cancelling.take(said, now)
+
+    def once_more(self) -> None:
+        """Have the servers asked again: goals may have been accepted in the meantime."""
+        self._want = True
+
+    def _add(self, goal_id: str, now: float) -> None:
+        self._cancelling.add(goal_id)
+        self._asked.setdefault(goal_id, now)
+
+    # --- what is to be done ----------------------------------------------------------------
+
+    def to_ask(self, now: float) -> int | None:
+        """Return the number of a request that is to be sent now, or `None`."""
+        running = {goal.goal_id for goal in self.board.goals.values() if not goal.ended}
+        lost = self._number and not self._latest and now - self._at >= _AGAIN
+        if not (self._want or lost or running - set(self._asked)):
+            return None
+        self._want = False
+        self._number += 1
+        self._at = now
+        self._latest = []
+        for goal_id in running:
+            self._add(goal_id, now)
+        self._cancelling.to_ask(self.board.goals)
+        return self._number
+
+    def to_ask_singly(self, now: float) -> list[str]:
+        """Return the goals for whose cancellation a server is to be asked by their ids now."""
+        new = []
+        for goal_id, asked in self._asked.items():
+            goal = self.board.goals.get(goal_id)
+            stopping = goal is not None and (goal.ended or goal.state == "CANCELING")
+            if self.answers and now - asked >= _SINGLY and not stopping:
+                new.append(goal_id)
+        new = [goal_id for goal_id in new if goal_id not in self._singly]
+        self._singly.update(new)
+        return new
+
+    def settle(self, now: float, *, over: bool) -> None:
+        """Find out what became of the goals; `over` if nothing more is waited for."""
+        self._cancelling.to_ask(self.board.goals)
+        self._cancelling.settle(self.board.goals, now, over=over)
+
+    def done(self, now: float) -> bool:
+        """Whether the latest request was answered, and the fate of every goal is known."""
+        if self._want or not self._latest or not self._cancelling.done:
+            return False
+        everybody = len(self._latest) >= max(1, len(self.board.servers))
+        return everybody or now - self._latest[-1] >= _FURTHER
+
+    # --- what became of it -----------------------------------------------------------------
+
+    @property
+    def fates(self) -> list[Fate]:
+        """What is known of each goal."""
+        return self._cancelling.fates
+
+    @property
+    def silent(self) -> bool:
+        """Whether no server has answered anything."""
+        return not self.answers
+
+    @property
+    def counts(self) -> Counter[str]:
+        """How many goals came to which end, by the names of `Fate.cancel`."""
+        return Counter(fate.cancel for fate in self.fates)
+
+    @property
+    def exit(self) -> Exit:
+        """The exit code: the worst of all goals; of a silent server it is not known."""
+        code = self._cancelling.exit
+        return Exit.CANCEL_UNKNOWN if code is Exit.OK and self.silent else code
+
+
+_WORST = (Exit.CANCEL_REFUSED, Exit.CANCEL_UNKNOWN, Exit.FAILED, Exit.NO_SERVER)
+
+
+def worst(codes: Sequence[Exit]) -> Exit:
+    """Return the worst of these exit codes."""
+    return next((code for code in _WORST if code in codes), Exit.OK)
+
+
+_HEADS = ("ACTION", "SERVER", "GOALS", "CANCELED", "ENDED", "REFUSED", "UNKNOWN")
+
+
+def table(actions: Sequence[Stopping]) -> list[str]:
+    """Return the lines of a table of actions, and a line for each goal that may still run."""
+    rows = [_HEADS] + [_row(action) for action in actions]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(_HEADS))]
+    lines = []
+    for row in rows:
+        cells = [
+            cell.ljust(width) if column < 2 else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    for action in actions:
+        if action.silent:
+            lines.append(f"{action.name}: no server answered. GOALS MAY STILL BE RUNNING.")
+        for fate in action.fates:
+            if fate.cancel in ("REFUSED", "UNKNOWN"):
+                lines.append(f"{action.name} {fate.goal_id}: {fate.text}")
+    return lines
+
+
+def _row(action: Stopping) -> tuple[str, ...]:
+    counts = action.counts
+    goals = str(len(action.fates)) if action.fates or not action.silent else "?"
+    numbers = [counts[name] for name in ("CONFIRMED", "NOT_NEEDED", "REFUSED", "UNKNOWN")]
+    servers = ", ".join(action.servers) or "-"
+    return (action.name, servers, goals, *(str(number) if number else "-" for number in numbers))

@@ -1,0 +1,42 @@
+"""Has Fast DDS talk by the network alone, so that it reaches other users of this computer, too.
+
+By default it talks by shared memory to processes of the same computer, and those of another user
+cannot open that: they are half discovered, and nothing reaches them. With one side that has no
+shared memory both talk by UDP.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import actionkit
+
+_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+_LOCALHOST_ONLY = "ROS_LOCALHOST_ONLY"
+"""What the range was called before ROS 2 Iron; it still counts for more."""
+_BUILTIN = "FASTDDS_BUILTIN_TRANSPORTS"
+_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+_FILE = Path(actionkit.__file__).parent / "_ros" / "holds" / "udp_on_localhost.xml"
+
+
+def use_udp_only() -> None:
+    """Change the environment of this process and its children, before rclpy is imported.
+
+    What the user has set for Fast DDS stays.
+    """
+    if not os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps"):
+        return
+    localhost = os.environ.get(_RANGE, "").upper() == "LOCALHOST"
+    if os.environ.get(_LOCALHOST_ONLY) == "1":
+        localhost = True
+    if not localhost:
+        os.environ.setdefault(_BUILTIN, "UDPv4")
+        return
+    own = any(os.environ.get(name) for name in (*_PROFILES, _BUILTIN, "ROS_STATIC_PEERS"))
+    if not own and _FILE.is_file():
+        # With LOCALHOST rmw_fastrtps sets up shared memory itself, whatever the other variables
+        # say. The file has the same range without it; SYSTEM_DEFAULT makes it count.
+        os.environ.pop(_LOCALHOST_ONLY, None)
+        os.environ[_RANGE] = "SYSTEM_DEFAULT"
+        os.environ[_PROFILES[0]] = str(_FILE)

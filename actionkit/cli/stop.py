@@ -1,0 +1,298 @@
+"""`actionkit stop`: cancel every goal of every action, and hold agents until it is released."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import signal
+import time
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from actionkit._observers.json_schema import note_line
+from actionkit.cli._exits import Exit
+from actionkit.cli._options import HELP, SECONDS, complete_names, debug_option, json_option
+from actionkit.cli._problems import full_name, import_ros, open_survey
+from actionkit.cli._say import say
+from actionkit.cli._stdout import keep_clean
+from actionkit.cli._stopping import Stopping, table, worst
+from actionkit.cli._transports import use_udp_only
+
+if TYPE_CHECKING:
+    from actionkit._ros.holds.state import Hold
+    from actionkit._ros.tools.survey import Survey
+    from actionkit.cli._holding import Keeper
+
+_LOOK = 4.0
+"""Seconds to look for servers: what is not seen at once is seen after up to 3 s. By then agents in
+sight know of the hold, too, so that goals accepted meanwhile are the last."""
+_NAMED = 1.0
+"""The same where the actions are named and each has a server: there may be a second one."""
+_TICK = 0.05
+"""Seconds between two looks at the graph."""
+_GRACE = 5.0
+"""Seconds more that the agents are waited for, where the goals are stopped."""
+
+_EPILOG = """\b
+Examples:
+  actionkit stop
+  actionkit stop --status
+  actionkit stop --release
+  actionkit stop /navigate_to_pose
+
+Goals are canceled whoever sent them. Then agents (`actionkit mcp`, actionkit.agents.Toolbox) send
+none until `actionkit stop --release`, by anybody in the ROS domain; other programs may. With NAMEs,
+only these actions are canceled, and agents are not held. This is no emergency stop in the sense of
+a safety norm. The exit code is 0 where every goal is known to run no more and agents are held, 22
+where a server refused, 23 where a goal may still be running, 14 where no server was in sight, and 1
+where the hold may not last. --status ends with 0 where there is no hold, with 25 where there is
+one, and with 1 where that is not known."""
+
+
+def _set_domain(ctx: click.Context, param: click.Parameter, value: int | None) -> None:
+    if value is not None and not ctx.resilient_parsing:
+        os.environ["ROS_DOMAIN_ID"] = str(value)
+
+
+@click.command("stop", context_settings=HELP, epilog=_EPILOG)
+@click.argument("names", metavar="[NAME]...", nargs=-1, shell_complete=complete_names)
+@click.option("--release", "releasing", is_flag=True, help="Let agents send goals again.")
+@click.option("--status", "status", is_flag=True, help="Tell whether agents are held, and by whom.")
+@click.option(
+    "--timeout",
+    type=SECONDS,
+    default=10.0,
+    show_default=True,
+    help="How long to wait in all, for all servers together.",
+)
+@click.option(
+    "--domain-id",
+    type=click.IntRange(0, 232),
+    expose_value=False,
+    callback=_set_domain,
+    help="The ROS domain, in place of the environment's.",
+)
+@json_option("Write one JSON object for each goal, each action, and the hold.")
+@debug_option
+def command(
+    names: tuple[str, ...], releasing: bool, status: bool, timeout: float, as_json: bool
+) -> int:
+    """Cancel every goal of every action in sight, and hold agents until --release."""
+    if releasing and status:
+        raise click.UsageError("Give --release or --status, not both.")
+    if names and (releasing or status):
+        raise click.UsageError("Give NAMEs or an option, not both: a hold is for all actions.")
+    use_udp_only()
+    keep_clean()
+    if releasing or status:
+        return _about_hold(releasing, timeout, as_json)
+    # A stop that was asked for is carried out, also where the terminal is closed.
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    if names:
+        return _stop_named(names, timeout, as_json)
+    return _stop_all(timeout, as_json)
+
+
+def _about_hold(releasing: bool, timeout: float, as_json: bool) -> int:
+    import_ros()
+    from actionkit._ros.holds.view import HoldView
+    from actionkit.cli._holding import release, show_status
+
+    view = HoldView(None, "release" if releasing else "status", speaks=releasing)
+    view.start()
+    try:
+        return (release if releasing else show_status)(view, timeout, as_json=as_json)
+    finally:
+        view.close()
+
+
+def _stop_named(names: tuple[str, ...], timeout: float, as_json: bool) -> int:
+    with open_survey() as survey:
+        full = list(dict.fromkeys(full_name(survey, name) for name in names))
+        stopped = [Stopping(name) for name in full]
+        with _shown(stopped, as_json):
+            _cancel_all(survey, stopped, timeout, named=True)
+        missing = [action.name for action in stopped if not action.servers]
+        for name in missing:
+            say(f"Error: Action {name!r} has no server in sight.", err=True)
+        codes = [action.exit if action.servers else Exit.NO_SERVER for action in stopped]
+    say("Agents are not held: `actionkit stop` without names does that, too.", err=True)
+    return worst(codes)
+
+
+def _stop_all(timeout: float, as_json: bool) -> int:
+    from actionkit._ros.holds.ours import new_hold
+    from actionkit.cli._holding import Keeper
+
+    hold = new_hold()
+    # First of all, and beside everything else: an agent must not send again what is canceled here.
+    keeper = Keeper(hold)
+    try:
+        return _stop_and_hold(hold, keeper, timeout, as_json)
+    except BaseException:
+        say("The hold stays. `actionkit stop --release` ends it.", err=True)
+        raise
+
+
+def _stop_and_hold(hold: Hold, keeper: Keeper, timeout: float, as_json: bool) -> int:
+    with open_survey() as survey:
+        from actionkit._ros.holds.state import HoldState
+        from actionkit._ros.holds.view import HoldView
+
+        view = HoldView(None, "stop", speaks=True)
+        view.add(HoldState({hold.hold_id: hold}))
+        view.start()
+        say(f"Stopping everything in ROS domain {survey.domain_id}.", err=True)
+        stopped: list[Stopping] = []
+        try:
+            with _shown(stopped, as_json):
+                _cancel_all(survey, stopped, timeout, named=False)
+            codes = [action.exit for action in stopped] or [Exit.NO_SERVER]
+            if not stopped:
+                say("No action server is in sight, so nothing was canceled.", err=True)
+            codes.append(_tell_of_hold(view, hold, keeper, as_json))
+        finally:
+            view.close()
+    return worst(codes)
+
+
+def _tell_of_hold(view: Any, hold: Hold, keeper: Keeper, as_json: bool) -> Exit:
+    from actionkit.cli._holding import agents_told, line_of
+
+    until = time.monotonic() + _GRACE
+    ready = keeper.await_ready()
+    while agents_told(view)[1] and time.monotonic() < until:
+        time.sleep(_TICK)
+    knowing, late = agents_told(view)
+    active = view.state.active
+    # Where the same human has stopped once more meanwhile, that hold is kept in place of this one.
+    kept = ready or bool(active and hold not in active)
+    if as_json:
+        say(line_of(view, kept_by=keeper.pid if ready else None, told=knowing, late=late))
+    elif active:
+        in_sight = f"; {len(knowing)} in sight obey." if knowing else "; none is in sight."
+        say(f"Agents are held until `actionkit stop --release`{in_sight}")
+    for who in late if active else ():
+        say(f"Error: The {who} has not confirmed that it is held.", err=True)
+    if not active:
+        say("Somebody has released the hold meanwhile.", err=True)
+    elif not kept:
+        say(
+            "Error: The process that keeps the hold has not come up. The hold lasts only while a"
+            " file on this computer, or an agent that knows of it, tells of it.",
+            err=True,
+        )
+    return Exit.OK if kept and not late and active else Exit.FAILED
+
+
+@contextlib.contextmanager
+def _shown(actions: list[Stopping], as_json: bool) -> Iterator[None]:
+    """Show what became of the actions at the end, also where that is Ctrl-C."""
+    try:
+        yield
+    finally:
+        for action in actions:
+            action.settle(time.monotonic(), over=True)
+        actions.sort(key=lambda action: action.name)
+        if as_json:
+            for line in _json_lines(actions):
+                say(line)
+        else:
+            for line in table(actions) if actions else ():
+                say(line)
+
+
+def _json_lines(actions: list[Stopping]) -> Iterator[str]:
+    now = time.time()
+    for action in actions:
+        for fate in action.fates:
+            told = {"goal_id": fate.goal_id, "cancel": fate.cancel, "state": fate.state or None}
+            yield note_line("cancel", action.name, now, **told, detail=fate.text)
+        yield note_line(
+            "stop",
+            action.name,
+            now,
+            servers=action.servers,
+            goals=len(action.fates) if action.fates or not action.silent else None,
+            answered=not action.silent,
+        )
+
+
+def _cancel_all(survey: Survey, stopped: list[Stopping], timeout: float, *, named: bool) -> None:
+    """Cancel all goals of the actions, or of all that come into sight, within the time.
+
+    Args:
+        survey: The graph.
+        stopped: The actions; those that come into sight are added unless they are `named`.
+        timeout: Seconds for all together.
+        named: Whether the actions are given.
+    """
+    from actionkit._ros.tools.cancel import CancelSaid, GoalCanceller
+    from actionkit._ros.tools.cancel_all import AllGoalsCanceller, AllSaid
+    from actionkit._ros.tools.watch import StatusReader
+
+    inbox: queue.SimpleQueue[tuple[Stopping, Any]] = queue.SimpleQueue()
+    cancellers: dict[str, AllGoalsCanceller] = {}
+    single: dict[str, GoalCanceller] = {}
+    actions = {action.name: action for action in stopped}
+    began = now = time.monotonic()
+    again = False
+    broken: set[str] = set()
+    """Names that rclpy refuses; whoever made them does not use it."""
+    with contextlib.ExitStack() as stack:
+        while True:
+            for seen in survey.actions().values():
+                if not seen.servers or (named and seen.name not in actions):
+                    continue
+                if seen.name not in actions:
+                    actions[seen.name] = Stopping(seen.name)
+                    stopped.append(actions[seen.name])
+                action = actions[seen.name]
+                if seen.name not in cancellers and seen.name not in broken:
+                    put = partial(_put, inbox, action)
+                    try:
+                        reader = StatusReader(seen.name, on_goals=put, on_servers=put)
+                        stack.callback(reader.close)
+                        cancellers[seen.name] = AllGoalsCanceller(seen.name, put)
+                        stack.callback(cancellers[seen.name].close)
+                    except Exception as error:  # noqa: BLE001  the others have to be stopped
+                        broken.add(seen.name)
+                        say(f"Error: {seen.name}: {type(error).__name__}: {error}", err=True)
+                action.seen([end.node for end in seen.servers])
+            with contextlib.suppress(queue.Empty):
+                action, news = inbox.get(timeout=_TICK)
+                while True:
+                    if isinstance(news, AllSaid):
+                        action.take_answer(news, time.monotonic())
+                    elif isinstance(news, CancelSaid):
+                        action.take_single(news, time.monotonic())
+                    else:
+                        action.take_news(news, time.time())
+                    action, news = inbox.get_nowait()
+            now = time.monotonic()
+            every = named and all(action.servers for action in stopped)
+            looked = now - began >= (_NAMED if every else _LOOK)
+            if looked and not again:
+                again = True
+                for action in stopped:
+                    action.once_more()
+            for name, canceller in cancellers.items():
+                if (number := actions[name].to_ask(now)) is not None:
+                    canceller.ask(number)
+                for goal_id in actions[name].to_ask_singly(now):
+                    if name not in single:
+                        single[name] = GoalCanceller(name, partial(_put, inbox, actions[name]))
+                        stack.callback(single[name].close)
+                    single[name].cancel(goal_id)
+                actions[name].settle(now, over=False)
+            done = all(actions[name].done(now) for name in cancellers)
+            if (looked and done) or now - began >= timeout:
+                return
+
+
+def _put(inbox: queue.SimpleQueue[Any], action: Stopping, news: Any) -> None:
+    inbox.put((action, news))

@@ -1,0 +1,282 @@
+"""Listeners to holds, over real DDS. Contract C10.4."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from actionkit._ros.holds import topic as topics
+from actionkit._ros.holds import view as views
+from actionkit._ros.holds.ours import new_hold
+from actionkit._ros.holds.state import Hold, HoldState
+from actionkit._ros.holds.topic import TOPIC
+from actionkit._ros.holds.view import HoldView
+from actionkit.agents._hold import HoldListener
+from actionkit.testing import isolated_domain
+from tests.conftest import Script
+from tests.holding import AGENT
+
+LONG = 30.0
+RunScript = Callable[..., Script]
+
+
+@pytest.fixture
+def apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Have what starts from now on use files of its own, as on another computer."""
+    numbers = iter(range(100))
+
+    def move() -> None:
+        monkeypatch.setenv("ACTIONKIT_HOLD_DIR", str(tmp_path / f"computer-{next(numbers)}"))
+
+    move()
+    return move
+
+
+@contextmanager
+def listening(domain: int | None = None) -> Iterator[HoldListener]:
+    listener = HoldListener(domain)
+    listener.start()
+    try:
+        yield listener
+    finally:
+        listener.close()
+
+
+@contextmanager
+def telling(*holds: Hold) -> Iterator[HoldView]:
+    """Yield what a keeper has."""
+    view = HoldView(None, "keeper", speaks=True)
+    view.add(HoldState({hold.hold_id: hold for hold in holds}))
+    view.start()
+    try:
+        yield view
+    finally:
+        view.close()
+
+
+def until(condition: Callable[[], object], what: str = "it") -> None:
+    """Wait for what no event tells of, with a bound."""
+    give_up = time.monotonic() + LONG
+    while not condition():
+        assert time.monotonic() < give_up, f"not seen: {what}"
+        threading.Event().wait(0.02)
+
+
+def test_free_only_when_that_is_known(ros_domain: int, apart: Callable[[], None]) -> None:
+    listener = HoldListener()
+    assert "was not started" in (listener.why_held() or "")
+    began = time.monotonic()
+    with listening() as listener:
+        assert "not known yet" in (listener.why_held() or "")
+        assert not listener.is_known
+        assert not listener.wait_until_known(0.1)
+        assert asyncio.run(listener.until_known(LONG))
+        assert time.monotonic() - began >= views.SETTLE
+        assert listener.why_held() is None
+        assert listener.wait_until_known(0)
+    assert "is closed" in (listener.why_held() or "")
+    listener.close()
+
+
+def test_held_by_the_topic_released_by_another_and_kept_by_who_knows(
+    ros_domain: int, apart: Callable[[], None], run_script: RunScript
+) -> None:
+    hold = Hold(1.0, "one", "ann@laptop")  # whose clock is decades off
+    told: list[str] = []
+    with listening() as agent:
+        agent.on_hold(told.append)
+        assert agent.wait_until_known(LONG)
+        assert agent.why_held() is None
+        apart()
+        with telling(hold) as keeper:
+            until(lambda: told)
+            assert told == [agent.why_held()]
+            assert told[0].startswith("A human has stopped the robot: ann@laptop since ")
+            until(lambda: any("one" in said.state.holds for said in keeper.others))
+        # Its keeper is gone, and the listener goes on telling those that start now.
+        later = run_script(AGENT)
+        assert later.line() == "known True"
+        assert later.process.stdin is not None
+        print("now", file=later.process.stdin, flush=True)
+        assert "ann@laptop" in later.line()
+
+        apart()
+        with telling() as releaser:
+            until(lambda: releaser.state.active)
+            until(lambda: len(releaser.others) == 2)
+            releaser.release(releaser.state.active)
+            until(lambda: agent.why_held() is None)
+            until(lambda: not any(said.state.active for said in releaser.others))
+        # Whoever comes into sight may have something to tell, so it is known only after a moment.
+        print("known\nnow", file=later.process.stdin, flush=True)
+        assert [later.line(), later.line()] == ["True", "FREE"]
+        assert later.finish()[0] == 0
+        # Held and released again and again, nothing piles up.
+        with telling() as keeper:
+            for _ in range(120):
+                keeper.add(HoldState({(hold := new_hold()).hold_id: hold}))
+                keeper.release((hold,))
+            last = new_hold()
+            keeper.add(HoldState({last.hold_id: last}))
+            until(lambda: agent.why_held() is not None)
+            keeper.release((last,))
+            until(lambda: agent.why_held() is None)
+            until(lambda: keeper.others)
+            until(lambda: all(len(said.state.released) == 100 for said in keeper.others))
+
+
+def test_a_process_that_was_stopped_learns_what_it_missed(
+    ros_domain: int, apart: Callable[[], None], run_script: RunScript
+) -> None:
+    agent = run_script(AGENT)
+    assert agent.line() == "known True"
+
+    def asked(word: str) -> str:
+        assert agent.process.stdin is not None
+        print(word, file=agent.process.stdin, flush=True)
+        return agent.line()
+
+    assert asked("now") == "FREE"
+    apart()
+    with telling() as human:
+        until(lambda: human.others)
+        os.kill(agent.process.pid, signal.SIGSTOP)
+        os.waitid(os.P_PID, agent.process.pid, os.WSTOPPED | os.WNOWAIT)
+        hold = new_hold()
+        human.add(HoldState({hold.hold_id: hold}))
+        threading.Event().wait(views._GAP + 0.5)  # what it takes to be noticed as an absence
+        os.kill(agent.process.pid, signal.SIGCONT)
+        assert asked("now") != "FREE"
+        assert asked("known") == "True"
+        assert "A human has stopped" in asked("now")
+
+        os.kill(agent.process.pid, signal.SIGSTOP)
+        os.waitid(os.P_PID, agent.process.pid, os.WSTOPPED | os.WNOWAIT)
+        human.release((hold,))
+        os.kill(agent.process.pid, signal.SIGCONT)
+        until(lambda: not any(said.state.active for said in human.others))
+        until(lambda: asked("now") == "FREE")
+    assert agent.finish()[0] == 0
+
+
+def test_a_file_is_obeyed_before_anybody_is_discovered(
+    ros_domain: int, apart: Callable[[], None]
+) -> None:
+    with listening() as agent:
+        assert agent.wait_until_known(LONG)
+        hold = new_hold()
+        files = views.HoldFiles(ros_domain)
+        files.write(HoldState({hold.hold_id: hold}))
+        assert "A human has stopped" in (agent.why_held() or "")
+        files.write(HoldState({}, {hold.hold_id: 1}))
+        assert agent.why_held() is None
+        # Its own errors count as not knowing.
+        directory = Path(files.directory)
+        directory.rename(directory.with_suffix(".away"))
+        directory.touch()
+        assert "not known" in (agent.why_held() or "")
+        directory.unlink()
+        assert agent.why_held() is None
+    # A hold that only a file tells of any more: the agent and its keeper have crashed.
+    files.write(HoldState({(other := new_hold()).hold_id: other}))
+    with listening() as agent:
+        assert "A human has stopped" in (agent.why_held() or "")
+        assert agent.wait_until_known(0)
+
+
+def test_a_disk_that_hangs_lets_no_goal_through(
+    ros_domain: int, apart: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with listening() as agent, ExitStack() as stack:
+        assert agent.wait_until_known(LONG)
+        apart()
+        keeper = stack.enter_context(telling())
+        until(lambda: keeper.others)
+        hanging, go_on = threading.Event(), threading.Event()
+        stack.callback(go_on.set)
+
+        def write(*_: object) -> None:
+            hanging.set()
+            go_on.wait(LONG)
+
+        monkeypatch.setattr(views.HoldFiles, "write", write)
+        told = threading.Event()
+        agent.on_hold(lambda _: told.set())
+        keeper.add(HoldState({(hold := new_hold()).hold_id: hold}))
+        assert told.wait(LONG)
+        assert "A human has stopped" in (agent.why_held() or "")
+        assert hanging.wait(LONG)
+
+
+def test_garbage_on_the_topic_holds(ros_domain: int, apart: Callable[[], None]) -> None:
+    from rcl_interfaces.msg import Log
+
+    with listening() as agent:
+        assert agent.wait_until_known(LONG)
+        with telling() as human:
+            until(lambda: human.has_told)
+            topic = human._topic
+            assert topic is not None
+            topic._runtime.run(lambda: topic._publisher.publish(Log(msg="STOP")))
+            until(lambda: agent.why_held() is not None, TOPIC)
+            assert "somebody whose message cannot be read" in (agent.why_held() or "")
+            until(lambda: human.state.active)
+            human.release(human.state.active)
+            until(lambda: agent.why_held() is None)
+
+
+def test_whoever_is_in_sight_and_silent_makes_it_unknown(
+    ros_domain: int, apart: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(views, "SETTLE", 0.0)
+    with telling() as human:
+        monkeypatch.setattr(HoldView, "_tell", lambda self: None)
+        until(lambda: human._topic is not None)
+        with listening() as agent:
+            until(lambda: agent._view is not None and agent._view._speakers)
+            assert not agent.wait_until_known(1.5)
+            assert "not all been heard" in (agent.why_held() or "")
+            # One on the same computer has a file, too. (Two users' agents never hear each other.)
+            monkeypatch.setattr(views, "_FILES_DO", 2.0)
+            assert agent.wait_until_known(LONG)
+            monkeypatch.setattr(topics.Speaker, "computer", property(lambda self: self.gid))
+            until(lambda: not agent.is_known)
+
+
+def test_a_middleware_that_cannot_be_joined_makes_it_unknown(
+    apart: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise RuntimeError("no middleware")
+
+    monkeypatch.setattr(views, "HoldTopic", refuse)
+    with isolated_domain() as domain, listening(domain) as agent:
+        assert not agent.wait_until_known(0.2)
+        until(lambda: "no middleware" in (agent.why_held() or ""))
+        monkeypatch.undo()
+        assert agent.wait_until_known(LONG)
+
+
+def test_a_callback_that_raises_is_told_of_and_harms_nobody(
+    ros_domain: int, apart: Callable[[], None]
+) -> None:
+    told: list[str] = []
+
+    def broken(_: str) -> None:
+        raise ValueError("mine")
+
+    with listening() as agent:
+        agent.on_hold(broken)
+        agent.on_hold(told.append)
+        hold = new_hold()
+        views.HoldFiles(ros_domain).write(HoldState({hold.hold_id: hold}))
+        until(lambda: told)
+        assert agent.why_held() == told[0]

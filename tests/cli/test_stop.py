@@ -1,0 +1,352 @@
+"""`actionkit stop`, beside goals and agents of other processes. Contract C10.4."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from functools import partial
+from typing import Any
+
+import pytest
+from test_msgs.action import Fibonacci
+
+from actionkit import Client, GoalFuture, GoalState, servers
+from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._ros.tools.cancel import CancelSaid
+from actionkit._ros.tools.cancel_all import AllSaid
+from actionkit._ros.tools.watch import GoalSeen
+from actionkit.agents._hold import HoldListener
+from actionkit.cli._exits import Exit
+from actionkit.cli._stopping import Stopping, table, worst
+from actionkit.servers import Server
+from tests.cli.conftest import World
+from tests.holding import AGENT, end_keepers, keepers
+
+LONG = 30.0
+
+
+@pytest.fixture(scope="module")
+def world(world: World) -> Iterator[World]:
+    yield world
+    end_keepers(world.domain)
+
+
+@pytest.fixture
+def goals(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Callable[[str, int], list[GoalFuture[Any, Any]]]]:
+    """Send goals to servers of the world, which nobody waits for in the end."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(world.domain))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with ExitStack() as stack:
+
+        def send(name: str, count: int) -> list[GoalFuture[Any, Any]]:
+            client = stack.enter_context(Client(Fibonacci, name, on_close="abandon"))
+            assert client.wait_for_server(LONG)
+            return [client.call_async(Fibonacci.Goal(order=900)) for _ in range(count)]
+
+        yield send
+
+
+@pytest.fixture(scope="module")
+def agent(world: World) -> Iterator[HoldListener]:
+    listener = HoldListener(world.domain)
+    listener.start()
+    assert listener.wait_until_known(LONG)
+    yield listener
+    listener.close()
+
+
+def until(condition: Callable[[], object]) -> None:
+    give_up = time.monotonic() + LONG
+    while not condition():
+        assert time.monotonic() < give_up
+        time.sleep(0.05)
+
+
+def numbers(text: str) -> dict[str, list[str]]:
+    """Return the columns of numbers of a table, by the action."""
+    rows = [line.split() for line in text.splitlines() if line.startswith("/")]
+    return {row[0]: row[-5:] for row in rows if len(row) == 7}
+
+
+def one_of_ten(world: World, number: int) -> Server:
+    server = servers.start("never_finishes", action_name=f"n{number}", domain_id=world.domain)
+    return world.stack.enter_context(server)
+
+
+def test_fifty_goals_of_ten_servers_and_those_that_do_not_stop(
+    world: World, agent: HoldListener, goals: Callable[..., list[GoalFuture[Any, Any]]]
+) -> None:
+    assert agent.why_held() is None
+    with ThreadPoolExecutor(4) as starting:
+        many = list(starting.map(partial(one_of_ten, world), range(10)))
+    hard = [
+        world.server("refuses_cancel"),
+        world.server("slow_cancel", gate=1),
+        world.server("blocking", gate=1),
+    ]
+    watching = world.start("watch", "refuses_cancel", "--json")
+    watching.until('"kind":"servers"')
+    sent = [future for number in range(10) for future in goals(f"n{number}", 5)]
+    for name, count in (("refuses_cancel", 5), ("slow_cancel", 1), ("blocking", 1)):
+        goals(name, count)
+    for server, count in [*((server, 5) for server in many), (hard[0], 5), (hard[1], 1)]:
+        server.wait_for("accepted", count=count, timeout=LONG)
+    hard[2].wait_for("executing", timeout=LONG)
+
+    done = world.run("stop", "--timeout", "9")
+    assert done.code == Exit.CANCEL_REFUSED, done
+    rows = numbers(done.out)
+    for number, server in enumerate(many):
+        assert rows[f"/n{number}"] == ["5", "5", "-", "-", "-"]
+        assert not server.running()
+    # rclpy's servers skip the goal after each that they refuse.
+    assert rows["/refuses_cancel"] == ["5", "-", "-", "5", "-"]
+    assert rows["/slow_cancel"] == ["1", "-", "-", "-", "1"]
+    assert done.out.count("IT IS STILL RUNNING") == 5
+    assert "/blocking: no server answered. GOALS MAY STILL BE RUNNING." in done.out
+    assert "Agents are held until `actionkit stop --release`; 1 in sight obey." in done.out
+    for future in sent:
+        assert future.outcome(LONG).status is GoalState.CANCELED
+    assert "A human has stopped the robot" in (agent.why_held() or "")
+    watching.until('"held":true')
+
+    # Whoever starts later is held, too, by the process that was left behind...
+    told = json.loads(world.run("stop", "--status", "--json").out)
+    assert told["held"] is True
+    (keeper,) = keepers(world.domain)
+    assert any(
+        f"keeper of {told['holds'][0]['by']} (process {keeper})" == k for k in told["kept_by"]
+    )
+    assert "a file on this computer" in told["kept_by"]
+    assert os.getsid(keeper) == keeper, "ends with the terminal"
+    # ... and where that is killed, by the agents that know of it.
+    os.kill(keeper, signal.SIGKILL)
+    status = world.run("stop", "--status", ACTIONKIT_HOLD_DIR="/nowhere")
+    assert status.code == Exit.HELD
+    assert "agent of" in status.out
+    assert "file" not in status.out
+
+    released = world.run("stop", "--release")
+    assert (released.code, released.err) == (Exit.OK, "")
+    assert released.out.startswith("Released: the hold of ")
+    assert agent.why_held() is None
+    watching.until('"held":false')
+    watching.signal(signal.SIGINT)
+    watching.finish()
+    status = world.run("stop", "--status")
+    assert (status.code, status.out, status.err) == (Exit.OK, "Not held.\n", "")
+    hard[1].release()
+    hard[2].release()
+    for server in [*many, *hard]:
+        server.stop()
+    world.cached.clear()
+
+
+def test_two_terminals_and_one_release(world: World, agent: HoldListener) -> None:
+    both = [world.start("stop", "--timeout", "6") for _ in range(2)]
+    codes = [stop.finish() for stop in both]
+    assert codes == [Exit.NO_SERVER] * 2, [stop.text for stop in both]
+    assert "No action server is in sight" in both[0].text
+    assert agent.why_held()
+    # Both are of one human: the process of the newer one is enough.
+    until(lambda: len(keepers(world.domain)) == 1)
+    assert agent.why_held()
+    assert world.run("stop", "--release").code == Exit.OK
+    assert agent.why_held() is None
+    until(lambda: not keepers(world.domain))
+    assert world.run("stop", "--release").out == "There was no hold.\n"
+
+
+def test_named_actions_are_stopped_without_a_hold(
+    world: World, agent: HoldListener, goals: Callable[..., list[GoalFuture[Any, Any]]]
+) -> None:
+    server = world.server("never_finishes")
+    (future,) = goals("never_finishes", 1)
+    server.wait_for("executing")
+    done = world.run("stop", "never_finishes", "/nowhere", "--json")
+    assert done.code == Exit.NO_SERVER
+    assert "Action '/nowhere' has no server in sight." in done.err
+    assert "Agents are not held" in done.err
+    lines = [json.loads(line) for line in done.out.splitlines()]
+    assert [(line["kind"], line["action_name"]) for line in lines] == [
+        ("cancel", "/never_finishes"), ("stop", "/never_finishes"), ("stop", "/nowhere"),
+    ]  # fmt: skip
+    assert (lines[0]["goal_id"], lines[0]["cancel"]) == (str(future.goal_id), "CONFIRMED")
+    assert lines[1]["goals"] == 1
+    assert future.outcome(LONG).status is GoalState.CANCELED
+    assert agent.why_held() is None
+    assert not keepers(world.domain)
+
+
+HUNG_AGENT = (
+    """
+from test_msgs.action import Fibonacci
+from actionkit import Client
+client = Client(Fibonacci, "never_finishes", on_close="abandon")
+client.call_async(Fibonacci.Goal(order=900))
+"""
+    + AGENT
+)
+
+
+def test_an_agent_that_hangs_and_ctrl_c(world: World, agent: HoldListener) -> None:
+    server = world.server("never_finishes")
+    before = server.count("executing")
+    hung = world.start(before=HUNG_AGENT + "\nsys.exit()", stdin=-1)
+    assert hung.process.stdin is not None
+    hung.until("known True")
+    server.wait_for("executing", count=before + 1)
+    os.kill(hung.process.pid, signal.SIGSTOP)
+    stop = world.start("stop", "--timeout", "40")
+    stop.until("Stopping everything")
+    until(lambda: not server.running())
+    # It is waiting for the agent that is stopped, or still looking for servers.
+    stop.signal(signal.SIGINT)
+    assert stop.finish() == Exit.INTERRUPTED
+    assert "The hold stays." in stop.text
+    assert "/never_finishes" in stop.text
+    assert agent.why_held()
+    assert len(keepers(world.domain)) == 1
+    os.kill(hung.process.pid, signal.SIGCONT)
+    print("known\nnow", file=hung.process.stdin, flush=True)
+    hung.until("True")
+    hung.until("A human has stopped the robot")
+    assert world.run("stop", "--release").code == Exit.OK
+    hung.process.stdin.close()
+    hung.process.stdin = None
+    hung.finish()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--release", "--status"), "not both"),
+        (("/a", "--release"), "not both"),
+        (("/a", "--status"), "not both"),
+        (("--domain-id", "233"), "0<=x<=232"),
+        (("--timeout", "-1"), "zero or more"),
+        (("not a name",), "no valid ROS name"),
+    ],
+)
+def test_wrong_usage_stops_nothing(
+    words: tuple[str, ...], told: str, ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from click.testing import CliRunner
+
+    from actionkit.cli import stop
+
+    # What belongs to the process would stay with the tests that come next.
+    monkeypatch.setattr(stop, "use_udp_only", lambda: None)
+    monkeypatch.setattr(stop.signal, "signal", lambda *_: None)
+    result = CliRunner().invoke(stop.command, list(words))
+    assert result.exit_code == Exit.USAGE
+    assert told in " ".join(result.output.split())
+
+
+# --- what is said of goals, on a clock of the test's --------------------------------------------
+
+ONE, TWO = "00000000-0000-0000-0000-000000000001", "00000000-0000-0000-0000-000000000002"
+
+
+def stopping(*states: str) -> Stopping:
+    action = Stopping("/a")
+    action.seen(["/server"])
+    action.take_news(("/server",), 0.0)
+    action.take_news([GoalSeen(g, s, 0.0) for g, s in zip((ONE, TWO), states, strict=False)], 0.0)
+    return action
+
+
+def goal_is(action: Stopping, state: str, goal_id: str = ONE) -> None:
+    action.take_news([GoalSeen(goal_id, state, 0.0)], 0.0)
+
+
+def test_a_request_is_repeated_until_it_is_answered() -> None:
+    action = stopping("EXECUTING")
+    assert action.to_ask(0.0) == 1
+    assert action.to_ask(0.5) is None
+    assert action.to_ask(1.5) == 2
+    assert not action.done(1.5)
+    action.take_answer(AllSaid(2, (ONE,)), 1.6)
+    assert action.to_ask(3.0) is None
+    goal_is(action, "CANCELED")
+    action.settle(3.0, over=False)
+    assert action.done(3.0)
+    assert [fate.cancel for fate in action.fates] == ["CONFIRMED"]
+    assert action.exit is Exit.OK
+
+
+def test_goals_accepted_meanwhile_are_canceled_too() -> None:
+    action = stopping()
+    assert action.to_ask(0.0) == 1
+    action.take_answer(AllSaid(1, ()), 0.1)
+    assert action.done(0.1)
+    goal_is(action, "EXECUTING")
+    assert action.to_ask(0.2) == 2
+    assert not action.done(0.2)
+    action.take_answer(AllSaid(2, (ONE,)), 0.3)
+    goal_is(action, "CANCELED")
+    action.settle(0.3, over=False)
+    assert action.done(0.3)
+    action.once_more()
+    assert not action.done(0.4)
+    assert action.to_ask(0.4) == 3
+
+
+def test_a_goal_that_ended_before_its_status_was_seen_counts_as_canceled() -> None:
+    action = stopping()
+    action.to_ask(0.0)
+    action.take_answer(AllSaid(1, (ONE,)), 0.1)
+    goal_is(action, "CANCELED")
+    action.settle(0.1, over=False)
+    assert [fate.cancel for fate in action.fates] == ["CONFIRMED"]
+
+
+def test_what_a_server_says_of_all_is_no_proof_about_one() -> None:
+    action = stopping("EXECUTING", "EXECUTING")
+    assert action.to_ask(0.0) == 1
+    action.take_answer(AllSaid(1, (TWO,)), 0.1)
+    assert action.to_ask_singly(0.2) == []
+    assert sorted(action.to_ask_singly(0.6)) == [ONE, TWO]
+    assert action.to_ask_singly(0.7) == []
+    for goal_id in (ONE, TWO):
+        action.take_single(CancelSaid(goal_id, CancelAnswer.REFUSED), 0.7)
+    action.settle(2.0, over=False)
+    assert {fate.cancel for fate in action.fates} == {"REFUSED"}
+    assert action.exit is Exit.CANCEL_REFUSED
+
+
+def test_a_server_that_says_nothing_may_have_goals() -> None:
+    action = stopping()
+    action.to_ask(0.0)
+    action.settle(9.0, over=True)
+    assert not action.done(9.0)
+    assert action.exit is Exit.CANCEL_UNKNOWN
+    assert table([action])[1].split() == ["/a", "/server", "?", "-", "-", "-", "-"]
+    assert table([action])[-1] == "/a: no server answered. GOALS MAY STILL BE RUNNING."
+
+
+def test_a_second_server_on_the_name_is_waited_for_a_moment() -> None:
+    action = stopping()
+    action.seen(["/server", "/second"])
+    action.take_news(("/second", "/server"), 0.0)
+    action.to_ask(0.0)
+    action.take_answer(AllSaid(1, ()), 0.1)
+    assert not action.done(0.1)
+    assert action.done(0.5)
+    action.seen(["/third"])
+    assert action.to_ask(0.6) == 2
+    assert action.servers == ("/second", "/server", "/third")
+
+
+def test_the_exit_code_is_that_of_the_worst() -> None:
+    assert worst([Exit.OK, Exit.FAILED, Exit.CANCEL_UNKNOWN]) is Exit.CANCEL_UNKNOWN
+    assert worst([Exit.CANCEL_UNKNOWN, Exit.CANCEL_REFUSED]) is Exit.CANCEL_REFUSED
+    assert worst([Exit.NO_SERVER, Exit.FAILED]) is Exit.FAILED
+    assert worst([]) is Exit.OK

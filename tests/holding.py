@@ -1,0 +1,47 @@
+"""What tests of holds share: the processes that keep them, and an agent in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+from contextlib import suppress
+from pathlib import Path
+
+
+def keepers(domain: int) -> list[int]:
+    """Return the processes that keep holds in a ROS domain."""
+    found = []
+    for process in Path("/proc").iterdir():
+        if process.name.isdigit():
+            with suppress(OSError):
+                words = (process / "cmdline").read_bytes().split(b"\0")
+                variables = (process / "environ").read_bytes().split(b"\0")
+                ended = b"\nState:\tZ" in (process / "status").read_bytes()
+                ours = f"ROS_DOMAIN_ID={domain}".encode() in variables
+                if b"actionkit.cli._keeper" in words and ours and not ended:
+                    found.append(int(process.name))
+    return found
+
+
+def end_keepers(domain: int) -> None:
+    """Kill what a test has left."""
+    for pid in keepers(domain):
+        with suppress(OSError):
+            os.kill(pid, signal.SIGKILL)
+
+
+AGENT = """
+import sys
+from actionkit.agents._hold import HoldListener
+listener = HoldListener()
+listener.start()
+print("known", listener.wait_until_known(30), flush=True)
+for line in sys.stdin:
+    wait = line.strip()
+    if wait == "now":
+        print(listener.why_held() or "FREE", flush=True)
+    elif wait == "known":
+        print(listener.wait_until_known(30), flush=True)
+listener.close()
+"""
+"""Prints why it is held, whenever it is asked."""
