@@ -40,7 +40,9 @@ KEYS = {
 """Name on PyPI -> the name that rosdep knows."""
 UNKNOWN = "tenacity"
 """rosdep has no name for it; the README tells how to get it."""
-NOT_COPIED = shutil.ignore_patterns("__pycache__", ".venv", ".git*", ".*_cache", "build", "dist")
+NOT_COPIED = shutil.ignore_patterns(
+    "__pycache__", ".venv*", ".colcon", ".git*", ".*_cache", "build", "dist"
+)
 
 
 @pytest.fixture

@@ -148,3 +148,16 @@ def test_wrong_arguments_are_refused_before_anything_is_written(
     assert done.returncode == code
     assert told in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_stubs_of_others_for_a_package_that_is_only_used_are_kept(
+    stubs: Command, tmp_path: Path
+) -> None:
+    foreign = tmp_path / "typings" / "service_msgs" / "__init__.pyi"
+    foreign.parent.mkdir(parents=True)
+    foreign.write_text("MINE: int\n")
+    done = stubs("odd_interfaces")
+    assert "left  typings/service_msgs/__init__.pyi is not made by `actionkit stubs`" in done.stdout
+    assert "service_msgs" not in done.stderr
+    assert foreign.read_text() == "MINE: int\n"
+    assert (tmp_path / "typings" / "action_msgs" / "msg" / "_goal_status.pyi").is_file()
