@@ -14,6 +14,7 @@ from actionkit._interfaces import dependencies as used_packages
 from actionkit._interfaces.build_record import BuildRecord, read_record
 from actionkit._interfaces.compiler import find_compiler
 from actionkit._interfaces.dependencies import IMPLIED
+from actionkit._interfaces.errors import TargetError
 from actionkit._interfaces.fingerprint import of_package
 from actionkit._interfaces.interface_file import InterfaceFile
 from actionkit._interfaces.publish import locked, put, workshop
@@ -142,7 +143,14 @@ def _build(package: Package, files: list[InterfaceFile], uses: set[str], target:
         where = os.path.relpath(share, place)
         record = BuildRecord(package.name, package.version, key, sorted(used), where, made)
         record.write(work / package.name)
-        _put(package, work, target, share)
+        try:
+            _put(package, work, target, share)
+        except OSError as error:
+            raise TargetError(
+                f"{error.filename or target.folder}: cannot be written ({error.strerror}): what was"
+                " built is not in place. Choose another folder with -o, or a virtual environment"
+                " of your own"
+            ) from error
     return Built(package, place, time.monotonic() - began, undeclared)
 
 

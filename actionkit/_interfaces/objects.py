@@ -154,11 +154,11 @@ def _keep(made: Path, kept: Path) -> None:
 
 
 def _cache() -> Path | None:
-    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    path = Path(root, "actionkit", "interfaces")
     try:
+        root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+        path = Path(root, "actionkit", "interfaces")
         path.mkdir(parents=True, exist_ok=True)
-    except OSError:
+    except (OSError, RuntimeError):  # the latter where nobody has a home
         return None
     return path if os.access(path, os.W_OK) else None
 
