@@ -121,6 +121,7 @@ class World(CommunicationThread):
         self.gids: list[bytes] = []
         self.node = SimpleNamespace(get_publishers_info_by_topic=self._publishers)
         self.windows: dict[type, Any] = {}
+        self.rejoining = SimpleNamespace(links={})
         self.link: Any = Link(self, Fibonacci, TYPE, "/fibonacci")  # type: ignore[arg-type]
         self.entities: Any = self.link._entities
 

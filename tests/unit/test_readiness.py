@@ -216,6 +216,17 @@ def test_a_server_goes(ready: World) -> None:
     assert ready.news() == []
 
 
+@pytest.mark.parametrize("action_type", [OURS, "other_msgs/action/Other"])
+def test_a_server_was_seen_however_it_has_gone(world: World, action_type: str) -> None:
+    assert not world.readiness.has_seen_servers
+    world.serve(A, action_type=action_type)
+    assert world.readiness.has_seen_servers
+    if action_type == OURS:
+        world.match(A)
+        world.match()
+        assert world.readiness.has_seen_servers
+
+
 def test_a_server_goes_before_it_was_ready(world: World) -> None:
     world.match(A)
     world.match()
