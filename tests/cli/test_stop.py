@@ -43,14 +43,19 @@ def goals(
     """Send goals to servers of the world, which nobody waits for in the end."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(world.domain))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    sent: list[GoalFuture[Any, Any]] = []
     with ExitStack() as stack:
 
         def send(name: str, count: int) -> list[GoalFuture[Any, Any]]:
             client = stack.enter_context(Client(Fibonacci, name, on_close="abandon"))
             assert client.wait_for_server(LONG)
-            return [client.call_async(Fibonacci.Goal(order=900)) for _ in range(count)]
+            futures = [client.call_async(Fibonacci.Goal(order=900)) for _ in range(count)]
+            sent.extend(futures)
+            return futures
 
         yield send
+    for future in sent:
+        future.outcome(LONG)  # else each is complained of that nobody asks
 
 
 @pytest.fixture(scope="module")
