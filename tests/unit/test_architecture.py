@@ -26,6 +26,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "_calls": {"_model", "_threads", "_messages", "_goal", "_observers", "_ros"},
     "_client": {"_model", "_threads", "_messages", "_observers", "_ros", "_calls"},
     "": {"_model", "_observers", "_calls", "_client"},
+    "agents": {"", "_model", "_messages"},
     "servers": {"_ros"},
     "testing": {"servers"},
     "cli": {
@@ -41,7 +42,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "__main__": {"cli"},
 }
-APART = ("cli", "servers", "testing", "__main__")
+APART = ("agents", "cli", "servers", "testing", "__main__")
 """Programs and servers of their own, built on the library or beside it."""
 PURE = (
     "_goal",
@@ -235,10 +236,12 @@ HEAVY = (
     "action_msgs",
     "rosidl_parser",
     "pytest",
+    "PIL",
+    "mcp",
 )
 
 
-@pytest.mark.parametrize("module", ["actionkit", "actionkit.cli", "actionkit.testing.plugin"])
+@pytest.mark.parametrize("module", ["actionkit", "actionkit.agents", "actionkit.cli", "actionkit.testing.plugin"])
 def test_importing_is_light(module: str) -> None:
     allowed = {"pytest"} if "plugin" in module else set()
     code = f"import sys, {module}; print(*[m for m in {HEAVY} if m in sys.modules])"
