@@ -241,7 +241,9 @@ HEAVY = (
 )
 
 
-@pytest.mark.parametrize("module", ["actionkit", "actionkit.agents", "actionkit.cli", "actionkit.testing.plugin"])
+@pytest.mark.parametrize(
+    "module", ["actionkit", "actionkit.agents", "actionkit.cli", "actionkit.testing.plugin"]
+)
 def test_importing_is_light(module: str) -> None:
     allowed = {"pytest"} if "plugin" in module else set()
     code = f"import sys, {module}; print(*[m for m in {HEAVY} if m in sys.modules])"
