@@ -130,7 +130,7 @@ def test_a_goal_that_cannot_be_cancelled_is_not_sent_beside(
 async def until(holds: Callable[[], bool]) -> None:
     """Wait until something holds that nobody tells of."""
     end = time.monotonic() + BOUND
-    while not holds():  # noqa: ASYNC110
+    while not holds():
         assert time.monotonic() < end
         await asyncio.sleep(0.01)
 
