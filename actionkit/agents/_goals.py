@@ -84,6 +84,7 @@ class GoalRecord:
         self._goal_id, self._cancel = outcome.goal_id, outcome.cancel
         self._ended = time.monotonic()
         self.value = value
+        self._future = None  # and with it the messages
         for waiter in list(self._waiters):
             waiter()
 

@@ -23,6 +23,7 @@ class FakeHold:
         self.reason: str | None = None
         self.is_known = True
         self.asked = 0
+        self.stop_when_asked: int | None = None
         self._callbacks: list[Callable[[str], object]] = []
 
     def start(self) -> None:
@@ -33,6 +34,8 @@ class FakeHold:
 
     def why_held(self) -> str | None:
         self.asked += 1
+        if self.asked == self.stop_when_asked:
+            self.stop()
         if not self.is_known:
             return "it is not known yet whether a human has stopped the robot"
         return self.reason

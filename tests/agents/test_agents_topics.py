@@ -17,6 +17,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from actionkit.agents import Toolbox
 from actionkit.agents._images import ImageError, to_image
 from actionkit.agents._plain import plain_json
+from tests.agents.conftest import BOUND
 
 PUBLISHER = """
 import rclpy, sys
@@ -36,8 +37,8 @@ for text in ("first", "second", "latest"):
     mode.publish(String(data=text))
 def publish():
     battery.publish(BatteryState(voltage=12.5, temperature=float("nan")))
-    image = Image(width=640, height=480, step=1920, encoding="rgb8", data=b"\\xff\\0\\0" * 640 * 480)
-    camera.publish(image)
+    red = b"\\xff\\0\\0" * 640 * 480
+    camera.publish(Image(width=640, height=480, step=1920, encoding="rgb8", data=red))
     scan.publish(LaserScan(ranges=[1.0] * 5000))
 node.create_timer(0.05, publish)
 print("ready", flush=True)
@@ -99,10 +100,17 @@ def test_topics(make_toolbox: Callable[..., Toolbox], run_script: Any) -> None:
             assert (await toolbox.call("battery", {"x": 1})).is_error
             # Cancelling ends the subscription, and closing waits for no reading.
             waiting = asyncio.create_task(read("quiet"))
-            await asyncio.sleep(0.2)
+            node = toolbox._clients.node.open()
+
+            async def subscribed(count: int) -> None:
+                while len(node.get_subscriptions_info_by_topic("/quiet")) != count:
+                    await asyncio.sleep(0.01)
+
+            await asyncio.wait_for(subscribed(1), BOUND)
             waiting.cancel()
             await asyncio.wait([waiting])
             assert waiting.cancelled()
+            await asyncio.wait_for(subscribed(0), BOUND)
             assert not any(t.name.startswith("asyncio_") for t in threading.enumerate())
             last = asyncio.create_task(toolbox.call("quiet", {}))
             await asyncio.sleep(0)

@@ -14,6 +14,7 @@ import jsonschema
 import pytest
 
 from actionkit.agents import ApprovalRequest, Progress, Toolbox, ToolResult
+from actionkit.agents._progress import _percent
 from actionkit.testing import isolated_domain
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import BOUND, FIBONACCI, FakeHold, seen
@@ -255,6 +256,26 @@ def test_a_hold_refuses_and_cancels(
     assert server.count("accepted") == 2
 
 
+def test_a_hold_between_any_two_steps_keeps_the_goal_back(
+    make_toolbox: Make, action_server: ActionServerFactory, hold: FakeHold
+) -> None:
+    server = action_server("fibonacci")
+
+    async def main() -> int:
+        async with make_toolbox({"fib": FIBONACCI}) as toolbox:
+            for look in range(1, 10):
+                hold.asked, hold.stop_when_asked, hold.reason = 0, look, None
+                value = told(toolbox, await toolbox.call("fib", {"order": 1}))
+                if value["status"] == "succeeded":
+                    return look - 1
+                assert value["error"]["type"] == "held"
+                assert server.count("goal_received") == 0
+        return 0
+
+    looks = asyncio.run(main())
+    assert looks >= 3  # before the question, after it, and right before the goal is sent
+
+
 def test_a_hold_reaches_a_goal_that_waits_for_its_server(
     make_toolbox: Make, action_server: ActionServerFactory, hold: FakeHold
 ) -> None:
@@ -351,6 +372,102 @@ def test_waiting_for_approval_counts_no_goal(
 
     asyncio.run(main())
     assert server.count("accepted") == 1
+
+
+# --- progress ----------------------------------------------------------------------------------
+
+
+def test_progress_comes_also_while_nothing_changes(
+    make_toolbox: Make, action_server: ActionServerFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("actionkit.agents._progress._EVERY", 0.02)
+    action_server("never_finishes", feedback=0)
+    seen_so_far: list[Progress] = []
+
+    async def main() -> None:
+        async with make_toolbox({"fib": FIBONACCI}) as toolbox:
+            enough = asyncio.Event()
+
+            async def on_progress(progress: Progress) -> None:
+                seen_so_far.append(progress)
+                if len(seen_so_far) == 3:
+                    enough.set()
+
+            call = asyncio.create_task(toolbox.call("fib", {"order": 90}, on_progress=on_progress))
+            await asyncio.wait_for(enough.wait(), BOUND)
+            call.cancel()
+            await asyncio.wait([call])
+
+    asyncio.run(main())
+    elapsed = [progress.elapsed for progress in seen_so_far]
+    assert elapsed == sorted(elapsed)
+
+
+def test_progress_that_raises_harms_nobody(
+    make_toolbox: Make, action_server: ActionServerFactory, caplog: pytest.LogCaptureFixture
+) -> None:
+    action_server("fibonacci", period=0.01)
+
+    def on_progress(progress: Progress) -> None:
+        raise ZeroDivisionError
+
+    async def main() -> None:
+        async with make_toolbox({"fib": FIBONACCI}) as toolbox:
+            value = told(toolbox, await toolbox.call("fib", {"order": 50}, on_progress=on_progress))
+            assert value["status"] == "succeeded"
+
+    asyncio.run(main())
+    assert caplog.text.count("on_progress raised") == 1
+
+
+@pytest.mark.parametrize(
+    ("feedback", "percent"),
+    [
+        ({"percent": 40}, 40.0),
+        ({"state": {"percent_complete": 140.0}}, 100.0),
+        ({"percent": "NaN"}, None),
+        ({"percent": True, "left": 3}, None),
+    ],
+)
+def test_percent(feedback: dict[str, Any], percent: float | None) -> None:
+    assert _percent(feedback) == percent
+
+
+# --- its end -----------------------------------------------------------------------------------
+
+LEFT_OPEN = """
+import asyncio, sys
+from actionkit.agents import Toolbox
+from actionkit.agents import _clients
+from tests.agents.conftest import FakeHold
+_clients.make_hold = lambda domain_id: FakeHold()
+FIBONACCI = {"action": "fibonacci", "type": "test_msgs/action/Fibonacci"}
+toolbox = Toolbox.from_config({
+    "tools": {"fib": FIBONACCI},
+    "topics": {"text": {"topic": "text", "type": "std_msgs/msg/String"}},
+})
+async def main():
+    await toolbox.__aenter__()
+    reading = asyncio.create_task(toolbox.call("text"))
+    asyncio.create_task(toolbox.call("fib", {"order": 90}))
+    print("ready", flush=True)
+    await asyncio.to_thread(sys.stdin.readline)
+asyncio.run(main())
+"""
+
+
+def test_a_program_that_ends_without_closing_leaves_no_goal_running(
+    action_server: ActionServerFactory, run_script: Any
+) -> None:
+    server = action_server("fibonacci", period=0.1)
+    script = run_script(LEFT_OPEN)
+    assert script.line() == "ready"
+    server.wait_for("accepted", timeout=BOUND)
+    script.process.stdin.write("\n")
+    script.process.stdin.flush()
+    assert script.finish(BOUND) == (0, "", "")
+    server.wait_for("canceled")
+    assert server.running() == set()
 
 
 # --- what else ---------------------------------------------------------------------------------
