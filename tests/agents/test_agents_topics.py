@@ -103,7 +103,8 @@ def test_topics(make_toolbox: Callable[..., Toolbox], run_script: Any) -> None:
             node = toolbox._clients.node.open()
 
             async def subscribed(count: int) -> None:
-                while len(node.get_subscriptions_info_by_topic("/quiet")) != count:
+                # Nobody tells of it.
+                while len(node.get_subscriptions_info_by_topic("/quiet")) != count:  # noqa: ASYNC110
                     await asyncio.sleep(0.01)
 
             await asyncio.wait_for(subscribed(1), BOUND)

@@ -381,7 +381,7 @@ def test_progress_comes_also_while_nothing_changes(
     make_toolbox: Make, action_server: ActionServerFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("actionkit.agents._progress._EVERY", 0.02)
-    action_server("never_finishes", feedback=0)
+    action_server("fibonacci", feedback=0, gate=1)
     seen_so_far: list[Progress] = []
 
     async def main() -> None:
