@@ -29,7 +29,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "_stubs": set(),
     "_interfaces": {"_model"},
     "trees": {"_model", "_threads", "_messages", "_calls", "_client"},
-    "agents": {"_threads", "_ros"},
+    "agents": {"", "_model", "_messages", "_threads", "_ros"},
     "servers": {"_ros"},
     "testing": {"_model", "_messages", "servers"},
     "cli": {
@@ -47,7 +47,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "__main__": {"cli"},
 }
-APART = ("_interfaces", "cli", "servers", "testing", "__main__")
+APART = ("_interfaces", "agents", "cli", "servers", "testing", "__main__")
 """Programs and servers of their own, built on the library or beside it."""
 PURE = (
     "_goal",
@@ -172,6 +172,22 @@ def test_one_room_touches_rclpy(package: str) -> None:
     assert {name for name in users if not name.startswith("_ros.")} == set()
 
 
+def test_one_module_of_agents_touches_rclpy() -> None:
+    users = {
+        name
+        for name in modules()
+        if package_of(name) == "agents" and any(imports_package(name, one) for one in ROS)
+    }
+    assert users <= {"agents._ros"}
+    # It imports rclpy by name, inside functions: no other module names it in a text.
+    named = {
+        name
+        for name, path in modules().items()
+        if package_of(name) == "agents" and '"rclpy' in path.read_text("utf-8")
+    }
+    assert named == {"agents._ros"}
+
+
 def test_two_modules_touch_the_private_parts_of_rclpy() -> None:
     assert imports_package("_ros.native", "rclpy.impl")
     for name, path in library().items():
@@ -260,10 +276,14 @@ HEAVY = (
     "rosidl_parser",
     "pytest",
     "py_trees",
+    "PIL",
+    "mcp",
 )
 
 
-@pytest.mark.parametrize("module", ["actionkit", "actionkit.cli", "actionkit.testing.plugin"])
+@pytest.mark.parametrize(
+    "module", ["actionkit", "actionkit.agents", "actionkit.cli", "actionkit.testing.plugin"]
+)
 def test_importing_is_light(module: str) -> None:
     allowed = {"pytest"} if "plugin" in module else set()
     code = f"import sys, {module}; print(*[m for m in {HEAVY} if m in sys.modules])"

@@ -26,6 +26,7 @@ FOR_MAINTAINERS = {*PAGES, "architecture.md"}
 """The pages of `docs/` that may cite numbers; the others are for users."""
 PUBLIC = (
     "actionkit",
+    "actionkit.agents",
     "actionkit.servers",
     "actionkit.testing",
     "actionkit.testing.plugin",

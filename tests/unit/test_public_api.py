@@ -15,7 +15,7 @@ import pytest
 import actionkit
 import actionkit.servers
 import actionkit.testing
-from actionkit import Client, GoalFuture
+from actionkit import Client, GoalFuture, agents
 from actionkit.testing import FakeServer, tick_until
 from actionkit.trees import ActionBehaviour, FromBlackboard
 
@@ -62,6 +62,15 @@ NAMES = [
 ]
 TESTING = ["EventLog", "FakeServer", "isolated_domain", "tick_until"]
 SERVERS = ["Server", "ServerEvent", "names", "start"]
+AGENTS = [
+    "ApprovalRequest",
+    "ConfigError",
+    "Image",
+    "Progress",
+    "Tool",
+    "ToolResult",
+    "Toolbox",
+]
 SIGNATURES = {
     Client.__init__: "(self, action_type, action_name, *misplaced, node=None,"
     " timeouts=Timeouts(server=5.0, accept=5.0, total=None, feedback=None, cancel=2.0,"
@@ -90,6 +99,15 @@ SIGNATURES = {
     ActionBehaviour.shutdown: "(self)",
     FromBlackboard.__init__: "(self, key)",
     tick_until: "(tree, wanted, timeout=10.0, *, period=0.05)",
+    agents.Toolbox.from_file: "(path, *, domain_id=None)",
+    agents.Toolbox.from_config: "(config, *, domain_id=None)",
+    agents.Toolbox.call: "(self, name, arguments=None, *, on_progress=None, approve=None)",
+    agents.Toolbox.cancel_all: "(self)",
+    agents.Toolbox.goals: "(self, goal_id=None)",
+    agents.Toolbox.openai_tools: "(self)",
+    agents.Toolbox.anthropic_tools: "(self)",
+    agents.Toolbox.close: "(self)",
+    agents.Toolbox.aclose: "(self)",
     Client.server_is_ready: "(self)",
     Client.cancel_all: "(self)",
     Client.close: "(self)",
@@ -115,6 +133,13 @@ MEMBERS = {
     "GoalState": "SENDING SENT ACCEPTED REJECTED EXECUTING FEEDBACK CANCELING SUCCEEDED CANCELED"
     " ABORTED LOST RETRYING TIMED_OUT",
     "Verdict": "SUCCESS TRANSIENT PERMANENT",
+}
+AGENTS_FIELDS = {
+    "ApprovalRequest": "tool arguments text",
+    "Image": "mime_type data",
+    "Progress": "elapsed feedback_count message percent",
+    "Tool": "name description input_schema output_schema confirm kind",
+    "ToolResult": "value is_error images",
 }
 FIELDS = {
     "GoalEvent": "goal_id attempt state monotonic wall detail cancel_refused",
@@ -223,6 +248,18 @@ def test_the_properties(cls: type, names: str) -> None:
     assert own == set(names.split())
 
 
+def test_the_names_of_agents() -> None:
+    assert agents.__all__ == AGENTS
+    ours = {
+        name
+        for name, value in vars(agents).items()
+        if not name.startswith("_") and not inspect.ismodule(value)
+    }
+    assert ours == set(AGENTS)
+    for name in AGENTS:
+        assert getattr(agents, name).__name__ == name
+
+
 def test_nothing_else_is_public() -> None:
     ours = {
         name
@@ -270,6 +307,15 @@ def test_the_fields_of_values(name: str) -> None:
     assert [field.name for field in dataclasses.fields(cls)] == FIELDS[name].split()
     with pytest.raises(dataclasses.FrozenInstanceError):
         setattr(cls.__new__(cls), FIELDS[name].split()[0], 1)
+
+
+@pytest.mark.parametrize("name", AGENTS_FIELDS)
+def test_the_fields_of_values_of_agents(name: str) -> None:
+    cls = getattr(agents, name)
+    assert [field.name for field in dataclasses.fields(cls)] == AGENTS_FIELDS[name].split()
+    assert cls.__dataclass_params__.frozen
+    for field in AGENTS_FIELDS[name].split():
+        assert f"{field}: " in (cls.__doc__ or "")
 
 
 def test_terminal_states() -> None:
