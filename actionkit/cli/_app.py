@@ -27,6 +27,7 @@ _COMMANDS = {
     "serve": "actionkit.cli.serve",
     "doctor": "actionkit.cli.doctor",
     "timeline": "actionkit.cli.timeline",
+    "mcp": "actionkit.cli.mcp",
     "demo": "actionkit.cli.demo",
 }
 """Name of the command -> module that has it as `command`; imported only where it is needed."""

@@ -1,0 +1,90 @@
+"""A process that serves a toolbox: from its beginning to its end, whoever asks for that."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any, NoReturn
+
+from mcp.server import Server
+
+from actionkit.agents._mcp import http, stdio
+from actionkit.agents._mcp.address import Address
+from actionkit.agents._mcp.calls import Calls
+from actionkit.agents._mcp.ending import PATIENCE, Ending, leave, say
+from actionkit.agents._mcp.session import make_server
+from actionkit.agents._mcp.wire import Wire
+from actionkit.agents._toolbox import Toolbox
+
+_LAST_WRITES = 0.2
+"""Seconds to write the last answers."""
+_FREEING = 0.7
+"""Seconds to leave the ROS graph as it should be done."""
+UNKNOWN = 23
+"""The exit code where a goal may still be running; as `actionkit cancel` has it."""
+BROKEN = 1
+"""The exit code where serving ended by itself."""
+
+Serve = Callable[[Server[Any], Ending], Coroutine[Any, Any, None]]
+
+
+def serve_stdio(toolbox: Toolbox, wire: Wire, version: str) -> NoReturn:
+    """Serve the host at the other end of standard input and output. Ends the process."""
+
+    async def serve(server: Server[Any], ending: Ending) -> None:
+        wire.open(lambda: ending.ask(0, "the host closed its end"))
+        await stdio.serve(server, wire)
+
+    _run(toolbox, version, serve, wire.flush)
+
+
+def serve_http(
+    toolbox: Toolbox, where: Address, listening: socket.socket, version: str
+) -> NoReturn:
+    """Serve clients over HTTP. Ends the process."""
+
+    async def serve(server: Server[Any], ending: Ending) -> None:
+        await http.serve(http.make_app(server, where), listening, asyncio.Event())
+
+    _run(toolbox, version, serve, _nothing)
+
+
+async def _nothing() -> None:
+    """Wait for nothing."""
+
+
+def _run(
+    toolbox: Toolbox, version: str, serve: Serve, flush: Callable[[], Awaitable[None]]
+) -> NoReturn:
+    code = BROKEN
+    try:
+        code = asyncio.run(_serve(toolbox, version, serve, flush))
+    finally:
+        leave(code)
+
+
+async def _serve(
+    toolbox: Toolbox, version: str, serve: Serve, flush: Callable[[], Awaitable[None]]
+) -> int:
+    ending = Ending(toolbox.close)
+    await toolbox.__aenter__()
+    calls = Calls(toolbox)
+    server = make_server(toolbox, calls, version)
+    serving = asyncio.ensure_future(serve(server, ending))
+    serving.add_done_callback(lambda _: ending.ask(BROKEN, "serving has ended by itself"))
+    await ending.asked.wait()
+    await calls.end(PATIENCE)
+    with contextlib.suppress(asyncio.TimeoutError):
+        await asyncio.wait_for(flush(), _LAST_WRITES)
+    left = [goal for goal in toolbox.goals() if goal.get("may_still_run")]
+    for goal in left:
+        say(f"goal {goal.get('goal_id')} of {goal.get('tool')} may still be running")
+    with contextlib.suppress(asyncio.TimeoutError):
+        await asyncio.wait_for(toolbox.aclose(), _FREEING)
+    if serving.done() and not serving.cancelled() and serving.exception() is not None:
+        say(f"ended ({ending.why}): {serving.exception()!r}")
+    # What still waits for a host that reads nothing would hold up an orderly end (C10.3).
+    leave(ending.code or (UNKNOWN if left else 0))
+    return 0
