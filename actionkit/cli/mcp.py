@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 from typing import TYPE_CHECKING
 
@@ -104,8 +105,8 @@ def _toolbox(file: str, domain_id: int | None) -> Toolbox:
         Problem: A library is not there, or the file is wrong.
     """
     try:
-        import mcp.server
-        import uvicorn  # noqa: F401
+        for module in ("mcp.server", "uvicorn", "PIL"):
+            importlib.import_module(module)
     except ImportError as error:
         raise Problem(
             Exit.FAILED,

@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Callable
 from types import FrameType
+from typing import NoReturn
 
 PATIENCE = 2.5
 """Seconds for the servers to confirm that the goals are cancelled."""
@@ -85,7 +86,7 @@ def _heard_elsewhere(number: int, frame: FrameType | None) -> None:
     """Do nothing: the signal is heard by its wakeup descriptor."""
 
 
-def leave(code: int, words: str = "") -> None:
+def leave(code: int, words: str = "") -> NoReturn:
     """End the process here and now, whatever threads wait for. Does not return.
 
     Python would wait for what is written to a host that reads nothing, and for the event loop's

@@ -107,7 +107,7 @@ class _Uvicorn(uvicorn.Server):
     """One that leaves signals to us."""
 
     @contextlib.contextmanager
-    def capture_signals(self) -> Iterator[None]:  # type: ignore[override]
+    def capture_signals(self) -> Iterator[None]:
         yield
 
 

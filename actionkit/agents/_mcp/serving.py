@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
+import traceback
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any, NoReturn
 
@@ -58,16 +59,16 @@ async def _nothing() -> None:
 def _run(
     toolbox: Toolbox, version: str, serve: Serve, flush: Callable[[], Awaitable[None]]
 ) -> NoReturn:
-    code = BROKEN
     try:
-        code = asyncio.run(_serve(toolbox, version, serve, flush))
-    finally:
-        leave(code)
+        asyncio.run(_serve(toolbox, version, serve, flush))
+    except BaseException:  # noqa: BLE001  the process ends with it
+        traceback.print_exc()
+    leave(BROKEN)
 
 
 async def _serve(
     toolbox: Toolbox, version: str, serve: Serve, flush: Callable[[], Awaitable[None]]
-) -> int:
+) -> NoReturn:
     ending = Ending(toolbox.close)
     await toolbox.__aenter__()
     calls = Calls(toolbox)
@@ -87,4 +88,3 @@ async def _serve(
         say(f"ended ({ending.why}): {serving.exception()!r}")
     # What still waits for a host that reads nothing would hold up an orderly end (C10.3).
     leave(ending.code or (UNKNOWN if left else 0))
-    return 0

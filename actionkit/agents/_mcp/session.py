@@ -86,7 +86,7 @@ def make_server(toolbox: Toolbox, calls: Calls, version: str) -> Server[Any]:
                 raise MCPError(code=t.CONNECTION_CLOSED, message="the client is gone") from None
             except EndingError as error:
                 return _plain_error(str(error))
-            except Exception as error:  # a bug of ours, and a goal may run on
+            except Exception as error:  # noqa: BLE001  a bug of ours, and a goal may run on
                 _log.exception("the tool %s failed", tool.name)
                 return _plain_error(
                     f"internal error ({type(error).__name__}: {error}); the tool `goals` tells"

@@ -78,11 +78,15 @@ class Wire:
 
     async def write(self, data: bytes) -> None:
         """Write, and return when it is written; cancelling gives up the waiting alone."""
-        written = self._loop.create_future()
+        written: asyncio.Future[None] = self._loop.create_future()
+
+        def settle() -> None:
+            if not written.done():
+                written.set_result(None)
 
         def tell() -> None:
             with contextlib.suppress(RuntimeError):  # the loop has ended
-                self._loop.call_soon_threadsafe(lambda: written.done() or written.set_result(None))
+                self._loop.call_soon_threadsafe(settle)
 
         self._outgoing.put((data, tell))
         await written
