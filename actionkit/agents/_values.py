@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, Union
+from typing import Any, Literal
 
 Json = Mapping[str, Any]
 """A JSON object, as plain dicts, lists, strings, numbers, booleans and None."""
@@ -111,5 +111,5 @@ class ApprovalRequest:
 
 Approve = Callable[[ApprovalRequest], Awaitable[bool]]
 """Asks a human; returns whether they agree."""
-OnProgress = Union[Callable[[Progress], None], Callable[[Progress], Awaitable[None]]]
+OnProgress = Callable[[Progress], None] | Callable[[Progress], Awaitable[None]]
 """Is told of progress; a plain or a coroutine function, on the event loop of the call."""
