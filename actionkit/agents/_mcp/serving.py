@@ -19,7 +19,7 @@ from actionkit.agents._mcp.session import make_server
 from actionkit.agents._mcp.wire import Wire
 from actionkit.agents._toolbox import Toolbox
 
-_LAST_WRITES = 0.2
+_LAST_WRITES = 0.3
 """Seconds to write the last answers."""
 _FREEING = 0.7
 """Seconds to leave the ROS graph as it should be done."""
@@ -46,14 +46,19 @@ def serve_http(
 ) -> NoReturn:
     """Serve clients over HTTP. Ends the process."""
 
+    enough, over = asyncio.Event(), asyncio.Event()
+
     async def serve(server: Server[Any], ending: Ending) -> None:
-        await http.serve(http.make_app(server, where), listening, asyncio.Event())
+        try:
+            await http.serve(http.make_app(server, where), listening, enough)
+        finally:
+            over.set()
 
-    _run(toolbox, version, serve, _nothing)
+    async def answer_the_last() -> None:
+        enough.set()
+        await over.wait()
 
-
-async def _nothing() -> None:
-    """Wait for nothing."""
+    _run(toolbox, version, serve, answer_the_last)
 
 
 def _run(
