@@ -206,7 +206,7 @@ def _range(shape: Number) -> str:
 
 def _single(value: float, shape: Number) -> float:
     """Return the nearest 32-bit number within the limits: rounding may lead just out of them."""
-    rounded: float = struct.unpack("<f", struct.pack("<f", value))[0]
+    rounded = _rounded(value)
     if shape.low <= rounded <= shape.high:
         return rounded
     if rounded == 0:
@@ -216,6 +216,11 @@ def _single(value: float, shape: Number) -> float:
     away = (rounded > shape.high) == (rounded < 0)
     nearest: float = struct.unpack("<f", struct.pack("<i", bits + (1 if away else -1)))[0]
     return nearest
+
+
+def _rounded(value: float) -> float:
+    """Return the nearest 32-bit number."""
+    return struct.unpack("<f", struct.pack("<f", value))[0]  # type: ignore[no-any-return]
 
 
 def _text(shape: Text, value: Any, problems: Problems, path: str) -> str:

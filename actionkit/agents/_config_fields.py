@@ -137,7 +137,9 @@ def _enum(read: Reader, at: str, inner: Shape, table: Mapping[str, Any]) -> tupl
         return None
     if len(values) != len({repr(value) for value in values}):
         read.add(f"{at}.enum", "names a value twice")
-    return tuple(_value(read, f"{at}.enum", inner, value) for value in values)
+    for value in values:
+        _value(read, f"{at}.enum", inner, value)
+    return tuple(values)
 
 
 def _most(

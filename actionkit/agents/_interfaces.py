@@ -42,10 +42,18 @@ def interface_class(name: str, kind: Literal["action", "msg"]) -> Any:
     try:
         return getattr(module, short)
     except AttributeError:
-        known = sorted(n for n in vars(module) if n[0].isupper())
+        whole = "Goal" if kind == "action" else "SLOT_TYPES"
+        known = sorted(n for n, found in vars(module).items() if hasattr(found, whole))
         raise ValueError(
             f"{name!r} does not exist; {package} has {', '.join(known) or 'none'}"
         ) from None
+
+
+def constants(cls: type) -> str:
+    """Return the constants of a message class as a text such as `STOP=0, GO=1`, or `""`."""
+    # The class's own `__dict__` does not have them: they are properties of its metaclass.
+    named: Mapping[str, Any] = getattr(type(cls), f"_Metaclass_{cls.__name__}__constants", _NONE)
+    return ", ".join(f"{name}={getattr(cls, name)!r}" for name in named)
 
 
 @lru_cache(maxsize=256)

@@ -12,7 +12,7 @@ from typing import Any, Union
 
 from actionkit._messages.convert import to_plain
 from actionkit._messages.paths import message_class, slots_of, type_name
-from actionkit.agents._interfaces import comments
+from actionkit.agents._interfaces import comments, constants
 from actionkit.agents._limits import ABSENT, NO_LIMITS, Limits
 
 FLOAT32_MAX = 3.4028234663852886e38
@@ -137,7 +137,9 @@ def _group(
 ) -> Group:
     ros_type = type_name(cls)
     texts = comments(ros_type)
-    group = Group(path, ros_type, comment or texts.get("", ""), own, default)
+    named = constants(cls)
+    parts = (comment or texts.get("", ""), f"Constants: {named}" if named else "")
+    group = Group(path, ros_type, " ".join(filter(None, parts)), own, default)
     for name, (slot, text) in slots_of(cls).items():
         if name == _DUMMY:
             continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping
 from os import PathLike
 from types import TracebackType
@@ -9,7 +10,20 @@ from typing import Any
 
 from typing_extensions import Self
 
+from actionkit._model.field_errors import shown
+from actionkit.agents._clients import Clients, environment_domain
+from actionkit.agents._config import GOALS, Config, check_domain, read_config, read_file
+from actionkit.agents._goal_call import GoalCalls
+from actionkit.agents._goals import Goals
+from actionkit.agents._other_calls import goal_reports, goals_result, read_topic
+from actionkit.agents._results import refusal
+from actionkit.agents._tools import anthropic_format, make_tools, openai_format
 from actionkit.agents._values import Approve, Json, OnProgress, Tool, ToolResult
+from actionkit.agents._waiting import in_thread
+
+_CANCEL_WAIT = 3.0
+"""Seconds; `timeouts.cancel`, and what it takes to tell of it."""
+_CHANGE = "Nothing was sent; call one of the tools with arguments that its schema describes."
 
 
 class Toolbox:
@@ -23,6 +37,15 @@ class Toolbox:
     belongs to the event loop that it is used in first.
     """
 
+    def __init__(self, config: Config, domain_id: int | None) -> None:
+        self._tools = make_tools(config)
+        self._actions = {tool.name: tool for tool in config.actions}
+        self._topics = {topic.name: topic for topic in config.topics}
+        self._domain_id = config.domain_id if domain_id is None else domain_id
+        self._goals = Goals()
+        self._clients = Clients(config, self._domain_id, self._goals)
+        self._calls = GoalCalls(self._clients, self._goals)
+
     @classmethod
     def from_file(cls, path: str | PathLike[str], *, domain_id: int | None = None) -> Self:
         """Read a configuration file, and check the whole of it.
@@ -35,7 +58,8 @@ class Toolbox:
             ConfigError: Something in it is wrong; every problem is listed with its place.
             OSError: The file cannot be read.
         """
-        raise NotImplementedError
+        checked = check_domain(domain_id)
+        return cls(read_file(path), checked)
 
     @classmethod
     def from_config(cls, config: Mapping[str, Any], *, domain_id: int | None = None) -> Self:
@@ -48,22 +72,25 @@ class Toolbox:
         Raises:
             ConfigError: Something in it is wrong; every problem is listed with its place.
         """
-        raise NotImplementedError
+        checked = check_domain(domain_id)
+        return cls(read_config(config), checked)
 
     @property
     def tools(self) -> tuple[Tool, ...]:
         """All tools: those of actions, those of topics, and `goals`."""
-        raise NotImplementedError
+        return self._tools
 
     @property
     def domain_id(self) -> int:
         """The ROS domain."""
-        raise NotImplementedError
+        if self._domain_id is not None:
+            return self._domain_id
+        return environment_domain()
 
     async def call(
         self,
         name: str,
-        arguments: Mapping[str, Any],
+        arguments: Mapping[str, Any] | None = None,
         *,
         on_progress: OnProgress | None = None,
         approve: Approve | None = None,
@@ -77,13 +104,26 @@ class Toolbox:
             name: The tool.
             arguments: A JSON object, checked against the tool's limits before anything is sent.
             on_progress: Told of feedback, and every 5 seconds while nothing changes.
-            approve: Asks a human, for tools that need it. Without it these are refused.
+            approve: Asks a human, for tools that need it. Without it these are refused. What it
+                raises goes through to the caller of this, and nothing is sent.
 
         Raises:
-            TypeError: `name` is no str, or `arguments` is no mapping.
             asyncio.CancelledError: The awaiting task was cancelled.
         """
-        raise NotImplementedError
+        if arguments is None:
+            arguments = {}
+        if not isinstance(name, str) or not isinstance(arguments, Mapping):
+            text = "a tool's name must be a string, and its arguments an object"
+            return refusal(shown(name), "invalid_arguments", text, retry=False, advice=_CHANGE)
+        if name in self._actions:
+            return await self._calls.call(self._actions[name], arguments, on_progress, approve)
+        if name in self._topics:
+            return await read_topic(self._clients, self._topics[name], arguments)
+        if name == GOALS:
+            return goals_result(self._goals, arguments)
+        known = ", ".join(tool.name for tool in self._tools)
+        text = f"there is no tool {shown(name)}; the tools are: {known}"
+        return refusal(shown(name), "unknown_tool", text, retry=False, advice=_CHANGE)
 
     async def cancel_all(self) -> tuple[Json, ...]:
         """Cancel every goal in flight, and every call that waits to send one.
@@ -92,7 +132,10 @@ class Toolbox:
             What became of each, as `goals()` tells it, when the servers have confirmed it or
             `timeouts.cancel` seconds are over.
         """
-        raise NotImplementedError
+        records = self._calls.cancel_all("all goals were cancelled")
+        ends = [record.over(_CANCEL_WAIT) for record in records]
+        await asyncio.gather(*ends)
+        return tuple(record.report() for record in records)
 
     def goals(self, goal_id: str | None = None) -> tuple[Json, ...]:
         """What became of the goals of this toolbox, the latest first; those in flight too.
@@ -100,26 +143,27 @@ class Toolbox:
         Args:
             goal_id: Only this one.
         """
-        raise NotImplementedError
+        return goal_reports(self._goals, goal_id)
 
     def openai_tools(self) -> list[dict[str, Any]]:
         """The tools in the format of OpenAI's API: what its `tools=` takes."""
-        raise NotImplementedError
+        return openai_format(self._tools)
 
     def anthropic_tools(self) -> list[dict[str, Any]]:
         """The tools in the format of Anthropic's API: what its `tools=` takes."""
-        raise NotImplementedError
+        return anthropic_format(self._tools)
 
     def close(self) -> None:
         """Cancel the goals in flight, and free all that is held. Blocks; from any thread."""
-        raise NotImplementedError
+        self._clients.close()
 
     async def aclose(self) -> None:
         """Do the same as `close` without blocking the event loop."""
-        raise NotImplementedError
+        await in_thread(self.close)
 
     async def __aenter__(self) -> Self:
-        raise NotImplementedError
+        await self._calls.start()
+        return self
 
     async def __aexit__(
         self,

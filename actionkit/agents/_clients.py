@@ -1,0 +1,119 @@
+"""What a toolbox holds of ROS: its node, a client for each tool, and the human's stop."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from actionkit import Client, RetryPolicy
+from actionkit.agents._config import ActionConfig, Config
+from actionkit.agents._goals import Goals
+from actionkit.agents._holding import Hold, make_hold
+from actionkit.agents._ros import RosNode
+
+_log = logging.getLogger("actionkit")
+
+
+class Clients:
+    """Made when they are needed first, closed together. Its methods block, from any thread.
+
+    Attributes:
+        closed: Whether `close` was called.
+        node: The toolbox's own node, for its topics, and for its clients where it names a domain.
+    """
+
+    def __init__(self, config: Config, domain_id: int | None, goals: Goals) -> None:
+        self.closed = False
+        self.node = RosNode(domain_id)
+        self._domain_id = domain_id
+        self._reads_topics = bool(config.topics)
+        self._goals = goals
+        self._hold: Hold | None = None
+        self._clients: dict[str, tuple[Client[Any, Any, Any], Any]] = {}
+        self._lock = threading.Lock()
+
+    def hold(self, on_hold: Callable[[str], object]) -> Hold:
+        """Return the human's stop, listened to from now on.
+
+        Raises:
+            ImportError: rclpy is not there.
+            RuntimeError: The toolbox was closed.
+        """
+        with self._lock:
+            self._check()
+            if self._hold is None:
+                hold = make_hold(self._domain_id)
+                hold.on_hold(on_hold)
+                hold.start()
+                self._hold = hold
+                if self._reads_topics:
+                    self.node.open()  # so that it has found the publishers when it is asked
+            return self._hold
+
+    def client(self, tool: ActionConfig) -> Client[Any, Any, Any]:
+        """Return the client of a tool.
+
+        Raises:
+            ImportError: rclpy is not there.
+            RuntimeError: The toolbox was closed.
+            ActionTypeMismatchError, ValueError: The action's name or type cannot be used.
+        """
+        with self._lock:
+            self._check()
+            # Only a node can tell a client of a domain other than the environment's.
+            elsewhere = self._domain_id not in (None, environment_domain())
+            node = self.node.open() if elsewhere else None
+            client, made_with = self._clients.get(tool.name, (None, None))
+            if client is None or made_with is not node:
+                client = Client(
+                    tool.cls,
+                    tool.action,
+                    node=node,
+                    retry=RetryPolicy(attempts=tool.retries + 1),
+                    observers=[self._goals],
+                )
+                self._clients[tool.name] = client, node
+            return client
+
+    def _check(self) -> None:
+        if self.closed:
+            raise RuntimeError("the toolbox was closed")
+
+    def close(self) -> None:
+        """Cancel all goals in flight, wait for the confirmations, and free everything."""
+        with self._lock:
+            self.closed = True
+            clients, self._clients = [client for client, _ in self._clients.values()], {}
+            hold, self._hold = self._hold, None
+        closing = [threading.Thread(target=_close, args=(one,), daemon=True) for one in clients]
+        for thread in closing:
+            thread.start()
+        for thread in closing:
+            thread.join()  # each has its bound
+        if hold is not None:
+            _close(hold)
+        self.node.close()
+
+
+def environment_domain() -> int:
+    """Return the ROS domain that the environment names.
+
+    Raises:
+        ValueError: `ROS_DOMAIN_ID` is no whole number.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
+    if not text.isdigit():
+        raise ValueError(f"ROS_DOMAIN_ID={text!r} in the environment must be a whole number")
+    return int(text)
+
+
+def _close(one: Any) -> None:
+    try:
+        one.close()
+    except Exception:
+        with suppress(Exception):
+            _log.exception("%r could not be closed", one)

@@ -1,0 +1,213 @@
+"""One call of an action's tool: checks, approval, checks again, the goal, its end."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from actionkit._messages.convert import to_message, to_plain
+from actionkit._messages.json_text import to_json
+from actionkit._model.field_errors import FieldProblem
+from actionkit.agents._check import Problems, check_size, checked
+from actionkit.agents._clients import Clients
+from actionkit.agents._config import ActionConfig
+from actionkit.agents._goals import GoalRecord, Goals
+from actionkit.agents._holding import Hold
+from actionkit.agents._progress import ProgressTeller
+from actionkit.agents._results import refusal
+from actionkit.agents._values import ApprovalRequest, Approve, OnProgress, ToolResult
+from actionkit.agents._waiting import in_thread, though_cancelled
+
+_UNTIL_KNOWN = 6.0
+"""Seconds to wait until it is known whether a human has stopped the robot; it takes about four."""
+_CANCEL_GRACE = 1.0
+"""Seconds on top of `timeouts.cancel`, which bounds the confirmation by itself."""
+_LONGEST_QUESTION = 4000
+"""Characters; what is longer cannot be read through by anybody."""
+_CHANGE = "Change the arguments as the tool's schema says; nothing was sent."
+
+
+class GoalCalls:
+    """Calls the tools of actions."""
+
+    def __init__(self, clients: Clients, goals: Goals) -> None:
+        self._clients = clients
+        self._goals = goals
+        self._stops = 0
+        """How many times all was cancelled: what waited to be sent then is not sent."""
+
+    def cancel_all(self, why: str) -> list[GoalRecord]:
+        """Cancel what is in flight, and what waits to be sent; never blocks, from any thread."""
+        self._stops += 1  # first: who is not in the list yet looks at this
+        records = self._goals.counting()
+        for record in records:
+            record.cancel(why)
+        return records
+
+    def on_hold(self, why: str) -> None:
+        """Cancel everything: also goals that no server knows of, which a human's stop cannot."""
+        self.cancel_all(f"a human stopped the robot: {why}")
+
+    async def call(
+        self,
+        tool: ActionConfig,
+        arguments: Mapping[str, Any],
+        on_progress: OnProgress | None,
+        approve: Approve | None,
+    ) -> ToolResult:
+        """Call a tool; see `Toolbox.call`."""
+        stops = self._stops
+        goal = _goal(tool, arguments)
+        if isinstance(goal, ToolResult):
+            return goal
+        hold = await self._ready(tool)
+        if isinstance(hold, ToolResult):
+            return hold
+        if tool.confirm and (refused := await _ask(tool, goal, approve)) is not None:
+            return refused
+        try:
+            client = await in_thread(lambda: self._clients.client(tool))
+        except Exception as error:  # noqa: BLE001  also what the middleware raises
+            return _closed(tool) if self._clients.closed else _failed(tool, error)
+        hold = await self._ready(tool)
+        if isinstance(hold, ToolResult):
+            return hold
+        return await self._send(tool, goal, client, hold, stops, on_progress)
+
+    async def start(self) -> Hold:
+        """Begin to listen for a human's stop.
+
+        Raises:
+            ImportError: rclpy is not there.
+            RuntimeError: The toolbox was closed.
+        """
+        return await in_thread(lambda: self._clients.hold(self.on_hold))
+
+    async def _ready(self, tool: ActionConfig) -> Hold | ToolResult:
+        """Return the human's stop, or why no goal of a tool may be sent now."""
+        try:
+            hold = await self.start()
+        except Exception as error:  # noqa: BLE001  also what the middleware raises
+            return _closed(tool) if self._clients.closed else _failed(tool, error)
+        if not hold.is_known:
+            await hold.until_known(_UNTIL_KNOWN)
+        if (why := hold.why_held()) is not None:
+            return _held(tool, why, known=hold.is_known)
+        running = self._goals.counting(tool.name)
+        return _too_many(tool, running) if len(running) >= tool.concurrent else hold
+
+    async def _send(
+        self,
+        tool: ActionConfig,
+        goal: Any,
+        client: Any,
+        hold: Hold,
+        stops: int,
+        on_progress: OnProgress | None,
+    ) -> ToolResult:
+        """Send the goal and wait for its end. Nothing is awaited before it is in good hands."""
+        record = GoalRecord(tool.name)
+        # Counted in before the last look at what may forbid it: whoever forbids it later finds it.
+        if not self._goals.add(record, tool.concurrent):
+            return _too_many(tool, self._goals.counting(tool.name))
+        teller = None if on_progress is None else ProgressTeller(record, on_progress)
+        telling: asyncio.Task[None] | None = None
+        sent = False
+        try:
+            if (refused := self._last_look(tool, hold, stops)) is not None:
+                return refused
+            on_feedback = None if teller is None else teller.on_feedback
+            future = client.call_async(goal, on_feedback, tool.timeout)
+            sent = True
+            record.follow(future)
+            if teller is not None:
+                telling = asyncio.ensure_future(teller.run())
+            await record.over()
+        except BaseException as error:
+            if not sent and isinstance(error, Exception):
+                return _failed(tool, error)
+            record.cancel("its caller gave up")
+            if sent and isinstance(error, asyncio.CancelledError):
+                with though_cancelled():
+                    await record.over(client.timeouts.cancel + _CANCEL_GRACE)
+            raise
+        finally:
+            if telling is not None:
+                telling.cancel()
+            if not sent:
+                self._goals.remove(record)
+        assert record.value is not None
+        return ToolResult(record.value, is_error=record.value["error"] is not None)
+
+    def _last_look(self, tool: ActionConfig, hold: Hold, stops: int) -> ToolResult | None:
+        """Return what forbids the goal at the very last; waits for nothing."""
+        if self._clients.closed:
+            return _closed(tool)
+        if (why := hold.why_held()) is not None:
+            return _held(tool, why, known=hold.is_known)
+        if self._stops != stops:
+            text = "everything was cancelled while this waited to be sent"
+            return refusal(tool.name, "cancelled", text, retry=False, advice="Ask before going on.")
+        return None
+
+
+def _goal(tool: ActionConfig, arguments: Mapping[str, Any]) -> Any:
+    """Return the goal message, or the refusal."""
+    problems = Problems()
+    if (too_large := check_size(arguments)) is not None:
+        problems.add("", f"the arguments are {too_large}")
+    else:
+        fields = checked(tool.shape, arguments, problems)
+        if not problems.texts:
+            try:
+                return to_message(tool.cls.Goal, fields)
+            except FieldProblem as problem:
+                problems.add("", str(problem))
+    text = "; ".join(problems.texts)
+    return refusal(tool.name, "invalid_arguments", text, retry=False, advice=_CHANGE)
+
+
+async def _ask(tool: ActionConfig, goal: Any, approve: Approve | None) -> ToolResult | None:
+    """Have a human approve the goal; return the refusal where nobody did."""
+    if approve is None:
+        text = f"{tool.name} needs a human's approval, and nobody can be asked"
+        advice = "Do without it, or use a program that can ask a human."
+        return refusal(tool.name, "nobody_to_ask", text, retry=False, advice=advice)
+    whole = json.loads(to_json(to_plain(goal)))
+    shown = json.dumps(whole, indent=2, ensure_ascii=False)
+    if len(shown) > _LONGEST_QUESTION:
+        cut = len(shown) - _LONGEST_QUESTION
+        shown = f"{shown[:_LONGEST_QUESTION]}\n… {cut} more characters, not shown"
+    question = f"May {tool.name} send this goal to the action {tool.action}?\n{shown}"
+    if await approve(ApprovalRequest(tool.name, whole, question)) is True:
+        return None
+    text = "a human was asked, and did not approve"
+    advice = "Do not ask for the same again; ask the human what to do instead."
+    return refusal(tool.name, "not_approved", text, retry=False, advice=advice)
+
+
+def _held(tool: ActionConfig, why: str, *, known: bool) -> ToolResult:
+    if known:
+        advice = "Send nothing until a human has released the robot; ask them."
+        return refusal(tool.name, "held", why, retry=False, advice=advice)
+    advice = "Try again in a few seconds."
+    return refusal(tool.name, "hold_unknown", why, retry=True, advice=advice)
+
+
+def _too_many(tool: ActionConfig, running: list[GoalRecord]) -> ToolResult:
+    ids = ", ".join(str(record.call_id) for record in running[:5])
+    text = f"{tool.name} takes {tool.concurrent} at a time, and as many run, or may: {ids}"
+    advice = "Wait until they have ended; the tool `goals` tells when."
+    return refusal(tool.name, "too_many_goals", text, retry=True, advice=advice)
+
+
+def _closed(tool: ActionConfig) -> ToolResult:
+    advice = "Nothing can be done with it any more."
+    return refusal(tool.name, "closed", "the toolbox was closed", retry=False, advice=advice)
+
+
+def _failed(tool: ActionConfig, error: Exception) -> ToolResult:
+    advice = "Nothing was sent; ask a human to look at the toolbox."
+    return refusal(tool.name, type(error).__name__, str(error), retry=False, advice=advice)

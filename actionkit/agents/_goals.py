@@ -1,0 +1,199 @@
+"""The goals of a toolbox: which are in flight, and what became of the others."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+import time
+import uuid
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from actionkit import CallInfo, CancelReport, GoalEvent, GoalFuture, GoalState
+from actionkit.agents._results import error_value, goal_value, refusal
+
+_KEPT = 100
+"""Goals that ended, for the tool `goals`."""
+_log = logging.getLogger("actionkit")
+Future = GoalFuture[Any, Any]
+
+
+class GoalRecord:
+    """One goal, from before it is sent until long after it ended.
+
+    Attributes:
+        tool: The tool's name.
+        call_id: The id of the first goal of its call.
+        value: What the tool returns, once the call is over.
+        why_cancelled: Why this toolbox cancelled it; `""` where it did not.
+    """
+
+    def __init__(self, tool: str) -> None:
+        self.tool = tool
+        self.call_id: uuid.UUID | None = None
+        self.value: dict[str, Any] | None = None
+        self.why_cancelled = ""
+        self._waiters: list[Callable[[], object]] = []
+        self._future: Future | None = None
+        self._began = time.monotonic()
+        self._ended = 0.0
+        self._goal_id: uuid.UUID | None = None
+        self._cancel: CancelReport | None = None
+        self._last_states: dict[uuid.UUID, GoalState] = {}
+        """Of each attempt: how it ended, as soon as that was seen; that may be after the call."""
+
+    def follow(self, future: Future) -> None:
+        """Follow a goal that was sent; cancel it where that was asked for meanwhile."""
+        self._future = future
+        self.call_id = future.goal_id
+        future.add_done_callback(self._done)
+        if self.why_cancelled:
+            future.cancel()
+
+    def cancel(self, why: str) -> None:
+        """Cancel the goal; from any thread, never blocks."""
+        self.why_cancelled = self.why_cancelled or why
+        if self._future is not None:
+            self._future.cancel()
+
+    @property
+    def state(self) -> str:
+        """Where it is now, for people."""
+        future = self._future
+        return str(future.state) if future is not None else "SENDING"
+
+    def note(self, event: GoalEvent) -> None:
+        """Note how one of its attempts ended."""
+        if event.state.is_terminal or event.state is GoalState.LOST:
+            self._last_states[event.goal_id] = event.state
+
+    def _done(self, future: Future) -> None:
+        """Work out what is told of it. On a thread of ActionKit's."""
+        outcome = future.outcome(0)
+        try:
+            value = goal_value(self.tool, outcome, future.latest_feedback, self.why_cancelled)
+        except Exception as error:  # noqa: BLE001  the caller must hear something whatever it was
+            _log.exception("a result could not be told")
+            text = f"the goal ended as {outcome.status}, and its result cannot be told: {error}"
+            advice = "Look at the state of the robot before going on."
+            told = error_value("failed", text, retry=False, advice=advice)
+            blank = refusal(self.tool, "failed", "", retry=False, advice="").value
+            value = {**blank, "status": "failed", "may_still_run": True, "error": told}
+        self._goal_id, self._cancel = outcome.goal_id, outcome.cancel
+        self._ended = time.monotonic()
+        self.value = value
+        for waiter in list(self._waiters):
+            waiter()
+
+    async def over(self, seconds: float | None = None) -> bool:
+        """Wait until the call is over, for so long at most; return whether it is."""
+        loop = asyncio.get_running_loop()
+        event = asyncio.Event()
+
+        def wake() -> None:
+            with suppress(RuntimeError):  # the loop was closed
+                loop.call_soon_threadsafe(event.set)
+
+        self._waiters.append(wake)
+        try:
+            if self.value is None:  # or it may have ended before `wake` could be seen
+                await asyncio.wait_for(event.wait(), seconds)
+        except asyncio.TimeoutError:
+            return False
+        finally:
+            self._waiters.remove(wake)
+        return True
+
+    @property
+    def _late_state(self) -> GoalState | None:
+        """How the goal ended after its call was over, where that was seen."""
+        return None if self._goal_id is None else self._last_states.get(self._goal_id)
+
+    @property
+    def counts(self) -> bool:
+        """Whether it counts among the goals of its tool: in flight, or not known to have ended.
+
+        What was lost with its server does not: nothing will ever be heard of it.
+        """
+        if self.value is None:
+            return True
+        given_up = self._cancel in (CancelReport.REFUSED, CancelReport.UNKNOWN)
+        return bool(given_up and self.value["may_still_run"] and self._late_state is None)
+
+    def report(self) -> dict[str, Any]:
+        """Return what is known of it, for the tool `goals`."""
+        now = time.monotonic()
+        value = self.value
+        if value is None:
+            future = self._future
+            return {
+                "goal_id": None if future is None else str(future.goal_id),
+                "tool": self.tool,
+                "status": "canceling" if self.why_cancelled else "running",
+                "state": self.state,
+                "may_still_run": True,
+                "elapsed": round(now - self._began, 3),
+                "ended_ago": None,
+                "why_cancelled": self.why_cancelled or None,
+                "result": None,
+                "error": None,
+            }
+        late = self._late_state
+        ended = late is not None and late.is_terminal
+        state = str(late) if late is not None else value["status"].upper()
+        changed = ended and value["may_still_run"]
+        return {
+            "goal_id": value["goal_id"],
+            "tool": self.tool,
+            "status": state.lower() if changed else value["status"],
+            "state": state,
+            "may_still_run": value["may_still_run"] and not ended,
+            "elapsed": value["elapsed"],
+            "ended_ago": round(now - self._ended, 3),
+            "why_cancelled": self.why_cancelled or None,
+            "result": value["result"],
+            "error": None if changed else value["error"],
+        }
+
+
+class Goals:
+    """All goals of a toolbox; an observer of its clients."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._records: list[GoalRecord] = []
+
+    def add(self, record: GoalRecord, limit: int) -> bool:
+        """Count a goal in, unless there are as many of its tool as there may be."""
+        with self._lock:
+            if sum(one.counts for one in self._records if one.tool == record.tool) >= limit:
+                return False
+            self._records.append(record)
+            ended = [one for one in self._records if not one.counts]
+            if len(ended) > _KEPT:
+                self._records.remove(ended[0])
+            return True
+
+    def remove(self, record: GoalRecord) -> None:
+        """Count a goal out that was not sent after all."""
+        with self._lock:
+            if record in self._records:
+                self._records.remove(record)
+
+    def counting(self, tool: str | None = None) -> list[GoalRecord]:
+        """Return the goals that are in flight, or may be, the latest first."""
+        return [one for one in self.latest() if one.counts and tool in (None, one.tool)]
+
+    def latest(self) -> list[GoalRecord]:
+        """Return all that are kept, the latest first."""
+        with self._lock:
+            return self._records[::-1]
+
+    def on_event(self, event: GoalEvent, call: CallInfo) -> None:
+        """Note how a goal ended; also one that was given up on."""
+        if event.state.is_terminal or event.state is GoalState.LOST:
+            for record in self.latest():
+                if record.call_id == call.call_id:
+                    record.note(event)

@@ -1,0 +1,65 @@
+"""Calls of the tools that only read: topics, and what became of goals."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from typing import Any
+
+from actionkit._model.field_errors import shown
+from actionkit.agents._clients import Clients
+from actionkit.agents._config import GOALS, TopicConfig
+from actionkit.agents._goals import Goals
+from actionkit.agents._results import error_value
+from actionkit.agents._topics import WAIT, topic_failure, topic_result
+from actionkit.agents._values import ToolResult
+from actionkit.agents._waiting import in_thread
+
+
+async def read_topic(
+    clients: Clients, topic: TopicConfig, arguments: Mapping[str, Any]
+) -> ToolResult:
+    """Read the latest message. Cancelling the awaiting task ends the subscription."""
+    if arguments:
+        text = f"{topic.name} takes no arguments"
+        return topic_failure(topic, "refused", "invalid_arguments", text)
+    try:
+        future = await in_thread(
+            lambda: clients.node.read(topic.topic, topic.ros_type, topic.cls, WAIT, topic.max_age)
+        )
+        reading = await asyncio.wrap_future(future)
+        return await in_thread(lambda: topic_result(topic, reading))
+    except Exception as error:  # noqa: BLE001  also what the middleware raises
+        status = "refused" if clients.closed else "failed"
+        return topic_failure(topic, status, type(error).__name__, str(error))
+
+
+def goals_result(goals: Goals, arguments: Mapping[str, Any]) -> ToolResult:
+    """Return what became of the goals, or of the one asked for."""
+    goal_id = arguments.get("goal_id")
+    unknown = [name for name in arguments if name != "goal_id"]
+    problem = ""
+    if unknown:
+        problem = f"there is no argument {shown(unknown[0])}; there is goal_id"
+    elif goal_id is not None and not isinstance(goal_id, str):
+        problem = f"goal_id {shown(goal_id)} must be a string"
+    found = () if problem else goal_reports(goals, goal_id)
+    if goal_id is not None and not problem and not found:
+        problem = f"no goal {shown(goal_id)} is known here; without goal_id all are told of"
+    error = None
+    if problem:
+        advice = "Change the arguments."
+        error = error_value("invalid_arguments", problem, retry=False, advice=advice)
+    value = {
+        "tool": GOALS,
+        "status": "ok" if error is None else "refused",
+        "goals": list(found),
+        "error": error,
+    }
+    return ToolResult(value, is_error=error is not None)
+
+
+def goal_reports(goals: Goals, goal_id: str | None) -> tuple[dict[str, Any], ...]:
+    """Return what is known of the goals, the latest first."""
+    reports = (record.report() for record in goals.latest())
+    return tuple(one for one in reports if goal_id is None or one["goal_id"] == goal_id)

@@ -1,0 +1,86 @@
+"""Telling of progress: from feedback, and now and then while nothing changes."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import json
+import logging
+import math
+import time
+from contextlib import suppress
+from typing import Any
+
+from actionkit.agents._goals import GoalRecord
+from actionkit.agents._plain import plain_json
+from actionkit.agents._values import OnProgress, Progress
+
+_EVERY = 5.0
+"""Seconds; programs that call tools give up after a minute in which they hear nothing."""
+_LEAST_GAP = 0.25
+"""Seconds between two: feedback may come by the thousand."""
+_LONGEST = 300
+"""Characters of a message."""
+_MOST_ITEMS = 8
+_PERCENT = ("percent", "percentage", "percent_complete", "percent_done", "progress_percent")
+_log = logging.getLogger("actionkit")
+
+
+class ProgressTeller:
+    """Tells of the progress of one goal, on the event loop that it was made on."""
+
+    def __init__(self, record: GoalRecord, on_progress: OnProgress) -> None:
+        self._record = record
+        self._on_progress: Any = on_progress
+        self._loop = asyncio.get_running_loop()
+        self._changed = asyncio.Event()
+        self._latest: Any = None
+        self._count = 0
+        self._woken = False
+        self._began = time.monotonic()
+
+    def on_feedback(self, feedback: object) -> None:
+        """Take note of feedback, on a thread of ActionKit's."""
+        self._latest = feedback
+        self._count += 1
+        if not self._woken:  # one wake for all that comes meanwhile
+            self._woken = True
+            with suppress(RuntimeError):  # the loop was closed
+                self._loop.call_soon_threadsafe(self._changed.set)
+
+    async def run(self) -> None:
+        """Tell of it until cancelled."""
+        while True:
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._changed.wait(), _EVERY)
+            self._changed.clear()
+            self._woken = False
+            try:
+                told = self._on_progress(self._progress())
+                if inspect.isawaitable(told):
+                    await told
+            except Exception:
+                _log.exception("on_progress raised; it is told nothing more")
+                return
+            await asyncio.sleep(_LEAST_GAP)
+
+    def _progress(self) -> Progress:
+        message, percent = self._record.state, None
+        if self._latest is not None:
+            plain = plain_json(self._latest, _MOST_ITEMS)
+            percent = _percent(plain)
+            text = json.dumps(plain, ensure_ascii=False)
+            short = text if len(text) <= _LONGEST else text[:_LONGEST] + "…"
+            message = f"{message}, feedback {self._count}: {short}"
+        elapsed = round(time.monotonic() - self._began, 3)
+        return Progress(elapsed, self._count, message, percent)
+
+
+def _percent(plain: dict[str, Any]) -> float | None:
+    """Return the percentage that feedback tells, where it has a field of such a name."""
+    for name, value in plain.items():
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if name in _PERCENT and number and math.isfinite(value):
+            return min(100.0, max(0.0, float(value)))
+    below = (_percent(value) for value in plain.values() if isinstance(value, dict))
+    return next((found for found in below if found is not None), None)

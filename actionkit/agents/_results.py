@@ -1,0 +1,174 @@
+"""What a tool returns: how a goal ended, in words that a language model can reason about."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from actionkit import (
+    AcceptanceTimeoutError,
+    ActionTypeMismatchError,
+    CancelReport,
+    ClientClosedError,
+    DeadlineExceededError,
+    GoalAbortedError,
+    GoalCanceledError,
+    GoalRejectedError,
+    GoalState,
+    InvalidGoalError,
+    Outcome,
+    ResultLostError,
+    ServerLostError,
+    ServerUnavailableError,
+)
+from actionkit.agents._plain import plain_json
+from actionkit.agents._values import ToolResult
+
+_STATUSES: tuple[tuple[type[BaseException], str, bool, str], ...] = (
+    # error, status, whether the same call makes sense again, advice
+    (InvalidGoalError, "refused", False, "Change the arguments; nothing was sent."),
+    (
+        ServerUnavailableError,
+        "no_server",
+        True,
+        "The part of the robot that does this is not running; try again later, or do without it.",
+    ),
+    (
+        AcceptanceTimeoutError,
+        "no_answer",
+        True,
+        "The server is there and does not answer; try again later, or do without it.",
+    ),
+    (
+        ServerLostError,
+        "lost",
+        True,
+        "The server went away while it worked; look at the state of the robot before going on.",
+    ),
+    (
+        GoalRejectedError,
+        "rejected",
+        False,
+        "The same goal would be rejected again; change it, or wait until the robot can take it.",
+    ),
+    (
+        GoalAbortedError,
+        "aborted",
+        False,
+        "The robot gave up on it; `result` may say why. Change the goal or the plan.",
+    ),
+    (
+        GoalCanceledError,
+        "canceled",
+        False,
+        "Somebody else stopped it, most likely on purpose: do not send it again unasked.",
+    ),
+    (
+        ResultLostError,
+        "result_lost",
+        False,
+        "It ended, and how is not known; look at the state of the robot before going on.",
+    ),
+    (
+        DeadlineExceededError,
+        "timed_out",
+        False,
+        "It took longer than this tool may take, and was cancelled; ask for less at a time.",
+    ),
+    (ActionTypeMismatchError, "failed", False, "The toolbox is not set up for this robot."),
+)
+_MAY_RUN = (
+    "It may still be running: the tool `goals` tells what is known of it. Send nothing that must"
+    " not run beside it."
+)
+STATUSES = tuple(
+    dict.fromkeys(["succeeded", "canceled", "cancel_unconfirmed", "failed"])
+    | dict.fromkeys(status for _, status, _, _ in _STATUSES)
+)
+"""Every `status` of an action's tool."""
+
+
+def error_value(kind: str, message: str, *, retry: bool, advice: str) -> dict[str, Any]:
+    """Return the `error` of a result."""
+    return {"type": kind, "message": message, "retry": retry, "advice": advice}
+
+
+def refusal(tool: str, kind: str, message: str, *, retry: bool, advice: str) -> ToolResult:
+    """Return the result of a call of which nothing was sent."""
+    error = error_value(kind, message, retry=retry, advice=advice)
+    return ToolResult({**_blank(tool, "refused"), "error": error}, is_error=True)
+
+
+def goal_value(
+    tool: str, outcome: Outcome[Any], feedback: object | None, why_cancelled: str
+) -> dict[str, Any]:
+    """Return how a goal ended, as a JSON object.
+
+    Args:
+        tool: The tool's name.
+        outcome: Of the call.
+        feedback: The latest feedback message.
+        why_cancelled: Why this toolbox cancelled it, `""` where it did not.
+    """
+    may_run = may_still_run(outcome)
+    status, error = _judged(outcome, why_cancelled, may_run)
+    return {
+        **_blank(tool, status),
+        "result": None if outcome.result is None else plain_json(outcome.result),
+        "error": error,
+        "may_still_run": may_run,
+        "cancel": None if outcome.cancel is None else outcome.cancel.value.lower(),
+        "elapsed": round(outcome.elapsed, 3),
+        "goal_id": str(outcome.goal_id) if outcome.attempts else None,
+        "attempts": outcome.attempts,
+        "feedback": None if feedback is None else plain_json(feedback),
+        "feedback_count": outcome.feedback_count,
+    }
+
+
+def may_still_run(outcome: Outcome[Any]) -> bool:
+    """Tell whether the goal may be running, though its call is over."""
+    if outcome.attempts == 0 or outcome.status.is_terminal:
+        return False
+    if isinstance(outcome.error, ResultLostError):
+        return False  # it ended; what is lost is how
+    return outcome.cancel not in (CancelReport.CONFIRMED, CancelReport.NOT_NEEDED)
+
+
+def _judged(
+    outcome: Outcome[Any], why_cancelled: str, may_run: bool
+) -> tuple[str, dict[str, Any] | None]:
+    """Return the status and the error."""
+    if outcome.error is None:
+        return "succeeded", None
+    if why_cancelled and not outcome.status.is_terminal and may_run:
+        message = f"{why_cancelled}; the server has not confirmed that the goal stopped"
+        error = error_value("cancel_unconfirmed", message, retry=False, advice=_MAY_RUN)
+        return "cancel_unconfirmed", error
+    ended_by_cancel = outcome.status in (GoalState.CANCELED, GoalState.TIMED_OUT)
+    cancelled = outcome.attempts == 0 or ended_by_cancel or not outcome.status.is_terminal
+    if (why_cancelled and cancelled) or isinstance(outcome.error, ClientClosedError):
+        message = why_cancelled or "the toolbox was closed"
+        advice = _MAY_RUN if may_run else "Ask before sending it again."
+        return "canceled", error_value("cancelled", message, retry=False, advice=advice)
+    known = (row[1:] for row in _STATUSES if isinstance(outcome.error, row[0]))
+    status, retry, advice = next(known, ("failed", False, "Do without this, or ask a human."))
+    message = str(outcome.error)
+    if may_run:
+        retry, advice = False, _MAY_RUN
+    return status, error_value(type(outcome.error).__name__, message, retry=retry, advice=advice)
+
+
+def _blank(tool: str, status: str) -> dict[str, Any]:
+    return {
+        "tool": tool,
+        "status": status,
+        "result": None,
+        "error": None,
+        "may_still_run": False,
+        "cancel": None,
+        "elapsed": 0.0,
+        "goal_id": None,
+        "attempts": 0,
+        "feedback": None,
+        "feedback_count": 0,
+    }

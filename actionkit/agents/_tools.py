@@ -1,0 +1,70 @@
+"""The tools of a toolbox as data: for models, and in the formats of their APIs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from actionkit.agents._config import GOALS, Config
+from actionkit.agents._output import (
+    GOALS_INPUT,
+    NO_INPUT,
+    action_output,
+    goals_output,
+    topic_output,
+)
+from actionkit.agents._schema import input_schema
+from actionkit.agents._values import Tool
+
+_GOALS_TEXT = (
+    "Tells which goals this toolbox has sent, what became of each, and which may still be running;"
+    " those that were cancelled, too."
+)
+
+
+def make_tools(config: Config) -> tuple[Tool, ...]:
+    """Return all tools of a configuration."""
+    actions = [
+        Tool(
+            name=tool.name,
+            description=tool.description,
+            input_schema=input_schema(tool.shape),
+            output_schema=action_output(tool),
+            confirm=tool.confirm,
+            kind="action",
+        )
+        for tool in config.actions
+    ]
+    topics = [
+        Tool(topic.name, topic.description, NO_INPUT, topic_output(topic), False, "topic")
+        for topic in config.topics
+    ]
+    goals = Tool(GOALS, _GOALS_TEXT, GOALS_INPUT, goals_output(), False, "goals")
+    return (*actions, *topics, goals)
+
+
+def openai_format(tools: Iterable[Tool]) -> list[dict[str, Any]]:
+    """Return tools as OpenAI's API takes them."""
+    return [
+        {
+            "type": "function",
+            "function": {
+                "name": tool.name,
+                "description": tool.description,
+                "parameters": dict(tool.input_schema),
+            },
+        }
+        for tool in tools
+    ]
+
+
+def anthropic_format(tools: Iterable[Tool]) -> list[dict[str, Any]]:
+    """Return tools as Anthropic's API takes them."""
+    return [
+        {
+            "name": tool.name,
+            "description": tool.description,
+            "input_schema": dict(tool.input_schema),
+        }
+        for tool in tools
+    ]

@@ -1,0 +1,82 @@
+"""The latest message of a topic, as a result."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from actionkit.agents._config import TopicConfig
+from actionkit.agents._images import ImageError, is_image, to_image
+from actionkit.agents._plain import plain_json
+from actionkit.agents._results import error_value
+from actionkit.agents._ros import Reading
+from actionkit.agents._values import Image, ToolResult
+
+WAIT = 5.0
+"""Seconds for a message. A node that has just been made may need three to find publishers."""
+STATUSES = ("received", "no_message", "failed", "refused")
+"""Every `status` of a topic's tool."""
+
+
+def topic_value(topic: TopicConfig, status: str, **more: Any) -> dict[str, Any]:
+    """Return what is told of a topic, with the fields given."""
+    return {
+        "tool": topic.name,
+        "status": status,
+        "topic": topic.topic,
+        "type": topic.ros_type,
+        "age": None,
+        "message": None,
+        "notes": [],
+        "error": None,
+        **more,
+    }
+
+
+def topic_failure(topic: TopicConfig, status: str, kind: str, message: str) -> ToolResult:
+    """Return the result of a reading that came to nothing."""
+    advice = "Do without it, or try again later."
+    error = error_value(kind, message, retry=status != "refused", advice=advice)
+    return ToolResult(topic_value(topic, status, error=error), is_error=True)
+
+
+def topic_result(topic: TopicConfig, reading: Reading) -> ToolResult:
+    """Return what was read. Takes a while for a large image."""
+    if reading.message is None:
+        return topic_failure(topic, "no_message", "no_message", _why_none(topic, reading))
+    notes: list[str] = []
+    images: tuple[Image, ...] = ()
+    if is_image(topic.ros_type):
+        plain = plain_json(reading.message, 0)
+        plain.pop("data", None)
+        try:
+            image, text = to_image(reading.message, topic.max_size)
+            images = (image,)
+            notes.append(f"The image: {text}.")
+        except ImageError as error:
+            notes.append(f"The image cannot be shown: {error}.")
+    else:
+        plain = plain_json(reading.message, topic.max_size)
+        if _is_cut(plain):
+            notes.append("Some arrays or texts are cut; where they end, it is said how much.")
+    age = None if reading.age is None else round(reading.age, 3)
+    value = topic_value(topic, "received", age=age, message=plain, notes=notes)
+    return ToolResult(value, is_error=False, images=images)
+
+
+def _why_none(topic: TopicConfig, reading: Reading) -> str:
+    if reading.other_types and not reading.publishers:
+        others = ", ".join(reading.other_types)
+        return f"{topic.topic} is published as {others}, and not as {topic.ros_type}"
+    if not reading.publishers:
+        return f"nobody publishes {topic.topic}"
+    young = "" if topic.max_age is None else f" of the last {topic.max_age:g} s"
+    return f"no message{young} came on {topic.topic} within {WAIT:g} s, though it has a publisher"
+
+
+def _is_cut(value: Any) -> bool:
+    if isinstance(value, str):
+        return "… " in value and value.endswith((" more", " more characters"))
+    if isinstance(value, dict):
+        return any(map(_is_cut, value.values()))
+    # Of an array, what was cut is told by its last element.
+    return isinstance(value, list) and any(map(_is_cut, value))
