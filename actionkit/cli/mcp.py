@@ -116,7 +116,10 @@ def _toolbox(file: str, domain_id: int | None) -> Toolbox:
     from actionkit.agents import ConfigError, Toolbox
 
     try:
-        return Toolbox.from_file(file, domain_id=domain_id)
+        toolbox = Toolbox.from_file(file, domain_id=domain_id)
+        # In the domain of the environment, clients need no node of the toolbox.
+        os.environ["ROS_DOMAIN_ID"] = str(toolbox.domain_id)
+        return toolbox
     except ConfigError as error:
         raise Problem(Exit.USAGE, f"the configuration is wrong:\n{error}") from error
     except OSError as error:

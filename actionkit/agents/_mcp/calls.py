@@ -90,7 +90,9 @@ class Calls:
         except asyncio.CancelledError:
             if not self._ending:
                 raise GoneError from None
-            raise EndingError("this server is ending; the call was cancelled") from None
+            raise EndingError(
+                "this server is ending; the call was given up before anything was sent"
+            ) from None
 
     async def end(self, patience: float) -> None:
         """Begin no more calls, cancel the goals of those there are, and wait for them.

@@ -71,12 +71,19 @@ def _run(
     leave(BROKEN)
 
 
+def _tell_why(opening: asyncio.Future[Any]) -> None:
+    if not opening.cancelled() and opening.exception() is not None:
+        say(f"the toolbox cannot be opened: {opening.exception()}")
+
+
 async def _serve(
     toolbox: Toolbox, version: str, serve: Serve, flush: Callable[[], Awaitable[None]]
 ) -> NoReturn:
     ending = Ending(toolbox.close)
-    await toolbox.__aenter__()
     calls = Calls(toolbox)
+    # Beside serving, as it takes a second, and hosts wait for their first answer.
+    opening = asyncio.ensure_future(toolbox.__aenter__())
+    opening.add_done_callback(_tell_why)
     server = make_server(toolbox, calls, version)
     serving = asyncio.ensure_future(serve(server, ending))
     serving.add_done_callback(lambda _: ending.ask(BROKEN, "serving has ended by itself"))
@@ -87,8 +94,11 @@ async def _serve(
     left = [goal for goal in toolbox.goals() if goal.get("may_still_run")]
     for goal in left:
         say(f"goal {goal.get('goal_id')} of {goal.get('tool')} may still be running")
-    with contextlib.suppress(asyncio.TimeoutError):
-        await asyncio.wait_for(toolbox.aclose(), _FREEING)
+    if not left:
+        # Else we drop out as if we had died: a server that is slow, or has stopped for a moment,
+        # takes no request any more of those that it has seen leave, such as one to cancel.
+        with contextlib.suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(toolbox.aclose(), _FREEING)
     if serving.done() and not serving.cancelled() and serving.exception() is not None:
         say(f"ended ({ending.why}): {serving.exception()!r}")
     # What still waits for a host that reads nothing would hold up an orderly end (C10.3).

@@ -19,12 +19,14 @@ from actionkit.agents._mcp.approval import (
     MODERN,
     PATIENCE,
     Asked,
+    CannotAskError,
     Questions,
     Returned,
     can_ask,
 )
 from actionkit.agents._mcp.calls import Calls, EndingError, GoneError
 from actionkit.agents._mcp.progress import Reporter
+from actionkit.agents._results import refusal
 from actionkit.agents._toolbox import Toolbox
 from actionkit.agents._values import Tool, ToolResult
 
@@ -84,14 +86,19 @@ def make_server(toolbox: Toolbox, calls: Calls, version: str) -> Server[Any]:
                 )
             except GoneError:
                 raise MCPError(code=t.CONNECTION_CLOSED, message="the client is gone") from None
+            except CannotAskError as error:
+                advice = "Do without it, or ask the human in another way."
+                return _refused(tool, "nobody_to_ask", str(error), advice)
             except EndingError as error:
-                return _plain_error(str(error))
-            except Exception as error:  # noqa: BLE001  a bug of ours, and a goal may run on
+                return _refused(tool, "server_ending", str(error), "Nothing can be done here now.")
+            except Exception as error:  # a bug of ours, and a goal may run on
                 _log.exception("the tool %s failed", tool.name)
-                return _plain_error(
+                text = (
                     f"internal error ({type(error).__name__}: {error}); the tool `goals` tells"
                     " whether something was sent and still runs"
                 )
+                content: list[t.ContentBlock] = [t.TextContent(type="text", text=text)]
+                return t.CallToolResult(content=content, is_error=True)
         return returned.question or _answered(result)
 
     server: Server[Any] = Server(
@@ -153,5 +160,5 @@ def _clean(value: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     return text, dict(value)
 
 
-def _plain_error(text: str) -> t.CallToolResult:
-    return t.CallToolResult(content=[t.TextContent(type="text", text=text)], is_error=True)
+def _refused(tool: Tool, kind: str, message: str, advice: str) -> t.CallToolResult:
+    return _answered(refusal(tool.name, kind, message, retry=False, advice=advice))

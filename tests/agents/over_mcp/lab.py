@@ -224,7 +224,7 @@ class Agent:
             result = await self.client.call_tool("goals", {})
             assert not result.is_error, result
             goals = result.structured_content["goals"]
-            if all(goal["status"] != "running" for goal in goals):
+            if not any(goal["status"] in ("running", "canceling") for goal in goals):
                 return goals
             assert time.monotonic() < deadline, goals
 
