@@ -7,9 +7,10 @@ hangs by then, the event loop included, does not hold up the cancelling or the e
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
+import select
 import signal
-import sys
 import threading
 from collections.abc import Callable
 from types import FrameType
@@ -99,8 +100,9 @@ def leave(code: int, words: str = "") -> NoReturn:
 
 def say(words: str) -> None:
     """Tell people something, on standard error, which hosts keep in their logs."""
-    try:
-        os.write(2, f"actionkit mcp: {words}\n".encode(errors="replace"))
-    except OSError:
-        return  # nobody is there to read it
-    sys.stderr.flush()
+    text = f"actionkit mcp: {words}\n".encode(errors="replace")
+    with contextlib.suppress(OSError, ValueError):  # nobody is there to read it
+        # A host that reads nothing must not hold up the end: a pipe that can be written to at all
+        # takes so many bytes without waiting.
+        if select.select([], [2], [], 0)[1]:
+            os.write(2, text[: select.PIPE_BUF])

@@ -91,7 +91,7 @@ def make_server(toolbox: Toolbox, calls: Calls, version: str) -> Server[Any]:
                 return _refused(tool, "nobody_to_ask", str(error), advice)
             except EndingError as error:
                 return _refused(tool, "server_ending", str(error), "Nothing can be done here now.")
-            except Exception as error:  # a bug of ours, and a goal may run on
+            except Exception as error:  # noqa: BLE001  a bug of ours, and a goal may run on
                 _log.exception("the tool %s failed", tool.name)
                 text = (
                     f"internal error ({type(error).__name__}: {error}); the tool `goals` tells"

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import fcntl
+import io
 import os
 import queue
 import select
@@ -49,6 +50,8 @@ class Wire:
         except OSError:  # standard error is closed
             os.dup2(nothing, 1)
         os.close(nothing)
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(line_buffering=True)  # as it is where people read it
         self._outgoing: queue.SimpleQueue[tuple[bytes, Callable[[], object]]] = queue.SimpleQueue()
         self._incoming: asyncio.Queue[bytes]
         self._loop: asyncio.AbstractEventLoop

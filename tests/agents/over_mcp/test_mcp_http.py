@@ -28,7 +28,7 @@ HEADERS = {"Content-Type": "application/json", "Accept": "application/json, text
 _CALL = {"jsonrpc": "2.0", "id": 1, "method": "tools/call"}
 
 
-def raw_call(way: Way, session: str, host: str) -> bytes:
+def raw_call(way: Way, number: int, session: str, host: str) -> bytes:
     """Return a whole HTTP request that calls a tool."""
     params: dict[str, object] = {"name": "patrol", "arguments": {}}
     headers = {**HEADERS, "Host": host, "MCP-Protocol-Version": way.era}
@@ -42,7 +42,7 @@ def raw_call(way: Way, session: str, host: str) -> bytes:
             f"{key}clientInfo": {"name": "test", "version": "0"},
             f"{key}clientCapabilities": {},
         }
-    body = json.dumps({**_CALL, "params": params}).encode()
+    body = json.dumps({**_CALL, "id": number, "params": params}).encode()
     lines = [f"{name}: {value}" for name, value in headers.items()]
     head = "\r\n".join(["POST /mcp HTTP/1.1", *lines, f"Content-Length: {len(body)}", "", ""])
     return head.encode() + body
@@ -82,13 +82,13 @@ def test_a_client_that_is_gone_before_its_call_begins(
             async with httpx2.AsyncClient() as client:
                 session = await open_session(client, http.url)
             # Whoever it is, it says its piece, and hangs up in the same moment.
-            for _ in range(5):
-                request = raw_call(way, session, place)
+            for number in range(1, 6):
+                request = raw_call(way, number, session, place)
                 with socket.create_connection(address) as leaving:
                     leaving.sendall(request)
             # The same request of one that stays is taken.
             with socket.create_connection(address) as staying:
-                staying.sendall(raw_call(way, session, place))
+                staying.sendall(raw_call(way, 6, session, place))
                 await later.until("executing")
                 assert len(later.received) == 1
             await later.until("canceled")
