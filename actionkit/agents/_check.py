@@ -1,4 +1,5 @@
 """Whether arguments fit the shape of a goal. All limits hold here, whatever a schema says."""
+# C10.2
 
 from __future__ import annotations
 

@@ -6,7 +6,6 @@ import logging
 import os
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
 from actionkit import Client, RetryPolicy
@@ -35,6 +34,11 @@ class Clients:
         self._hold: Hold | None = None
         self._clients: dict[str, tuple[Client[Any, Any, Any], Any]] = {}
         self._lock = threading.Lock()
+
+    @property
+    def listening(self) -> Hold | None:
+        """The human's stop where it is listened to, without blocking."""
+        return self._hold
 
     def hold(self, on_hold: Callable[[str], object]) -> Hold:
         """Return the human's stop, listened to from now on.
@@ -114,6 +118,5 @@ def environment_domain() -> int:
 def _close(one: Any) -> None:
     try:
         one.close()
-    except Exception:
-        with suppress(Exception):
-            _log.exception("%r could not be closed", one)
+    except Exception:  # noqa: BLE001  the others are closed all the same
+        _log.exception("%r could not be closed", one)

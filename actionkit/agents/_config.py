@@ -111,8 +111,12 @@ def read_file(path: str | PathLike[str]) -> Config:
     Raises:
         ConfigError: It is wrong.
         OSError: It cannot be read.
+        ImportError: On Python 3.10, the extra `agents` is not installed.
     """
-    toml: Any = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
+    try:
+        toml: Any = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
+    except ImportError as error:
+        raise ImportError(f"{error}; pip install 'actionkit[agents]'") from error
     with open(path, "rb") as file:
         content = file.read()
     source = fspath(path)

@@ -88,7 +88,7 @@ class GoalCalls:
     async def _ready(self, tool: ActionConfig) -> Hold | ToolResult:
         """Return the human's stop, or why no goal of a tool may be sent now."""
         try:
-            hold = await self.start()
+            hold = self._clients.listening or await self.start()
         except Exception as error:  # noqa: BLE001  also what the middleware raises
             return _closed(tool) if self._clients.closed else _failed(tool, error)
         if not hold.is_known:

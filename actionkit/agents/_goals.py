@@ -84,11 +84,13 @@ class GoalRecord:
         self._goal_id, self._cancel = outcome.goal_id, outcome.cancel
         self._ended = time.monotonic()
         self.value = value
+        self._future = None  # and with it the messages
         for waiter in list(self._waiters):
             waiter()
 
     async def over(self, seconds: float | None = None) -> bool:
         """Wait until the call is over, for so long at most; return whether it is."""
+        # No `asyncio.wait_for`: before Python 3.12 it may swallow the cancellation of the task.
         loop = asyncio.get_running_loop()
         event = asyncio.Event()
 
@@ -96,15 +98,16 @@ class GoalRecord:
             with suppress(RuntimeError):  # the loop was closed
                 loop.call_soon_threadsafe(event.set)
 
+        timer = None if seconds is None else loop.call_later(seconds, event.set)
         self._waiters.append(wake)
         try:
             if self.value is None:  # or it may have ended before `wake` could be seen
-                await asyncio.wait_for(event.wait(), seconds)
-        except asyncio.TimeoutError:
-            return False
+                await event.wait()
         finally:
             self._waiters.remove(wake)
-        return True
+            if timer is not None:
+                timer.cancel()
+        return self.value is not None
 
     @property
     def _late_state(self) -> GoalState | None:

@@ -23,9 +23,11 @@ class Hold(Protocol):
     @property
     def is_known(self) -> bool:
         """Whether it is known that there is a hold, or that there is none."""
+        ...
 
     async def until_known(self, timeout: float) -> bool:
         """Wait until it is known; return whether it is."""
+        ...
 
     def on_hold(self, callback: Callable[[str], object]) -> None:
         """Have `callback` called with the reason when a human stops the robot."""

@@ -51,15 +51,19 @@ class ProgressTeller:
     async def run(self) -> None:
         """Tell of it until cancelled."""
         while True:
-            with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._changed.wait(), _EVERY)
+            # No `asyncio.wait_for`: before Python 3.12 it may swallow the cancellation of the task.
+            timer = self._loop.call_later(_EVERY, self._changed.set)
+            try:
+                await self._changed.wait()
+            finally:
+                timer.cancel()
             self._changed.clear()
             self._woken = False
             try:
                 told = self._on_progress(self._progress())
                 if inspect.isawaitable(told):
                     await told
-            except Exception:
+            except Exception:  # noqa: BLE001  the goal goes on
                 _log.exception("on_progress raised; it is told nothing more")
                 return
             await asyncio.sleep(_LEAST_GAP)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import logging
 import os
@@ -11,6 +12,7 @@ from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakSet
 
 _PERIOD = 0.05
 """Seconds between two looks for publishers, while something is being read."""
@@ -47,6 +49,7 @@ class RosNode:
         self._thread: threading.Thread | None = None
         self._requests: list[_Request] = []
         self._closed = False
+        _open_nodes.add(self)
         self._spinning = threading.Lock()
         """Held by the thread; the one before it may not have let go of the node."""
 
@@ -156,6 +159,16 @@ class RosNode:
                 node.destroy_node()
             with suppress(Exception):  # somebody else has shut it down
                 self._context.shutdown()
+
+
+_open_nodes: WeakSet[RosNode] = WeakSet()
+
+
+@atexit.register
+def _close_all() -> None:
+    """Close what nobody has closed: the middleware crashes under a thread that still uses it."""
+    for node in list(_open_nodes):
+        node.close()
 
 
 class _Request:

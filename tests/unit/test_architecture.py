@@ -165,6 +165,22 @@ def test_one_room_touches_rclpy(package: str) -> None:
     assert {name for name in users if not name.startswith("_ros.")} == set()
 
 
+def test_one_module_of_agents_touches_rclpy() -> None:
+    users = {
+        name
+        for name in modules()
+        if package_of(name) == "agents" and any(imports_package(name, one) for one in ROS)
+    }
+    assert users <= {"agents._ros"}
+    # It imports rclpy by name, inside functions: no other module names it in a text.
+    named = {
+        name
+        for name, path in modules().items()
+        if package_of(name) == "agents" and '"rclpy' in path.read_text("utf-8")
+    }
+    assert named == {"agents._ros"}
+
+
 def test_one_module_touches_the_private_parts_of_rclpy() -> None:
     for name, path in library().items():
         if name == "_ros.native":
@@ -241,7 +257,9 @@ HEAVY = (
 )
 
 
-@pytest.mark.parametrize("module", ["actionkit", "actionkit.agents", "actionkit.cli", "actionkit.testing.plugin"])
+@pytest.mark.parametrize(
+    "module", ["actionkit", "actionkit.agents", "actionkit.cli", "actionkit.testing.plugin"]
+)
 def test_importing_is_light(module: str) -> None:
     allowed = {"pytest"} if "plugin" in module else set()
     code = f"import sys, {module}; print(*[m for m in {HEAVY} if m in sys.modules])"

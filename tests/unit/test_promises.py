@@ -24,7 +24,13 @@ CITING = ("actionkit", "benchmarks", "docs", "stubs", "tests")
 """Directories whose files may cite a number, besides the files at the top."""
 FOR_MAINTAINERS = {*PAGES, "architecture.md"}
 """The pages of `docs/` that may cite numbers; the others are for users."""
-PUBLIC = ("actionkit", "actionkit.servers", "actionkit.testing", "actionkit.testing.plugin")
+PUBLIC = (
+    "actionkit",
+    "actionkit.agents",
+    "actionkit.servers",
+    "actionkit.testing",
+    "actionkit.testing.plugin",
+)
 
 NUMBER = re.compile(r"\b(?:C\d+\.\d+|R\d+)\b")
 RANGE = re.compile(r"\bC(\d+)\.(\d+)(?: to |-)C\1\.(\d+)")

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import actionkit
-from actionkit import Client, GoalFuture
+from actionkit import Client, GoalFuture, agents
 
 NAMES = [
     "AcceptanceTimeoutError",
@@ -56,6 +56,15 @@ NAMES = [
     "read_json_lines",
     "retry_aborted",
 ]
+AGENTS = [
+    "ApprovalRequest",
+    "ConfigError",
+    "Image",
+    "Progress",
+    "Tool",
+    "ToolResult",
+    "Toolbox",
+]
 SIGNATURES = {
     Client.__init__: "(self, action_type, action_name, *misplaced, node=None,"
     " timeouts=Timeouts(server=5.0, accept=5.0, total=None, feedback=None, cancel=2.0,"
@@ -78,6 +87,15 @@ SIGNATURES = {
     actionkit.Rosout.__init__: "(self, node)",
     actionkit.Observer.on_event: "(self, event, call)",
     actionkit.read_json_lines: "(path)",
+    agents.Toolbox.from_file: "(path, *, domain_id=None)",
+    agents.Toolbox.from_config: "(config, *, domain_id=None)",
+    agents.Toolbox.call: "(self, name, arguments=None, *, on_progress=None, approve=None)",
+    agents.Toolbox.cancel_all: "(self)",
+    agents.Toolbox.goals: "(self, goal_id=None)",
+    agents.Toolbox.openai_tools: "(self)",
+    agents.Toolbox.anthropic_tools: "(self)",
+    agents.Toolbox.close: "(self)",
+    agents.Toolbox.aclose: "(self)",
     Client.server_is_ready: "(self)",
     Client.cancel_all: "(self)",
     Client.close: "(self)",
@@ -93,6 +111,13 @@ MEMBERS = {
     "GoalState": "SENDING SENT ACCEPTED REJECTED EXECUTING FEEDBACK CANCELING SUCCEEDED CANCELED"
     " ABORTED LOST RETRYING TIMED_OUT",
     "Verdict": "SUCCESS TRANSIENT PERMANENT",
+}
+AGENTS_FIELDS = {
+    "ApprovalRequest": "tool arguments text",
+    "Image": "mime_type data",
+    "Progress": "elapsed feedback_count message percent",
+    "Tool": "name description input_schema output_schema confirm kind",
+    "ToolResult": "value is_error images",
 }
 FIELDS = {
     "GoalEvent": "goal_id attempt state monotonic wall detail cancel_refused",
@@ -159,6 +184,18 @@ def test_the_names() -> None:
     assert sorted(NAMES) == NAMES
 
 
+def test_the_names_of_agents() -> None:
+    assert agents.__all__ == AGENTS
+    ours = {
+        name
+        for name, value in vars(agents).items()
+        if not name.startswith("_") and not inspect.ismodule(value)
+    }
+    assert ours == set(AGENTS)
+    for name in AGENTS:
+        assert getattr(agents, name).__name__ == name
+
+
 def test_nothing_else_is_public() -> None:
     ours = {
         name
@@ -206,6 +243,15 @@ def test_the_fields_of_values(name: str) -> None:
     assert [field.name for field in dataclasses.fields(cls)] == FIELDS[name].split()
     with pytest.raises(dataclasses.FrozenInstanceError):
         setattr(cls.__new__(cls), FIELDS[name].split()[0], 1)
+
+
+@pytest.mark.parametrize("name", AGENTS_FIELDS)
+def test_the_fields_of_values_of_agents(name: str) -> None:
+    cls = getattr(agents, name)
+    assert [field.name for field in dataclasses.fields(cls)] == AGENTS_FIELDS[name].split()
+    assert cls.__dataclass_params__.frozen
+    for field in AGENTS_FIELDS[name].split():
+        assert f"{field}: " in (cls.__doc__ or "")
 
 
 def test_terminal_states() -> None:

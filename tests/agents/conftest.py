@@ -1,0 +1,83 @@
+"""What tests of agents share: a human's stop that the test works, and toolboxes."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from actionkit.agents import Toolbox
+
+FIBONACCI: dict[str, Any] = {"action": "fibonacci", "type": "test_msgs/action/Fibonacci"}
+BOUND = 30.0
+"""Seconds; only what hangs takes so long."""
+
+
+class FakeHold:
+    """Stands in for the listener to a human's stop; the test says what it knows."""
+
+    def __init__(self) -> None:
+        self.reason: str | None = None
+        self.is_known = True
+        self.asked = 0
+        self.stop_when_asked: int | None = None
+        self._callbacks: list[Callable[[str], object]] = []
+
+    def start(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def why_held(self) -> str | None:
+        self.asked += 1
+        if self.asked == self.stop_when_asked:
+            self.stop()
+        if not self.is_known:
+            return "it is not known yet whether a human has stopped the robot"
+        return self.reason
+
+    async def until_known(self, timeout: float) -> bool:
+        return self.is_known
+
+    def on_hold(self, callback: Callable[[str], object]) -> None:
+        self._callbacks.append(callback)
+
+    def stop(self, reason: str = "held by ann@desk") -> None:
+        """Be the human; on a thread of its own, as the real one."""
+        self.reason = reason
+        for callback in self._callbacks:
+            thread = threading.Thread(target=callback, args=(reason,))
+            thread.start()
+            thread.join()
+
+
+@pytest.fixture
+def hold(monkeypatch: pytest.MonkeyPatch) -> FakeHold:
+    """Return the human's stop of all toolboxes of the test."""
+    fake = FakeHold()
+    monkeypatch.setattr("actionkit.agents._clients.make_hold", lambda domain_id: fake)
+    return fake
+
+
+@pytest.fixture
+def make_toolbox(ros_domain: int, hold: FakeHold) -> Iterator[Callable[..., Toolbox]]:
+    """Make toolboxes in the test's domain; what is left open is closed at its end."""
+    made: list[Toolbox] = []
+
+    def make(tools: Any = None, topics: Any = None) -> Toolbox:
+        config = {"domain_id": ros_domain, "tools": tools or {}, "topics": topics or {}}
+        made.append(Toolbox.from_config(config))
+        return made[-1]
+
+    yield make
+    for toolbox in made:
+        toolbox.close()
+
+
+async def seen(server: Any, event: str, count: int = 1) -> None:
+    """Wait for an event of a server without blocking the event loop."""
+    await asyncio.to_thread(server.wait_for, event, count=count, timeout=BOUND)

@@ -1,0 +1,303 @@
+"""Arguments against limits, whatever the schema says; and schemas against arguments."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import math
+import struct
+import time
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from actionkit._messages.convert import to_message, to_plain
+from actionkit.agents._check import Problems, check_size, checked
+from actionkit.agents._config_fields import read_fields
+from actionkit.agents._reader import Reader
+from actionkit.agents._schema import input_schema
+from actionkit.agents._shapes import Group
+
+CLASSES = [
+    "test_msgs.action:NestedMessage.Goal",
+    "test_msgs.msg:Arrays",
+    "test_msgs.msg:BoundedSequences",
+    "test_msgs.msg:Constants",
+    "test_msgs.msg:Defaults",
+    "test_msgs.msg:Empty",
+    "test_msgs.msg:MultiNested",
+    "test_msgs.msg:Strings",
+    "test_msgs.msg:UnboundedSequences",
+    "test_msgs.msg:WStrings",
+    "geometry_msgs.msg:PoseStamped",
+    "nav_msgs.msg:Path",
+    "sensor_msgs.msg:BatteryState",
+]
+
+
+def message_class(name: str) -> Any:
+    module, _, path = name.partition(":")
+    found: Any = importlib.import_module(module)
+    for part in path.split("."):
+        found = getattr(found, part)
+    return found
+
+
+def shape(name: str, fields: Any = None) -> Group:
+    read = Reader("test")
+    found = read_fields(read, "fields", message_class(name), fields)
+    assert read.problems == []
+    assert found is not None
+    return found
+
+
+def check(of: Group, arguments: Any) -> tuple[dict[str, Any], list[str]]:
+    problems = Problems()
+    return checked(of, arguments, problems), problems.texts
+
+
+# --- schemas -----------------------------------------------------------------------------------
+
+
+def instances(schema: Any) -> st.SearchStrategy[Any]:
+    """Return the instances that a schema of ours allows."""
+    if "enum" in schema:
+        return st.sampled_from(schema["enum"])
+    kind = schema["type"]
+    if kind == "object":
+        fields = {name: instances(one) for name, one in schema["properties"].items()}
+        needed = schema.get("required", ())
+        return st.fixed_dictionaries(
+            {name: one for name, one in fields.items() if name in needed},
+            optional={name: one for name, one in fields.items() if name not in needed},
+        )
+    if kind == "array":
+        least, most = schema.get("minItems", 0), schema.get("maxItems")
+        items = instances(schema["items"])
+        return st.lists(
+            items, min_size=least, max_size=max(least, min(2, 2 if most is None else most))
+        )
+    if kind == "string":
+        letters = st.characters(exclude_categories=["Cs"], exclude_characters="\0")
+        return st.text(letters, max_size=min(schema.get("maxLength", 5), 30))
+    if kind == "boolean":
+        return st.booleans()
+    low, high = schema["minimum"], schema["maximum"]
+    if kind == "integer":
+        return st.integers(low, high) | st.integers(low, high).map(float).filter(
+            lambda value: low <= value <= high
+        )
+    return st.floats(low, high)
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_schemas_are_right_and_their_instances_fit_the_message(name: str) -> None:
+    cls = message_class(name)
+    goal = shape(name)
+    schema = json.loads(json.dumps(input_schema(goal)))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+
+    @settings(max_examples=15, deadline=None, database=None)
+    @given(instances(schema))
+    def fits(arguments: Any) -> None:
+        assert validator.is_valid(arguments)
+        fields, problems = check(goal, arguments)
+        # The one thing that a schema cannot say: it counts characters, and ROS counts bytes.
+        problems = [one for one in problems if "bytes of UTF-8" not in one and "16-bit" not in one]
+        assert problems == []
+        to_message(cls, fields)
+
+    fits()
+
+
+def test_a_schema_with_limits_comments_and_constants() -> None:
+    pose = input_schema(
+        shape(
+            "geometry_msgs.msg:PoseStamped",
+            {
+                "header.frame_id": {"const": "map"},
+                "header": {"expose": False},
+                "pose.position.x": {"minimum": 1.0, "maximum": 2.0},
+                "pose.orientation": {"expose": False},
+                "pose.position.z": {"const": 0.0},
+            },
+        )
+    )
+    assert pose["required"] == ["pose"]
+    assert set(pose["properties"]) == {"pose"}
+    position = pose["properties"]["pose"]["properties"]["position"]
+    assert set(position["properties"]) == {"x", "y"}
+    assert position["required"] == ["x"]
+    assert "free space" in position["description"]
+    battery = input_schema(shape("sensor_msgs.msg:BatteryState"))
+    assert "Voltage in Volts" in battery["properties"]["voltage"]["description"]
+    assert "POWER_SUPPLY_STATUS_CHARGING=1" in battery["description"]
+
+
+# --- what is sent ------------------------------------------------------------------------------
+
+
+def test_defaults_and_constants_are_sent_and_others_keep_the_messages_own() -> None:
+    pose = shape(
+        "geometry_msgs.msg:PoseStamped",
+        {
+            "header.frame_id": {"const": "map"},
+            "pose.position.x": {"default": 1.5},
+            "pose.orientation": {"const": {"w": 0.5}},
+        },
+    )
+    fields, problems = check(pose, {})
+    assert problems == []
+    assert fields == {
+        "header": {"frame_id": "map"},
+        "pose": {"position": {"x": 1.5}, "orientation": {"w": 0.5}},
+    }
+    _, problems = check(pose, {"header": {"frame_id": "odom"}})
+    assert "there is no field 'frame_id'" in problems[0]
+
+
+def test_limits_within_arrays() -> None:
+    path = shape(
+        "nav_msgs.msg:Path",
+        {
+            "poses": {"max_items": 2},
+            "poses[].pose.position.x": {"minimum": 1.0, "maximum": 2.0},
+            "poses.header.frame_id": {"const": "map"},
+        },
+    )
+    schema = input_schema(path)
+    assert schema["properties"]["poses"]["maxItems"] == 2
+    good = {"pose": {"position": {"x": 1.5}}}
+    fields, problems = check(path, {"poses": [good, good]})
+    assert problems == []
+    assert fields["poses"][1]["header"] == {"frame_id": "map"}
+    for poses, part in (
+        ([good] * 3, "poses: has 3 elements, but must have at most 2"),
+        ([good, {"pose": {"position": {"x": 3}}}], "poses[1].pose.position.x: 3 is outside of"),
+        ([good, {}], "poses[1].pose.position.x: must be given"),
+        ([None], "poses[0]: null is not allowed"),
+        ({}, "poses: {} must be an array"),
+    ):
+        assert part in check(path, {"poses": poses})[1][0]
+    fixed = shape("test_msgs.msg:Arrays", {"basic_types_values.int8_value": {"default": 4}})
+    fields, problems = check(fixed, {})
+    assert problems == []
+    assert fields["basic_types_values"] == [{"int8_value": 4}] * 3
+    numbers = shape("test_msgs.msg:Arrays", {"int32_values": {"minimum": 1}})
+    assert check(numbers, {})[1] == ["int32_values: must be given"]
+    assert "int32_values[2]: 0 is outside" in check(numbers, {"int32_values": [1, 1, 0]})[1][0]
+
+
+BASIC = shape(
+    "test_msgs.action:NestedMessage.Goal",
+    {
+        "nested_field.float64_value": {"minimum": -1.0, "maximum": 1.0},
+        "nested_field.float32_value": {"minimum": -0.1, "maximum": 0.1},
+        "nested_field.int32_value": {"enum": [1, 2], "default": 1},
+    },
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "part"),
+    [
+        ("float64_value", math.nan, "must be a number, and finite"),
+        ("float64_value", math.inf, "finite"),
+        ("float64_value", 10**400, "is outside of -1 to 1"),
+        ("float64_value", 1.0000000000000002, "is outside"),
+        ("float64_value", True, "True must be a number"),
+        ("float64_value", "1", "'1' must be a number"),
+        ("float64_value", None, "null is not allowed"),
+        ("float64_value", [1], "must be a number"),
+        ("float32_value", 0.10001, "is outside of -0.1 to 0.1"),
+        ("int8_value", 128, "is outside of -128 to 127"),
+        ("int8_value", 1.5, "must be a whole number"),
+        ("int8_value", 1e300, "is outside"),
+        ("int8_value", math.inf, "finite"),
+        ("int8_value", False, "must be a whole number"),
+        ("uint64_value", 2**64, "is outside"),
+        ("uint64_value", -1, "is outside"),
+        ("int32_value", 3, "must be one of 1, 2"),
+        ("bool_value", 1, "must be true or false"),
+        ("byte_value", 256, "is outside of 0 to 255"),
+        ("nope", 1, "there is no field 'nope'"),
+        ("flaot64_value", 1, "did you mean 'float64_value'?"),
+    ],
+)
+def test_values_outside_of_limits(name: str, value: Any, part: str) -> None:
+    _, problems = check(BASIC, {"nested_field": {name: value}})
+    assert len(problems) == 1
+    assert part in problems[0]
+    assert len(problems[0]) < 700
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "part"),
+    [
+        ("string_value", "a\0b", "NUL"),
+        ("string_value", "\ud800", "lone surrogate at index 0"),
+        ("bounded_string_value", "ü" * 12, "has 24 bytes of UTF-8, but at most 22"),
+        ("string_value", 1, "must be a string"),
+        ("string_value", "abcde", "at most 4"),
+    ],
+)
+def test_strings(name: str, value: Any, part: str) -> None:
+    strings = shape("test_msgs.msg:Strings", {"string_value": {"max_length": 4}})
+    assert part in check(strings, {name: value})[1][0]
+    wide = shape("test_msgs.msg:WStrings", {"wstring_value": {"max_length": 4}})
+    assert "5 16-bit units" in check(wide, {"wstring_value": "\U0001f600" * 2 + "a"})[1][0]
+
+
+def test_numbers_are_sent_within_limits_also_after_rounding() -> None:
+    for value in (0.1, -0.1, 0.09999999999, 1e-46, -1e-46, 0.0):
+        fields, problems = check(BASIC, {"nested_field": {"float32_value": value}})
+        assert problems == []
+        sent = fields["nested_field"]["float32_value"]
+        assert -0.1 <= sent <= 0.1
+        assert struct.unpack("f", struct.pack("f", sent))[0] == sent
+        assert sent == pytest.approx(value, abs=1e-8)
+    tiny = shape("test_msgs.msg:BasicTypes", {"float32_value": {"minimum": 1e-46, "maximum": 1.0}})
+    assert check(tiny, {"float32_value": 1e-46})[0]["float32_value"] > 0
+
+
+def deep(levels: int) -> Any:
+    found: Any = 1
+    for _ in range(levels):
+        found = {"nested_field": found}
+    return found
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (deep(10_000), "nested too deeply"),
+        ({"a": [[0] * 1000] * 1000}, "too large"),
+        ({"a": "x" * 10_000_000}, "too large"),
+        ({"x" * 10_000_000: 1}, "too large"),
+        ({str(i): i for i in range(200_000)}, "too large"),
+        ({1: 2}, "the name 1 must be a string"),
+        ({"a": {1, 2}}, "which JSON does not have"),
+        ({"a": b"x"}, "which JSON does not have"),
+        ({"a": to_plain}, "which JSON does not have"),
+    ],
+)
+def test_what_is_too_deep_or_too_large_is_refused_at_once(arguments: Any, part: str) -> None:
+    began = time.process_time()
+    problem = check_size(arguments)
+    assert time.process_time() - began < 1.0
+    assert problem is not None
+    assert part in problem
+    assert len(problem) < 300
+
+
+def test_problems_are_few_and_short() -> None:
+    many = {f"{'y' * 5000}{i}": i for i in range(100)}
+    began = time.process_time()
+    _, problems = check(BASIC, many)
+    assert time.process_time() - began < 1.0
+    assert len(problems) == 10
+    assert len("".join(problems)) < 5000

@@ -1,0 +1,188 @@
+"""A toolbox's configuration: read whole, every problem with its place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from actionkit.agents import ConfigError, Toolbox
+from actionkit.agents._config import ActionConfig, read_config, read_file
+
+NESTED = "test_msgs/action/NestedMessage"
+RIGHT = """
+domain_id = 7
+[tools.drive]
+action = "/drive"
+type = "test_msgs/action/NestedMessage"
+description = "Drives."
+timeout = 120.0
+concurrent = 2
+confirm = "always"
+retries = 0
+[tools.drive.fields."nested_field.float64_value"]
+minimum = 0.5
+maximum = 2
+description = "Metres."
+[tools.drive.fields."nested_field.int32_value"]
+const = 3
+[tools.drive.fields.nested_field_no_pkg]
+expose = false
+[topics.battery]
+topic = "/battery_state"
+type = "sensor_msgs/msg/BatteryState"
+max_age = 5
+"""
+
+
+def problems(config: Any) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        read_config(config, "robot.toml")
+    assert str(caught.value) == "\n".join(caught.value.problems)
+    return list(caught.value.problems)
+
+
+def tool(fields: Any = None, **more: Any) -> dict[str, Any]:
+    return {"tools": {"t": {"action": "a", "type": NESTED, "fields": fields or {}, **more}}}
+
+
+def read(fields: Any) -> ActionConfig:
+    return read_config(tool(fields)).actions[0]
+
+
+def test_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(RIGHT)
+    config = read_file(path)
+    assert config.domain_id == 7
+    (drive,) = config.actions
+    assert (drive.name, drive.timeout, drive.concurrent) == ("drive", 120.0, 2)
+    assert (drive.confirm, drive.retries) == (True, 0)
+    assert config.topics[0].max_age == 5.0
+    toolbox = Toolbox.from_file(path, domain_id=9)
+    assert toolbox.domain_id == 9
+    assert [(one.name, one.kind) for one in toolbox.tools] == [
+        ("drive", "action"),
+        ("battery", "topic"),
+        ("goals", "goals"),
+    ]
+    fields = toolbox.tools[0].input_schema["properties"]
+    assert set(fields) == {"nested_field", "nested_different_pkg"}
+    assert "int32_value" not in fields["nested_field"]["properties"]
+    # Its default, 0, is outside of the limits: the model must say how far.
+    assert fields["nested_field"]["required"] == ["float64_value"]
+
+
+def test_a_file_that_is_no_toml(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text("[tools.x\n")
+    with pytest.raises(ConfigError, match=r"robot\.toml: this is no TOML: .*line 1"):
+        Toolbox.from_file(path)
+    path.write_bytes(b"\xff")
+    with pytest.raises(ConfigError, match="no TOML"):
+        Toolbox.from_file(path)
+    with pytest.raises(OSError, match=r"no\.toml"):
+        Toolbox.from_file(tmp_path / "no.toml")
+
+
+def test_every_problem_is_told_with_its_place() -> None:
+    config = {
+        "domain_id": 233,
+        "tols": {},
+        "tools": {
+            "goals": {"action": "a", "type": NESTED},
+            "a b": {"action": "a", "type": NESTED},
+            "one": {"action": "9 lives", "type": "test_msgs/msg/Empty", "timeout": "long"},
+            "two": {"type": "test_msgs/action/Fibonaci", "confirm": "maybe", "concurent": 2},
+            "three": {"action": "x", "type": "nope_msgs/action/Nope", "retries": -1},
+            "four": 4,
+        },
+        "topics": {"one": {"topic": "/t", "type": NESTED, "max_size": 0}},
+    }
+    text = "\n".join(problems(config))
+    for part in (
+        "robot.toml: domain_id: 233 must be a whole number from 0 to 232",
+        "robot.toml: tols: there is no such key; did you mean 'tools'?",
+        "robot.toml: tools.goals: the name 'goals' is taken",
+        "robot.toml: tools.a b: a tool's name has",
+        "robot.toml: tools.one.action: '9 lives' is no ROS name",
+        "robot.toml: tools.one.type: 'test_msgs/msg/Empty' must be written package/action/Name",
+        "robot.toml: tools.one.timeout: 'long' must be a number",
+        "robot.toml: tools.two.action: is missing",
+        "robot.toml: tools.two.type: 'test_msgs/action/Fibonaci' does not exist; test_msgs has"
+        " Fibonacci, NestedMessage",
+        "robot.toml: tools.two.confirm: 'maybe' must be 'never' or 'always'",
+        "robot.toml: tools.two.concurent: there is no such key; did you mean 'concurrent'?",
+        "robot.toml: tools.three.type: 'nope_msgs/action/Nope' cannot be loaded",
+        "robot.toml: tools.three.retries: -1 must be",
+        "robot.toml: tools.four: 4 must be a table",
+        f"robot.toml: topics.one.type: '{NESTED}' must be written package/msg/Name",
+        "robot.toml: topics.one.max_size: 0 must be",
+    ):
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("fields", "part"),
+    [
+        ({"nested_feld": {}}, "fields.nested_feld: the goal has no such field; did you mean"),
+        (
+            {"nested_field": {"minimum": 1}},
+            "minimum: is for numbers, but this field is a test_msgs",
+        ),
+        ({"nested_field.bool_value": {"maximum": 1}}, "maximum: is for numbers"),
+        ({"nested_field.int8_value": {"max_length": 1}}, "max_length: is for strings"),
+        ({"nested_field.int8_value": {"max_items": 1}}, "max_items: is for arrays"),
+        ({"nested_field.int8_value": {"maximum": 128}}, "128 is outside of int8, -128 to 127"),
+        ({"nested_field.int8_value": {"maximum": 1.5}}, "1.5 must be a whole number"),
+        ({"nested_field.int8_value": {"maximum": float("nan")}}, "nan must be a whole number"),
+        ({"nested_field.int8_value": {"maximum": True}}, "True must be a whole number"),
+        ({"nested_field.int8_value": {"minimum": 2, "maximum": 1}}, "2 is above the maximum 1"),
+        ({"nested_field.int8_value": {"enum": []}}, "must be a list of values"),
+        ({"nested_field.int8_value": {"enum": [1, 999]}}, "enum: 999 is outside of -128 to 127"),
+        ({"nested_field.int8_value": {"enum": [1, 1]}}, "names a value twice"),
+        ({"nested_field.int8_value": {"const": "x"}}, "const: 'x' must be a whole number"),
+        ({"nested_field.int8_value": {"const": 1, "maximum": 2}}, "has no meaning beside const"),
+        ({"nested_field.int8_value": {"default": 9, "maximum": 2}}, "default: 9 is outside of"),
+        ({"nested_field.int8_value": {"expose": 1}}, "expose: 1 must be true or false"),
+        ({"nested_field.int8_value": {"expose": False, "minimum": 1}}, "set a default"),
+        ({"nested_field.int8_value": {"describtion": ""}}, "did you mean 'description'?"),
+        ({"nested_field": {"const": {"nope": 1}}}, "const: there is no field 'nope'"),
+        ({"nested_field": {"default": {}}}, "default: is for single fields and arrays"),
+        (
+            {"nested_field": {"const": {}}, "nested_field.int8_value": {"maximum": 1}},
+            "has no effect, because 'nested_field' has a const",
+        ),
+        (
+            {"nested_field.float32_value": {"minimum": 0.1, "maximum": 0.1}},
+            "no float lies within 0.1 to 0.1",
+        ),
+        ({"nested_field.int8_value": 1}, "1 must be a table"),
+    ],
+)
+def test_limits_that_contradict_the_type(fields: Any, part: str) -> None:
+    assert part in "\n".join(problems(tool(fields)))
+
+
+def test_what_else_is_wrong() -> None:
+    assert "there are no tools" in problems({})[0]
+    assert "must be a table" in problems([])[0]
+    assert "must be a table" in problems({"tools": []})[0]
+    twice = tool()
+    twice["topics"] = {"t": {"topic": "/t", "type": "test_msgs/msg/Empty"}}
+    assert "rename one" in problems(twice)[0]
+    types = tool()
+    types["tools"]["u"] = {"action": "a", "type": "test_msgs/action/Fibonacci"}
+    assert "has the type" in problems(types)[0]
+    assert "above 0" in problems(tool(timeout=0))[0]
+    with pytest.raises(ConfigError, match="domain_id"):
+        Toolbox.from_config(tool(), domain_id=-1)
+
+
+def test_a_part_of_something_hidden_may_be_shown() -> None:
+    shape = read(
+        {"nested_field": {"expose": False}, "nested_field.bool_value": {"expose": True}}
+    ).shape
+    shown = [name for name, one in shape.fields["nested_field"].fields.items() if one.shown]  # type: ignore[union-attr]
+    assert shown == ["bool_value"]
