@@ -35,17 +35,22 @@ class Ending:
         code: The exit code.
     """
 
-    def __init__(self, cancel_from_a_thread: Callable[[], object]) -> None:
+    def __init__(
+        self, cancel_from_a_thread: Callable[[], object], go_on: Callable[[], list[str]]
+    ) -> None:
         """Begin to hear of signals.
 
         Args:
             cancel_from_a_thread: Cancels all goals, and may block; called from a thread where the
                 event loop does not begin to.
+            go_on: Sees to the goals that may outlive the process; returns a line on each.
         """
         self.asked = asyncio.Event()
         self.why = ""
         self.code = 0
         self._cancel = cancel_from_a_thread
+        self._go_on = go_on
+        self._left: list[str] | None = None
         self._loop = asyncio.get_running_loop()
         self._first = threading.Lock()
         self._reads, writes = os.pipe()
@@ -66,6 +71,14 @@ class Ending:
         threading.Thread(target=self._watch, name="mcp-ending", daemon=True).start()
         self._loop.call_soon_threadsafe(self.asked.set)
 
+    def leave_behind(self) -> bool:
+        """See to the goals that may outlive the process, once; return whether there are any."""
+        if self._left is None:
+            self._left = self._go_on()
+            for line in self._left:
+                say(line)
+        return bool(self._left)
+
     def _hear(self) -> None:
         while True:
             for number in os.read(self._reads, 16):
@@ -80,7 +93,10 @@ class Ending:
         if not heard.wait(_LOOP_HEARS):
             threading.Thread(target=self._cancel, name="mcp-cancel", daemon=True).start()
         threading.Event().wait(_LAST - (0 if heard.is_set() else _LOOP_HEARS))
-        leave(self.code, "The end took too long: goals may still be running.")
+        try:
+            self.leave_behind()
+        finally:
+            leave(self.code, "the end took too long")
 
 
 def _heard_elsewhere(number: int, frame: FrameType | None) -> None:

@@ -15,6 +15,7 @@ from actionkit.agents._mcp import http, stdio
 from actionkit.agents._mcp.address import Address
 from actionkit.agents._mcp.calls import Calls
 from actionkit.agents._mcp.ending import PATIENCE, Ending, leave, say
+from actionkit.agents._mcp.left_behind import go_on_cancelling
 from actionkit.agents._mcp.session import make_server
 from actionkit.agents._mcp.wire import Wire
 from actionkit.agents._toolbox import Toolbox
@@ -79,7 +80,7 @@ def _tell_why(opening: asyncio.Future[Any]) -> None:
 async def _serve(
     toolbox: Toolbox, version: str, serve: Serve, flush: Callable[[], Awaitable[None]]
 ) -> NoReturn:
-    ending = Ending(toolbox.close)
+    ending = Ending(toolbox.close, lambda: go_on_cancelling(toolbox))
     calls = Calls(toolbox)
     # Beside serving, as it takes a second, and hosts wait for their first answer.
     opening = asyncio.ensure_future(toolbox.__aenter__())
@@ -91,14 +92,9 @@ async def _serve(
     await calls.end(PATIENCE)
     with contextlib.suppress(asyncio.TimeoutError):
         await asyncio.wait_for(flush(), _LAST_WRITES)
-    left = [goal for goal in toolbox.goals() if goal.get("may_still_run")]
-    for goal in left:
-        say(f"goal {goal.get('goal_id')} of {goal.get('tool')} may still be running")
-    if not left:
-        # Else we drop out as if we had died: a server that is slow, or has stopped for a moment,
-        # takes no request any more of those that it has seen leave, such as one to cancel.
-        with contextlib.suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(toolbox.aclose(), _FREEING)
+    left = ending.leave_behind()
+    with contextlib.suppress(asyncio.TimeoutError):
+        await asyncio.wait_for(toolbox.aclose(), _FREEING)
     if serving.done() and not serving.cancelled() and serving.exception() is not None:
         say(f"ended ({ending.why}): {serving.exception()!r}")
     # What still waits for a host that reads nothing would hold up an orderly end (C10.3).

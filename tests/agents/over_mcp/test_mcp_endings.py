@@ -227,9 +227,8 @@ def test_the_action_server_does_not_answer(robot: Robot, record) -> None:
                 patrolling.resume()
             assert took < AT_LAST
         fault = "SIGTERM, and the action server does not answer (SIGSTOP)"
-        # The request to cancel has been sent, and waits for the server.
-        reached = await watch.summary()
-        record(page.ENDED, fault, "stdio", reached, told, f"ends with {code}, < 4 s")
+        process = f"ends with {code}, < 4 s; another goes on cancelling"
+        record(page.ENDED, fault, "stdio", await watch.summary(), told, process)
 
     asyncio.run(scenario())
 
