@@ -28,6 +28,7 @@ COMMANDS = (
     "serve",
     "doctor",
     "timeline",
+    "mcp",
     "demo",
 )
 CALL = ("call", "/fibonacci", FIBONACCI)

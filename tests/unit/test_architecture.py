@@ -31,6 +31,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "testing": {"servers"},
     "cli": {
         "",
+        "agents",
         "_model",
         "_messages",
         "_observers",
