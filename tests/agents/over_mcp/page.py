@@ -59,6 +59,7 @@ FAULTS: dict[str, dict[str, tuple[str, ...]]] = {
         "the client closes the connection": EVERY,
         "the client is killed (SIGKILL)": EVERY,
         "the host reads nothing, and closes standard input": ANY_STDIO,
+        "the host is killed, and a child of it keeps standard input open": ANY_STDIO,
     },
     OUTCOME: {
         "the server aborts the goal": EVERY,

@@ -160,6 +160,17 @@ def test_a_host_that_reads_nothing_hangs_up(deaf: tuple[Host, Watch], record) ->
     record(page.GIVEN_UP, fault, "stdio", asyncio.run(watch.summary()), "nothing", process)
 
 
+def test_a_host_whose_child_keeps_our_input(deaf: tuple[Host, Watch], record) -> None:
+    host, watch = deaf
+    assert host.process.stdout is not None
+    host.process.stdout.close()  # as the system does for a process that is gone
+    assert seconds_until_gone(host.serving) < SOON
+    process = f"ends with {host.code()}, < 2 s"
+    fault = "the host is killed, and a child of it keeps standard input open"
+    reached = asyncio.run(watch.summary())
+    record(page.GIVEN_UP, fault, "stdio", reached, "nothing: it is gone", process)
+
+
 def test_a_host_that_reads_nothing_sends_sigterm(deaf: tuple[Host, Watch], record) -> None:
     host, watch = deaf
     wait_until_blocked(host)
