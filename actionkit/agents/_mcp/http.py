@@ -21,7 +21,6 @@ from actionkit.agents._mcp.address import Address
 from actionkit.agents._mcp.session import GONE
 
 PATH = "/mcp"
-_MOST_SESSIONS = 100
 
 
 def make_app(server: Server[Any], where: Address) -> ASGIApp:
@@ -33,7 +32,7 @@ def make_app(server: Server[Any], where: Address) -> ASGIApp:
         allowed_origins=[f"{scheme}://{host}" for scheme in ("http", "https") for host in hosts],
     )
     inner: ASGIApp = server.streamable_http_app(
-        streamable_http_path=PATH, transport_security=security, max_sessions=_MOST_SESSIONS
+        streamable_http_path=PATH, transport_security=security
     )
     guarded = inner
     if where.token:

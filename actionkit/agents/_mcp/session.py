@@ -106,7 +106,6 @@ def make_server(toolbox: Toolbox, calls: Calls, version: str) -> Server[Any]:
         version=version,
         title="ActionKit",
         instructions=_INSTRUCTIONS,
-        get_tool_input_schema=lambda name: tools[name].input_schema if name in tools else None,
         on_list_tools=list_tools,
         on_call_tool=call_tool,
     )

@@ -97,6 +97,7 @@ FAULTS: dict[str, dict[str, tuple[str, ...]]] = {
         "SIGTERM, and the host reads nothing": ANY_STDIO,
         "SIGTERM, and the event loop hangs": ANY_STDIO,
         "SIGTERM, and the action server does not answer (SIGSTOP)": ANY_STDIO,
+        "standard input is closed, and the action server does not answer": ANY_STDIO,
         "SIGKILL": ANY_HTTP,
     },
     HTTP_ONLY: {

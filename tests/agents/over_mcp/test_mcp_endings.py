@@ -244,6 +244,25 @@ def test_the_action_server_does_not_answer(robot: Robot, record) -> None:
     asyncio.run(scenario())
 
 
+def test_the_host_hangs_up_and_the_action_server_does_not_answer(robot: Robot, record) -> None:
+    patrolling = robot.server("never_finishes")
+    watch = Watch(patrolling)
+    with Host(robot, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST") as host:
+        host.call("patrol")
+        asyncio.run(watch.until("executing"))
+        patrolling.pause()
+        try:
+            host.hang_up()
+            assert seconds_until_gone(host.serving) < AT_LAST
+            assert "may still be running" in host.errors.read_text()
+        finally:
+            patrolling.resume()
+        process = f"ends with {host.code()}, < 4 s; another goes on cancelling"
+    reached = asyncio.run(watch.summary())
+    fault = "standard input is closed, and the action server does not answer"
+    record(page.ENDED, fault, "stdio", reached, "nothing: it is gone", process)
+
+
 def test_servers_that_are_lost_or_refuse(robot: Robot, http: HttpServing, record) -> None:
     mortal = robot.server("scripted", script=[["accept", {"feedback": 1}, "never"]])
     stubborn = robot.server("refuses_cancel", period=0.1)
