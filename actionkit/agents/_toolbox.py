@@ -87,6 +87,14 @@ class Toolbox:
             return self._domain_id
         return environment_domain()
 
+    def action_of(self, tool: str) -> str:
+        """Return the name of the action that a tool sends goals to.
+
+        Raises:
+            KeyError: It is no tool of an action.
+        """
+        return self._actions[tool].action
+
     async def call(
         self,
         name: str,

@@ -45,6 +45,9 @@ _COMMANDS = {
         "interfaces",
         "Build message, service and action types of your own, without a ROS installation.",
     ),
+    "mcp": _Known(
+        "mcp", "Serve the tools that the TOML file FILE describes, to a language model's host."
+    ),
     "demo": _Known("demo", "Show what ActionKit does, on an action server of its own (10 s)."),
 }
 """The commands by name, in the order in which they are listed."""

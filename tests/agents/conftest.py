@@ -59,7 +59,7 @@ class FakeHold:
 def hold(monkeypatch: pytest.MonkeyPatch) -> FakeHold:
     """Return the human's stop of all toolboxes of the test."""
     fake = FakeHold()
-    monkeypatch.setattr("actionkit.agents._clients.make_hold", lambda domain_id: fake)
+    monkeypatch.setattr("actionkit.agents._clients.HoldListener", lambda domain_id: fake)
     return fake
 
 

@@ -30,6 +30,7 @@ COMMANDS = (
     "doctor",
     "timeline",
     "stubs",
+    "mcp",
     "demo",
     "interfaces",
 )

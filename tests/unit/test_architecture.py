@@ -35,6 +35,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "cli": {
         "",
         "_interfaces",
+        "agents",
         "_model",
         "_messages",
         "_observers",

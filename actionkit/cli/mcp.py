@@ -1,0 +1,132 @@
+"""`actionkit mcp`: a robot's actions as tools for any client of the Model Context Protocol."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from typing import TYPE_CHECKING
+
+import click
+
+from actionkit.cli._exits import Exit
+from actionkit.cli._options import HELP, debug_option
+from actionkit.cli._problems import Problem, import_ros
+from actionkit.cli._ros_wheels import find_libraries
+from actionkit.cli._say import say
+
+if TYPE_CHECKING:
+    from actionkit.agents import Toolbox
+
+_EPILOG = """\b
+Examples:
+  actionkit mcp robot.toml
+  actionkit mcp robot.toml --http 127.0.0.1:8765
+
+A host, the program that the language model runs in, starts the first by itself; in its settings:
+\b
+  {"mcpServers": {"robot": {"command": "actionkit", "args": ["mcp", "/home/me/robot.toml"]}}}
+
+It ends when the host closes its input, by SIGTERM or by Ctrl-C, within 4 seconds; all goals are
+cancelled then. The exit code is 23 where one may still be running."""
+
+
+@click.command("mcp", context_settings=HELP, epilog=_EPILOG)
+@click.argument("file", metavar="FILE", type=click.Path(exists=True, dir_okay=False))
+@click.option(
+    "--http",
+    "where",
+    metavar="HOST:PORT",
+    help="Serve over HTTP instead, at http://HOST:PORT/mcp. Other machines need the token in the"
+    " environment variable ACTIONKIT_MCP_TOKEN.",
+)
+@click.option(
+    "--allow-host",
+    "names",
+    metavar="NAME",
+    multiple=True,
+    help="Another name under which clients may reach it over HTTP; repeatable.",
+)
+@click.option(
+    "--domain-id",
+    type=click.IntRange(0, 232),
+    help="The ROS domain; else the one in FILE, else the environment's.",
+)
+@debug_option
+def command(file: str, where: str | None, names: tuple[str, ...], domain_id: int | None) -> None:
+    """Serve the tools that the TOML file FILE describes, to a language model's host."""
+    find_libraries()
+    # Before anything is imported that may write to standard output: that is the protocol's.
+    from actionkit.agents._mcp.wire import Wire, warn_people
+
+    if where is not None:
+        _serve_http(file, where, names, domain_id)
+    if names:
+        raise click.UsageError("--allow-host is for --http")
+    try:
+        wire = Wire()
+    except OSError as error:
+        raise Problem(
+            Exit.FAILED, f"standard input or output is closed ({error}); a host has to open them"
+        ) from error
+    if wire.is_terminal:
+        warn_people()
+    toolbox = _toolbox(file, domain_id)
+    from actionkit.agents._mcp.serving import serve_stdio
+
+    serve_stdio(toolbox, wire, _version())
+
+
+def _serve_http(file: str, where: str, names: tuple[str, ...], domain_id: int | None) -> None:
+    from actionkit.agents._mcp.address import address, listen
+    from actionkit.cli._stdout import keep_clean
+
+    keep_clean()
+    try:
+        checked = address(where, names, os.environ)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--http") from error
+    toolbox = _toolbox(file, domain_id)
+    from actionkit.agents._mcp.http import PATH
+    from actionkit.agents._mcp.serving import serve_http
+
+    try:
+        listening = listen(checked)
+    except OSError as error:
+        raise Problem(Exit.FAILED, f"cannot serve at {where} ({error.strerror})") from error
+    host = f"[{checked.host}]" if ":" in checked.host else checked.host
+    say(f"Serving MCP at http://{host}:{listening.getsockname()[1]}{PATH}")
+    serve_http(toolbox, checked, listening, _version())
+
+
+def _toolbox(file: str, domain_id: int | None) -> Toolbox:
+    """Read the file.
+
+    Raises:
+        Problem: A library is not there, or the file is wrong.
+    """
+    try:
+        for module in ("mcp.server", "uvicorn", "PIL"):
+            importlib.import_module(module)
+    except ImportError as error:
+        raise Problem(
+            Exit.FAILED,
+            f"{error.name or error} is not installed: pip install 'actionkit[agents]'",
+        ) from error
+    import_ros()
+    from actionkit.agents import ConfigError, Toolbox
+
+    try:
+        toolbox = Toolbox.from_file(file, domain_id=domain_id)
+        # In the domain of the environment, clients need no node of the toolbox.
+        os.environ["ROS_DOMAIN_ID"] = str(toolbox.domain_id)
+        return toolbox
+    except ConfigError as error:
+        raise Problem(Exit.USAGE, f"the configuration is wrong:\n{error}") from error
+    except OSError as error:
+        raise Problem(Exit.USAGE, f"cannot read {file} ({error.strerror})") from error
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("actionkit")

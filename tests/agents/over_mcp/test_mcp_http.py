@@ -1,0 +1,194 @@
+"""HTTP: who may come in, and connections that end without a word."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from urllib.parse import urlsplit
+
+import httpx2
+import pytest
+from mcp import Client
+from mcp.client.streamable_http import streamable_http_client
+
+from actionkit.agents._mcp.address import TOKEN_VARIABLE
+from tests.agents.over_mcp import leaver, page
+from tests.agents.over_mcp.lab import WAYS, HttpServing, Robot, Watch, Way, agent, words
+from tests.faults import network
+
+HTTP = WAYS[2:]
+TOKEN = "a-secret-of-the-test"
+HEADERS = {"Content-Type": "application/json", "Accept": "application/json, text/event-stream"}
+_CALL = {"jsonrpc": "2.0", "id": 1, "method": "tools/call"}
+
+
+def raw_call(way: Way, number: int, session: str, host: str) -> bytes:
+    """Return a whole HTTP request that calls a tool."""
+    params: dict[str, object] = {"name": "patrol", "arguments": {}}
+    headers = {**HEADERS, "Host": host, "MCP-Protocol-Version": way.era}
+    if way.mode == "legacy":
+        headers["Mcp-Session-Id"] = session
+    else:
+        headers |= {"Mcp-Method": "tools/call", "Mcp-Name": "patrol"}
+        key = "io.modelcontextprotocol/"
+        params["_meta"] = {
+            f"{key}protocolVersion": way.era,
+            f"{key}clientInfo": {"name": "test", "version": "0"},
+            f"{key}clientCapabilities": {},
+        }
+    body = json.dumps({**_CALL, "id": number, "params": params}).encode()
+    lines = [f"{name}: {value}" for name, value in headers.items()]
+    head = "\r\n".join(["POST /mcp HTTP/1.1", *lines, f"Content-Length: {len(body)}", "", ""])
+    return head.encode() + body
+
+
+async def open_session(client: httpx2.AsyncClient, url: str) -> str:
+    hello = {
+        "protocolVersion": "2025-11-25",
+        "capabilities": {},
+        "clientInfo": {"name": "test", "version": "0"},
+    }
+    message = {"jsonrpc": "2.0", "id": 0, "method": "initialize", "params": hello}
+    answer = await client.post(url, json=message, headers=HEADERS)
+    session: str = answer.headers["mcp-session-id"]
+    message = {"jsonrpc": "2.0", "method": "notifications/initialized"}
+    await client.post(url, json=message, headers={**HEADERS, "Mcp-Session-Id": session})
+    return session
+
+
+@pytest.mark.parametrize("way", HTTP, ids=str)
+def test_a_client_that_is_gone_before_its_call_begins(
+    robot: Robot, http: HttpServing, way: Way, record
+) -> None:
+    watch = Watch(robot.server("never_finishes"))
+    place = urlsplit(http.url).netloc
+    address = (urlsplit(http.url).hostname, urlsplit(http.url).port)
+
+    async def scenario() -> None:
+        async with agent(robot, way, http) as connected:
+            # The toolbox knows its server: a goal would be sent within a millisecond.
+            calling = asyncio.ensure_future(connected.call("patrol", {}))
+            await watch.until("executing")
+            calling.cancel()
+            await watch.until("canceled")
+            assert watch.received
+            later = Watch(watch.server)
+            async with httpx2.AsyncClient() as client:
+                session = await open_session(client, http.url)
+            # Whoever it is, it says its piece, and hangs up in the same moment.
+            for number in range(1, 6):
+                request = raw_call(way, number, session, place)
+                with socket.create_connection(address) as leaving:
+                    leaving.sendall(request)
+            # The same request of one that stays is taken.
+            with socket.create_connection(address) as staying:
+                staying.sendall(raw_call(way, 6, session, place))
+                await later.until("executing")
+                assert len(later.received) == 1
+            await later.until("canceled")
+        fault = "the client is gone before its call begins"
+        record(page.HTTP_ONLY, fault, way, "nothing", "nothing: it is gone")
+
+    asyncio.run(scenario())
+
+
+def test_who_may_come_in(robot: Robot, record) -> None:
+    watch = Watch(robot.server("fibonacci", period=0.02))
+    with contextlib.closing(
+        HttpServing(robot, "--allow-host", "robot.test", **{TOKEN_VARIABLE: TOKEN})
+    ) as serving:
+
+        async def scenario() -> None:
+            known = {**HEADERS, "Authorization": f"Bearer {TOKEN}"}
+            message = json.dumps({**_CALL, "params": {"name": "count", "arguments": {"order": 3}}})
+            async with httpx2.AsyncClient() as client:
+
+                async def told(**headers: str) -> str:
+                    answer = await client.post(serving.url, content=message, headers=headers)
+                    return str(answer.status_code)
+
+                wrong = {**known, "Authorization": f"Bearer {TOKEN}x"}
+                assert await told(**HEADERS) == await told(**wrong) == "401"
+                fault = "no token, or a wrong one"
+                record(page.HTTP_ONLY, fault, "HTTP", await watch.summary(), "HTTP status 401")
+                for fault, header, text, allowed in (
+                    ("another `Host` (DNS rebinding)", "Host", "evil.test", "robot.test:80"),
+                    (
+                        "another `Origin` (a web page)",
+                        "Origin",
+                        "http://evil.test",
+                        "http://robot.test",
+                    ),
+                ):
+                    status = await told(**known, **{header: text})
+                    reached = await watch.summary()
+                    record(page.HTTP_ONLY, fault, "HTTP", reached, f"HTTP status {status}")
+                    # It comes in, and is told that it has opened no session.
+                    assert await told(**known, **{header: allowed}) == "400"
+            with_token = httpx2.AsyncClient(headers={"Authorization": f"Bearer {TOKEN}"})
+            async with with_token as client:
+                transport = streamable_http_client(serving.url, http_client=client)
+                async with Client(transport) as connected:
+                    assert words(await connected.call_tool("count", {"order": 3})) == "`succeeded`"
+
+        asyncio.run(scenario())
+
+
+@pytest.fixture(scope="module")
+def cable() -> Iterator[network.Network]:
+    """Two hosts (network namespaces) and the cable between them."""
+    reason = network.why_not()
+    if reason:
+        pytest.skip(reason)
+    with network.two_hosts() as made:
+        yield made
+
+
+def test_the_network_is_cut(robot: Robot, cable: network.Network, record) -> None:
+    """TCP would tell of it after a quarter of an hour, or never."""
+    here, there = cable.first, cable.second
+    with here.inside(), contextlib.ExitStack() as stack:
+        (listed,) = json.loads(
+            subprocess.run(
+                ["ip", "-j", "-4", "addr", "show", "up", "scope", "global"],
+                capture_output=True,
+                check=True,
+                text=True,
+            ).stdout
+        )
+        address = listed["addr_info"][0]["local"]
+        # The other way round for HTTP alone: the robot is here, and the agent there.
+        patrolling = robot_server_here(robot, stack)
+        environment = {TOKEN_VARIABLE: TOKEN}
+        serving = HttpServing(robot, at=f"{address}:0", **environment)
+        stack.callback(serving.close)
+        for way in HTTP:
+            watch = Watch(patrolling)
+            told = {"mode": way.mode, "url": serving.url, "token": TOKEN}
+            with there.inside():
+                client = subprocess.Popen([sys.executable, leaver.__file__, json.dumps(told)])
+            stack.callback(client.wait)
+            stack.callback(client.kill)
+            asyncio.run(watch.until("executing"))
+            began = time.monotonic()
+            cable.cut()
+            reached = asyncio.run(watch.summary())
+            assert time.monotonic() - began < 20.0
+            cable.mend()
+            fault = "the network between client and server is cut"
+            record(page.HTTP_ONLY, fault, way, reached, "nothing: it is gone")
+
+
+def robot_server_here(robot: Robot, stack: contextlib.ExitStack):
+    """Start the action server in this network namespace."""
+    from actionkit import servers
+
+    return stack.enter_context(
+        servers.start("never_finishes", action_name="never_finishes", domain_id=robot.domain)
+    )

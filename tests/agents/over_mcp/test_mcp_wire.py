@@ -1,0 +1,157 @@
+"""Nothing but the protocol is on standard output; what cannot be read is answered all the same."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import subprocess
+import sys
+
+import httpx2
+import pytest
+
+from actionkit.agents._mcp.stdio import _id_of
+from actionkit.agents._mcp.wire import MOST_BYTES
+from tests.agents.over_mcp import page
+from tests.agents.over_mcp.host import Host
+from tests.agents.over_mcp.lab import WAYS, HttpServing, Robot, Watch, agent
+
+DEEP = '{"order":' * 10_000 + "1" + "}" * 10_000
+LARGE = json.dumps({"order": "1" * 5_000_000})
+
+#: A user's message package says something, and so do libraries in C.
+_NOISE = """
+import builtins, ctypes, os
+from actionkit.agents._mcp.calls import Calls
+run = Calls.run
+async def noisy(self, *words, **options):
+    import sys, rclpy.logging
+    print("noise of print")
+    sys.__stdout__.write("noise of a stream\\n")
+    os.write(1, b"noise of a descriptor\\n")
+    ctypes.CDLL(None).puts(b"noise of C")
+    rclpy.logging.get_logger("noise").error("noise of the log of rclpy")
+    ctypes.CDLL(None).fflush(None)
+    os.system("echo noise of a child")
+    return await run(self, *words, **options)
+Calls.run = noisy
+"""
+
+
+def call(arguments: str, number: int = 90) -> str:
+    params = f'{{"name":"count","arguments":{arguments}}}'
+    return f'{{"jsonrpc":"2.0","id":{number},"method":"tools/call","params":{params}}}'
+
+
+def test_stdout_is_the_protocols(robot: Robot, record) -> None:
+    """With no more in the environment than hosts pass on, and whatever the host sends."""
+    watch = Watch(robot.server("fibonacci", period=0.02))
+    with Host(robot, before=_NOISE, RCUTILS_LOGGING_USE_STDOUT="1") as host:
+        answer = host.answer(host.call("count", order=3))
+        assert answer["result"]["structuredContent"]["status"] == "succeeded", answer
+        errors = host.errors.read_text()
+        for who in ("print", "a stream", "a descriptor", "C", "the log of rclpy", "a child"):
+            assert f"noise of {who}" in errors
+        assert asyncio.run(watch.summary()) == "a goal, succeeded"
+
+        watch = Watch(watch.server)
+        for fault, arguments in (
+            ("arguments nested 10,000 deep", DEEP),
+            ("a message of 5 MB", LARGE),
+        ):
+            host.send_line(call(arguments))
+            error = host.answer(90)["error"]
+            text = f"error {error['code']}: {error['message']}"
+            record(page.REFUSED, fault, "stdio", asyncio.run(watch.summary()), text)
+        assert all(json.loads(line)["jsonrpc"] == "2.0" for line in host.lines)
+        host.hang_up()
+        assert host.process.stdout is not None
+        assert host.process.stdout.read() == b""
+        assert host.code() == 0
+
+
+def test_messages_over_http_that_cannot_be_read(robot: Robot, http: HttpServing, record) -> None:
+    watch = Watch(robot.server("fibonacci", period=0.02))
+    headers = {
+        "Content-Type": "application/json",
+        "Accept": "application/json, text/event-stream",
+        "MCP-Protocol-Version": "2026-07-28",
+    }
+
+    async def scenario() -> None:
+        async with httpx2.AsyncClient(headers=headers) as client:
+            for fault, arguments in (
+                ("arguments nested 10,000 deep", DEEP),
+                ("a message of 5 MB", LARGE),
+            ):
+                answer = await client.post(http.url, content=call(arguments))
+                told = f"HTTP status {answer.status_code}"
+                record(page.REFUSED, fault, "HTTP", await watch.summary(), told)
+        async with agent(robot, WAYS[3], http) as connected:
+            assert await connected.told("count", {"order": 3}) == "`succeeded`"
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ('{"id": 7, "params": {"id": 8, "a": [{}, "}"]}, "method": "x"}', 7),
+        ('{"params": {"a": "\\"}{"}, "id": "seven"}', "seven"),
+        (call(DEEP), 90),
+        (call(LARGE)[:1000], 90),
+        ('{"id": true}', None),
+        ('{"id": {"id": 1}}', None),
+        ("[]", None),
+        ("", None),
+        ("}{", None),
+    ],
+)
+def test_whose_request_it_was(line: str, found: object) -> None:
+    assert _id_of(line) == found
+
+
+def test_the_longest_line_is_that_of_http() -> None:
+    from mcp.server.transport_security import DEFAULT_MAX_REQUEST_BODY_SIZE
+
+    assert MOST_BYTES == DEFAULT_MAX_REQUEST_BODY_SIZE
+
+
+def run(robot: Robot, *words: str, before: str = "", **environment: str) -> tuple[int, str, str]:
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("ACTIONKIT")}
+    done = subprocess.run(
+        robot.words(*words, before=before),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        env=kept | environment,
+        timeout=60,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_half_of_an_environment_is_made_whole(robot: Robot) -> None:
+    """A host passes on the mark of the wheels' bootstrapper, and not what it stands for."""
+    code, out, errors = run(robot, _ROS_WHEELS_BOOTSTRAP_COMPLETE="1", LD_LIBRARY_PATH="/nowhere")
+    assert (code, out) == (0, ""), errors
+
+
+def test_what_is_missing_is_named(robot: Robot) -> None:
+    without = "import sys; sys.modules['uvicorn'] = None"
+    code, out, errors = run(robot, before=without)
+    assert (code, out) == (1, "")
+    assert "pip install 'actionkit[agents]'" in errors
+    assert "uvicorn" in errors
+
+
+def test_a_wrong_file_is_told_of_whole(robot: Robot) -> None:
+    path = robot.file.with_name("wrong.toml")
+    path.write_text('[tools.a]\naction = 7\n[topics.b]\nspeed = "fast"\n')
+    command = [sys.executable, "-m", "actionkit", "mcp", str(path)]
+    done = subprocess.run(command, input="", capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "tools.a.action" in done.stderr
+    assert "topics.b.speed" in done.stderr
+    assert done.stdout == ""
