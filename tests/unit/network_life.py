@@ -113,6 +113,7 @@ class NetworkLife(CommunicationThread):
         self.unwanted = self.urgent = False
         self.timers = self.queue
         self.node = SimpleNamespace(get_publishers_info_by_topic=self._publishers)
+        self.rejoining = SimpleNamespace(links={})
         self._windows: dict[type, Any] = {}
         self._free_at: dict[str, float] = {}
         self.enable = self._enable  # type: ignore[method-assign]
