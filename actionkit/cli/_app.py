@@ -32,7 +32,10 @@ _COMMANDS = {
     "show": _Known("show", "Show a goal of the action type TYPE to fill in."),
     "list": _Known("list_actions", "List the actions that have a server or a client."),
     "info": _Known("info", "Show the clients and servers of the action NAME."),
-    "watch": _Known("watch", "Show the goals of the action NAME as their states change."),
+    "watch": _Known(
+        "watch",
+        "Show the goals of the action NAME as their states change, and whether agents are held.",
+    ),
     "cancel": _Known("cancel", "Cancel goals of the action NAME, and tell what became of each."),
     "stop": _Known(
         "stop", "Cancel every goal of every action in sight, and hold agents until --release."

@@ -40,7 +40,8 @@ class Navigate(Behaviour):
     `speed` / `rate` metres; the last says 100 percent. Rejects what is negative or not finite.
     gate=1: goals wait before they succeed until released.
 
-    Of the type actionkit_interfaces/action/NavigateToPose, the robot starts at zero, and the options `distance` and `speed` do not count but for a `max_velocity` of 0.
+    Of the type actionkit_interfaces/action/NavigateToPose, the robot starts at zero; `distance`
+    does not count, and `speed` only for a `max_velocity` of 0.
     """
 
     action_type = _NESTED

@@ -30,9 +30,9 @@ COMMANDS = (
     "doctor",
     "timeline",
     "stubs",
+    "interfaces",
     "mcp",
     "demo",
-    "interfaces",
 )
 CALL = ("call", "/fibonacci", FIBONACCI)
 
