@@ -167,7 +167,7 @@ def reached(phase: str, server: Server | None, goal_id: str) -> tuple[str, str]:
     words = ["the goal"] if "goal_received" in seen else []
     if "cancel_requested" in seen:
         words.append("the cancel" if phase != page.REFUSING else "the cancel, which is refused")
-    return "; ".join(words), seen[-1]
+    return "; ".join(words), end  # a cancel that was repeated may come after it
 
 
 def serve(phase: str, place: Place) -> Server | None:
