@@ -73,11 +73,5 @@ def _blackboard() -> Iterator[None]:
 
 def fate(server: Server, goal_id: object) -> list[str]:
     """Return what a server saw of a goal: the words that matter, in order."""
-    words = ("goal_received", "accepted", "canceled", "succeeded", "aborted", "rejected")
-    seen = [event for event in server.events if event.goal_id == str(goal_id)]
-    return [
-        event.event
-        for event in seen
-        if event.event in words
-        or (event.event == "cancel_requested" and event.details.get("running"))
-    ]
+    words = ("goal_received", "cancel_requested", "accepted", "canceled", "succeeded", "aborted")
+    return [e.event for e in server.events if e.goal_id == str(goal_id) and e.event in words]
