@@ -151,4 +151,9 @@ def _parsing_once() -> Iterator[None]:
 def _quiet() -> Iterator[Any]:
     written = io.StringIO()
     with contextlib.redirect_stdout(written), contextlib.redirect_stderr(written):
+        # empy 3 puts itself in front of the standard output that it finds first, and refuses to
+        # work where another takes its place: have it begin anew.
+        interpreter: Any = importlib.import_module("em").Interpreter
+        if hasattr(interpreter, "_wasProxyInstalled"):
+            interpreter._wasProxyInstalled = False
         yield written

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from actionkit.cli._app import _COMMANDS
 from tests.interfaces.conftest import environment
 
 PAGE = Path(__file__).parents[2] / "docs" / "own-actions.md"
@@ -18,15 +17,6 @@ FENCE = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', re.M | re.S)
 ELSEWHERE = ("python3 -m venv", "pip install")
 """Commands that the fixture `python` stands in for."""
 PATIENCE = 150.0
-
-
-def missing(block: str) -> bool:
-    """Whether a block needs a part of ActionKit that is not there so far."""
-    import actionkit.testing
-
-    return ("actionkit stubs" in block and "stubs" not in _COMMANDS) or (
-        "test_pick.py" in block and not hasattr(actionkit.testing, "FakeServer")
-    )
 
 
 @pytest.mark.heavy
@@ -54,8 +44,6 @@ def test_from_an_empty_folder_to_a_typed_tested_call(
                 )
             elif language == "sh":
                 lines = [one for one in block.splitlines() if not one.startswith(ELSEWHERE)]
-                if missing(block):
-                    continue
                 done = subprocess.run(
                     ["bash", "-e", "-c", "\n".join(lines)],
                     cwd=folder,
