@@ -17,11 +17,12 @@ _MODULES = {
     4: "b4_traffic",
     5: "b5_idle",
     6: "b6_soak",
+    8: "b8_fresh",
 }
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--quick", is_flag=True, help="Fewer rounds and calls: all six in ten minutes.")
+@click.option("--quick", is_flag=True, help="Fewer rounds and calls: all of them in ten minutes.")
 @click.option(
     "--only",
     type=click.Choice([str(n) for n in _MODULES]),

@@ -74,7 +74,7 @@ class Report:
     """What one benchmark found.
 
     Attributes:
-        number: Which of the six it is.
+        number: Which of them it is.
         title: What it is about.
         figures: The lines of its table.
         verdicts: On its targets.
