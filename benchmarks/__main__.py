@@ -18,6 +18,7 @@ _MODULES = {
     5: "b5_idle",
     6: "b6_soak",
     7: "b7_trees",
+    8: "b8_fresh",
 }
 
 

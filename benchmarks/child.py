@@ -7,6 +7,7 @@ import os
 import select
 import subprocess
 import sys
+import time
 import traceback
 from collections.abc import Callable, Mapping
 from typing import IO, Any
@@ -86,6 +87,28 @@ def run(domain: int, module: str, *arguments: str) -> str:
         timeout=_PATIENCE,
         check=True,
     ).stdout
+
+
+def seconds_to_first_line(domain: int, *command: str) -> float:
+    """Run Python with these arguments in a ROS domain; return how long it took to print a line."""
+    began = time.perf_counter()
+    process = subprocess.Popen(
+        [sys.executable, *command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=_environment(domain),
+    )
+    try:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        took = time.perf_counter() - began
+        process.communicate(timeout=_PATIENCE)
+    finally:
+        process.kill()
+    if not line or process.returncode:
+        raise RuntimeError(f"{command} ended with code {process.returncode}")
+    return took
 
 
 def _environment(domain: int) -> dict[str, str]:

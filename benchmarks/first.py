@@ -16,7 +16,7 @@ def with_actionkit() -> None:
 
     client = Client(Fibonacci, "fibonacci")
     assert len(client.call(Fibonacci.Goal(order=5), timeout=30.0).sequence) == 6
-    print(time.perf_counter() - began)
+    print(time.perf_counter() - began, flush=True)
     client.close()
 
 
@@ -38,11 +38,29 @@ def with_rclpy() -> None:
     answer = future.result().get_result_async()
     rclpy.spin_until_future_complete(node, answer, timeout_sec=30.0)
     assert len(answer.result().result.sequence) == 6
-    print(time.perf_counter() - began)
+    print(time.perf_counter() - began, flush=True)
     client.destroy()
     node.destroy_node()
     rclpy.shutdown()
 
 
+def with_floor() -> None:
+    """Call with ActionKit's entities and nothing else: imports, entities and one exchange."""
+    from benchmarks.floor import Floor
+
+    class Asking(Floor):
+        def await_server(self) -> bool:
+            while not self._connected.wait(0.02):
+                if self.is_connected():
+                    self._ask_result(bytes(16))
+            return True
+
+    client = Asking()
+    client.open("fibonacci")
+    assert len(client.call(5, None)) == 6
+    print(time.perf_counter() - began, flush=True)
+    client.close()
+
+
 if __name__ == "__main__":
-    {"actionkit": with_actionkit, "rclpy": with_rclpy}[sys.argv[1]]()
+    {"actionkit": with_actionkit, "rclpy": with_rclpy, "floor": with_floor}[sys.argv[1]]()

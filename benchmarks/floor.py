@@ -26,6 +26,7 @@ from unique_identifier_msgs.msg import UUID
 
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.entities import Entities
+from actionkit._ros.joining import joining
 from actionkit._ros.native import Waiter
 from actionkit._ros.wire import feedback_alone, feedback_goal_id
 from benchmarks.variant import PATIENCE, OnFeedback, Variant
@@ -40,9 +41,10 @@ class Floor(Variant):
     def open(self, name: str) -> None:
         self.context = Context()
         self.context.init(args=[], initialize_logging=False)
-        self.node = Node(
-            "floor", context=self.context, enable_rosout=False, start_parameter_services=False
-        )
+        with joining():
+            self.node = Node(
+                "floor", context=self.context, enable_rosout=False, start_parameter_services=False
+            )
         self._entities = Entities(
             self.node,
             _IMPL,
@@ -51,7 +53,7 @@ class Floor(Variant):
             on_result=self._on_result,
             on_cancel=lambda seq, response: None,
             on_feedback=lambda: None,
-            on_matched=lambda count: None,
+            on_matched=lambda count, came: None,
         )
         self._key = b""
         self._callback: OnFeedback | None = None

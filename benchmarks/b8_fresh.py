@@ -1,0 +1,56 @@
+"""8: what a fresh process waits for: from the start of Python to its first result."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from actionkit import servers
+from actionkit.testing import isolated_domain
+from benchmarks.child import seconds_to_first_line
+from benchmarks.measure import Report, Sample, Samples, Scale, Verdict, alternate, figure, middle
+
+_FIRST = ("-m", "benchmarks.first")
+_PROGRAMS = {
+    "ActionKit": (*_FIRST, "actionkit"),
+    "command line": (
+        *("-m", "actionkit", "call", "/fibonacci"),
+        *("test_msgs/action/Fibonacci", "{order: 5}"),
+    ),
+    "rclpy tutorial": (*_FIRST, "rclpy"),
+    "floor": (*_FIRST, "floor"),
+    "--help": ("-m", "actionkit", "--help"),
+}
+
+
+def run_all(scale: Scale) -> Report:
+    """Start each program anew, in alternation, with a server that is there."""
+    report = Report(8, "The first result of a fresh process")
+    with isolated_domain() as domain, servers.start("fibonacci", domain_id=domain):
+
+        def once(program: tuple[str, ...]) -> Sample:
+            return {"first": seconds_to_first_line(domain, *program)}
+
+        turns = {name: partial(once, program) for name, program in _PROGRAMS.items()}
+        samples = alternate(scale.pick(10, 30), turns, "8, fresh starts")
+    for name in turns:
+        report.figures += [
+            figure("start to first line", samples, name, "first", baseline="floor"),
+            figure("second worst start", _second_worst(samples), name, "first"),
+        ]
+    ours, floor = middle(samples["ActionKit"], "first"), middle(samples["floor"], "first")
+    worst = middle(_second_worst(samples)["ActionKit"], "first")
+    line = middle(samples["command line"], "first") - ours
+    report.verdicts += [
+        Verdict("first result of ActionKit, to the floor", ours / floor, 1.2),
+        Verdict("second worst first result of ActionKit, to the median", worst / ours, 2.0),
+        Verdict("first result of the command line, beyond ActionKit", 1e3 * line, 300.0, "ms"),
+        Verdict("actionkit --help", 1e3 * middle(samples["--help"], "first"), 150.0, "ms"),
+    ]
+    return report
+
+
+def _second_worst(samples: Samples) -> Samples:
+    return {
+        name: [{"first": sorted(float(one["first"]) for one in starts)[-2]}]
+        for name, starts in samples.items()
+    }
