@@ -48,7 +48,7 @@ class GoalCalls:
 
     def on_hold(self, why: str) -> None:
         """Cancel everything: also goals that no server knows of, which a human's stop cannot."""
-        self.cancel_all(f"a human stopped the robot: {why}")
+        self.cancel_all(why)
 
     async def call(
         self,

@@ -50,7 +50,9 @@ def topic(name: str, kind: str, **more: Any) -> dict[str, Any]:
     return {"topic": name, "type": kind, **more}
 
 
-def test_topics(make_toolbox: Callable[..., Toolbox], run_script: Any) -> None:
+def test_topics(
+    make_toolbox: Callable[..., Toolbox], run_script: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     topics = {
         "battery": topic("/battery", "sensor_msgs/msg/BatteryState", max_age=60),
         "mode": topic("mode", "std_msgs/msg/String"),
@@ -98,6 +100,7 @@ def test_topics(make_toolbox: Callable[..., Toolbox], run_script: Any) -> None:
             assert "nobody publishes" in values["nobody"]["error"]["message"]
             assert "published as std_msgs/msg/String" in values["other"]["error"]["message"]
             assert (await toolbox.call("battery", {"x": 1})).is_error
+            monkeypatch.setattr("actionkit.agents._other_calls.WAIT", 600.0)
             # Cancelling ends the subscription, and closing waits for no reading.
             waiting = asyncio.create_task(read("quiet"))
             node = toolbox._clients.node.open()

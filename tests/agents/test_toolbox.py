@@ -557,6 +557,23 @@ def test_another_domain_than_the_environments(
         asyncio.run(main())
 
 
+def test_the_limit_of_goals_holds_also_for_calls_at_the_same_moment(
+    make_toolbox: Make, action_server: ActionServerFactory
+) -> None:
+    server = action_server("fibonacci", gate=1)
+
+    async def main() -> None:
+        async with make_toolbox({"fib": {**FIBONACCI, "concurrent": 2}}) as toolbox:
+            calls = [asyncio.create_task(toolbox.call("fib", {"order": 1})) for _ in range(6)]
+            await seen(server, "accepted", 2)
+            server.release()
+            statuses = [(await call).value["status"] for call in calls]
+            assert sorted(statuses) == ["refused"] * 4 + ["succeeded"] * 2
+
+    asyncio.run(main())
+    assert server.count("goal_received") == 2
+
+
 def test_formats_of_model_apis(make_toolbox: Make) -> None:
     toolbox = make_toolbox({"fib": {**FIBONACCI, "description": "Counts."}})
     assert [tool.name for tool in toolbox.tools] == ["fib", "goals"]
