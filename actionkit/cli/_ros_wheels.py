@@ -19,5 +19,6 @@ def find_libraries() -> None:
     if _DONE not in os.environ or os.path.join(sys.prefix, "lib") in paths:
         return
     kept = {name: value for name, value in os.environ.items() if name not in (_DONE, _PATH)}
-    sys.stdout.flush()
+    if sys.stdout is not None:
+        sys.stdout.flush()
     os.execve(sys.executable, sys.orig_argv, kept)

@@ -160,12 +160,15 @@ def test_a_host_that_reads_nothing_hangs_up(deaf: tuple[Host, Watch], record) ->
     record(page.GIVEN_UP, fault, "stdio", asyncio.run(watch.summary()), "nothing", process)
 
 
-def test_a_host_whose_child_keeps_our_input(deaf: tuple[Host, Watch], record) -> None:
-    host, watch = deaf
-    assert host.process.stdout is not None
-    host.process.stdout.close()  # as the system does for a process that is gone
-    assert seconds_until_gone(host.serving) < SOON
-    process = f"ends with {host.code()}, < 2 s"
+def test_a_host_whose_child_keeps_our_input(robot: Robot, record) -> None:
+    watch = Watch(robot.server("never_finishes"))
+    with Host(robot, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST") as host:
+        host.call("patrol")  # which says nothing more, so no write would tell
+        asyncio.run(watch.until("executing"))
+        assert host.process.stdout is not None
+        host.process.stdout.close()  # as the system does for a process that is gone
+        assert seconds_until_gone(host.serving) < SOON
+        process = f"ends with {host.code()}, < 2 s"
     fault = "the host is killed, and a child of it keeps standard input open"
     reached = asyncio.run(watch.summary())
     record(page.GIVEN_UP, fault, "stdio", reached, "nothing: it is gone", process)
@@ -214,6 +217,7 @@ def test_the_event_loop_hangs(robot: Robot, record) -> None:
         hung.wait(1.0)  # there is no event to wait for: nothing happens any more
         host.serving.signal(signal.SIGTERM)
         reached = asyncio.run(watch.summary())
+        assert not host.serving.is_gone()  # so it was this process that cancelled
         assert seconds_until_gone(host.serving) < AT_LAST
         process = f"ends with {host.code()}, < 4 s"
     fault = "SIGTERM, and the event loop hangs"

@@ -1,0 +1,83 @@
+"""What a result becomes on its way to a client, and progress where nothing changes."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+
+import mcp.types as t
+
+from actionkit.agents import Image, ToolResult
+from actionkit.agents._mcp.approval import Questions
+from actionkit.agents._mcp.progress import Reporter
+from actionkit.agents._mcp.session import _answered
+from tests.agents.over_mcp.lab import WAYS, HttpServing, Robot, Watch, agent
+
+
+def test_pictures_come_as_pictures() -> None:
+    image = Image("image/png", b"\x89PNG")
+    answer = _answered(ToolResult({"status": "ok"}, is_error=False, images=(image,)))
+    text, picture = answer.content
+    assert isinstance(text, t.TextContent)
+    assert isinstance(picture, t.ImageContent)
+    assert picture.mime_type == "image/png"
+    assert base64.b64decode(picture.data) == image.data
+
+
+def test_text_that_is_no_unicode_is_told_all_the_same() -> None:
+    answer = _answered(ToolResult({"status": "aborted", "why": "a\ud800b"}, is_error=True))
+    assert answer.structured_content == {"status": "aborted", "why": "a?b"}
+    assert answer.model_dump_json()
+
+
+def test_a_question_is_good_for_one_goal() -> None:
+    questions = Questions()
+    first, second = questions.ask(), questions.ask()
+    assert not questions.answered(None)
+    assert not questions.answered("made up")
+    assert questions.answered(second)
+    assert not questions.answered(second)
+    assert questions.answered(first)
+
+
+def test_a_client_that_does_not_read_holds_up_no_one_and_numbers_grow() -> None:
+    async def scenario() -> None:
+        told: list[float] = []
+        reading = asyncio.Event()
+
+        async def send(progress: float, total: None, message: str) -> None:
+            await reading.wait()
+            told.append(progress)
+
+        reporter = Reporter(send)
+        async with reporter.reporting():
+            reporter.say("first")
+            await asyncio.sleep(0)
+            for number in range(1000):
+                reporter.say(str(number))
+            reading.set()
+            while len(told) < 2:
+                reporter.say("more")
+                await asyncio.sleep(0.01)
+        assert told == sorted(set(told))
+        assert len(told) == 2
+
+    asyncio.run(asyncio.wait_for(scenario(), 30))
+
+
+def test_progress_comes_where_nothing_changes(robot: Robot, http: HttpServing) -> None:
+    watch = Watch(robot.server("never_finishes"))
+
+    async def scenario() -> None:
+        async with agent(robot, WAYS[2], http) as connected:
+            calling = asyncio.ensure_future(connected.call("patrol", {}))
+            await watch.until("executing")
+            deadline = asyncio.get_running_loop().time() + 30
+            while not any(seconds > 4.5 for seconds, _ in connected.progress):
+                assert asyncio.get_running_loop().time() < deadline, connected.progress
+                await asyncio.sleep(0.05)
+            calling.cancel()
+            await asyncio.wait([calling])
+        assert await watch.summary() == "a goal, canceled"
+
+    asyncio.run(scenario())
