@@ -8,17 +8,19 @@ from typing import Any
 
 import pytest
 
-from tests.docs.snippets import ROOT, blocks, run_page
+from tests.docs.snippets import ROOT, run_page
 
 DOCS = ROOT / "docs"
 _FIBONACCI = ("fibonacci", {"period": 0.02})
 PAGES: dict[str, list[tuple[str, Mapping[str, Any]]]] = {
     "tutorial.md": [],  # starts its servers itself
     "installing.md": [],
+    "client.md": [_FIBONACCI],
     "coming-from/actionlib.md": [_FIBONACCI],
     "coming-from/py_trees_ros.md": [],
     "coming-from/rclpy.md": [_FIBONACCI],
     "coming-from/synchros2.md": [_FIBONACCI],
+    "guides/asyncio.md": [_FIBONACCI],
     "guides/callbacks.md": [_FIBONACCI],
     "guides/deployment.md": [_FIBONACCI],
     "guides/launch.md": [("fibonacci", {"action_name": "robot1/count", "period": 0.02})],
