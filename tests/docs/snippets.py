@@ -11,9 +11,9 @@ a block, which readers of the page do not see, says what else it is:
 - `<!-- prints: TEXT -->`: what the output of a shell block has in it
 - `<!-- in the background -->`: a shell block that goes on, until the page has been run
 
-Files are written first, then the blocks run in the order of the page; a Python program runs where its
-last block stands. Run as a script, this file executes the program on stdin, whose lines stand where
-they are in the page.
+Files are written first, then the blocks run in the order of the page; a Python program runs where
+its last block stands. Run as a script, this file executes the program on stdin, whose lines stand
+where they are in the page.
 """
 
 from __future__ import annotations
@@ -211,7 +211,7 @@ def main(page: str) -> None:
     sys.path.insert(0, str(Path.cwd()))  # not the folder of this file
     try:
         exec(compile(source, page, "exec"), {"__name__": "__main__"})
-    except Exception:
+    except Exception:  # noqa: BLE001  told, and the process ends
         _fail(traceback.format_exc())
     if wanted:
         _fail(f"nothing was printed at these lines of {page}: {sorted(wanted)}")
