@@ -40,13 +40,14 @@ def test_event_log() -> None:
             log.wait_for(one, timeout=0)
 
 
-def test_the_test_in_the_readme(action_server: Callable[..., object]) -> None:
+def test_the_test_in_the_tour(action_server: Callable[..., object]) -> None:
     from test_msgs.action import Fibonacci
 
     from actionkit import Client
-    from tests.test_readme import fences
+    from tests.docs.snippets import blocks
+    from tests.docs.test_pages import DOCS
 
-    (code,) = [code for _, code in fences("python") if "def test_" in code]
+    (code,) = [each.text for each in blocks(DOCS / "client.md") if "def test_" in each.text]
     names: dict[str, Any] = {"Client": Client, "Fibonacci": Fibonacci}
     exec(code, names)
     names["test_an_abort_is_an_error"](action_server)
