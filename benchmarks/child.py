@@ -89,8 +89,12 @@ def run(domain: int, module: str, *arguments: str) -> str:
     ).stdout
 
 
-def seconds_to_first_line(domain: int, *command: str) -> float:
-    """Run Python with these arguments in a ROS domain; return how long it took to print a line."""
+def seconds_until(text: str, domain: int, *command: str) -> float:
+    """Run Python with these arguments in a ROS domain, until it has printed a line with `text`.
+
+    Raises:
+        RuntimeError: It has not, or has failed.
+    """
     began = time.perf_counter()
     process = subprocess.Popen(
         [sys.executable, *command],
@@ -101,7 +105,7 @@ def seconds_to_first_line(domain: int, *command: str) -> float:
     )
     try:
         assert process.stdout is not None
-        line = process.stdout.readline()
+        line = next((line for line in process.stdout if text in line), "")
         took = time.perf_counter() - began
         process.communicate(timeout=_PATIENCE)
     finally:
