@@ -122,7 +122,7 @@ def public_docs(module: ModuleType) -> Iterator[tuple[str, str]]:
     yield module.__name__, module.__doc__ or ""
     names = getattr(module, "__all__", None) or [n for n in vars(module) if not n.startswith("_")]
     for name in names:
-        value = vars(module)[name]
+        value = getattr(module, name)
         ours = getattr(value, "__module__", "") or ""
         if not ours.startswith("actionkit"):
             continue
