@@ -1,6 +1,6 @@
 """Reference action servers: real rclpy servers, each in a process of its own.
 
-From Python::
+From Python:
 
     with actionkit.servers.start("fibonacci", period=0.1) as server:
         ...                                   # any client, any process
@@ -25,7 +25,7 @@ such as ``"my_robot/action/Pick"``. A goal then has `steps=5` steps, and feedbac
 empty messages. For a server of your own type that says something, in the process of a test, see
 `actionkit.testing.FakeServer`.
 
-What none of these does can be written as a script, step by step, for the server scripted::
+What none of these does can be written as a script, step by step, for the server scripted:
 
     with actionkit.servers.start(
         "scripted",

@@ -138,8 +138,6 @@ class Preset(ByScript):
 class Scripted(ByScript):
     """Does what its script says, step by step.
 
-    ::
-
         servers.start("scripted", script=["accept", {"feedback": 3, "period": 0.1}, "gate",
                                           {"abort": [102]}])
         servers.start("scripted", script=[["reject"], [{"crash": "kill"}], [{"succeed": [0, 1]}]])

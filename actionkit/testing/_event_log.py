@@ -12,13 +12,11 @@ T = TypeVar("T")
 class EventLog(Generic[T]):
     """A list of what was seen, in order. Pass it, or its `append`, as a callback or an observer.
 
-    ::
-
-        log = EventLog()
-        future = client.call_async(goal, on_feedback=log)
-        log.wait_for(3)                                    # three feedbacks
-        log.wait_for(lambda fb: len(fb.sequence) > 5)      # that one
-        Client(..., observers=[EventLog()])                # every GoalEvent
+    log = EventLog()
+    future = client.call_async(goal, on_feedback=log)
+    log.wait_for(3)                                    # three feedbacks
+    log.wait_for(lambda fb: len(fb.sequence) > 5)      # that one
+    Client(..., observers=[EventLog()])                # every GoalEvent
     """
 
     def __init__(self) -> None:

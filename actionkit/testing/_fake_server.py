@@ -132,8 +132,6 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
     ) -> None:
         """Say what happens to the next goals: each entry is for one, in the order they come.
 
-        ::
-
             server.script([{"accept": False}, {"end": "aborted", "result": {"code": 7}}, {}])
 
         An entry has settings by their names; those that it leaves out are the server's own. An

@@ -74,8 +74,6 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 def action_server(ros_domain: int) -> Iterator[ActionServerFactory]:
     """Return a function that starts reference servers in the test's own ROS domain.
 
-    ::
-
         def test_it(action_server):
             server = action_server("countdown", action_name="count", period=0.01)
 
@@ -108,8 +106,6 @@ def action_server(ros_domain: int) -> Iterator[ActionServerFactory]:
 @pytest.fixture
 def fake_server(ros_domain: int) -> Iterator[FakeServerFactory]:
     """Return a function that makes and starts `FakeServer`s in the test's own ROS domain.
-
-    ::
 
         def test_it(fake_server):
             server = fake_server(Pick, "pick", result={"ok": True})
