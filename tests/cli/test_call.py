@@ -238,6 +238,7 @@ ELSEWHERE = {
     Exit.CANCEL_REFUSED: "test_cancel.py",
     Exit.CANCEL_UNKNOWN: "test_cancel.py",
     Exit.NO_SUCH_GOAL: "test_cancel.py",
+    Exit.HELD: "test_stop.py",
     Exit.HANGUP: "test_terminal.py",
     Exit.OUTPUT_CLOSED: "test_a_closed_pipe_cancels_the_goal, below",
     Exit.TERMINATED: "test_sigterm_is_as_ctrl_c, below",

@@ -196,15 +196,15 @@ def wait_until_blocked(host: Host) -> None:
     raise AssertionError("nothing is blocked")
 
 
-#: The event loop stops, half a second after the first call has begun.
+#: The event loop stops, half a second after the first goal was sent.
 _HANGING = """
 import asyncio, time
-from actionkit.agents._mcp.calls import Calls
-run = Calls.run
-async def run_and_hang(self, *words, **options):
+from actionkit import Client
+send = Client.call_async
+def send_and_hang(self, *words, **options):
     asyncio.get_running_loop().call_later(0.5, time.sleep, 60)
-    return await run(self, *words, **options)
-Calls.run = run_and_hang
+    return send(self, *words, **options)
+Client.call_async = send_and_hang
 """
 
 
