@@ -138,14 +138,22 @@ def _judged(
     outcome: Outcome[Any], why_cancelled: str, may_run: bool
 ) -> tuple[str, dict[str, Any] | None]:
     """Return the status and the error."""
-    if outcome.error is None:
+    # Also where it succeeded while it was being cancelled: the robot has done it.
+    if outcome.error is None or (
+        outcome.status is GoalState.SUCCEEDED and outcome.result is not None
+    ):
         return "succeeded", None
     if why_cancelled and not outcome.status.is_terminal and may_run:
         message = f"{why_cancelled}; the server has not confirmed that the goal stopped"
         error = error_value("cancel_unconfirmed", message, retry=False, advice=_MAY_RUN)
         return "cancel_unconfirmed", error
-    ended_by_cancel = outcome.status in (GoalState.CANCELED, GoalState.TIMED_OUT)
-    cancelled = outcome.attempts == 0 or ended_by_cancel or not outcome.status.is_terminal
+    if why_cancelled and outcome.status is GoalState.ABORTED:
+        message = f"{why_cancelled}; the robot gave up on the goal meanwhile"
+        advice = "Look at the state of the robot, and ask before sending it again."
+        return "aborted", error_value("cancelled", message, retry=False, advice=advice)
+    ended = outcome.status.is_terminal
+    stopped = outcome.status in (GoalState.CANCELED, GoalState.REJECTED)
+    cancelled = outcome.attempts == 0 or stopped or not ended
     if (why_cancelled and cancelled) or isinstance(outcome.error, ClientClosedError):
         message = why_cancelled or "the toolbox was closed"
         advice = _MAY_RUN if may_run else "Ask before sending it again."
