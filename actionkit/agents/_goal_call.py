@@ -197,7 +197,7 @@ def _held(tool: ActionConfig, why: str, *, known: bool) -> ToolResult:
 
 
 def _too_many(tool: ActionConfig, running: list[GoalRecord]) -> ToolResult:
-    ids = ", ".join(str(record.call_id) for record in running[:5])
+    ids = ", ".join(record.ids[0] if record.ids else "one being sent" for record in running[:5])
     text = f"{tool.name} takes {tool.concurrent} at a time, and as many run, or may: {ids}"
     advice = "Wait until they have ended; the tool `goals` tells when."
     return refusal(tool.name, "too_many_goals", text, retry=True, advice=advice)
