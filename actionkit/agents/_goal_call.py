@@ -93,6 +93,8 @@ class GoalCalls:
             return _closed(tool) if self._clients.closed else _failed(tool, error)
         if not hold.is_known:
             await hold.until_known(_UNTIL_KNOWN)
+            if self._clients.closed:
+                return _closed(tool)
         if (why := hold.why_held()) is not None:
             return _held(tool, why, known=hold.is_known)
         running = self._goals.counting(tool.name)

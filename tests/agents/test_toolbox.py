@@ -438,9 +438,6 @@ def test_percent(feedback: dict[str, Any], percent: float | None) -> None:
 LEFT_OPEN = """
 import asyncio, sys
 from actionkit.agents import Toolbox
-from actionkit.agents import _clients
-from tests.agents.conftest import FakeHold
-_clients.make_hold = lambda domain_id: FakeHold()
 FIBONACCI = {"action": "fibonacci", "type": "test_msgs/action/Fibonacci"}
 toolbox = Toolbox.from_config({
     "tools": {"fib": FIBONACCI},
@@ -468,6 +465,24 @@ def test_a_program_that_ends_without_closing_leaves_no_goal_running(
     assert script.finish(BOUND) == (0, "", "")
     server.wait_for("canceled")
     assert server.running() == set()
+
+
+def test_closing_while_it_is_not_known_whether_a_human_holds(
+    make_toolbox: Make, hold: FakeHold, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def main() -> None:
+        async with make_toolbox({"fib": FIBONACCI}) as toolbox:
+
+            async def closed_meanwhile(timeout: float) -> bool:
+                await toolbox.aclose()
+                return False
+
+            monkeypatch.setattr(hold, "until_known", closed_meanwhile)
+            hold.is_known = False
+            value = told(toolbox, await toolbox.call("fib", {"order": 1}))
+            assert value["error"]["type"] == "closed"
+
+    asyncio.run(main())
 
 
 # --- what else ---------------------------------------------------------------------------------
