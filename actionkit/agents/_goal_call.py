@@ -183,11 +183,26 @@ async def _ask(tool: ActionConfig, goal: Any, approve: Approve | None) -> ToolRe
         cut = len(shown) - _LONGEST_QUESTION
         shown = f"{shown[:_LONGEST_QUESTION]}\n… {cut} more characters, not shown"
     question = f"May {tool.name} send this goal to the action {tool.action}?\n{shown}"
-    if await approve(ApprovalRequest(tool.name, whole, question)) is True:
+    if await _answer(approve, ApprovalRequest(tool.name, whole, question)) is True:
         return None
     text = "a human was asked, and did not approve"
     advice = "Do not ask for the same again; ask the human what to do instead."
     return refusal(tool.name, "not_approved", text, retry=False, advice=advice)
+
+
+async def _answer(approve: Approve, request: ApprovalRequest) -> object:
+    """Return what a human says; being cancelled counts, whatever `approve` makes of it.
+
+    Awaited as it is, it could swallow the cancellation (as `asyncio.wait_for` may before Python
+    3.12), and the goal of a caller that has given up would be sent.
+    """
+    asking = asyncio.ensure_future(approve(request))
+    try:
+        await asyncio.wait([asking])
+    except asyncio.CancelledError:
+        asking.cancel()
+        raise
+    return asking.result()
 
 
 def _held(tool: ActionConfig, why: str, *, known: bool) -> ToolResult:

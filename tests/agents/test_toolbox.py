@@ -342,6 +342,35 @@ def test_approval(make_toolbox: Make, action_server: ActionServerFactory, hold: 
     assert '"order": 1' in request.text
 
 
+def test_an_answer_that_crosses_with_giving_up_sends_nothing(
+    make_toolbox: Make, action_server: ActionServerFactory
+) -> None:
+    server = action_server("fibonacci")
+    tool = {**FIBONACCI, "confirm": "always"}
+
+    async def main() -> None:
+        async with make_toolbox({"fib": tool}) as toolbox:
+            asked = asyncio.Event()
+
+            async def approve(request: ApprovalRequest) -> bool:
+                asked.set()
+                try:
+                    await asyncio.Event().wait()
+                except asyncio.CancelledError:
+                    return True  # as `asyncio.wait_for` may do before Python 3.12
+                return False
+
+            call = asyncio.create_task(toolbox.call("fib", {"order": 1}, approve=approve))
+            await asked.wait()
+            call.cancel()
+            await asyncio.wait([call])
+            assert call.cancelled()
+            assert toolbox.goals() == ()
+
+    asyncio.run(main())
+    assert server.count("goal_received") == 0
+
+
 def test_waiting_for_approval_counts_no_goal(
     make_toolbox: Make, action_server: ActionServerFactory
 ) -> None:
