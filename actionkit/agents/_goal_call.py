@@ -10,11 +10,13 @@ from typing import Any
 from actionkit._messages.convert import to_message, to_plain
 from actionkit._messages.json_text import to_json
 from actionkit._model.field_errors import FieldProblem
+from actionkit._model.printable import printable
 from actionkit.agents._check import Problems, check_size, checked
 from actionkit.agents._clients import Clients
 from actionkit.agents._config import ActionConfig
 from actionkit.agents._goals import GoalRecord, Goals
 from actionkit.agents._hold import HoldListener
+from actionkit.agents._plain import plain_json
 from actionkit.agents._progress import ProgressTeller
 from actionkit.agents._results import refusal
 from actionkit.agents._values import ApprovalRequest, Approve, OnProgress, ToolResult
@@ -26,6 +28,7 @@ _CANCEL_GRACE = 1.0
 """Seconds on top of `timeouts.cancel`, which bounds the confirmation by itself."""
 _LONGEST_QUESTION = 4000
 """Characters; what is longer cannot be read through by anybody."""
+_SHORTEST_QUESTION = 100
 _CHANGE = "Change the arguments as the tool's schema says; nothing was sent."
 
 
@@ -178,16 +181,28 @@ async def _ask(tool: ActionConfig, goal: Any, approve: Approve | None) -> ToolRe
         advice = "Do without it, or use a program that can ask a human."
         return refusal(tool.name, "nobody_to_ask", text, retry=False, advice=advice)
     whole = json.loads(to_json(to_plain(goal)))
-    shown = json.dumps(whole, indent=2, ensure_ascii=False)
-    if len(shown) > _LONGEST_QUESTION:
-        cut = len(shown) - _LONGEST_QUESTION
-        shown = f"{shown[:_LONGEST_QUESTION]}\n… {cut} more characters, not shown"
-    question = f"May {tool.name} send this goal to the action {tool.action}?\n{shown}"
+    question = f"May {tool.name} send this goal to the action {tool.action}?\n{question_of(goal)}"
     if await _answer(approve, ApprovalRequest(tool.name, whole, question)) is True:
         return None
     text = "a human was asked, and did not approve"
     advice = "Do not ask for the same again; ask the human what to do instead."
     return refusal(tool.name, "not_approved", text, retry=False, advice=advice)
+
+
+def question_of(goal: Any) -> str:
+    """Return a goal for a human to read: every field, if not all of what is long."""
+    # Without marks that turn the direction of writing, or what a terminal takes for commands.
+    whole = json.loads(to_json(to_plain(goal)))
+    shown = printable(json.dumps(whole, indent=2, ensure_ascii=False))
+    most = _LONGEST_QUESTION
+    while len(shown) > _LONGEST_QUESTION and most > _SHORTEST_QUESTION:
+        most //= 2  # long texts and arrays are cut first, and say how much is missing
+        plain = plain_json(goal, most_characters=most)
+        shown = printable(json.dumps(plain, indent=2, ensure_ascii=False))
+    if len(shown) > _LONGEST_QUESTION:
+        cut = len(shown) - _LONGEST_QUESTION
+        shown = f"{shown[:_LONGEST_QUESTION]}\n… {cut} more characters, not shown"
+    return shown
 
 
 async def _answer(approve: Approve, request: ApprovalRequest) -> object:

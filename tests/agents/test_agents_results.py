@@ -7,9 +7,12 @@ from concurrent.futures import CancelledError
 from typing import Any
 
 import pytest
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
 from test_msgs.action import Fibonacci
 
 from actionkit import CancelReport, DeadlineExceededError, FeedbackStalledError, GoalState, Outcome
+from actionkit.agents._goal_call import question_of
 from actionkit.agents._goals import GoalRecord, Goals
 from actionkit.agents._other_calls import goal_reports
 from actionkit.agents._results import goal_value
@@ -97,3 +100,18 @@ def test_what_was_given_up_before_is_not_told_of_as_cancelled_later() -> None:
     record.cancel("all goals were cancelled")
     assert record.counts
     assert record.report()["why_cancelled"] is None
+
+
+def test_a_human_is_shown_every_field_of_what_they_approve() -> None:
+    goal = PoseStamped()
+    goal.header.frame_id = "map\u202edab" + "a" * 10_000
+    goal.pose.position.x = 7.5
+    question = question_of(goal)
+    assert len(question) < 4100
+    assert "\u202e" not in question
+    assert "map\\u202edab" in question
+    assert "more characters" in question
+    assert '"x": 7.5' in question
+    path = question_of(Path(poses=[PoseStamped() for _ in range(1000)]))
+    assert len(path) < 4100
+    assert "more" in path
