@@ -80,6 +80,8 @@ _MAY_RUN = (
     "It may still be running: the tool `goals` tells what is known of it. Send nothing that must"
     " not run beside it."
 )
+_TOLD_OF_EACH = 10
+"""Attempts; of more, the timeline may have forgotten some."""
 STATUSES = tuple(
     dict.fromkeys(["succeeded", "canceled", "cancel_unconfirmed", "failed"])
     | dict.fromkeys(status for _, status, _, _ in _STATUSES)
@@ -110,6 +112,7 @@ def goal_value(
         why_cancelled: Why this toolbox cancelled it, `""` where it did not.
     """
     may_run = may_still_run(outcome)
+    sent = max(_sent(outcome), int(may_run))
     status, error = _judged(outcome, why_cancelled, may_run)
     return {
         **_blank(tool, status),
@@ -118,8 +121,8 @@ def goal_value(
         "may_still_run": may_run,
         "cancel": None if outcome.cancel is None else outcome.cancel.value.lower(),
         "elapsed": round(outcome.elapsed, 3),
-        "goal_id": str(outcome.goal_id) if outcome.attempts else None,
-        "attempts": outcome.attempts,
+        "goal_id": str(outcome.goal_id) if sent else None,
+        "attempts": sent,
         "feedback": None if feedback is None else plain_json(feedback),
         "feedback_count": outcome.feedback_count,
     }
@@ -132,6 +135,14 @@ def may_still_run(outcome: Outcome[Any]) -> bool:
     if isinstance(outcome.error, ResultLostError):
         return False  # it ended; what is lost is how
     return outcome.cancel not in (CancelReport.CONFIRMED, CancelReport.NOT_NEEDED)
+
+
+def _sent(outcome: Outcome[Any]) -> int:
+    """Return how many goals went out; an attempt that finds no server sends none."""
+    if outcome.attempts > _TOLD_OF_EACH:
+        return outcome.attempts
+    sent = {event.goal_id for event in outcome.timeline if event.state is GoalState.SENT}
+    return len(sent)
 
 
 def _judged(

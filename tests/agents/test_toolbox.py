@@ -98,6 +98,8 @@ def test_how_goals_fail(
             assert value["error"]["retry"] is retry
             assert value["error"]["message"]
             assert value["error"]["advice"]
+            assert value["attempts"] == (0 if server is None else 1)
+            assert (value["goal_id"] is None) == (server is None)
             (goal,) = toolbox.goals()
             assert goal["status"] == status
 
