@@ -22,8 +22,9 @@ from actionkit.agents._results import refusal
 from actionkit.agents._values import ApprovalRequest, Approve, OnProgress, ToolResult
 from actionkit.agents._waiting import in_thread, though_cancelled
 
-_UNTIL_KNOWN = 6.0
-"""Seconds to wait until it is known whether a human has stopped the robot; it takes about four."""
+_UNTIL_KNOWN = 13.0
+"""Seconds to wait until it is known whether a human has stopped the robot. It takes four; ten where
+another agent on the computer was killed shortly before, and is still in sight."""
 _CANCEL_GRACE = 1.0
 """Seconds on top of `timeouts.cancel`, which bounds the confirmation by itself."""
 _LONGEST_QUESTION = 4000

@@ -17,11 +17,14 @@ from test_msgs.action import Fibonacci
 
 from actionkit import Client, GoalFuture, GoalState, servers
 from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._ros.holds.state import Hold, HoldState, Sender
+from actionkit._ros.holds.view import Said
 from actionkit._ros.tools.cancel import CancelSaid
 from actionkit._ros.tools.cancel_all import AllSaid
 from actionkit._ros.tools.watch import GoalSeen
 from actionkit.agents._hold import HoldListener
 from actionkit.cli._exits import Exit
+from actionkit.cli._holding import release
 from actionkit.cli._stopping import Stopping, table, worst
 from actionkit.servers import Server
 from tests.cli.conftest import World
@@ -373,3 +376,42 @@ def test_the_exit_code_is_that_of_the_worst() -> None:
     assert worst([Exit.CANCEL_UNKNOWN, Exit.CANCEL_REFUSED]) is Exit.CANCEL_REFUSED
     assert worst([Exit.NO_SERVER, Exit.FAILED]) is Exit.FAILED
     assert worst([]) is Exit.OK
+
+
+class Telling:
+    """Stands in for the view of holds: what it knows at each look."""
+
+    def __init__(self, *looks: tuple[tuple[Hold, ...], str]) -> None:
+        self.looks = list(looks)
+        self.released: list[Hold] = []
+        self.others: list[Any] = []
+        self.state = HoldState()
+
+    def known(self) -> tuple[HoldState, str]:
+        last = len(self.looks) == 1
+        holds, unknown = self.looks[0] if last else self.looks.pop(0)
+        left = {hold.hold_id: hold for hold in holds if hold not in self.released}
+        self.state = HoldState(left)
+        late = Sender("agent", "agent", "bob@arm", 1)
+        self.others = [] if last else [Said(late, HoldState({"a": OLD}), 0.0)]
+        return self.state, unknown
+
+    def release(self, holds: tuple[Hold, ...]) -> None:
+        self.released += holds
+
+
+OLD, NEW = Hold(1.0, "a", "ann@desk"), Hold(2.0, "b", "bob@arm")
+
+
+def test_a_release_does_not_end_a_stop_that_comes_after_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    view: Any = Telling(((OLD,), "not all heard"), ((OLD,), ""), ((NEW,), ""))
+    assert release(view, LONG, as_json=False) is Exit.HELD
+    assert view.released == [OLD]
+    said = capsys.readouterr()
+    assert said.out.startswith("Released: the hold of ann@desk")
+    assert "bob@arm has stopped the robot meanwhile" in said.err
+    view = Telling(((OLD,), ""), ((NEW,), ""))
+    assert release(view, LONG, as_json=True) is Exit.HELD
+    assert json.loads(capsys.readouterr().out.splitlines()[0])["held"] is True

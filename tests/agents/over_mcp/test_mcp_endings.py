@@ -199,12 +199,12 @@ def wait_until_blocked(host: Host) -> None:
 #: The event loop stops, half a second after the first call has begun.
 _HANGING = """
 import asyncio, time
-from actionkit.agents._mcp.calls import Calls
-run = Calls.run
-async def run_and_hang(self, *words, **options):
-    asyncio.get_running_loop().call_later(0.5, time.sleep, 60)
-    return await run(self, *words, **options)
-Calls.run = run_and_hang
+from actionkit.agents._goals import GoalRecord
+over = GoalRecord.over
+async def over_and_hang(self, *words):
+    asyncio.get_running_loop().call_later(0.5, time.sleep, 60)  # the goal is sent by now
+    return await over(self, *words)
+GoalRecord.over = over_and_hang
 """
 
 
