@@ -109,6 +109,8 @@ def fits(shape: Shape, value: Any, path: str, problems: Problems) -> Any:
     if isinstance(shape, Boolean):
         if not isinstance(value, bool):
             problems.add(path, f"{shown(value)} must be true or false")
+        elif not _in_enum(shape, value):
+            problems.add(path, _not_in_enum(shape, value))
         return value
     problems.add(path, f"a {shape.ros_type} cannot be set")
     return None

@@ -122,7 +122,7 @@ def read_file(path: str | PathLike[str]) -> Config:
     source = fspath(path)
     try:
         config = toml.loads(content.decode())
-    except (toml.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
         raise ConfigError((f"{source}: this is no TOML: {error}",)) from error
     return read_config(config, source)
 

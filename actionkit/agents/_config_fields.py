@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -110,7 +110,7 @@ def _bounds(
         if value is not None and (
             isinstance(value, bool)
             or not isinstance(value, (int, float))
-            or not math.isfinite(value)
+            or not abs(value) <= sys.float_info.max  # an int may be too large for a float
             or (shape.whole and value != int(value))
         ):
             read.add(f"{at}.{key}", f"{shown(value)} must be {kind}, as the field is")

@@ -10,22 +10,26 @@ from typing import Any
 from actionkit._messages.convert import to_message, to_plain
 from actionkit._messages.json_text import to_json
 from actionkit._model.field_errors import FieldProblem
+from actionkit._model.printable import printable
 from actionkit.agents._check import Problems, check_size, checked
 from actionkit.agents._clients import Clients
 from actionkit.agents._config import ActionConfig
 from actionkit.agents._goals import GoalRecord, Goals
 from actionkit.agents._hold import HoldListener
+from actionkit.agents._plain import plain_json
 from actionkit.agents._progress import ProgressTeller
 from actionkit.agents._results import refusal
 from actionkit.agents._values import ApprovalRequest, Approve, OnProgress, ToolResult
 from actionkit.agents._waiting import in_thread, though_cancelled
 
-_UNTIL_KNOWN = 6.0
-"""Seconds to wait until it is known whether a human has stopped the robot; it takes about four."""
+_UNTIL_KNOWN = 13.0
+"""Seconds to wait until it is known whether a human has stopped the robot. It takes four; ten where
+another agent on the computer was killed shortly before, and is still in sight."""
 _CANCEL_GRACE = 1.0
 """Seconds on top of `timeouts.cancel`, which bounds the confirmation by itself."""
 _LONGEST_QUESTION = 4000
 """Characters; what is longer cannot be read through by anybody."""
+_SHORTEST_QUESTION = 100
 _CHANGE = "Change the arguments as the tool's schema says; nothing was sent."
 
 
@@ -93,6 +97,8 @@ class GoalCalls:
             return _closed(tool) if self._clients.closed else _failed(tool, error)
         if not hold.is_known:
             await hold.until_known(_UNTIL_KNOWN)
+            if self._clients.closed:
+                return _closed(tool)
         if (why := hold.why_held()) is not None:
             return _held(tool, why, known=hold.is_known)
         running = self._goals.counting(tool.name)
@@ -176,16 +182,43 @@ async def _ask(tool: ActionConfig, goal: Any, approve: Approve | None) -> ToolRe
         advice = "Do without it, or use a program that can ask a human."
         return refusal(tool.name, "nobody_to_ask", text, retry=False, advice=advice)
     whole = json.loads(to_json(to_plain(goal)))
-    shown = json.dumps(whole, indent=2, ensure_ascii=False)
-    if len(shown) > _LONGEST_QUESTION:
-        cut = len(shown) - _LONGEST_QUESTION
-        shown = f"{shown[:_LONGEST_QUESTION]}\n… {cut} more characters, not shown"
-    question = f"May {tool.name} send this goal to the action {tool.action}?\n{shown}"
-    if await approve(ApprovalRequest(tool.name, whole, question)) is True:
+    question = f"May {tool.name} send this goal to the action {tool.action}?\n{question_of(goal)}"
+    if await _answer(approve, ApprovalRequest(tool.name, whole, question)) is True:
         return None
     text = "a human was asked, and did not approve"
     advice = "Do not ask for the same again; ask the human what to do instead."
     return refusal(tool.name, "not_approved", text, retry=False, advice=advice)
+
+
+def question_of(goal: Any) -> str:
+    """Return a goal for a human to read: every field, if not all of what is long."""
+    # Without marks that turn the direction of writing, or what a terminal takes for commands.
+    whole = json.loads(to_json(to_plain(goal)))
+    shown = printable(json.dumps(whole, indent=2, ensure_ascii=False))
+    most = _LONGEST_QUESTION
+    while len(shown) > _LONGEST_QUESTION and most > _SHORTEST_QUESTION:
+        most //= 2  # long texts and arrays are cut first, and say how much is missing
+        plain = plain_json(goal, most_characters=most)
+        shown = printable(json.dumps(plain, indent=2, ensure_ascii=False))
+    if len(shown) > _LONGEST_QUESTION:
+        cut = len(shown) - _LONGEST_QUESTION
+        shown = f"{shown[:_LONGEST_QUESTION]}\n… {cut} more characters, not shown"
+    return shown
+
+
+async def _answer(approve: Approve, request: ApprovalRequest) -> object:
+    """Return what a human says; being cancelled counts, whatever `approve` makes of it.
+
+    Awaited as it is, it could swallow the cancellation (as `asyncio.wait_for` may before Python
+    3.12), and the goal of a caller that has given up would be sent.
+    """
+    asking = asyncio.ensure_future(approve(request))
+    try:
+        await asyncio.wait([asking])
+    except asyncio.CancelledError:
+        asking.cancel()
+        raise
+    return asking.result()
 
 
 def _held(tool: ActionConfig, why: str, *, known: bool) -> ToolResult:
@@ -197,7 +230,7 @@ def _held(tool: ActionConfig, why: str, *, known: bool) -> ToolResult:
 
 
 def _too_many(tool: ActionConfig, running: list[GoalRecord]) -> ToolResult:
-    ids = ", ".join(str(record.call_id) for record in running[:5])
+    ids = ", ".join(record.ids[0] if record.ids else "one being sent" for record in running[:5])
     text = f"{tool.name} takes {tool.concurrent} at a time, and as many run, or may: {ids}"
     advice = "Wait until they have ended; the tool `goals` tells when."
     return refusal(tool.name, "too_many_goals", text, retry=True, advice=advice)

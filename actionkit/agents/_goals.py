@@ -53,10 +53,19 @@ class GoalRecord:
             future.cancel()
 
     def cancel(self, why: str) -> None:
-        """Cancel the goal; from any thread, never blocks."""
+        """Cancel the goal, unless its call is over; from any thread, never blocks."""
+        if self.value is not None:
+            return
         self.why_cancelled = self.why_cancelled or why
         if self._future is not None:
             self._future.cancel()
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The ids of its goals that may have been told of: of the first, and of the latest."""
+        future = self._future
+        latest = self._goal_id if future is None else future.goal_id
+        return tuple(str(one) for one in dict.fromkeys((latest, self.call_id)) if one is not None)
 
     @property
     def state(self) -> str:

@@ -61,5 +61,5 @@ def goals_result(goals: Goals, arguments: Mapping[str, Any]) -> ToolResult:
 
 def goal_reports(goals: Goals, goal_id: str | None) -> tuple[dict[str, Any], ...]:
     """Return what is known of the goals, the latest first."""
-    reports = (record.report() for record in goals.latest())
-    return tuple(one for one in reports if goal_id is None or one["goal_id"] == goal_id)
+    records = goals.latest()
+    return tuple(one.report() for one in records if goal_id is None or goal_id in one.ids)

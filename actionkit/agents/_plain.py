@@ -14,7 +14,9 @@ _MOST_ITEMS = 100
 _LONGEST_TEXT = 4000
 
 
-def plain_json(message: object, max_items: int = _MOST_ITEMS) -> dict[str, Any]:
+def plain_json(
+    message: object, max_items: int = _MOST_ITEMS, most_characters: int = _MOST_CHARACTERS
+) -> dict[str, Any]:
     """Return a message as a JSON object; NaN and the infinities become strings.
 
     Arrays and texts that are too long are cut, and their last element, or end, says how much is
@@ -23,12 +25,13 @@ def plain_json(message: object, max_items: int = _MOST_ITEMS) -> dict[str, Any]:
     Args:
         message: Any ROS message.
         max_items: The most elements of an array.
+        most_characters: Of the whole as JSON, where cutting arrays and texts does it.
     """
     longest = _LONGEST_TEXT
     while True:
         plain = _with_short_texts(to_plain(message, max_items=max_items), longest)
         text = to_json(plain)
-        if len(text) <= _MOST_CHARACTERS or (max_items <= 1 and longest <= 1):
+        if len(text) <= most_characters or (max_items <= 1 and longest <= 1):
             return json.loads(text)  # type: ignore[no-any-return]
         max_items, longest = max(1, max_items // 4), max(1, longest // 4)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -89,7 +88,7 @@ class Reader:
         if value is None:
             return None
         wrong = isinstance(value, bool) or not isinstance(value, (int, float))
-        if wrong or not math.isfinite(value) or not low <= value <= high:  # type: ignore[arg-type,operator]
+        if wrong or not low <= value <= high:  # type: ignore[operator]
             self.add(place, f"{shown(value)} must be a number from {low:g} to {high:g}")
             return None
         return float(value)  # type: ignore[arg-type]

@@ -80,6 +80,8 @@ _MAY_RUN = (
     "It may still be running: the tool `goals` tells what is known of it. Send nothing that must"
     " not run beside it."
 )
+_TOLD_OF_EACH = 10
+"""Attempts; of more, the timeline may have forgotten some."""
 STATUSES = tuple(
     dict.fromkeys(["succeeded", "canceled", "cancel_unconfirmed", "failed"])
     | dict.fromkeys(status for _, status, _, _ in _STATUSES)
@@ -110,6 +112,7 @@ def goal_value(
         why_cancelled: Why this toolbox cancelled it, `""` where it did not.
     """
     may_run = may_still_run(outcome)
+    sent = max(_sent(outcome), int(may_run))
     status, error = _judged(outcome, why_cancelled, may_run)
     return {
         **_blank(tool, status),
@@ -118,8 +121,8 @@ def goal_value(
         "may_still_run": may_run,
         "cancel": None if outcome.cancel is None else outcome.cancel.value.lower(),
         "elapsed": round(outcome.elapsed, 3),
-        "goal_id": str(outcome.goal_id) if outcome.attempts else None,
-        "attempts": outcome.attempts,
+        "goal_id": str(outcome.goal_id) if sent else None,
+        "attempts": sent,
         "feedback": None if feedback is None else plain_json(feedback),
         "feedback_count": outcome.feedback_count,
     }
@@ -134,18 +137,34 @@ def may_still_run(outcome: Outcome[Any]) -> bool:
     return outcome.cancel not in (CancelReport.CONFIRMED, CancelReport.NOT_NEEDED)
 
 
+def _sent(outcome: Outcome[Any]) -> int:
+    """Return how many goals went out; an attempt that finds no server sends none."""
+    if outcome.attempts > _TOLD_OF_EACH:
+        return outcome.attempts
+    sent = {event.goal_id for event in outcome.timeline if event.state is GoalState.SENT}
+    return len(sent)
+
+
 def _judged(
     outcome: Outcome[Any], why_cancelled: str, may_run: bool
 ) -> tuple[str, dict[str, Any] | None]:
     """Return the status and the error."""
-    if outcome.error is None:
+    # Also where it succeeded while it was being cancelled: the robot has done it.
+    if outcome.error is None or (
+        outcome.status is GoalState.SUCCEEDED and outcome.result is not None
+    ):
         return "succeeded", None
     if why_cancelled and not outcome.status.is_terminal and may_run:
         message = f"{why_cancelled}; the server has not confirmed that the goal stopped"
         error = error_value("cancel_unconfirmed", message, retry=False, advice=_MAY_RUN)
         return "cancel_unconfirmed", error
-    ended_by_cancel = outcome.status in (GoalState.CANCELED, GoalState.TIMED_OUT)
-    cancelled = outcome.attempts == 0 or ended_by_cancel or not outcome.status.is_terminal
+    if why_cancelled and outcome.status is GoalState.ABORTED:
+        message = f"{why_cancelled}; the robot gave up on the goal meanwhile"
+        advice = "Look at the state of the robot, and ask before sending it again."
+        return "aborted", error_value("cancelled", message, retry=False, advice=advice)
+    ended = outcome.status.is_terminal
+    stopped = outcome.status in (GoalState.CANCELED, GoalState.REJECTED)
+    cancelled = outcome.attempts == 0 or stopped or not ended
     if (why_cancelled and cancelled) or isinstance(outcome.error, ClientClosedError):
         message = why_cancelled or "the toolbox was closed"
         advice = _MAY_RUN if may_run else "Ask before sending it again."

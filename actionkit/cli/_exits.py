@@ -36,7 +36,11 @@ class Exit(IntEnum):
         "Of `cancel`, `stop`: a goal's end was not seen; it may still be running.",
     )
     NO_SUCH_GOAL = 24, "Of `cancel`: no server in sight knows a goal of that id."
-    HELD = 25, "Of `stop --status`: a human has stopped the robot, and agents send no goals."
+    HELD = (
+        25,
+        "Of `stop --status`: a human has stopped the robot, and agents send no goals. Of `stop"
+        " --release`: somebody has stopped it anew meanwhile.",
+    )
     HANGUP = 129, "The terminal was closed; as after Ctrl-C."
     INTERRUPTED = 130, "Ctrl-C. The goal was cancelled, and the output tells what became of it."
     OUTPUT_CLOSED = 141, "Whoever read the output went away, as `| head -1` does; as after Ctrl-C."

@@ -112,25 +112,34 @@ def show_status(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
 
 
 def release(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
-    """End every hold, and wait until everybody in sight knows it."""
+    """End every hold that there is, and wait until everybody in sight knows it.
+
+    Whoever stops the robot after that is not overruled: once all has been heard, what comes stays.
+    """
     ended: dict[str, Hold] = {}
+    complete = False
     until = time.monotonic() + timeout
     while True:
         state, unknown = view.known()
-        if state.active:
+        new = tuple(hold for hold in state.active if complete and hold.hold_id not in ended)
+        if state.active and not new:
             ended.update({hold.hold_id: hold for hold in state.active})
             view.release(state.active)
-        late = [str(said.sender) for said in view.others if said.state.active]
+        complete = complete or not unknown
+        late = [str(said.sender) for said in view.others if set(said.state.holds) & set(ended)]
         over = time.monotonic() >= until
-        if over or not (state.active or unknown or late):
+        if over or new or not (state.active or unknown or late):
             break
         time.sleep(_LOOK)
     if as_json:
-        say(hold_line(False, tuple(ended.values()), late=late, unknown=unknown))
+        told = new or tuple(ended.values())
+        say(hold_line(bool(new), told, late=late, unknown=unknown))
     for hold in () if as_json else ended.values():
         say(f"Released: the hold of {hold.by}{since(hold)}.")
     if not ended and not unknown and not as_json:
         say("There was no hold.")
+    for hold in new:
+        say(f"Error: {hold.by} has stopped the robot meanwhile; that hold stays.", err=True)
     for who in late:
         say(
             f"Error: The {who} has not confirmed it, and may go on holding. Try again later.",
@@ -138,7 +147,7 @@ def release(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
         )
     if unknown:
         say(f"Error: There may be more holds: {unknown}. Try again.", err=True)
-    return Exit.FAILED if late or unknown else Exit.OK
+    return Exit.HELD if new else Exit.FAILED if late or unknown else Exit.OK
 
 
 def _await_known(view: HoldView, timeout: float) -> None:

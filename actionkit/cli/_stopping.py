@@ -17,8 +17,6 @@ _SINGLY = 0.5
 """Seconds after the answer for a goal to be seen as canceling. One that is not is asked for by its
 id: rclpy's servers skip the goal after each that they refuse to cancel, and answer that they are
 cancelling it (`list.remove` in a loop over that list)."""
-_FURTHER = 0.3
-"""Seconds for which further servers on the name may still answer."""
 
 
 class Stopping:
@@ -38,8 +36,11 @@ class Stopping:
         self._number = 0
         self._at = 0.0
         self._want = True
-        self._latest: list[float] = []
-        """When the answers to the latest request came."""
+        self._first = 1
+        """The number of the first request since there was a reason for one; what follows repeats
+        it, and an answer to any of them will do."""
+        self._answers: Counter[int] = Counter()
+        """How many answers to each request there were; each server gives one."""
 
     # --- what happens ----------------------------------------------------------------------
 
@@ -57,8 +58,7 @@ class Stopping:
     def take_answer(self, said: Any, now: float) -> None:
         """Note an `AllSaid`."""
         self.answers += 1
-        if said.request == self._number:
-            self._latest.append(now)
+        self._answers[said.request] += 1
         for goal_id in said.canceling:
             self._add(goal_id, now)
         # That it is not ended yet: without this it would look as if somebody else had ended it.
@@ -82,13 +82,15 @@ class Stopping:
     def to_ask(self, now: float) -> int | None:
         """Return the number of a request that is to be sent now, or `None`."""
         running = {goal.goal_id for goal in self.board.goals.values() if not goal.ended}
-        lost = self._number and not self._latest and now - self._at >= _AGAIN
-        if not (self._want or lost or running - set(self._asked)):
+        lost = self._number and self._waits_for_answers and now - self._at >= _AGAIN
+        reason = self._want or bool(running - set(self._asked))
+        if not (reason or lost):
             return None
         self._want = False
         self._number += 1
         self._at = now
-        self._latest = []
+        if reason:
+            self._first = self._number
         for goal_id in running:
             self._add(goal_id, now)
         self._cancelling.to_ask(self.board.goals)
@@ -111,12 +113,14 @@ class Stopping:
         self._cancelling.to_ask(self.board.goals)
         self._cancelling.settle(self.board.goals, now, over=over)
 
-    def done(self, now: float) -> bool:
-        """Whether the latest request was answered, and the fate of every goal is known."""
-        if self._want or not self._latest or not self._cancelling.done:
-            return False
-        everybody = len(self._latest) >= max(1, len(self.board.servers))
-        return everybody or now - self._latest[-1] >= _FURTHER
+    def done(self) -> bool:
+        """Whether all servers have answered, and the fate of every goal is known."""
+        return not self._want and not self._waits_for_answers and self._cancelling.done
+
+    @property
+    def _waits_for_answers(self) -> bool:
+        answers = (self._answers[number] for number in range(self._first, self._number + 1))
+        return max(answers, default=0) < max(1, len(self.board.servers))
 
     # --- what became of it -----------------------------------------------------------------
 
@@ -131,6 +135,11 @@ class Stopping:
         return not self.answers
 
     @property
+    def missing(self) -> int:
+        """How many servers in sight have not answered; goals of theirs may not even be known."""
+        return max(0, len(self.board.servers) - max(self._answers.values(), default=0))
+
+    @property
     def counts(self) -> Counter[str]:
         """How many goals came to which end, by the names of `Fate.cancel`."""
         return Counter(fate.cancel for fate in self.fates)
@@ -139,7 +148,8 @@ class Stopping:
     def exit(self) -> Exit:
         """The exit code: the worst of all goals; of a silent server it is not known."""
         code = self._cancelling.exit
-        return Exit.CANCEL_UNKNOWN if code is Exit.OK and self.silent else code
+        unknown = self.silent or self.missing
+        return Exit.CANCEL_UNKNOWN if code is Exit.OK and unknown else code
 
 
 _WORST = (Exit.CANCEL_REFUSED, Exit.CANCEL_UNKNOWN, Exit.FAILED, Exit.NO_SERVER)
@@ -167,6 +177,9 @@ def table(actions: Sequence[Stopping]) -> list[str]:
     for action in actions:
         if action.silent:
             lines.append(f"{action.name}: no server answered. GOALS MAY STILL BE RUNNING.")
+        elif action.missing:
+            those = f"{action.missing} of {len(action.board.servers)} servers"
+            lines.append(f"{action.name}: {those} did not answer. GOALS MAY STILL BE RUNNING.")
         for fate in action.fates:
             if fate.cancel in ("REFUSED", "UNKNOWN"):
                 lines.append(f"{action.name} {fate.goal_id}: {fate.text}")

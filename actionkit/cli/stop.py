@@ -218,7 +218,7 @@ def _json_lines(actions: list[Stopping]) -> Iterator[str]:
             now,
             servers=action.servers,
             goals=len(action.fates) if action.fates or not action.silent else None,
-            answered=not action.silent,
+            answered=not action.silent and not action.missing,
         )
 
 
@@ -289,7 +289,7 @@ def _cancel_all(survey: Survey, stopped: list[Stopping], timeout: float, *, name
                         stack.callback(single[name].close)
                     single[name].cancel(goal_id)
                 actions[name].settle(now, over=False)
-            done = all(actions[name].done(now) for name in cancellers)
+            done = all(actions[name].done() for name in cancellers)
             if (looked and done) or now - began >= timeout:
                 return
 

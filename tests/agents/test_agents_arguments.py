@@ -301,3 +301,13 @@ def test_problems_are_few_and_short() -> None:
     assert time.process_time() - began < 1.0
     assert len(problems) == 10
     assert len("".join(problems)) < 5000
+
+
+def test_the_values_of_a_boolean_are_limited_as_any_others() -> None:
+    only = shape("test_msgs.msg:BasicTypes", {"bool_value": {"enum": [False]}})
+    assert check(only, {"bool_value": False})[1] == []
+    assert check(only, {"bool_value": True})[1] == ["bool_value: True must be one of False"]
+    needed = shape("test_msgs.msg:BasicTypes", {"bool_value": {"enum": [True]}})
+    assert check(needed, {})[1] == ["bool_value: must be given"]
+    each = shape("test_msgs.msg:UnboundedSequences", {"bool_values": {"enum": [True]}})
+    assert check(each, {"bool_values": [True, False]})[1] != []

@@ -79,6 +79,9 @@ def test_a_file_that_is_no_toml(tmp_path: Path) -> None:
     path.write_text("[tools.x\n")
     with pytest.raises(ConfigError, match=r"robot\.toml: this is no TOML: .*line 1"):
         Toolbox.from_file(path)
+    path.write_text(f"domain_id = {'9' * 5000}")
+    with pytest.raises(ConfigError, match="no TOML"):
+        Toolbox.from_file(path)
     path.write_bytes(b"\xff")
     with pytest.raises(ConfigError, match="no TOML"):
         Toolbox.from_file(path)
@@ -97,6 +100,7 @@ def test_every_problem_is_told_with_its_place() -> None:
             "two": {"type": "test_msgs/action/Fibonaci", "confirm": "maybe", "concurent": 2},
             "three": {"action": "x", "type": "nope_msgs/action/Nope", "retries": -1},
             "four": 4,
+            "five": {"action": "a", "type": NESTED, "timeout": 10**400},
         },
         "topics": {"one": {"topic": "/t", "type": NESTED, "max_size": 0}},
     }
@@ -117,6 +121,7 @@ def test_every_problem_is_told_with_its_place() -> None:
         "robot.toml: tools.three.type: 'nope_msgs/action/Nope' cannot be loaded",
         "robot.toml: tools.three.retries: -1 must be",
         "robot.toml: tools.four: 4 must be a table",
+        "robot.toml: tools.five.timeout: 1000",
         f"robot.toml: topics.one.type: '{NESTED}' must be written package/msg/Name",
         "robot.toml: topics.one.max_size: 0 must be",
     ):
@@ -126,6 +131,7 @@ def test_every_problem_is_told_with_its_place() -> None:
 @pytest.mark.parametrize(
     ("fields", "part"),
     [
+        ({"nested_field.float64_value": {"minimum": 10**400}}, "must be a number"),
         ({"nested_feld": {}}, "fields.nested_feld: the goal has no such field; did you mean"),
         (
             {"nested_field": {"minimum": 1}},

@@ -19,6 +19,7 @@ from actionkit._ros.holds.ours import new_hold
 from actionkit._ros.holds.state import Hold, HoldState
 from actionkit._ros.holds.topic import TOPIC
 from actionkit._ros.holds.view import HoldView
+from actionkit.agents import _goal_call
 from actionkit.agents._hold import HoldListener
 from actionkit.testing import isolated_domain
 from tests.conftest import Script
@@ -287,3 +288,7 @@ def test_a_callback_that_raises_is_told_of_and_harms_nobody(
         views.HoldFiles(ros_domain).write(HoldState({hold.hold_id: hold}))
         until(lambda: told)
         assert agent.why_held() == told[0]
+
+
+def test_a_call_waits_for_what_a_killed_agent_cannot_tell() -> None:
+    assert max(views._FILES_DO, views.SETTLE) + 2.0 < _goal_call._UNTIL_KNOWN

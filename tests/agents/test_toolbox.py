@@ -98,6 +98,8 @@ def test_how_goals_fail(
             assert value["error"]["retry"] is retry
             assert value["error"]["message"]
             assert value["error"]["advice"]
+            assert value["attempts"] == (0 if server is None else 1)
+            assert (value["goal_id"] is None) == (server is None)
             (goal,) = toolbox.goals()
             assert goal["status"] == status
 
@@ -342,6 +344,35 @@ def test_approval(make_toolbox: Make, action_server: ActionServerFactory, hold: 
     assert '"order": 1' in request.text
 
 
+def test_an_answer_that_crosses_with_giving_up_sends_nothing(
+    make_toolbox: Make, action_server: ActionServerFactory
+) -> None:
+    server = action_server("fibonacci")
+    tool = {**FIBONACCI, "confirm": "always"}
+
+    async def main() -> None:
+        async with make_toolbox({"fib": tool}) as toolbox:
+            asked = asyncio.Event()
+
+            async def approve(request: ApprovalRequest) -> bool:
+                asked.set()
+                try:
+                    await asyncio.Event().wait()
+                except asyncio.CancelledError:
+                    return True  # as `asyncio.wait_for` may do before Python 3.12
+                return False
+
+            call = asyncio.create_task(toolbox.call("fib", {"order": 1}, approve=approve))
+            await asked.wait()
+            call.cancel()
+            await asyncio.wait([call])
+            assert call.cancelled()
+            assert toolbox.goals() == ()
+
+    asyncio.run(main())
+    assert server.count("goal_received") == 0
+
+
 def test_waiting_for_approval_counts_no_goal(
     make_toolbox: Make, action_server: ActionServerFactory
 ) -> None:
@@ -438,9 +469,6 @@ def test_percent(feedback: dict[str, Any], percent: float | None) -> None:
 LEFT_OPEN = """
 import asyncio, sys
 from actionkit.agents import Toolbox
-from actionkit.agents import _clients
-from tests.agents.conftest import FakeHold
-_clients.make_hold = lambda domain_id: FakeHold()
 FIBONACCI = {"action": "fibonacci", "type": "test_msgs/action/Fibonacci"}
 toolbox = Toolbox.from_config({
     "tools": {"fib": FIBONACCI},
@@ -468,6 +496,24 @@ def test_a_program_that_ends_without_closing_leaves_no_goal_running(
     assert script.finish(BOUND) == (0, "", "")
     server.wait_for("canceled")
     assert server.running() == set()
+
+
+def test_closing_while_it_is_not_known_whether_a_human_holds(
+    make_toolbox: Make, hold: FakeHold, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def main() -> None:
+        async with make_toolbox({"fib": FIBONACCI}) as toolbox:
+
+            async def closed_meanwhile(timeout: float) -> bool:
+                await toolbox.aclose()
+                return False
+
+            monkeypatch.setattr(hold, "until_known", closed_meanwhile)
+            hold.is_known = False
+            value = told(toolbox, await toolbox.call("fib", {"order": 1}))
+            assert value["error"]["type"] == "closed"
+
+    asyncio.run(main())
 
 
 # --- what else ---------------------------------------------------------------------------------

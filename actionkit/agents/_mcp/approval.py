@@ -64,12 +64,20 @@ class Asked:
         Raises:
             CannotAskError: The client could not ask, or nobody answered.
         """
-        asking = self._ctx.session.elicit_form(request.text, _SCHEMA, self._ctx.request_id)
+        asking = asyncio.ensure_future(
+            self._ctx.session.elicit_form(request.text, _SCHEMA, self._ctx.request_id)
+        )
         async with self._reporter.saying("waiting for a human to approve this"):
             try:
-                answer = await asyncio.wait_for(asking, PATIENCE)
-            except asyncio.TimeoutError:
-                raise CannotAskError(f"nobody answered within {PATIENCE:g} seconds") from None
+                # No `asyncio.wait_for`: before Python 3.12 it may swallow the cancellation of the
+                # task, and the goal of a client that has given up would be sent.
+                await asyncio.wait([asking], timeout=PATIENCE)
+            finally:
+                answered = not asking.cancel()
+            if not answered:
+                raise CannotAskError(f"nobody answered within {PATIENCE:g} seconds")
+            try:
+                answer = asking.result()
             except MCPError as error:
                 raise CannotAskError(f"the client could not ask ({error})") from error
         return _agreed(answer.action, answer.content)

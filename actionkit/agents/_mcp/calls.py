@@ -14,6 +14,9 @@ from actionkit.agents._values import Approve, OnProgress, ToolResult
 
 _LAST_WORDS = 0.5
 """Seconds for calls to end after the goals have."""
+_AGAIN = 5.0
+"""Seconds until a call is cancelled once more; the servers' confirmation takes 3 at most."""
+_NOT_BEGUN = "this server is ending; nothing was sent"
 _LOOKS = 4
 """Turns of the event loop in which a connection that is closed already shows that it is."""
 
@@ -64,12 +67,10 @@ class Calls:
             if gone.is_set():
                 raise GoneError
         if self._ending:
-            raise EndingError("this server is ending; nothing was sent")
+            raise EndingError(_NOT_BEGUN)
         # Not awaited itself: a scope of anyio cancels what it awaits again and again, which would
         # end the wait for the server's confirmation, too.
-        task = asyncio.ensure_future(
-            self._toolbox.call(name, arguments, on_progress=on_progress, approve=approve)
-        )
+        task = asyncio.ensure_future(self._call(name, arguments, on_progress, approve))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         vanished = asyncio.ensure_future(gone.wait()) if gone is not None else None
@@ -81,10 +82,11 @@ class Calls:
         finally:
             if vanished is not None:
                 vanished.cancel()
-            if not task.done():
-                task.cancel()
-                with anyio.CancelScope(shield=True):
-                    await asyncio.wait([task])
+            with anyio.CancelScope(shield=True):
+                while not task.done():
+                    task.cancel()
+                    # Again after that: what a task awaits may swallow its cancellation.
+                    await asyncio.wait([task], timeout=_AGAIN)
         try:
             return task.result()
         except asyncio.CancelledError:
@@ -93,6 +95,19 @@ class Calls:
             raise EndingError(
                 "this server is ending; the call was given up before anything was sent"
             ) from None
+
+    async def _call(
+        self,
+        name: str,
+        arguments: Mapping[str, Any],
+        on_progress: OnProgress | None,
+        approve: Approve | None,
+    ) -> ToolResult:
+        # Looked at here once more: the end may have come before this task's first turn, and what
+        # begins after `cancel_all` is not cancelled by it.
+        if self._ending:
+            raise EndingError(_NOT_BEGUN)
+        return await self._toolbox.call(name, arguments, on_progress=on_progress, approve=approve)
 
     async def end(self, patience: float) -> None:
         """Begin no more calls, cancel the goals of those there are, and wait for them.

@@ -120,7 +120,11 @@ class Robot:
 
     @property
     def environment(self) -> dict[str, str]:
-        return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "PYTHONWARNINGS": "default"}
+        return {
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "PYTHONWARNINGS": "default",
+            "ACTIONKIT_HOLD_DIR": os.environ["ACTIONKIT_HOLD_DIR"],
+        }
 
     def words(self, *more: str, before: str = "") -> list[str]:
         """The command; `before` is code to run first, in the same process."""

@@ -9,6 +9,7 @@ GIVEN_UP = "The agent gives up"
 OUTCOME = "The goal does not come out"
 REFUSED = "What is refused"
 ASKED = "A human is asked first"
+HELD = "A human stops the robot"
 ENDED = "The process is told to end"
 HTTP_ONLY = "Over HTTP only"
 
@@ -39,6 +40,8 @@ The tool's result says what happened, in a form that a program can read.""",
 Nothing of this is sent, whatever the model or the client thinks of the tool's schema.""",
     ASKED: """
 The tool has `confirm = "always"`: the client shows a question to its user (elicitation).""",
+    HELD: """
+With `actionkit stop`, in any terminal of the ROS domain.""",
     ENDED: """
 While a goal runs. Hosts close standard input, send SIGTERM after 2 seconds, and SIGKILL after 2
 more.""",
@@ -90,6 +93,12 @@ FAULTS: dict[str, dict[str, tuple[str, ...]]] = {
         "the client changes the arguments after the approval": (EVERY[1], EVERY[3]),
         "the client approves without having been asked": (EVERY[1], EVERY[3]),
     },
+    HELD: {
+        "`actionkit stop` while a goal runs": EVERY,
+        "the next call, under the hold": EVERY,
+        "a call of an agent that starts under the hold": EVERY,
+        "a call after `actionkit stop --release`": EVERY,
+    },
     ENDED: {
         "SIGTERM": ("stdio", "HTTP"),
         "SIGINT": ("stdio",),
@@ -102,6 +111,7 @@ FAULTS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     HTTP_ONLY: {
         "the client is gone before its call begins": HTTP,
+        "the client ends its session (DELETE)": HTTP[:1],
         "the network between client and server is cut": HTTP,
         "no token, or a wrong one": ANY_HTTP,
         "another `Host` (DNS rebinding)": ANY_HTTP,

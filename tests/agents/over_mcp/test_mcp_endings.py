@@ -196,15 +196,15 @@ def wait_until_blocked(host: Host) -> None:
     raise AssertionError("nothing is blocked")
 
 
-#: The event loop stops, half a second after the first goal was sent.
+#: The event loop stops, half a second after the first call has begun.
 _HANGING = """
 import asyncio, time
-from actionkit import Client
-send = Client.call_async
-def send_and_hang(self, *words, **options):
-    asyncio.get_running_loop().call_later(0.5, time.sleep, 60)
-    return send(self, *words, **options)
-Client.call_async = send_and_hang
+from actionkit.agents._goals import GoalRecord
+over = GoalRecord.over
+async def over_and_hang(self, *words):
+    asyncio.get_running_loop().call_later(0.5, time.sleep, 60)  # the goal is sent by now
+    return await over(self, *words)
+GoalRecord.over = over_and_hang
 """
 
 

@@ -19,7 +19,16 @@ from mcp.client.streamable_http import streamable_http_client
 
 from actionkit.agents._mcp.address import TOKEN_VARIABLE
 from tests.agents.over_mcp import leaver, page
-from tests.agents.over_mcp.lab import WAYS, HttpServing, Robot, Watch, Way, agent, words
+from tests.agents.over_mcp.lab import (
+    PATIENCE,
+    WAYS,
+    HttpServing,
+    Robot,
+    Watch,
+    Way,
+    agent,
+    words,
+)
 from tests.faults import network
 
 HTTP = WAYS[2:]
@@ -94,6 +103,24 @@ def test_a_client_that_is_gone_before_its_call_begins(
             await later.until("canceled")
         fault = "the client is gone before its call begins"
         record(page.HTTP_ONLY, fault, way, "nothing", "nothing: it is gone")
+
+    asyncio.run(scenario())
+
+
+def test_a_client_that_ends_its_session(robot: Robot, http: HttpServing, record) -> None:
+    watch = Watch(robot.server("never_finishes"))
+
+    async def scenario() -> None:
+        async with httpx2.AsyncClient(timeout=PATIENCE) as client:
+            headers = {**HEADERS, "Mcp-Session-Id": await open_session(client, http.url)}
+            message = {**_CALL, "params": {"name": "patrol", "arguments": {}}}
+            calling = asyncio.ensure_future(client.post(http.url, json=message, headers=headers))
+            await watch.until("executing")
+            assert (await client.delete(http.url, headers=headers)).status_code == 200
+            reached = await watch.summary()
+            assert (await calling).text.strip() == ""
+        fault = "the client ends its session (DELETE)"
+        record(page.HTTP_ONLY, fault, HTTP[0], reached, "no answer")
 
     asyncio.run(scenario())
 

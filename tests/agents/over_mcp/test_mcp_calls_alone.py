@@ -1,0 +1,73 @@
+"""Calls between client and toolbox, at moments that only a test meets for sure. No ROS."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import mcp.types as t
+import pytest
+
+from actionkit.agents import ApprovalRequest
+from actionkit.agents._mcp.approval import Asked
+from actionkit.agents._mcp.calls import Calls, EndingError
+from actionkit.agents._mcp.progress import Reporter
+
+
+class Box:
+    """Stands in for a toolbox, and takes down which calls it was asked for."""
+
+    def __init__(self) -> None:
+        self.called: list[str] = []
+
+    async def call(self, name: str, arguments: Any, **more: Any) -> Any:
+        self.called.append(name)
+
+    async def cancel_all(self) -> tuple[()]:
+        return ()
+
+
+def test_a_call_whose_task_begins_when_the_process_ends_sends_nothing() -> None:
+    async def scenario() -> None:
+        box: Any = Box()
+        calls = Calls(box)
+        run = calls.run("patrol", {}, gone=None, on_progress=None, approve=None)
+        running = asyncio.ensure_future(run)
+        asyncio.get_running_loop().call_soon(setattr, calls, "_ending", True)
+        with pytest.raises(EndingError):
+            await running
+        assert box.called == []
+
+    asyncio.run(scenario())
+
+
+def test_a_request_cancelled_as_the_human_answers_is_cancelled() -> None:
+    async def scenario() -> None:
+        answer: asyncio.Future[t.ElicitResult] = asyncio.get_running_loop().create_future()
+        asked = asyncio.Event()
+
+        class Session:
+            async def elicit_form(self, *args: Any) -> t.ElicitResult:
+                asked.set()
+                return await answer
+
+        class Context:
+            session = Session()
+            request_id = 1
+
+        async def send(*args: Any) -> None:
+            pass
+
+        context: Any = Context()
+        asking = Asked(context, Reporter(send))
+        task = asyncio.ensure_future(asking(ApprovalRequest("patrol", {}, "?")))
+        await asked.wait()
+        answer.set_result(t.ElicitResult(action="accept", content={"approve": True}))
+        for _ in range(4):  # whichever turn it takes until the answer arrives
+            await asyncio.sleep(0)
+            if task.cancel():
+                break
+        await asyncio.wait([task])
+        assert task.cancelled()
+
+    asyncio.run(scenario())

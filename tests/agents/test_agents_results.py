@@ -1,0 +1,117 @@
+"""What a model is told of goals that ended while they were being cancelled."""
+
+from __future__ import annotations
+
+import uuid
+from concurrent.futures import CancelledError
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from test_msgs.action import Fibonacci
+
+from actionkit import CancelReport, DeadlineExceededError, FeedbackStalledError, GoalState, Outcome
+from actionkit.agents._goal_call import question_of
+from actionkit.agents._goals import GoalRecord, Goals
+from actionkit.agents._other_calls import goal_reports
+from actionkit.agents._results import goal_value
+
+
+def value(status: GoalState, error: BaseException, why: str, result: Any) -> dict[str, Any]:
+    outcome = Outcome(
+        status=status,
+        result=result,
+        error=error,
+        attempts=1,
+        timeline=(),  # type: ignore[arg-type]
+        goal_id=uuid.uuid4(),
+        cancel=CancelReport.CONFIRMED,
+    )
+    return goal_value("count", outcome, None, why)
+
+
+@pytest.mark.parametrize("error", [DeadlineExceededError, FeedbackStalledError, CancelledError])
+def test_what_succeeded_while_it_was_being_cancelled_has_succeeded(
+    error: type[BaseException],
+) -> None:
+    why = "its caller gave up" if error is CancelledError else ""
+    told = value(GoalState.SUCCEEDED, error("too late"), why, Fibonacci.Result(sequence=[1]))
+    assert (told["status"], told["error"]) == ("succeeded", None)
+    assert told["result"] == {"sequence": [1]}
+
+
+def test_what_aborted_while_it_was_being_cancelled_has_aborted() -> None:
+    told = value(GoalState.ABORTED, CancelledError(), "a human stopped it", Fibonacci.Result())
+    assert told["status"] == "aborted"
+    assert "a human stopped it" in told["error"]["message"]
+    assert not told["may_still_run"]
+
+
+def test_what_was_rejected_while_it_was_being_cancelled_never_ran() -> None:
+    told = value(GoalState.REJECTED, CancelledError(), "a human stopped it", None)
+    assert told["status"] == "canceled"
+    assert told["error"]["message"] == "a human stopped it"
+
+
+def record_of(status: GoalState) -> tuple[GoalRecord, uuid.UUID, uuid.UUID]:
+    """Return the record of a call whose first goal was lost, and its two ids."""
+    first, second = uuid.uuid4(), uuid.uuid4()
+    future: Any = Future(first, second, status)
+    record = GoalRecord("count")
+    record.follow(future)
+    return record, first, second
+
+
+class Future:
+    """Stands in for a call that sent a second goal in place of the first one."""
+
+    latest_feedback = None
+
+    def __init__(self, first: uuid.UUID, second: uuid.UUID, status: GoalState) -> None:
+        self.goal_id = first
+        self.state = status
+        self._second = second
+
+    def add_done_callback(self, callback: Any) -> None:
+        self.goal_id = self._second
+        self.callback = callback
+
+    def outcome(self, timeout: float) -> Any:
+        error = DeadlineExceededError("too late")
+        cancel = CancelReport.UNKNOWN
+        return Outcome(self.state, None, error, 2, (), self.goal_id, cancel)  # type: ignore[arg-type]
+
+
+def test_a_goal_is_found_by_the_id_of_every_attempt() -> None:
+    record, first, second = record_of(GoalState.EXECUTING)
+    goals = Goals()
+    assert goals.add(record, 1)
+    for goal_id in (first, second):
+        (report,) = goal_reports(goals, str(goal_id))
+        assert report["goal_id"] == str(second)
+    assert goal_reports(goals, str(uuid.uuid4())) == ()
+
+
+def test_what_was_given_up_before_is_not_told_of_as_cancelled_later() -> None:
+    record, _, _ = record_of(GoalState.EXECUTING)
+    future: Any = record._future
+    future.callback(future)
+    record.cancel("all goals were cancelled")
+    assert record.counts
+    assert record.report()["why_cancelled"] is None
+
+
+def test_a_human_is_shown_every_field_of_what_they_approve() -> None:
+    goal = PoseStamped()
+    goal.header.frame_id = "map\u202edab" + "a" * 10_000
+    goal.pose.position.x = 7.5
+    question = question_of(goal)
+    assert len(question) < 4100
+    assert "\u202e" not in question
+    assert "map\\u202edab" in question
+    assert "more characters" in question
+    assert '"x": 7.5' in question
+    path = question_of(Path(poses=[PoseStamped() for _ in range(1000)]))
+    assert len(path) < 4100
+    assert "more" in path
