@@ -80,8 +80,9 @@ class Run:
         """Whether its goal is known to run, or to run no more; `None` where neither is."""
         if self.future is None:
             return False if self._tickets else None
+        done = self.future.done()  # first: another attempt may begin before it is
         known = self.future.known_to_run
-        if not self.future.done():
+        if not done:
             return known or None
         client_watches = self._client is not None and not self._client.closed
         return known if client_watches or known is False else None
