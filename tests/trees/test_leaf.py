@@ -14,7 +14,7 @@ from py_trees.common import Status
 from test_msgs.action import Fibonacci, NestedMessage
 
 from actionkit import Client, RetryPolicy, ServerUnavailableError, Timeouts, Verdict
-from actionkit.testing import tick_until
+from actionkit.testing import isolated_domain, tick_until
 from actionkit.trees import ActionBehaviour, FromBlackboard
 from actionkit.trees._runs import Runs
 from tests.conftest import NEVER
@@ -283,6 +283,23 @@ def test_leaves_share_a_client_that_is_closed_with_the_last_of_them(place: Place
     trees[1].setup(timeout=BOUND)
     tick_until(trees[1], Status.SUCCESS, BOUND)
     trees[1].shutdown()
+
+
+def test_leaves_of_two_domains_do_not_share_a_client(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A test that has not shut down its tree must not send the next one's goals to its servers."""
+    place.server("fibonacci", "fibonacci", period=0.02)
+    first, second = (ActionBehaviour(n, (Fibonacci, "fibonacci"), {"order": 2}) for n in "ab")
+    first.setup()
+    with isolated_domain() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        second._server_timeout = 0.1
+        with pytest.raises(ServerUnavailableError):
+            second.setup()
+        assert second.client is not first.client
+        second.shutdown()
+    first.shutdown()
 
 
 def test_a_clients_own_end_is_told(place: Place, open_client: MakeClient) -> None:
