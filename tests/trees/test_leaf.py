@@ -16,6 +16,7 @@ from test_msgs.action import Fibonacci, NestedMessage
 from actionkit import Client, RetryPolicy, ServerUnavailableError, Timeouts, Verdict
 from actionkit.testing import isolated_domain, tick_until
 from actionkit.trees import ActionBehaviour, FromBlackboard
+from actionkit.trees._clients import ClientHold
 from actionkit.trees._runs import Runs
 from tests.conftest import NEVER
 from tests.trees.conftest import Place, fate
@@ -322,6 +323,27 @@ def test_setup_does_not_wait_for_ever(place: Place) -> None:
         leaf.setup()
     leaf.shutdown()
     assert leaf.client is None
+
+
+def test_the_time_for_a_setup_ends_it_whatever_it_does(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`tree.setup(timeout=...)` raises out of a signal handler, once."""
+    leaves = [ActionBehaviour(n, (Fibonacci, n), {}, server_timeout=0.1) for n in "ab"]
+    root = py_trees.composites.Sequence("root", memory=True, children=leaves)
+    make = ClientHold.make
+
+    def late(hold: ClientHold, node: Any) -> None:
+        if hold is leaves[1]._hold:
+            raise RuntimeError("tree setup interrupted or timed out")
+        make(hold, node)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ClientHold, "make", late)
+        with pytest.raises(RuntimeError, match="timed out"):
+            leaves[0].setup()
+    root.shutdown()
+    leaves[0].shutdown()
 
 
 def test_a_node_may_be_given_to_setup(place: Place) -> None:
