@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -470,6 +471,20 @@ def test_one_run_sends_one_goal_whoever_ticks(client: Any) -> None:
     assert runs.before(runs.begin(None)) == []
 
 
+def test_a_run_sends_nothing_once_another_has_begun(client: Any, place: Place) -> None:
+    """Two threads tick: one has begun a run, and comes to sending after the other one's begin."""
+    received = place.server("fibonacci").count("goal_received")
+    runs = Runs()
+    run = runs.begin(None)
+    later = runs.begin(None)
+    assert runs.before(run) == [later]
+    assert runs.before(later) == []
+    run.start(client, {"order": 2}, None, None)
+    assert run.future is not None
+    assert run.future.outcome(BOUND).attempts <= 1
+    assert place.server("fibonacci").count("goal_received") == received
+
+
 def test_a_run_that_was_given_up_sends_nothing(client: Any, place: Place) -> None:
     received = place.server("fibonacci").count("goal_received")
     runs = Runs()
@@ -508,6 +523,24 @@ def test_an_interrupt_in_the_middle_of_a_tick_leaves_no_goal_unknown(
     assert future.outcome(BOUND).error is not None
     assert future.known_to_run is False
     assert str(future.goal_id) not in place.server("fibonacci").running()
+
+
+def test_an_interrupt_before_a_tick_has_made_its_goal_is_no_goal_that_may_run(
+    client: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C when the goal was about to be made, and nothing says that it was not."""
+
+    class Tickets(deque[None]):
+        def pop(self) -> None:  # type: ignore[override]
+            super().pop()
+            raise Interrupted
+
+    leaf = ActionBehaviour("a", client, {"order": 2})
+    with monkeypatch.context() as patch:
+        patch.setattr("actionkit.trees._runs.deque", Tickets)
+        with pytest.raises(Interrupted):
+            leaf.tick_once()
+    tick_until(leaf, Status.SUCCESS, BOUND)
 
 
 def test_a_shutdown_by_another_thread_is_final(client: Any, place: Place) -> None:
