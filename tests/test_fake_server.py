@@ -19,6 +19,8 @@ from actionkit import (
     RetryPolicy,
     ServerLostError,
 )
+from actionkit.servers._executors import ThreadPerGoalExecutor
+from actionkit.servers._harness import Harness
 from actionkit.testing import EventLog, FakeServer
 from tests.rclpy_client import ABORTED, CANCELED, OK, SUCCEEDED, Driver
 
@@ -429,6 +431,45 @@ def test_fifty_in_a_row_leave_nothing(ros_domain: int, driver: Driver) -> None:
     assert set(threading.enumerate()) <= threads
     # A few are of the client, which keeps something of each server that it met.
     assert len(os.listdir("/proc/self/fd")) <= files + 5
+
+
+def test_a_stop_or_start_that_is_interrupted_leaves_nothing(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C while it waits for the functions of the test, or for its thread to begin."""
+
+    class Interrupted(BaseException):
+        """As KeyboardInterrupt, which pytest would take for its own."""
+
+    def interrupted(executor: object, seconds: float) -> bool:
+        raise Interrupted
+
+    server = FakeServer(Fibonacci, "fibonacci").start()
+    harness = server._harness
+    assert harness is not None
+    with monkeypatch.context() as patch:
+        patch.setattr(ThreadPerGoalExecutor, "join_goals", interrupted)
+        with pytest.raises(Interrupted):
+            server.stop()
+    assert not harness._context.ok()
+    server.stop()
+
+    # So does a start, whose `with` statement has not begun.
+    contexts: list[Any] = []
+    start = Harness.start
+
+    def started(harness: Harness) -> None:
+        start(harness)
+        contexts.append(harness._context)
+        raise Interrupted
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Harness, "start", started)
+        with pytest.raises(Interrupted), server:
+            pass
+    assert not contexts[0].ok()
+    with server:
+        assert server.running() == set()
 
 
 def test_two_on_one_name_and_other_domains(fake_server: Any, make_client: Any) -> None:

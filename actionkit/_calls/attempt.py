@@ -160,6 +160,7 @@ class Attempt:
 
     def drop(self) -> None:
         """Cancel all timers: the link is gone."""
+        self.goal.lose_touch()
         self._apply([fx.Disarm(timer) for timer in fx.Timer])
 
     def withdraw(self) -> None:

@@ -16,7 +16,7 @@ class GoalsOfCall:
     """The goals that were made for a call and may run. Written by one thread, read by any."""
 
     def __init__(self, goals: Iterable[GoalRecord] = ()) -> None:
-        self._goals = [goal for goal in goals if goal.in_flight]
+        self._goals = [goal for goal in goals if goal.known_to_run is not False or goal.in_flight]
 
     def add(self, goal: GoalRecord) -> None:
         """Take in one that is about to be sent; those that are over are let go."""

@@ -228,6 +228,8 @@ class PortCarrier:
     def _on_failure(self, error: BaseException) -> None:
         for call in list(self.calls):
             call.fail(_DIED, error)
+        for attempt in list(self._attempts):
+            attempt.goal.lose_touch()
         self.port.end_waits()
         # The entities died with the thread; nobody is left to free them.
         self.port.freed.set()

@@ -56,6 +56,11 @@ class GoalFuture(
     handler interrupted, and would then wait for themselves.
     """
 
+    # Already here, for `__del__`: Ctrl-C may interrupt the constructor.
+    _outcome: Outcome[ResultT] | None = None
+    _looked_at = False
+    """Whether anybody asked how the call ended, or will be told."""
+
     def __init__(
         self,
         call: CallView,
@@ -67,11 +72,8 @@ class GoalFuture(
         self._call = call
         self._feedback = feedback
         self._pool = pool
-        self._outcome: Outcome[ResultT] | None = None
         self._cancelled = False
         self._over = Flag()
-        self._looked_at = False
-        """Whether anybody asked how the call ended, or will be told."""
         self._pid = os.getpid()
         self._user_callbacks: deque[Callable[[Any], object]] = deque()
         self._awaiters = Awaiters(self._over, clock)

@@ -33,8 +33,9 @@ class LiveGoal(Generic[FeedbackT]):
 
         `True`: a server has the goal, and has not ended it. `False`: no goal of the call runs;
         none was sent, or each has ended. `None`: not known, because the server has not answered,
-        or is gone. It goes on being true to life after the future is done: a goal that was given
-        up on is watched until it has ended, for as long as the client is open.
+        or is gone, or because the client left the goal to run when it was closed. It goes on being
+        true to life after the future is done: a goal that was given up on is watched until it has
+        ended, for as long as the client is open.
         """
         return self._call.goals.known_to_run
 

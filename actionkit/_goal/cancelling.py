@@ -45,6 +45,7 @@ class CancellableGoal(GoalRecord):
         if self._unwanted:
             return []
         if abandon and self.in_flight:
+            self.lose_touch()
             self.stage = Stage.OVER
             self.closing = Closing.ABANDONED
             return self._settle(fx.End.CLOSED) + self._release()
@@ -52,6 +53,7 @@ class CancellableGoal(GoalRecord):
 
     def fail(self, reason: str, error: BaseException, now: float) -> list[fx.Effect]:
         """This side broke: nothing more can be learnt of the goal."""
+        self.lose_touch()
         if self.settled:
             return []
         self.stage = Stage.OVER

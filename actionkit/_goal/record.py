@@ -56,6 +56,7 @@ class GoalRecord:
         self._refused_at = 0.0  # when it refused once
         self._refused_reason: CancelReason | None = None  # dropped, as the server refused
         self._phase = ""
+        self._out_of_reach = False
 
     @property
     def in_flight(self) -> bool:
@@ -71,9 +72,14 @@ class GoalRecord:
     @property
     def known_to_run(self) -> bool | None:
         """Whether a server has the goal and has not ended it; `None` where that is not known."""
-        if not self.in_flight or self._terminal_seen is not None or self._denied_for_good:
+        over = not self.in_flight and not self._out_of_reach
+        if over or self._terminal_seen is not None or self._denied_for_good:
             return False
-        return True if self.stage is Stage.ACCEPTED else None
+        return True if self.stage is Stage.ACCEPTED and not self._out_of_reach else None
+
+    def lose_touch(self) -> None:
+        """Nothing is learnt of the goal any more, and nothing done about it, though it may run."""
+        self._out_of_reach = self._out_of_reach or self.in_flight
 
     @property
     def _unproven(self) -> bool:

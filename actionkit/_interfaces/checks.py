@@ -149,7 +149,7 @@ def name(package: Package, target: Path, *, shadow: bool) -> None:
     place = target / package.name
     if read_record(place) is not None:
         return
-    if place.exists():
+    if place.exists() or place.is_symlink():  # the latter without what it leads to
         owner = owner_of(package.name)
         if owner is not None and (place / "__init__.py").is_file():
             raise TargetError(_taken(package, f"is installed here, by {owner}"))

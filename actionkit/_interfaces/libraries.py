@@ -59,7 +59,8 @@ def link(
     folders = [folder, *(one.libraries for one in used if one.record is not None), wheels]
     common = [
         "-Wl,--disable-new-dtags",
-        *(f"-Wl,-rpath,{path}" for path in search),
+        # Not with -Wl, which takes a comma in a path for the end of it.
+        *(word for path in search for word in ("-Xlinker", "-rpath", "-Xlinker", path)),
         *(f"-L{path}" for path in folders),
     ]
     theirs = [

@@ -82,7 +82,9 @@ def compile_all(
         InterfacesError: The compiler fails.
     """
     own = [path for path in includes if path.is_relative_to(work)]
-    flags = [flag for path in includes for flag in ("-I", os.path.relpath(path, work))]
+    # Not a way up from `work`: where a link is on it, that leads elsewhere.
+    folders = [path.relative_to(work) if path in own else path for path in includes]
+    flags = [flag for path in folders for flag in ("-I", str(path))]
     cache = _cache()
     output = work / "objects"
     output.mkdir()

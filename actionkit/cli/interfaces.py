@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,6 +79,12 @@ def build_command(
             "Say where the packages go: --install puts them into this Python environment,"
             " -o OUT into a folder."
         )
+    if output is not None and os.pathsep in str(output.absolute()):
+        raise click.BadParameter(
+            f"{output.absolute()} has a {os.pathsep!r} in it, so it cannot be on PYTHONPATH:"
+            " choose another folder.",
+            param_hint="-o",
+        )
     if shadow and install:
         raise click.UsageError("--shadow goes with -o: two packages cannot be installed as one.")
     from actionkit._interfaces import own_package
@@ -92,7 +100,8 @@ def build_command(
             Exit.USAGE if usage else Exit.NO_ROS if tools else Exit.FAILED, str(error)
         ) from error
     if output is not None:
-        say(f"To import from there: export PYTHONPATH={target.folder}${{PYTHONPATH:+:$PYTHONPATH}}")
+        folder_word = shlex.quote(str(target.folder))
+        say(f"To import from there: export PYTHONPATH={folder_word}${{PYTHONPATH:+:$PYTHONPATH}}")
     return Exit.OK
 
 

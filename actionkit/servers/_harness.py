@@ -239,15 +239,17 @@ class Harness:
             Whether they have ended.
         """
         self.control.stop()
-        if self._context.ok():
-            # Not executor.wake(): that ends a wait, but not spin_once, which needs something to do.
-            self.executor.create_task(lambda: None)
-        # While it waits, the spinning thread keeps alive what it waits for.
-        self._spinner.join(_JOIN_TIMEOUT)
-        ended = True
-        if isinstance(self.executor, ThreadPerGoalExecutor):
-            ended = self.executor.join_goals(seconds)
-        self._take_down()
+        try:
+            if self._context.ok():
+                # Not executor.wake(): that ends a wait, but not spin_once, which needs a task.
+                self.executor.create_task(lambda: None)
+            # While it waits, the spinning thread keeps alive what it waits for.
+            self._spinner.join(_JOIN_TIMEOUT)
+            ended = True
+            if isinstance(self.executor, ThreadPerGoalExecutor):
+                ended = self.executor.join_goals(seconds)
+        finally:  # also after a Ctrl-C in one of these waits: nobody calls this a second time
+            self._take_down()
         return ended
 
     def _take_down(self) -> None:

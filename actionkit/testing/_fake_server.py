@@ -240,8 +240,12 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             self._pid = os.getpid()
             self._journal.begin()
             self._harness = harness
-            harness.start()
-            atexit.register(self._leave)
+            try:
+                harness.start()
+                atexit.register(self._leave)
+            except BaseException:  # also for a Ctrl-C: no `with` statement has begun
+                self._leave()
+                raise
         return self
 
     def stop(self) -> None:

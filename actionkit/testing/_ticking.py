@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from actionkit._model.settings import check_seconds
+
 if TYPE_CHECKING:
     from py_trees.behaviour import Behaviour
     from py_trees.common import Status
@@ -39,9 +41,12 @@ def tick_until(
         How many ticks it took, at least 1.
 
     Raises:
+        TypeError, ValueError: A time is no number of seconds.
         AssertionError: (also a `TimeoutError`) It did not come in time; or the tree ended with
             SUCCESS where FAILURE or RUNNING was wanted, or the like. The message shows the tree.
     """
+    check_seconds("timeout", timeout, optional=False)
+    check_seconds("period", period, optional=False)
     root: Any = getattr(tree, "root", tree)
     tick: Callable[[], object] = getattr(tree, "tick_once", tree.tick)  # a behaviour has both
     until = time.monotonic() + timeout

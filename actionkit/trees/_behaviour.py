@@ -17,7 +17,7 @@ from actionkit._calls.future import GoalFuture
 from actionkit._client import Client
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
 from actionkit._model.arguments import check_type
-from actionkit._model.errors import ClientClosedError, InvalidGoalError
+from actionkit._model.errors import ActionKitError, ClientClosedError, InvalidGoalError
 from actionkit._model.printable import on_one_line
 from actionkit._model.settings import RetryPolicy, check_seconds
 from actionkit.trees import _words
@@ -138,7 +138,9 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         node = kwargs.get("node")
         self._hold.make(node)
         for leaf in self._leaves_of_tree():
-            with suppress(Exception):  # it comes again in the leaf's own setup
+            # It comes again in the leaf's own setup. No others: py_trees' limit for the setup
+            # raises whatever goes on here, and once.
+            with suppress(ImportError, TypeError, ValueError, ActionKitError):
                 leaf._hold.make(node)  # so that all find their servers at the same time
         self._hold.await_server(self._server_timeout, self.name)
         self._runs.closed = False

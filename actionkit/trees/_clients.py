@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import weakref
 from typing import Any
@@ -109,7 +110,9 @@ _open: weakref.WeakValueDictionary[tuple[Any, ...], _Shared] = weakref.WeakValue
 
 
 def _share(action_type: Any, action_name: str, node: Any, user: ClientHold) -> _Shared:
-    key = (action_type, action_name, id(node))
+    # A client stays in the domain in which it was made.
+    domain = os.environ.get("ROS_DOMAIN_ID", "") if node is None else ""
+    key = (action_type, action_name, id(node), domain)
     with _lock:
         shared = _open.get(key)
         if shared is None or shared.client.closed:

@@ -63,7 +63,6 @@ class Run:
         except BaseException as error:
             if self.future is None or isinstance(error, ClientClosedError):
                 self.future = None  # nothing has begun
-                self._tickets.append(None)
             self.give_up()
             raise
         if self.unwanted:  # perhaps only now, by another thread
@@ -78,10 +77,12 @@ class Run:
     @property
     def known_to_run(self) -> bool | None:
         """Whether its goal is known to run, or to run no more; `None` where neither is."""
+        unwanted = self.unwanted  # first: `start` looks for it after it has set `future`
         if self.future is None:
-            return False if self._tickets else None
+            return False if unwanted else None
+        done = self.future.done()  # first: another attempt may begin before it is
         known = self.future.known_to_run
-        if not self.future.done():
+        if not done:
             return known or None
         client_watches = self._client is not None and not self._client.closed
         return known if client_watches or known is False else None
@@ -97,11 +98,12 @@ class Runs:
         """Whether nothing is to be started any more."""
 
     def begin(self, timeout: float | None) -> Run:
-        """Begin a run, and give up those before."""
+        """Begin a run, and give up all others, those too that have sent nothing so far."""
         run = Run(timeout)
         # First, so that of two threads that begin one sees the other (C11.1).
         self._runs.append(run)
-        self.give_up(self.before(run))
+        self.give_up([each for each in list(self._runs) if each is not run])
+        self.before(run)
         return run
 
     def before(self, run: Run) -> list[Run]:

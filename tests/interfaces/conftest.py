@@ -119,13 +119,17 @@ odd_parts/Part part\r
 odd_parts/Part[<=2] parts\r
 bool property\r
 string type\r
+string[] sequence\r
 ---   # the result\r
 #---\r
 string msg\r
 int32 class_name\r
+string[] sequence\r
   ---\r
 uint8 A_CONSTANT = 7\r
 float32 percent\r
+string[] sequence\r
+string order\r
 """.encode()
 ODD_PARTS = {
     "msg/Part.msg": "string name\nHolder holder\n",

@@ -66,12 +66,17 @@ def test_only_what_changed_is_built(shared: Path, tmp_path: Path) -> None:
 
 
 def test_packages_that_were_built_elsewhere(points: Path, tmp_path: Path) -> None:
-    there, here = tmp_path / "there", tmp_path / "here"
+    there, here = tmp_path / "over, there", tmp_path / "here"
+    # Behind a link, the way up leads elsewhere.
+    (tmp_path / "a" / "b").mkdir(parents=True)
+    here.symlink_to(tmp_path / "a" / "b")
     user = write_package(tmp_path / "lines", {"msg/Line.msg": "points/Point[] points\n"})
     refused = actionkit("interfaces", "build", user, "-o", here)
     assert "the package points is not here" in refused.stderr
-    built(points, "-o", there)
-    done = actionkit("interfaces", "build", user, "-o", here, env=environment(there))
+    # Compiled anew, and not taken from the cache.
+    env = environment(XDG_CACHE_HOME=str(tmp_path / "cache"))
+    built(points, "-o", there, env=env)
+    done = actionkit("interfaces", "build", user, "-o", here, env={**env, "PYTHONPATH": str(there)})
     assert done.returncode == 0, done.stderr
     assert "for colcon, package.xml lacks <depend>points</depend>" in done.stderr
     assert fields("lines.msg", "Line", here, there) == ["points"]

@@ -99,6 +99,46 @@ def test_fields_by_name_on_the_command_line(odd_server: dict[str, str]) -> None:
     assert "behind a field" in shown  # the comments are found where they were put
 
 
+ODD_SERVERS = """
+from actionkit import Client, GoalAbortedError, servers
+from actionkit.testing import FakeServer
+from odd_actions.action import Odd
+
+fields = {"array": 1, "str": "s", "self": [1, 2], "order": "two", "sequence": ["a", "b"]}
+said = {"order": "three", "sequence": ["c"], "percent": 2.5}
+fake = FakeServer(
+    Odd, "fake", feedback=[said], result=lambda goal: {"msg": goal.order, "sequence": goal.sequence}
+)
+aborting = servers.start("scripted", action_type=Odd, action_name="a", script=["accept", "abort"])
+flooding = servers.start("floods", action_type=Odd, action_name="b", steps=3)
+with fake, aborting, flooding:
+    seen = []
+    with Client(Odd, "fake") as client:
+        result = client.call(fields, timeout=30.0, on_feedback=seen.append)
+    print(result.msg, list(result.sequence), seen == [Odd.Feedback(**said)])
+    print([fake.goals[0].array, fake.goals[0].str, list(fake.goals[0].self)])
+    with Client(Odd, "a") as client:
+        try:
+            client.call(fields, timeout=30.0)
+        except GoalAbortedError as error:
+            print(error.result == Odd.Result())
+    with Client(Odd, "b") as client:
+        print(client.call(fields, timeout=30.0) == Odd.Result())
+"""
+
+
+def test_servers_for_tests_of_fields_that_other_types_have_as_numbers(
+    odd: Path, ros_domain: int
+) -> None:
+    lines = run_python(ODD_SERVERS, env=environment(odd, ROS_DOMAIN_ID=str(ros_domain)))
+    assert lines.splitlines() == [
+        "two ['a', 'b'] True",
+        "[1, 's', [1, 2]]",
+        "True",
+        "True",
+    ]
+
+
 # --- the package of our own ------------------------------------------------------------------
 
 COUNTDOWN = """

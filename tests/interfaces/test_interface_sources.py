@@ -181,6 +181,23 @@ def test_a_target_that_cannot_be_written(source: Path, capsys: pytest.CaptureFix
     assert "/proc/interfaces: nothing can be written here" in capsys.readouterr().err
 
 
+def test_a_target_that_python_cannot_be_told_of(
+    source: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    build(source, "-o", source.parent / "at 12:30", code=2)
+    assert "cannot be on PYTHONPATH" in capsys.readouterr().err
+    assert not (source.parent / "at 12:30").exists()
+
+
+def test_a_link_to_nowhere_is_left_alone(source: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    link = source.parent / "out" / source.name
+    link.parent.mkdir()
+    link.symlink_to("/nowhere")
+    build(source, "-o", link.parent, code=1)
+    assert f"{link}: this is here" in capsys.readouterr().err
+    assert os.listdir(link.parent) == [link.name]
+
+
 def test_sources_are_not_overwritten(source: Path, capsys: pytest.CaptureFixture[str]) -> None:
     build(source, "-o", source.parent, code=1)
     assert f"{source}: this is here" in capsys.readouterr().err

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -14,8 +15,9 @@ from py_trees.common import Status
 from test_msgs.action import Fibonacci, NestedMessage
 
 from actionkit import Client, RetryPolicy, ServerUnavailableError, Timeouts, Verdict
-from actionkit.testing import tick_until
+from actionkit.testing import isolated_domain, tick_until
 from actionkit.trees import ActionBehaviour, FromBlackboard
+from actionkit.trees._clients import ClientHold
 from actionkit.trees._runs import Runs
 from tests.conftest import NEVER
 from tests.trees.conftest import Place, fate
@@ -237,6 +239,26 @@ def test_its_time_includes_the_wait_for_the_earlier_goal(
     server.release(1)
 
 
+def test_a_goal_that_its_client_lost_touch_with_is_not_run_beside_another(
+    place: Place, open_client: MakeClient
+) -> None:
+    """The client's own thread dies, and the client goes on with another one."""
+    server = place.server("lasting", script=["accept", "never"])
+    client = open_client("lasting", timeouts=Timeouts(server=0.5))
+    leaf = ActionBehaviour("a", client, {"order": 1})
+    tick_until(leaf, lambda: leaf.future.known_to_run, BOUND)
+    lost = leaf.future
+    runtime = client._session.port.runtime
+    runtime.run(lambda: setattr(runtime, "_broken", MemoryError("for the test")))
+    assert lost.exception(BOUND) is not None
+    assert lost.known_to_run is None
+    tick_until(leaf, Status.FAILURE, BOUND)
+    tick_until(leaf, lambda: "MAY STILL BE RUNNING" in leaf.feedback_message, BOUND)
+    assert client.wait_for_server(BOUND)
+    assert server.max_running == 1
+    leaf.shutdown()
+
+
 # --- clients -----------------------------------------------------------------------------------
 
 
@@ -265,6 +287,23 @@ def test_leaves_share_a_client_that_is_closed_with_the_last_of_them(place: Place
     trees[1].shutdown()
 
 
+def test_leaves_of_two_domains_do_not_share_a_client(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A test that has not shut down its tree must not send the next one's goals to its servers."""
+    place.server("fibonacci", "fibonacci", period=0.02)
+    first, second = (ActionBehaviour(n, (Fibonacci, "fibonacci"), {"order": 2}) for n in "ab")
+    first.setup()
+    with isolated_domain() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        second._server_timeout = 0.1
+        with pytest.raises(ServerUnavailableError):
+            second.setup()
+        assert second.client is not first.client
+        second.shutdown()
+    first.shutdown()
+
+
 def test_a_clients_own_end_is_told(place: Place, open_client: MakeClient) -> None:
     place.server("fibonacci", "fibonacci", period=0.02)
     client = open_client("fibonacci")
@@ -285,6 +324,27 @@ def test_setup_does_not_wait_for_ever(place: Place) -> None:
         leaf.setup()
     leaf.shutdown()
     assert leaf.client is None
+
+
+def test_the_time_for_a_setup_ends_it_whatever_it_does(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`tree.setup(timeout=...)` raises out of a signal handler, once."""
+    leaves = [ActionBehaviour(n, (Fibonacci, n), {}, server_timeout=0.1) for n in "ab"]
+    root = py_trees.composites.Sequence("root", memory=True, children=leaves)
+    make = ClientHold.make
+
+    def late(hold: ClientHold, node: Any) -> None:
+        if hold is leaves[1]._hold:
+            raise RuntimeError("tree setup interrupted or timed out")
+        make(hold, node)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ClientHold, "make", late)
+        with pytest.raises(RuntimeError, match="timed out"):
+            leaves[0].setup()
+    root.shutdown()
+    leaves[0].shutdown()
 
 
 def test_a_node_may_be_given_to_setup(place: Place) -> None:
@@ -411,6 +471,20 @@ def test_one_run_sends_one_goal_whoever_ticks(client: Any) -> None:
     assert runs.before(runs.begin(None)) == []
 
 
+def test_a_run_sends_nothing_once_another_has_begun(client: Any, place: Place) -> None:
+    """Two threads tick: one has begun a run, and comes to sending after the other one's begin."""
+    received = place.server("fibonacci").count("goal_received")
+    runs = Runs()
+    run = runs.begin(None)
+    later = runs.begin(None)
+    assert runs.before(run) == [later]
+    assert runs.before(later) == []
+    run.start(client, {"order": 2}, None, None)
+    assert run.future is not None
+    assert run.future.outcome(BOUND).attempts <= 1
+    assert place.server("fibonacci").count("goal_received") == received
+
+
 def test_a_run_that_was_given_up_sends_nothing(client: Any, place: Place) -> None:
     received = place.server("fibonacci").count("goal_received")
     runs = Runs()
@@ -449,6 +523,24 @@ def test_an_interrupt_in_the_middle_of_a_tick_leaves_no_goal_unknown(
     assert future.outcome(BOUND).error is not None
     assert future.known_to_run is False
     assert str(future.goal_id) not in place.server("fibonacci").running()
+
+
+def test_an_interrupt_before_a_tick_has_made_its_goal_is_no_goal_that_may_run(
+    client: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C when the goal was about to be made, and nothing says that it was not."""
+
+    class Tickets(deque[None]):
+        def pop(self) -> None:  # type: ignore[override]
+            super().pop()
+            raise Interrupted
+
+    leaf = ActionBehaviour("a", client, {"order": 2})
+    with monkeypatch.context() as patch:
+        patch.setattr("actionkit.trees._runs.deque", Tickets)
+        with pytest.raises(Interrupted):
+            leaf.tick_once()
+    tick_until(leaf, Status.SUCCESS, BOUND)
 
 
 def test_a_shutdown_by_another_thread_is_final(client: Any, place: Place) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import py_trees
 import pytest
@@ -28,6 +29,12 @@ def test_the_end_of_a_goal_wakes_it(place: Place) -> None:
     began = time.monotonic()
     assert tick_until(leaf, Status.SUCCESS, 60.0, period=50.0) == 2
     assert time.monotonic() - began < 40
+
+
+@pytest.mark.parametrize("given", [{"timeout": float("nan")}, {"period": -1}, {"period": "1"}])
+def test_a_time_that_is_none_is_refused(given: Any) -> None:
+    with pytest.raises((TypeError, ValueError), match="seconds"):
+        tick_until(py_trees.behaviours.Running("never"), Status.SUCCESS, **given)
 
 
 def test_it_says_what_the_tree_is_instead() -> None:

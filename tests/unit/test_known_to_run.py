@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from actionkit import GoalState, Timeouts
 from actionkit._calls.call_view import GoalsOfCall
+from actionkit._goal.effects import Timer
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import NEVER_ARRIVED
 from actionkit._model.cancel_answer import CancelAnswer
@@ -76,6 +79,33 @@ def test_a_server_that_does_not_know_it_so_far_may_take_it_yet() -> None:
     assert goal.known_to_run is False  # its callback would have decided by now
     goal.accepted(60.0)
     assert goal.known_to_run is True
+
+
+@pytest.mark.parametrize("make", [sent, accepted])
+@pytest.mark.parametrize("how", ["abandoned", "broken", "given up, then broken", "out of reach"])
+def test_of_one_that_nobody_looks_after_any_more_nothing_is_known(make: Any, how: str) -> None:
+    """It may run on: to say that it runs no more would have a tree start it a second time."""
+    goal = make()
+    goals = GoalsOfCall([goal])
+    if how.startswith("given up"):
+        goal.cancel(2.0)
+        goal.timer(Timer.CANCEL, 5.0, others_confirmed_at=0.0)
+    if how == "abandoned":
+        goal.close(2.0, abandon=True)
+    elif how == "out of reach":
+        goal.lose_touch()
+    else:
+        goal.fail("the thread died", RuntimeError("x"), 6.0)
+    assert goals.known_to_run is None
+    assert goals.left().known_to_run is None
+
+
+def test_one_that_had_ended_before_that_runs_no_more() -> None:
+    for goal in (Goal(Timeouts(), None), accepted()):
+        if goal.in_flight:
+            goal.result(GoalState.SUCCEEDED, None, 2.0, asked_at=1.0)
+        goal.fail("the thread died", RuntimeError("x"), 6.0)
+        assert goal.known_to_run is False
 
 
 @pytest.mark.parametrize(

@@ -283,3 +283,8 @@ def test_a_call_on_a_thread_that_died_fails() -> None:
     carrier.begin(call)  # type: ignore[arg-type]
     port.turn()
     assert call.notes == ["failed"]
+
+
+def test_a_future_whose_making_was_interrupted_is_dropped_quietly() -> None:
+    """Ctrl-C in the constructor: `__del__` must not look for what is not there."""
+    GoalFuture.__new__(GoalFuture).__del__()
