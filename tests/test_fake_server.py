@@ -496,6 +496,8 @@ if sys.argv[1] == "rclpy":
         signal.raise_signal(signal.SIGINT)   # rclpy's handler shuts down every context
     except KeyboardInterrupt:
         server.stop()
+    # Else rclpy's thread for signals now and then aborts the process at its exit.
+    rclpy.signals.uninstall_signal_handlers()
 elif sys.argv[1] == "fork":
     child = os.fork()
     if child == 0:

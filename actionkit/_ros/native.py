@@ -58,6 +58,15 @@ def is_up(context: Context) -> bool:
         return False
 
 
+def shut_down(context: Context) -> None:
+    """Shut down a context unless it is; rclpy's signal handler may do it at the same moment."""
+    try:
+        context.try_shutdown()
+    except RCLError:  # shut down since it was asked whether it is (R10)
+        if is_up(context):
+            raise
+
+
 def domain_of(context: Context) -> int:
     """Return the domain of a context, without the lock of `Context.get_domain_id()`.
 

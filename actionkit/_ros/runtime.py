@@ -25,7 +25,7 @@ from weakref import WeakValueDictionary
 from rclpy.context import Context
 from rclpy.node import Node
 
-from actionkit._ros.native import Source, Waiter, is_up
+from actionkit._ros.native import Source, Waiter, is_up, shut_down
 from actionkit._ros.outbox import Window
 from actionkit._ros.own_node import leave_graph, make_node
 from actionkit._ros.rejoining import Rejoining
@@ -265,7 +265,7 @@ class Runtime:
             self._waiter = Waiter(self.context)
             self._make_node()
         except BaseException:  # no context is left behind
-            self.context.try_shutdown()
+            shut_down(self.context)
             raise
 
     def _make_node(self) -> None:
@@ -336,5 +336,5 @@ class Runtime:
             self._empty_inbox()
         self._waiter.destroy()
         leave_graph(self.node)
-        self.context.try_shutdown()
+        shut_down(self.context)
         self.context.destroy()

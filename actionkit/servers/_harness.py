@@ -16,6 +16,7 @@ from rclpy.node import Node
 
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.joining import joining
+from actionkit._ros.native import shut_down
 from actionkit.servers._behaviour import Behaviour, Process
 from actionkit.servers._contents import message_of
 from actionkit.servers._executors import ThreadPerGoalExecutor, make_executor, spin
@@ -262,7 +263,7 @@ class Harness:
         for node in self._nodes[:1]:
             stop_listening(node)
             node.destroy_node()
-        self._context.try_shutdown()
+        shut_down(self._context)
 
     # -- for behaviours --------------------------------------------------------------------
 

@@ -159,6 +159,7 @@ def test_what_cannot_be_compiled_or_loaded_changes_nothing(points: Path, tmp_pat
 
 def test_installed_listed_and_uninstalled(points: Path, python: str) -> None:
     env = environment()
+    env.pop("PIP_QUIET", None)  # it is to tell what is installed
     root = Path(python).parents[1]
     files = {path for path in root.rglob("*") if "__pycache__" not in path.parts}
 
