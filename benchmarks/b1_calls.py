@@ -5,9 +5,10 @@ from __future__ import annotations
 from contextlib import ExitStack
 from functools import partial
 
-from benchmarks.clients import OURS, RAW, VARIANTS
-from benchmarks.measure import Report, Scale, Verdict, alternate, best, figure
+from benchmarks.clients import OURS
+from benchmarks.measure import Report, Scale, Verdict, alternate, best, figure, ratio
 from benchmarks.pairs import FORGETFUL, Pair
+from benchmarks.variants import FLOORS, RAW, VARIANTS
 
 _CALLS = 10
 
@@ -49,4 +50,9 @@ def _cell(report: Report, scale: Scale, pairs: dict[str, Pair], order: int, feed
             report.verdicts += [
                 Verdict(f"{what}: latency of {name}, to the best raw", latency.ratio, 1.0),
                 Verdict(f"{what}: client CPU of {name}, to the best raw", cpu.ratio, 0.6),
+                Verdict(
+                    f"{what}: client CPU of {name}, to the floor",
+                    ratio(samples, name, FLOORS[name], "cpu"),
+                    1.3 if name == OURS[0] and not feedback else 1.6,
+                ),
             ]

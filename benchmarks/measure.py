@@ -70,6 +70,27 @@ class Verdict:
 
 
 @dataclass
+class Plot:
+    """Something for a picture.
+
+    Attributes:
+        title: What it tells.
+        x: What goes along.
+        y: What goes up.
+        series: Lines: points of each, by name.
+    """
+
+    title: str
+    x: str
+    y: str
+    series: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+
+    def add(self, who: str, x: float, y: float) -> None:
+        """Add a point to somebody's line."""
+        self.series.setdefault(who, []).append((x, y))
+
+
+@dataclass
 class Report:
     """What one benchmark found.
 
@@ -78,16 +99,18 @@ class Report:
         title: What it is about.
         figures: The lines of its table.
         verdicts: On its targets.
-        series: Lines of its plot: points of each, by name.
-        axes: What the plot's axes are.
+        plots: For the pictures.
+        notes: What the table doesn't tell, in sentences.
+        about: When, by which command and on what it was measured.
     """
 
     number: int
     title: str
     figures: list[Figure] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
-    series: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
-    axes: tuple[str, str] = ("", "")
+    plots: list[Plot] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    about: str = ""
 
 
 def alternate(rounds: int, variants: Mapping[str, Callable[[], Sample]], what: str = "") -> Samples:

@@ -1,0 +1,193 @@
+"""Scale in number: of actions and servers, of client processes, of goals in flight."""
+
+from __future__ import annotations
+
+import statistics
+from contextlib import ExitStack
+from functools import partial
+from typing import Any
+
+from actionkit.testing import isolated_domain
+from benchmarks import process
+from benchmarks.child import Child
+from benchmarks.clients import BEST_RAW, OURS
+from benchmarks.climb import Climb, Turn
+from benchmarks.measure import Report, Sample, Scale, Verdict
+from benchmarks.pairs import FORGETFUL
+from benchmarks.server import NAME
+
+_PER_SERVER = 5
+_GOALS = 5
+_CALLS = 20
+_PATIENCE = 40.0
+_REMEMBERED = 5.0
+"""Seconds. A busy server must not forget a result before it has sent it."""
+_NOISE = 1.1
+"""No more than the raw client, but for the machine's noise."""
+_KINDS = {OURS[0]: "ActionKit", BEST_RAW: "rclpy"}
+
+
+def actions(report: Report, scale: Scale) -> None:
+    """Many actions, five on each server, all called by one process."""
+    sizes = (10, 50) if scale.quick else (10, 50, 100, 200)
+    with ExitStack() as stack:
+        domain = stack.enter_context(isolated_domain())
+        # On localhost, Fast DDS looks for the 32 lowest numbers of participants only. Ours have to
+        # be among them, so this one comes before the servers, and makes room for the client.
+        with Child(domain, "benchmarks.server") as first:
+            first.do("leave")
+            names: list[str] = []
+            servers = [
+                stack.enter_context(Child(domain, "benchmarks.server"))
+                for _ in range(sizes[-1] // _PER_SERVER)
+            ]
+            for server in servers:
+                for _ in range(_PER_SERVER):
+                    names.append(f"action_{len(names)}")
+                    server.do("renew", name=names[-1], result_timeout=FORGETFUL)
+        climb = Climb(report, "actions", "actions", scale.pick(30, 100))
+
+        def turn(kind: str, number: int) -> Sample:
+            with Child(domain, "benchmarks.fleet", kind) as fleet:
+                fleet.patience = min(_PATIENCE, climb.left())
+                found = _do(fleet, "open", names=names[:number])
+                chains = _do(fleet, "chains", goals=_GOALS)
+                return {
+                    **found,
+                    **chains,
+                    "unfair": _unfair(chains["took"]),
+                    "kilobytes": found["memory"] / 1e3,
+                }
+
+        turns: dict[str, Turn] = {who: partial(turn, kind) for who, kind in _KINDS.items()}
+        climb.up(sizes, turns, scale.pick(1, 2))
+    climb.figures("actions at a time: wall time per call", "wall", BEST_RAW)
+    climb.figures("actions at a time: client CPU per call", "cpu", BEST_RAW)
+    climb.figures("actions at a time: slowest action to median", "unfair", BEST_RAW, unit="x")
+    climb.figures("connect to them all", "connect", BEST_RAW)
+    climb.figures("client CPU to connect, per action", "connect_cpu", BEST_RAW)
+    climb.figures("memory per action", "kilobytes", BEST_RAW, unit="kB")
+    climb.plot("Actions called at a time", "client CPU, ms a call", "cpu", 1e3)
+    _verdicts(report, climb, "of them called at a time", "cpu", "wall")
+
+
+def processes(report: Report, scale: Scale) -> None:
+    """Many client processes on one server, which all call at a time."""
+    sizes = (1, 5) if scale.quick else (1, 5, 10, 20)
+    climb = Climb(report, "processes", "processes", scale.pick(20, 60))
+    with ExitStack() as stack:
+        turns: dict[str, Turn] = {}
+        for who in _KINDS:
+            domain = stack.enter_context(isolated_domain())
+            server = stack.enter_context(Child(domain, "benchmarks.server"))
+            server.do("reset", result_timeout=FORGETFUL)
+            workers = [
+                stack.enter_context(Child(domain, "benchmarks.worker", who))
+                for _ in range(sizes[-1])
+            ]
+            turns[who] = partial(_together, climb, server, workers)
+        climb.up(sizes, turns, scale.pick(1, 3))
+    climb.figures("processes at a time: wall time per call of all", "wall", BEST_RAW)
+    climb.figures("processes at a time: client CPU per call", "cpu", BEST_RAW)
+    climb.figures("processes at a time: server CPU per call", "server", BEST_RAW)
+    climb.figures("processes at a time: slowest process to median", "unfair", BEST_RAW, unit="x")
+    climb.plot("Client processes on one server", "wall time, ms a call of all", "wall", 1e3)
+    _verdicts(report, climb, "on one server", "cpu", "wall")
+
+
+def _together(climb: Climb, server: Child, workers: list[Child], number: int) -> Sample:
+    """Only those that take part are connected: the server sends to each that is."""
+    busy = workers[:number]
+    for worker in busy:
+        worker.patience = min(_PATIENCE, climb.left())
+        worker.begin("open")
+    for worker in busy:
+        worker.end()
+    before = process.cpu(server.pid)
+    for worker in busy:
+        worker.begin("in_a_row", calls=_CALLS, order=5)
+    samples = [worker.end() for worker in busy]
+    used = process.cpu(server.pid) - before
+    for worker in busy:
+        worker.do("close")
+    return {
+        # All run at a time: the server's rate is what counts.
+        "wall": statistics.mean(one["wall"] for one in samples) / number,
+        "cpu": statistics.mean(one["cpu"] for one in samples),
+        "server": used / (_CALLS * number),
+        "unfair": _unfair([sum(one["took"]) for one in samples]),
+    }
+
+
+def in_flight(report: Report, scale: Scale) -> None:
+    """Very many goals in flight, of one action, and spread over ten."""
+    for number, sizes, seconds in (
+        (1, (100, 1000) if scale.quick else (100, 1000, 3000, 10_000), scale.pick(20, 120)),
+        (10, (1000,) if scale.quick else (1000, 10_000), scale.pick(15, 50)),
+    ):
+        where = "of one action" if number == 1 else f"of {number} actions"
+        climb = Climb(report, f"goals {where}", f"goals {where}", seconds)
+        names = [NAME, *(f"{NAME}_{one}" for one in range(1, number))]
+        with ExitStack() as stack:
+            turns: dict[str, Turn] = {}
+            for who, kind in _KINDS.items():
+                domain = stack.enter_context(isolated_domain())
+                server = stack.enter_context(Child(domain, "benchmarks.server"))
+                turns[who] = partial(_flood, climb, domain, server, kind, names)
+            climb.up(sizes, turns, 1)
+        climb.figures("in flight: wall time per goal", "wall", BEST_RAW)
+        climb.figures("in flight: client CPU per goal", "cpu", BEST_RAW)
+        climb.figures("in flight: server CPU per goal", "server", BEST_RAW)
+        climb.figures("in flight: slowest 5 % to median goal", "unfair", BEST_RAW, unit="x")
+        climb.figures("in flight: client memory per goal", "kilobytes", BEST_RAW, unit="kB")
+        climb.plot(f"Goals in flight, {where}", "wall time, ms a goal", "wall", 1e3, "goals")
+        _verdicts(report, climb, "in flight", "cpu", "wall")
+
+
+def _flood(
+    climb: Climb, domain: int, server: Child, kind: str, names: list[str], goals: int
+) -> Sample:
+    server.do("reset", hold=goals, result_timeout=_REMEMBERED)
+    for name in names[1:]:
+        server.do("renew", name=name, result_timeout=_REMEMBERED)
+    with Child(domain, "benchmarks.fleet", kind) as fleet:
+        fleet.patience = min(_PATIENCE, climb.left())
+        _do(fleet, "open", names=names)
+        # Half of what is left: the other one has to have its turn.
+        seconds = climb.left() / 2
+        fleet.patience = seconds + 10.0
+        before = process.cpu(server.pid)
+        found = _do(fleet, "flood", goals=goals, seconds=seconds)
+        used = process.cpu(server.pid) - before
+        took = sorted(found["took"])
+        slow = took[min(len(took) - 1, int(0.95 * len(took)))] / statistics.median(took)
+        return {
+            **found,
+            "server": used / goals,
+            "unfair": slow,
+            "kilobytes": found["memory"] / 1e3,
+        }
+
+
+def _do(child: Child, command: str, **arguments: Any) -> dict[str, Any]:
+    """Have a child do something; one that fails has more to do than to leave in peace."""
+    try:
+        answer: dict[str, Any] = child.do(command, **arguments)
+    except RuntimeError:
+        child.kill()
+        raise
+    return answer
+
+
+def _unfair(took: list[float]) -> float:
+    return max(took) / statistics.median(took)
+
+
+def _verdicts(report: Report, climb: Climb, what: str, *keys: str) -> None:
+    for key in keys:
+        found = climb.last_ratio(OURS[0], BEST_RAW, key)
+        name = {"cpu": "client CPU", "wall": "wall time"}[key]
+        size = "none" if found is None else climb.sized(found[0])
+        report.verdicts.append(
+            Verdict(f"{size} {what}: {name}, to raw", found and found[1], _NOISE)
+        )
