@@ -8,14 +8,12 @@ from functools import partial
 
 from benchmarks.clients import BEST_RAW, OURS
 from benchmarks.measure import (
-    Plot,
     Report,
     Sample,
     Scale,
     Verdict,
     alternate,
     figure,
-    middle,
     ratio,
 )
 from benchmarks.pairs import Pair
@@ -29,8 +27,6 @@ _WAVES = {1: 30, 10: 10, 100: 2, 1000: 1}
 def run_all(scale: Scale) -> Report:
     """Submit so many goals together; the server runs them when it has accepted them all."""
     report = Report(3, "Many goals in flight")
-    plot = Plot("Goals in flight, one action", "goals", "wall time, ms a goal")
-    report.plots.append(plot)
     with ExitStack() as stack:
         pairs = {name: stack.enter_context(Pair(client)) for name, client in _CLIENTS.items()}
         turns = {
@@ -47,7 +43,6 @@ def run_all(scale: Scale) -> Report:
                 figure("client CPU per goal", samples, name, "cpu", baseline=ten),
                 figure("slowest 5 % to median goal", samples, name, "unfair", unit="x"),
             ]
-            plot.add(_CLIENTS[who], level, 1e3 * middle(samples[name], "wall"))
         if who in ("threads", "asyncio"):
             thousand, ten = _name(who, 1000), _name(who, 10)
             for key, what in (("wall", "wall time"), ("cpu", "client CPU")):

@@ -34,6 +34,7 @@ class Child:
             bufsize=1,
             env=_environment(domain),
         )
+        self._name = " ".join([module, *arguments])
         self.pid = self._process.pid
         self.patience = _PATIENCE
 
@@ -58,7 +59,7 @@ class Child:
             self._process.stdin.write(json.dumps({"do": command, **arguments}) + "\n")
             self._process.stdin.flush()
         except BrokenPipeError:
-            raise RuntimeError(f"{self._process.args} has ended") from None
+            raise RuntimeError(f"{self._name} has ended") from None
 
     def end(self) -> Any:
         """Return what the command of `begin` returns."""
@@ -67,10 +68,10 @@ class Child:
         line = self._process.stdout.readline() if ready else ""
         if not line:
             self._process.kill()
-            raise RuntimeError(f"no answer from {self._process.args} in {self.patience:.0f} s")
+            raise RuntimeError(f"no answer from {self._name} in {self.patience:.0f} s")
         answer = json.loads(line)
         if "error" in answer:
-            raise RuntimeError(f"{self._process.args} failed:\n{answer['error']}")
+            raise RuntimeError(f"{self._name} failed:\n{answer['error']}")
         return answer["ok"]
 
     def kill(self) -> None:

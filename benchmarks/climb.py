@@ -14,7 +14,7 @@ Turn = Callable[[int], Sample]
 class Climb:
     """One kind of size and who is measured at it, each from small to large, within a time.
 
-    Whoever fails at one size is not tried at a larger one: the report tells where it broke.
+    Whoever fails twice at one size is not tried at a larger one: the report tells where it broke.
     """
 
     def __init__(self, report: Report, what: str, unit: str, seconds: float) -> None:
@@ -50,18 +50,27 @@ class Climb:
         if who in self._out:
             return
         if time.monotonic() >= self._until:
-            self._leave(who, size, "there was no time left to try")
+            self._note(who, size, "there was no time left to try")
+            self._out.add(who)
             return
-        try:
-            sample = turn(size)
-        except RuntimeError as error:
-            self._leave(who, size, str(error).strip().splitlines()[-1])
-            return
-        self.samples.setdefault(self.row(who, size), []).append(sample)
+        sample = self._attempt(who, size, turn)
+        if sample is None and time.monotonic() < self._until:
+            sample = self._attempt(who, size, turn)
+        if sample is None:
+            self._out.add(who)
+        else:
+            self.samples.setdefault(self.row(who, size), []).append(sample)
 
-    def _leave(self, who: str, size: int, why: str) -> None:
-        self._out.add(who)
-        note = f"{self.row(who, size)}: {why}."
+    def _attempt(self, who: str, size: int, turn: Turn) -> Sample | None:
+        try:
+            return turn(size)
+        except RuntimeError as error:
+            why = str(error).strip().splitlines()[-1]
+            self._note(who, size, why.removeprefix("RuntimeError: "))
+            return None
+
+    def _note(self, who: str, size: int, why: str) -> None:
+        note = f"{self.row(who, size)}: {why.rstrip('.')}."
         console.print(f"  {note}", style="yellow")
         self._report.notes.append(note)
 

@@ -68,6 +68,15 @@ class Verdict:
         """Whether it is."""
         return self.measured is not None and self.measured <= self.limit
 
+    @property
+    def share(self) -> float:
+        """How much of the limit is used: above one is missed."""
+        if self.measured is None:
+            return float("inf")
+        if self.limit == 0:
+            return 0.0 if self.met else float("inf")  # nothing at all is allowed
+        return max(0.0, self.measured) / self.limit
+
 
 @dataclass
 class Plot:

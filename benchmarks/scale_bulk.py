@@ -22,11 +22,11 @@ _KB, _MB = 1_000, 1_000_000
 def feedback(report: Report, scale: Scale) -> None:
     """Feedback thirty times a second, of growing size."""
     sizes = (100, 1000) if scale.quick else (10, 100, 1000, 2000, 4000)
-    climb = Climb(report, "feedback", "kB of feedback", scale.pick(15, 60))
+    climb = Climb(report, "feedback", "kB of feedback", scale.pick(10, 30))
     messages = int(_RATE * scale.pick(1, 3))
     with ExitStack() as stack:
         turns = {who: _connect(stack, climb, who, partial(_stream, messages)) for who in _WHO}
-        climb.up(sizes, turns, scale.pick(1, 2))
+        climb.up(sizes, turns, 1)
     climb.figures("feedback at 30 Hz: lost", "lost", BEST_RAW, unit="%")
     climb.figures("feedback at 30 Hz: client CPU per message", "cpu", BEST_RAW)
     climb.figures("feedback at 30 Hz: client memory more", "memory", BEST_RAW, unit="MB")
@@ -39,10 +39,10 @@ def feedback(report: Report, scale: Scale) -> None:
 def results(report: Report, scale: Scale) -> None:
     """Results of growing size."""
     sizes = (1, 10) if scale.quick else (1, 10, 25, 50, 100)
-    climb = Climb(report, "results", "MB of result", scale.pick(15, 50))
+    climb = Climb(report, "results", "MB of result", scale.pick(10, 20))
     with ExitStack() as stack:
         turns = {who: _connect(stack, climb, who, _fetch) for who in _WHO}
-        climb.up(sizes, turns, scale.pick(2, 3))
+        climb.up(sizes, turns, scale.pick(1, 2))
     climb.figures("result: wall time", "wall", BEST_RAW)
     climb.figures("result: client CPU", "cpu", BEST_RAW)
     climb.figures("result: client memory more, to its size", "shares", BEST_RAW, unit="x")
