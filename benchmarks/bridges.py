@@ -11,7 +11,6 @@ import asyncio
 import time
 from typing import Any
 
-import rclpy
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.context import Context
@@ -108,7 +107,7 @@ class SpinningThread(SpinningTask):
         loop = asyncio.get_running_loop()
         done: asyncio.Future[Any] = loop.create_future()
 
-        def hand_over(ended: rclpy.Future) -> None:
+        def hand_over(ended: Any) -> None:
             loop.call_soon_threadsafe(done.set_result, ended.result())
 
         future.add_done_callback(hand_over)

@@ -14,11 +14,15 @@ Turn = Callable[[int], Sample]
 class Climb:
     """One kind of size and who is measured at it, each from small to large, within a time.
 
-    Whoever fails twice at one size is not tried at a larger one: the report tells where it broke.
+    Whoever fails at each try of a size is not tried at a larger one: the report tells where it
+    broke.
     """
 
-    def __init__(self, report: Report, what: str, unit: str, seconds: float) -> None:
-        """Name the size ("actions"), its unit for the rows, and what time there is."""
+    def __init__(
+        self, report: Report, what: str, unit: str, seconds: float, tries: int = 2
+    ) -> None:
+        """Name what is measured, the unit of its sizes, and what time and tries there are."""
+        self._tries = tries
         self.samples: Samples = {}
         self._report = report
         self._what = what
@@ -54,8 +58,9 @@ class Climb:
             self._out.add(who)
             return
         sample = self._attempt(who, size, turn)
-        if sample is None and time.monotonic() < self._until:
-            sample = self._attempt(who, size, turn)
+        for _ in range(self._tries - 1):
+            if sample is None and time.monotonic() < self._until:
+                sample = self._attempt(who, size, turn)
         if sample is None:
             self._out.add(who)
         else:

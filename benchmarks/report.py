@@ -61,7 +61,7 @@ def _verdict(verdict: Verdict) -> tuple[str, str, str, str]:
         verdict.target,
         "nothing" if verdict.measured is None else f"{verdict.measured:.3g}{unit}",
         f"<= {verdict.limit:g}{unit}",
-        "met" if verdict.met else "**missed**",
+        "met" if verdict.met else "missed",
     )
 
 
@@ -174,7 +174,9 @@ def _tables(report: Report) -> list[str]:
     lines = [f"### {report.number}. {report.title}", "", report.about, ""]
     if report.verdicts:
         lines += ["| target | measured | limit | |", "|---|---|---|---|"]
-        lines += [f"| {' | '.join(_verdict(verdict))} |" for verdict in report.verdicts]
+        for verdict in report.verdicts:
+            *cells, met = _verdict(verdict)
+            lines.append(f"| {' | '.join(cells)} | {met if verdict.met else f'**{met}**'} |")
         lines.append("")
     for note in report.notes:
         lines += [f"- {note}"]

@@ -23,6 +23,9 @@ _WARM = 2
 _PATIENCE = 60.0
 _ANSWER = 15.0
 """Seconds for calls that take milliseconds each."""
+_START = 2.0
+_SLOW = 0.008
+"""Seconds for all goals, and for each: who is slower than that is out."""
 _REMEMBERED = 5.0
 """Seconds. A busy server must not forget a result before it has sent it."""
 _NOISE = 1.1
@@ -48,7 +51,7 @@ def actions(report: Report, scale: Scale) -> None:
                 for _ in range(_PER_SERVER):
                     names.append(f"action_{len(names)}")
                     server.do("renew", name=names[-1], result_timeout=_REMEMBERED)
-        climb = Climb(report, "actions", "actions", scale.pick(35, 150))
+        climb = Climb(report, "actions", "actions", scale.pick(35, 120))
 
         def turn(kind: str, number: int) -> Sample:
             with Child(domain, "benchmarks.fleet", kind) as fleet:
@@ -78,7 +81,7 @@ def actions(report: Report, scale: Scale) -> None:
 def processes(report: Report, scale: Scale) -> None:
     """Many client processes on one server, which all call at a time."""
     sizes = (1, 5) if scale.quick else (1, 5, 10, 20)
-    climb = Climb(report, "processes", "processes", scale.pick(15, 40))
+    climb = Climb(report, "processes", "processes", scale.pick(15, 35))
     with ExitStack() as stack:
         turns: dict[str, Turn] = {}
         for who in _KINDS:
@@ -133,11 +136,11 @@ def _all(
 def in_flight(report: Report, scale: Scale) -> None:
     """Very many goals in flight, of one action, and spread over ten."""
     for number, sizes, seconds in (
-        (1, (100, 1000) if scale.quick else (100, 1000, 3000, 10_000), scale.pick(25, 80)),
+        (1, (100, 1000) if scale.quick else (100, 1000, 3000, 10_000), scale.pick(25, 100)),
         (10, (1000,) if scale.quick else (1000, 10_000), scale.pick(15, 35)),
     ):
         where = "of one action" if number == 1 else f"of {number} actions"
-        climb = Climb(report, f"goals {where}", f"goals {where}", seconds)
+        climb = Climb(report, f"goals {where}", f"goals {where}", seconds, tries=1)
         names = [NAME, *(f"{NAME}_{one}" for one in range(1, number))]
         with ExitStack() as stack:
             turns: dict[str, Turn] = {}
@@ -166,8 +169,7 @@ def _flood(
         fleet.patience = min(_PATIENCE, climb.left())
         _do(fleet, "open", names=names)
         server.do("hold", goals=goals)
-        # Half of what is left: the other one has to have its turn.
-        seconds = climb.left() / 2
+        seconds = min(climb.left(), _START + _SLOW * goals)
         fleet.patience = seconds + 10.0
         before = process.cpu(server.pid)
         found = _do(fleet, "flood", goals=goals, seconds=seconds)
