@@ -33,7 +33,7 @@ def _cell(report: Report, scale: Scale, pairs: dict[str, Pair], order: int, feed
     turns = {
         name: partial(pair.turn, _CALLS, order, feedback=feedback) for name, pair in pairs.items()
     }
-    samples = alternate(scale.pick(40, 100), turns, f"1, {what}")
+    samples = alternate(scale.pick(20, 100), turns, f"1, {what}")
     fastest, leanest = best(samples, RAW, "latency"), best(samples, RAW, "cpu")
     for name in pairs:
         latency = figure(f"{what}: latency", samples, name, "latency", baseline=fastest)

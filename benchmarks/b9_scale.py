@@ -15,7 +15,8 @@ def run_all(scale: Scale) -> Report:
     for measure in (
         scale_many.actions,
         scale_many.processes,
-        scale_many.in_flight,
+        scale_many.one_action,
+        scale_many.ten_actions,
         scale_bulk.feedback,
         scale_bulk.results,
     ):

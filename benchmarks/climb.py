@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from benchmarks.measure import Figure, Plot, Report, Sample, Samples, console, figure, middle
 
+_LONG = 100
 Turn = Callable[[int], Sample]
 """Measures at a size. It raises RuntimeError where that can't be done."""
 
@@ -71,6 +72,8 @@ class Climb:
             return turn(size)
         except RuntimeError as error:
             why = str(error).strip().splitlines()[-1]
+            if len(why) > _LONG:
+                why = why[:_LONG] + " ..."
             self._note(who, size, why.removeprefix("RuntimeError: "))
             return None
 

@@ -22,7 +22,7 @@ _KB, _MB = 1_000, 1_000_000
 def feedback(report: Report, scale: Scale) -> None:
     """Feedback thirty times a second, of growing size."""
     sizes = (100, 1000) if scale.quick else (10, 100, 1000, 2000, 4000)
-    climb = Climb(report, "feedback", "kB of feedback", scale.pick(10, 20))
+    climb = Climb(report, "feedback", "kB of feedback", scale.pick(10, 40))
     messages = int(_RATE * scale.pick(1, 3))
     with ExitStack() as stack:
         turns = {who: _connect(stack, climb, who, partial(_stream, messages)) for who in _WHO}
