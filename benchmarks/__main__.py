@@ -19,7 +19,10 @@ _MODULES = {
     6: "b6_soak",
     7: "b7_trees",
     8: "b8_fresh",
+    9: "b9_scale",
 }
+_SHOWN = Path(__file__).parent / "results.json"
+"""What the page shows. It is kept with the code, so that one part can be measured anew alone."""
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -34,9 +37,13 @@ _MODULES = {
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
     default=_ROOT / "build" / "benchmarks",
-    help="Where results.json and results.svg go.",
+    help="Where results.json and the pictures go.",
 )
-@click.option("--write-docs", is_flag=True, help="Put the tables and the plot into docs/cost.md.")
+@click.option(
+    "--write-docs",
+    is_flag=True,
+    help="Put what is measured into docs/cost.md and its pictures; the rest of them stays.",
+)
 def main(quick: bool, only: tuple[str, ...], out: Path, write_docs: bool) -> None:
     """Measure what ActionKit costs, in alternation with hand-written rclpy clients."""
     try:
@@ -53,15 +60,17 @@ def main(quick: bool, only: tuple[str, ...], out: Path, write_docs: bool) -> Non
         began = time.monotonic()
         module = importlib.import_module(f"benchmarks.{_MODULES[number]}")
         known[number] = module.run_all(scale)
+        known[number].about = report.about(command)
         report.show(known[number])
-        reports = [known[one] for one in sorted(known)]
         console.print(f"  {time.monotonic() - began:.0f} s", style="dim")
         # Each time, so that what goes wrong later loses nothing.
-        report.write_json(reports, out / "results.json", command)
-        plot.write(reports, out / "results.svg")
+        report.write_json(known, out / "results.json")
+        plot.write(known, out)
         if write_docs:
-            report.write_docs(reports, _ROOT / "docs" / "cost.md", command)
-            plot.write(reports, _ROOT / "docs" / "cost.svg")
+            shown = {**report.read_json(_SHOWN), number: known[number]}
+            report.write_json(shown, _SHOWN)
+            report.write_docs(shown, _ROOT / "docs" / "cost.md")
+            plot.write(shown, _ROOT / "docs")
     missed = [
         verdict.target for one in known.values() for verdict in one.verdicts if not verdict.met
     ]

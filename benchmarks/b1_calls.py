@@ -5,9 +5,10 @@ from __future__ import annotations
 from contextlib import ExitStack
 from functools import partial
 
-from benchmarks.clients import OURS, RAW, VARIANTS
-from benchmarks.measure import Report, Scale, Verdict, alternate, best, figure
+from benchmarks.clients import OURS
+from benchmarks.measure import Report, Scale, Verdict, alternate, best, figure, ratio
 from benchmarks.pairs import FORGETFUL, Pair
+from benchmarks.variants import FLOORS, RAW, VARIANTS
 
 _CALLS = 10
 
@@ -32,7 +33,7 @@ def _cell(report: Report, scale: Scale, pairs: dict[str, Pair], order: int, feed
     turns = {
         name: partial(pair.turn, _CALLS, order, feedback=feedback) for name, pair in pairs.items()
     }
-    samples = alternate(scale.pick(40, 100), turns, f"1, {what}")
+    samples = alternate(scale.pick(20, 100), turns, f"1, {what}")
     fastest, leanest = best(samples, RAW, "latency"), best(samples, RAW, "cpu")
     for name in pairs:
         latency = figure(f"{what}: latency", samples, name, "latency", baseline=fastest)
@@ -49,4 +50,9 @@ def _cell(report: Report, scale: Scale, pairs: dict[str, Pair], order: int, feed
             report.verdicts += [
                 Verdict(f"{what}: latency of {name}, to the best raw", latency.ratio, 1.0),
                 Verdict(f"{what}: client CPU of {name}, to the best raw", cpu.ratio, 0.6),
+                Verdict(
+                    f"{what}: client CPU of {name}, to the floor",
+                    ratio(samples, name, FLOORS[name], "cpu"),
+                    1.3 if name == OURS[0] and not feedback else 1.6,
+                ),
             ]

@@ -7,7 +7,17 @@ from contextlib import ExitStack
 from functools import partial
 
 from benchmarks.clients import BEST_RAW, OURS
-from benchmarks.measure import Report, Sample, Scale, Verdict, alternate, figure, middle, ratio
+from benchmarks.measure import (
+    Plot,
+    Report,
+    Sample,
+    Scale,
+    Verdict,
+    alternate,
+    figure,
+    middle,
+    ratio,
+)
 from benchmarks.pairs import FORGETFUL, Pair
 
 _ORDER = 5
@@ -22,7 +32,9 @@ _FEW = 500
 
 def run_all(scale: Scale) -> Report:
     """Measure against servers with so many goals in their memory."""
-    report = Report(2, "Goals that the server remembers", axes=("remembered goals", "CPU ms/call"))
+    report = Report(2, "Goals that the server remembers")
+    plot = Plot("Goals that the server remembers", "goals", "client CPU, ms a call")
+    report.plots.append(plot)
     clients = (*OURS, BEST_RAW)
     turns: dict[str, Callable[[], Sample]] = {}
     with ExitStack() as stack:
@@ -43,7 +55,7 @@ def run_all(scale: Scale) -> Report:
                 ("rest", "latency less server CPU"),
             ):
                 report.figures.append(figure(what, samples, name, key, baseline=zero))
-            report.series.setdefault(client, []).append((level, 1e3 * middle(samples[name], "cpu")))
+            plot.add(client, level, 1e3 * middle(samples[name], "cpu"))
     for client in OURS:
         most, zero = _name(client, _LEVELS[-1]), _name(client, 0)
         for key, what in (

@@ -7,7 +7,15 @@ from contextlib import ExitStack
 from functools import partial
 
 from benchmarks.clients import BEST_RAW, OURS
-from benchmarks.measure import Report, Sample, Scale, Verdict, alternate, figure, middle, ratio
+from benchmarks.measure import (
+    Report,
+    Sample,
+    Scale,
+    Verdict,
+    alternate,
+    figure,
+    ratio,
+)
 from benchmarks.pairs import Pair
 
 _ORDER = 5
@@ -18,7 +26,7 @@ _WAVES = {1: 30, 10: 10, 100: 2, 1000: 1}
 
 def run_all(scale: Scale) -> Report:
     """Submit so many goals together; the server runs them when it has accepted them all."""
-    report = Report(3, "Many goals in flight", axes=("goals in flight", "CPU ms/goal"))
+    report = Report(3, "Many goals in flight")
     with ExitStack() as stack:
         pairs = {name: stack.enter_context(Pair(client)) for name, client in _CLIENTS.items()}
         turns = {
@@ -35,7 +43,6 @@ def run_all(scale: Scale) -> Report:
                 figure("client CPU per goal", samples, name, "cpu", baseline=ten),
                 figure("slowest 5 % to median goal", samples, name, "unfair", unit="x"),
             ]
-            report.series.setdefault(who, []).append((level, 1e3 * middle(samples[name], "cpu")))
         if who in ("threads", "asyncio"):
             thousand, ten = _name(who, 1000), _name(who, 10)
             for key, what in (("wall", "wall time"), ("cpu", "client CPU")):

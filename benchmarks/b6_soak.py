@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from typing import Any
 
 from benchmarks.clients import BEST_RAW, OURS
-from benchmarks.measure import Figure, Report, Scale, Verdict, console
+from benchmarks.measure import Figure, Plot, Report, Scale, Verdict, console
 from benchmarks.pairs import FORGETFUL, Pair
 
 _ORDER = 5
@@ -18,7 +18,7 @@ _MB = 1e6
 
 def run_all(scale: Scale) -> Report:
     """Call a hundred thousand times, and look at what has grown since the first thousand."""
-    report = Report(6, "A hundred thousand calls", axes=("thousand calls", "x the first"))
+    report = Report(6, "A hundred thousand calls")
     rounds = scale.pick(10, 100)
     report.title = f"{rounds},000 calls in a row"
     states: list[dict[str, Any]] = []
@@ -41,6 +41,10 @@ def _report(
     report: Report, states: list[dict[str, Any]], latency: list[float], raw: list[float]
 ) -> None:
     first, last = states[0], states[-1]
+    plot = Plot("Memory, call after call", "thousand calls", "MB")
+    for number, state in enumerate(states):
+        plot.add(OURS[0], number + 1, state["memory"] / _MB)
+    report.plots.append(plot)
     for key, unit, scale in (
         ("memory", "MB", _MB),
         ("objects", "", 1),
@@ -57,9 +61,6 @@ def _report(
                 last[key] / max(1, first[key]),
             )
         )
-        report.series[key] = [
-            (n + 1, state[key] / max(1, first[key])) for n, state in enumerate(states)
-        ]
     fifth = max(1, len(latency) // 5)
     drifts = {
         who: statistics.median(took[-fifth:]) / statistics.median(took[:fifth])

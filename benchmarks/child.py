@@ -10,6 +10,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import IO, Any
 
 from typing_extensions import Self
@@ -33,34 +34,49 @@ class Child:
             bufsize=1,
             env=_environment(domain),
         )
+        self._name = " ".join([module, *arguments])
         self.pid = self._process.pid
+        self.patience = _PATIENCE
 
     def do(self, command: str, **arguments: Any) -> Any:
         """Carry out one command and return what it returns.
 
         Raises:
-            RuntimeError: It failed there, the process ended, or nothing came for ten minutes.
+            RuntimeError: It failed there, the process ended, or nothing came for `patience`
+                seconds; it is not asked again then, but killed.
         """
         self.begin(command, **arguments)
         return self.end()
 
     def begin(self, command: str, **arguments: Any) -> None:
-        """Send a command; `end` waits for its answer."""
+        """Send a command; `end` waits for its answer.
+
+        Raises:
+            RuntimeError: The process has ended.
+        """
         assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps({"do": command, **arguments}) + "\n")
-        self._process.stdin.flush()
+        try:
+            self._process.stdin.write(json.dumps({"do": command, **arguments}) + "\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            raise RuntimeError(f"{self._name} has ended") from None
 
     def end(self) -> Any:
         """Return what the command of `begin` returns."""
         assert self._process.stdout is not None
-        ready, _, _ = select.select([self._process.stdout], [], [], _PATIENCE)
+        ready, _, _ = select.select([self._process.stdout], [], [], self.patience)
         line = self._process.stdout.readline() if ready else ""
         if not line:
-            raise RuntimeError(f"no answer from {self._process.args}")
+            self._process.kill()
+            raise RuntimeError(f"no answer from {self._name} in {self.patience:.0f} s")
         answer = json.loads(line)
         if "error" in answer:
-            raise RuntimeError(f"{self._process.args} failed:\n{answer['error']}")
+            raise RuntimeError(f"{self._name} failed:\n{answer['error']}")
         return answer["ok"]
+
+    def kill(self) -> None:
+        """End it at once: it has something to do that nobody waits for any more."""
+        self._process.kill()
 
     def __enter__(self) -> Self:
         return self
@@ -68,7 +84,8 @@ class Child:
     def __exit__(self, *_: object) -> None:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        self._process.stdin.close()
+        with suppress(BrokenPipeError):  # it has ended, with something unread
+            self._process.stdin.close()
         try:
             self._process.wait(_LEAVING)
         except subprocess.TimeoutExpired:

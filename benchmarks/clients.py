@@ -1,4 +1,4 @@
-"""The clients that are compared: ActionKit's two forms, three written by hand, and the floor.
+"""The clients that are compared: ActionKit's two forms, and three written by hand.
 
 The hand-written ones are as good as careful users make them: each checks acceptance and status,
 bounds every wait, and, with many goals at a time, leaves no more than eight requests unanswered
@@ -29,7 +29,6 @@ from unique_identifier_msgs.msg import UUID
 
 from actionkit import Client
 from actionkit._ros.discovery import stop_listening
-from benchmarks.floor import AwaitedFloor, Floor
 from benchmarks.variant import PATIENCE, OnFeedback, Variant
 
 _DEEP = QoSProfile(depth=2000)
@@ -161,29 +160,8 @@ class OneThread(Variant):
         self, order: int, on_feedback: OnFeedback | None = None
     ) -> concurrent.futures.Future[Any]:
         """Send a goal; the future gets the result's sequence."""
-        done: concurrent.futures.Future[Any] = concurrent.futures.Future()
-
-        def accepted(future: Any) -> None:
-            self._window.release()
-            handle = future.result()
-            if not handle.accepted:
-                done.set_exception(RuntimeError("rejected"))
-                return
-            handle.get_result_async().add_done_callback(ended)
-
-        def ended(future: Any) -> None:
-            answer = future.result()
-            if answer.status == GoalStatus.STATUS_SUCCEEDED:
-                done.set_result(answer.result.sequence)
-            else:
-                done.set_exception(RuntimeError(f"ended with status {answer.status}"))
-
-        callback = None if on_feedback is None else lambda msg: on_feedback(msg.feedback)
         self._window.acquire()
-        self.client.send_goal_async(Fibonacci.Goal(order=order), callback).add_done_callback(
-            accepted
-        )
-        return done
+        return send(self.client, order, on_feedback, self._window.release)
 
     def at_once(self, goals: int, order: int) -> list[float]:
         return from_threads(self, goals, order)
@@ -204,19 +182,41 @@ class MultiThreaded(OneThread):
         return ReentrantCallbackGroup()
 
 
-VARIANTS: dict[str, type[Variant]] = {
-    "ActionKit blocking": Blocking,
-    "ActionKit await": Awaiting,
-    "rclpy tutorial": Tutorial,
-    "rclpy one thread": OneThread,
-    "rclpy multi-threaded": MultiThreaded,
-    "floor blocking": Floor,
-    "floor await": AwaitedFloor,
-}
 OURS = ("ActionKit blocking", "ActionKit await")
-RAW = ("rclpy tutorial", "rclpy one thread", "rclpy multi-threaded")
 BEST_RAW = "rclpy one thread"
-"""The best of the three where only one is measured."""
+"""The best of the raw ones where only one is measured."""
+
+
+def send(
+    client: ActionClient,
+    order: int,
+    on_feedback: OnFeedback | None = None,
+    answered: Callable[[], object] = lambda: None,
+) -> concurrent.futures.Future[Any]:
+    """Send a goal by rclpy's client, which somebody spins; the future gets the result's sequence.
+
+    `answered` is called when the server has accepted or rejected it.
+    """
+    done: concurrent.futures.Future[Any] = concurrent.futures.Future()
+
+    def accepted(future: Any) -> None:
+        answered()
+        handle = future.result()
+        if not handle.accepted:
+            done.set_exception(RuntimeError("rejected"))
+            return
+        handle.get_result_async().add_done_callback(ended)
+
+    def ended(future: Any) -> None:
+        answer = future.result()
+        if answer.status == GoalStatus.STATUS_SUCCEEDED:
+            done.set_result(answer.result.sequence)
+        else:
+            done.set_exception(RuntimeError(f"ended with status {answer.status}"))
+
+    callback = None if on_feedback is None else lambda msg: on_feedback(msg.feedback)
+    client.send_goal_async(Fibonacci.Goal(order=order), callback).add_done_callback(accepted)
+    return done
 
 
 def connect(client: ActionClient, wait: Callable[[Any, float], Any]) -> None:

@@ -68,6 +68,36 @@ class Verdict:
         """Whether it is."""
         return self.measured is not None and self.measured <= self.limit
 
+    @property
+    def share(self) -> float:
+        """How much of the limit is used: above one is missed."""
+        if self.measured is None:
+            return float("inf")
+        if self.limit == 0:
+            return 0.0 if self.met else float("inf")  # nothing at all is allowed
+        return max(0.0, self.measured) / self.limit
+
+
+@dataclass
+class Plot:
+    """Something for a picture.
+
+    Attributes:
+        title: What it tells.
+        x: What goes along.
+        y: What goes up.
+        series: Lines: points of each, by name.
+    """
+
+    title: str
+    x: str
+    y: str
+    series: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+
+    def add(self, who: str, x: float, y: float) -> None:
+        """Add a point to somebody's line."""
+        self.series.setdefault(who, []).append((x, y))
+
 
 @dataclass
 class Report:
@@ -78,16 +108,18 @@ class Report:
         title: What it is about.
         figures: The lines of its table.
         verdicts: On its targets.
-        series: Lines of its plot: points of each, by name.
-        axes: What the plot's axes are.
+        plots: For the pictures.
+        notes: What the table doesn't tell, in sentences.
+        about: When, by which command and on what it was measured.
     """
 
     number: int
     title: str
     figures: list[Figure] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
-    series: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
-    axes: tuple[str, str] = ("", "")
+    plots: list[Plot] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    about: str = ""
 
 
 def alternate(rounds: int, variants: Mapping[str, Callable[[], Sample]], what: str = "") -> Samples:

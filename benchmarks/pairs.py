@@ -20,7 +20,7 @@ from benchmarks.measure import Sample, console
 FORGETFUL = 0.5
 """Seconds that a server of which nothing is to be remembered keeps a result."""
 _WARM = 2
-_TURNS = 3
+_TURNS = 8
 
 
 class Pair:

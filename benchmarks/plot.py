@@ -1,8 +1,8 @@
-"""The figures as an SVG plot."""
+"""The pictures: one for each thing that a reader asks."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import matplotlib
@@ -10,46 +10,103 @@ import matplotlib
 matplotlib.use("svg")
 
 from matplotlib import pyplot
+from matplotlib.axes import Axes
 
-from benchmarks.measure import Report, Verdict
+from benchmarks.measure import Plot, Report
+
+_WIDTH = 7.5
+"""Inches: a page's."""
+_COLOURS = {
+    "ActionKit blocking": "#0b6e4f",
+    "ActionKit await": "#5fb49c",
+    "ActionKit": "#0b6e4f",
+    "command line": "#5fb49c",
+    "floor blocking": "#bbbbbb",
+    "floor await": "#bbbbbb",
+    "floor": "#bbbbbb",
+}
+_OTHER = "#d08c2e"
+_WORSE = 0.35
+"""How faint the bars of second worst starts are."""
+_LOGARITHMIC = 20.0
+"""From this ratio of the largest to the smallest figure on."""
 
 
-def write(reports: Sequence[Report], path: Path) -> None:
-    """Draw the series of the reports that have some, and all ratios with a target."""
-    drawn = [report for report in reports if report.series]
-    matplotlib.rcParams["svg.hashsalt"] = "actionkit"  # the same ids for the same figures
-    figure, axes = pyplot.subplots(
-        1, len(drawn) + 1, figsize=(5 * (len(drawn) + 1), 4.5), squeeze=False, layout="constrained"
+def write(reports: Mapping[int, Report], folder: Path) -> None:
+    """Draw `cost-call.svg`, `cost-growth.svg` and `cost-start.svg`, as far as was measured."""
+    # The same ids for the same figures, and text that can be searched.
+    matplotlib.rcParams.update({"svg.hashsalt": "actionkit", "svg.fonttype": "none"})
+    matplotlib.rcParams.update({"font.size": 9, "axes.titlesize": 10, "legend.frameon": False})
+    if 1 in reports:
+        _call(reports[1], folder / "cost-call.svg")
+    plots = [plot for number in sorted(reports) for plot in reports[number].plots]
+    if plots:
+        _growth(plots, folder / "cost-growth.svg")
+    if 8 in reports:
+        _start(reports[8], folder / "cost-start.svg")
+
+
+def _of(report: Report, what: str) -> dict[str, float]:
+    return {figure.who: figure.value for figure in report.figures if figure.what == what}
+
+
+def _bars(axis: Axes, values: Mapping[str, float], title: str, alpha: float = 1.0) -> None:
+    """Draw a bar for each, from top to bottom, with its figure."""
+    colours = [_COLOURS.get(who, _OTHER) for who in values]
+    bars = axis.barh(list(values), list(values.values()), color=colours, alpha=alpha)
+    axis.bar_label(bars, fmt=" %.3g", fontsize=8)
+    axis.set_title(title, loc="left")
+    axis.margins(x=0.15)
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def _call(report: Report, path: Path) -> None:
+    figure, (left, right) = pyplot.subplots(
+        1, 2, figsize=(_WIDTH, 3.2), sharey=True, layout="constrained"
     )
-    _verdicts(axes[0][0], reports)
-    for axis, report in zip(axes[0][1:], drawn, strict=True):
-        for name, points in report.series.items():
-            axis.plot(*zip(*points, strict=True), marker="o", label=name)
-        axis.set_xscale("symlog", linthresh=1)
-        axis.set_ylim(bottom=0)
-        axis.set_xlabel(report.axes[0])
-        axis.set_ylabel(report.axes[1])
-        axis.set_title(f"{report.number}. {report.title}", fontsize=10)
-        axis.legend(fontsize=8)
+    _bars(left, _of(report, "order 5: latency"), "time of one call, ms")
+    _bars(right, _of(report, "order 5: client CPU"), "CPU of the client, ms")
+    left.invert_yaxis()
+    _save(figure, path)
+
+
+def _start(report: Report, path: Path) -> None:
+    figure, axis = pyplot.subplots(figsize=(_WIDTH, 2.6), layout="constrained")
+    worst = _of(report, "second worst start")
+    middle = _of(report, "start to first result")
+    _bars(axis, worst, "", _WORSE)
+    _bars(axis, middle, "from starting Python to the first result, ms: median, and second worst")
+    axis.invert_yaxis()
+    _save(figure, path)
+
+
+def _growth(plots: list[Plot], path: Path) -> None:
+    rows = (len(plots) + 1) // 2
+    figure, axes = pyplot.subplots(
+        rows, 2, figsize=(_WIDTH, 2.3 * rows), squeeze=False, layout="constrained"
+    )
+    lines = {}
+    for axis, plot in zip(axes.flat, plots, strict=False):
+        values = [y for points in plot.series.values() for _, y in points if y > 0]
+        for who, points in plot.series.items():
+            colour = _COLOURS.get(who, _OTHER)
+            (lines[who],) = axis.plot(*zip(*points, strict=True), marker="o", ms=4, color=colour)
+        sizes = [x for points in plot.series.values() for x, _ in points]
+        axis.set_xscale("symlog", linthresh=min((x for x in sizes if x), default=1))
+        if values and max(values) > _LOGARITHMIC * min(values) and "%" not in plot.y:
+            axis.set_yscale("log")
+        else:
+            axis.set_ylim(bottom=0, top=1.15 * max(values, default=1))
+        axis.set_title(plot.title, loc="left")
+        axis.set_xlabel(plot.x)
+        axis.set_ylabel(plot.y)
+        axis.spines[["top", "right"]].set_visible(False)
+    for axis in axes.flat[len(plots) :]:
+        axis.set_axis_off()
+    figure.legend(lines.values(), lines.keys(), loc="outside upper center", ncols=len(lines))
+    _save(figure, path)
+
+
+def _save(figure: pyplot.Figure, path: Path) -> None:
     figure.savefig(path, metadata={"Date": None})
     pyplot.close(figure)
-
-
-def _share(verdict: Verdict) -> float:
-    if verdict.limit == 0:
-        return 0.0 if verdict.met else 2.0  # nothing at all is allowed
-    return max(0.0, verdict.measured or 0.0) / verdict.limit
-
-
-def _verdicts(axis: pyplot.Axes, reports: Sequence[Report]) -> None:
-    """Each target as a share of its limit: left of the line is met."""
-    verdicts = [(report.number, verdict) for report in reports for verdict in report.verdicts]
-    shares = [_share(verdict) for _, verdict in verdicts]
-    colours = ["tab:green" if verdict.met else "tab:red" for _, verdict in verdicts]
-    axis.barh(range(len(verdicts)), shares, color=colours)
-    axis.axvline(1.0, color="black", linewidth=1)
-    labels = [f"{number}: {verdict.target}" for number, verdict in verdicts]
-    axis.set_yticks(range(len(verdicts)), labels, fontsize=5)
-    axis.invert_yaxis()
-    axis.set_xlabel("share of the limit")
-    axis.set_title("targets", fontsize=10)

@@ -41,6 +41,19 @@ def resident(pid: int) -> int:
     return 1024 * sum(int(kb) for kb in re.findall(r"^Private_\w+:\s+(\d+) kB$", text, re.M))
 
 
+def forget_peak(pid: int) -> int:
+    """Begin anew to look for the most memory that a process has; return the bytes it has now."""
+    Path(f"/proc/{pid}/clear_refs").write_text("5")
+    return peak(pid)
+
+
+def peak(pid: int) -> int:
+    """Return the most bytes of memory that a process has had since `forget_peak`."""
+    found = re.search(r"^VmHWM:\s+(\d+) kB$", Path(f"/proc/{pid}/status").read_text(), re.M)
+    assert found is not None
+    return 1024 * int(found[1])
+
+
 def cpu(pid: int) -> float:
     """Return the seconds of CPU that the threads of a process have used that still run."""
     return sum(thread_cpu(pid).values())

@@ -6,7 +6,7 @@ import json
 import os
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import datetime, timezone
 from importlib.metadata import version
@@ -16,9 +16,19 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.measure import Figure, Report, Verdict
+from benchmarks.measure import Figure, Plot, Report, Verdict
 
-_BEGIN, _END = "<!-- begin: benchmarks -->", "<!-- end: benchmarks -->"
+_PROMISES = {
+    1: "A call costs less than a hand-written client's",
+    2: "What the server remembers makes no call dearer",
+    3: "1,000 goals at a time cost no more each than ten",
+    4: "Others' feedback makes no call slower",
+    5: "Who waits uses no CPU, and is there at once",
+    6: "Call after call, nothing is left behind",
+    7: "A behaviour tree ticks on",
+    8: "A fresh process has its first result soon",
+    9: "It goes as far as a raw client",
+}
 _COLUMNS = ("what", "who", "median", "ratio", "spread", "to")
 
 
@@ -34,6 +44,8 @@ def show(report: Report) -> None:
     for verdict in report.verdicts:
         style = "green" if verdict.met else "red"
         console.print("  " + " · ".join(_verdict(verdict)), style=style)
+    for note in report.notes:
+        console.print("  " + note, style="yellow")
 
 
 def _cells(figure: Figure) -> tuple[str, ...]:
@@ -44,11 +56,21 @@ def _cells(figure: Figure) -> tuple[str, ...]:
 
 
 def _verdict(verdict: Verdict) -> tuple[str, str, str, str]:
+    unit = f" {verdict.unit}" if verdict.unit else ""
     return (
         verdict.target,
-        "none" if verdict.measured is None else f"{verdict.measured:.3g} {verdict.unit}",
-        f"<= {verdict.limit:g} {verdict.unit}",
+        "nothing" if verdict.measured is None else f"{verdict.measured:.3g}{unit}",
+        f"<= {verdict.limit:g}{unit}",
         "met" if verdict.met else "missed",
+    )
+
+
+def about(command: str) -> str:
+    """Return a sentence on when, how and on what something was measured."""
+    on = machine()
+    return (
+        f"`{command}` on {on['when']}: {on['cores']} cores, load {on['load']} at the end,"
+        f" Linux {on['kernel']}, Python {on['python']}, rclpy {on['rclpy']}."
     )
 
 
@@ -65,11 +87,9 @@ def machine() -> dict[str, Any]:
     }
 
 
-def write_json(reports: Sequence[Report], path: Path, command: str) -> None:
+def write_json(reports: Mapping[int, Report], path: Path) -> None:
     """Write all figures, and the verdicts."""
     content = {
-        "command": command,
-        "machine": machine(),
         "benchmarks": [
             {
                 **asdict(report),
@@ -77,7 +97,7 @@ def write_json(reports: Sequence[Report], path: Path, command: str) -> None:
                     {**asdict(verdict), "met": verdict.met} for verdict in report.verdicts
                 ],
             }
-            for report in reports
+            for _, report in sorted(reports.items())
         ],
     }
     path.write_text(json.dumps(content, indent=1) + "\n")
@@ -89,7 +109,11 @@ def read_json(path: Path) -> dict[int, Report]:
         return {}
     found = {}
     for one in json.loads(path.read_text())["benchmarks"]:
-        one["axes"] = tuple(one["axes"])
+        for plot in one["plots"]:
+            plot["series"] = {
+                who: [(x, y) for x, y in points] for who, points in plot["series"].items()
+            }
+        one["plots"] = [Plot(**plot) for plot in one["plots"]]
         one["figures"] = [Figure(**line) for line in one["figures"]]
         for verdict in one["verdicts"]:
             del verdict["met"]
@@ -98,29 +122,66 @@ def read_json(path: Path) -> dict[int, Report]:
     return found
 
 
-def write_docs(reports: Sequence[Report], path: Path, command: str) -> None:
-    """Replace the generated part of the page."""
+def write_docs(reports: Mapping[int, Report], path: Path) -> None:
+    """Replace the generated parts of the page: the targets, and all tables."""
     text = path.read_text("utf-8")
-    head, _, rest = text.partition(_BEGIN)
-    _, _, tail = rest.partition(_END)
-    path.write_text(f"{head}{_BEGIN}\n{_markdown(reports, command)}\n{_END}{tail}", "utf-8")
+    ordered = [reports[number] for number in sorted(reports)]
+    for name, lines in (
+        ("targets", _targets(ordered)),
+        ("benchmarks", [line for report in ordered for line in _tables(report)]),
+    ):
+        begin, end = f"<!-- begin: {name} -->", f"<!-- end: {name} -->"
+        if begin in text:
+            head, _, rest = text.partition(begin)
+            _, _, tail = rest.partition(end)
+            text = "\n".join([head + begin, "", *lines, end + tail])
+    path.write_text(text, "utf-8")
 
 
-def _markdown(reports: Sequence[Report], command: str) -> str:
-    about = machine()
-    lines = [
-        f"Made by `{command}` on {about['when']}: {about['cores']} cores, load {about['load']},"
-        f" Linux {about['kernel']}, Python {about['python']}, rclpy {about['rclpy']}.",
-        "",
-        "| | target | measured | limit | |",
-        "|---|---|---|---|---|",
-    ]
+def _targets(reports: Sequence[Report]) -> list[str]:
+    """A line for each promise, and what is missed."""
+    lines = ["| | what is promised | targets met | the tightest |", "|---|---|---|---|"]
+    missed = []
     for report in reports:
+        if not report.verdicts:
+            continue
+        met = sum(verdict.met for verdict in report.verdicts)
+        target, measured, limit, _ = _verdict(max(report.verdicts, key=lambda one: one.share))
+        promise = _PROMISES.get(report.number, report.title)
+        lines.append(
+            f"| {report.number} | {promise} | {met} of {len(report.verdicts)}"
+            f" | {target}: {measured} ({limit}) |"
+        )
+        missed += [
+            f"| {report.number} | {' | '.join(_verdict(one)[:3])} |"
+            for one in report.verdicts
+            if not one.met
+        ]
+    if missed:
+        lines += [
+            "",
+            "Missed:",
+            "",
+            "| | target | measured | limit |",
+            "|---|---|---|---|",
+            *missed,
+        ]
+    return [*lines, ""]
+
+
+def _tables(report: Report) -> list[str]:
+    """One benchmark's targets and figures."""
+    lines = [f"### {report.number}. {report.title}", "", report.about, ""]
+    if report.verdicts:
+        lines += ["| target | measured | limit | |", "|---|---|---|---|"]
         for verdict in report.verdicts:
-            target, measured, limit, met = _verdict(verdict)
-            lines.append(f"| {report.number} | {target} | {measured} | {limit} | {met} |")
-    for report in reports:
-        lines += ["", f"### {report.number}. {report.title}", ""]
-        lines += ["| " + " | ".join(_COLUMNS) + " |", "|---|---|---|---|---|---|"]
-        lines += ["| " + " | ".join(_cells(figure)) + " |" for figure in report.figures]
-    return "\n".join(lines)
+            *cells, met = _verdict(verdict)
+            lines.append(f"| {' | '.join(cells)} | {met if verdict.met else f'**{met}**'} |")
+        lines.append("")
+    for note in report.notes:
+        lines += [f"- {note}"]
+    if report.notes:
+        lines.append("")
+    lines += ["| " + " | ".join(_COLUMNS) + " |", "|---|---|---|---|---|---|"]
+    lines += ["| " + " | ".join(_cells(figure)) + " |" for figure in report.figures]
+    return [*lines, ""]

@@ -71,6 +71,10 @@ class Server:
         """Replace the server of one action, or make it."""
         self._on_spinner(lambda: self._make_one(name, result_timeout))
 
+    def hold(self, goals: int) -> None:
+        """Hold accepted goals from now on until so many are there."""
+        self._hold = goals
+
     def leave(self) -> None:
         """Have no action server any more."""
         self._on_spinner(self._destroy)
@@ -177,7 +181,7 @@ if __name__ == "__main__":
     answers = child.claim_stdout()
     server = Server()
     try:
-        commands = (server.reset, server.renew, server.leave, server.stream)
+        commands = (server.reset, server.renew, server.hold, server.leave, server.stream)
         child.serve(answers, {command.__name__: command for command in commands})
     finally:
         server.close()

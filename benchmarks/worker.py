@@ -10,10 +10,10 @@ import time
 from typing import Any
 
 from benchmarks import child
-from benchmarks.clients import VARIANTS
 from benchmarks.process import resident, thread_cpu
 from benchmarks.server import NAME, STREAM
 from benchmarks.variant import Variant
+from benchmarks.variants import VARIANTS
 
 _KINDS = {
     "actionkit": "communication",

@@ -1,0 +1,23 @@
+"""All that are compared, by name."""
+
+from __future__ import annotations
+
+from benchmarks.bridges import SpinningTask, SpinningThread
+from benchmarks.clients import Awaiting, Blocking, MultiThreaded, OneThread, Tutorial
+from benchmarks.floor import AwaitedFloor, Floor
+from benchmarks.variant import Variant
+
+VARIANTS: dict[str, type[Variant]] = {
+    "ActionKit blocking": Blocking,
+    "ActionKit await": Awaiting,
+    "rclpy tutorial": Tutorial,
+    "rclpy one thread": OneThread,
+    "rclpy multi-threaded": MultiThreaded,
+    "asyncio, spin_once": SpinningTask,
+    "asyncio, run_in_executor": SpinningThread,
+    "floor blocking": Floor,
+    "floor await": AwaitedFloor,
+}
+RAW = tuple(name for name in VARIANTS if name.startswith(("rclpy", "asyncio")))
+FLOORS = {"ActionKit blocking": "floor blocking", "ActionKit await": "floor await"}
+"""What each of ActionKit's forms could save at most is its way to this."""
