@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import functools
 import logging
+import sys
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -237,7 +238,8 @@ def test_a_coroutine_function_that_raises_cancelled_error() -> None:
         callbacks.put(message(2))
         for _ in range(10):
             await asyncio.sleep(0)
-        assert got == [1, 2]
+        # Python 3.10 cannot tell it from the end of the loop.
+        assert got == ([1, 2] if sys.version_info >= (3, 11) else [1])
 
     asyncio.run(main())
 
