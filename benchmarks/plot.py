@@ -110,7 +110,7 @@ def _growth(plots: list[Plot], path: Path) -> None:
         ticks = sorted(set(sizes)) if len(set(sizes)) <= _TICKS else [min(sizes), max(sizes)]
         axis.set_xticks(ticks, [f"{tick:,.0f}" for tick in ticks])
         axis.minorticks_off()
-        if values and max(values) > _LOGARITHMIC * min(values) and "%" not in plot.y:
+        if values and max(values) > _LOGARITHMIC * min(values):
             axis.set_yscale("log")
         else:
             axis.set_ylim(bottom=0, top=1.15 * max(values, default=1))
