@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from benchmarks.measure import Figure, Plot, Report, Sample, Samples, console, figure, middle
 
-_LONG = 100
+_LONG = 300
 Turn = Callable[[int], Sample]
 """Measures at a size. It raises RuntimeError where that can't be done."""
 

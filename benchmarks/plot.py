@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -26,6 +26,7 @@ _COLOURS = {
     "floor": "#bbbbbb",
 }
 _OTHER = "#d08c2e"
+_TICKS = 6
 _WORSE = 0.35
 """How faint the bars of second worst starts are."""
 _LOGARITHMIC = 20.0
@@ -50,11 +51,19 @@ def _of(report: Report, what: str) -> dict[str, float]:
     return {figure.who: figure.value for figure in report.figures if figure.what == what}
 
 
-def _bars(axis: Axes, values: Mapping[str, float], title: str, alpha: float = 1.0) -> None:
-    """Draw a bar for each, from top to bottom, with its figure."""
+def _bars(
+    axis: Axes,
+    values: Mapping[str, float],
+    title: str,
+    *,
+    labels: Sequence[str] = (),
+    alpha: float = 1.0,
+) -> None:
+    """Draw a bar for each, from top to bottom, with its label."""
     colours = [_COLOURS.get(who, _OTHER) for who in values]
     bars = axis.barh(list(values), list(values.values()), color=colours, alpha=alpha)
-    axis.bar_label(bars, fmt=" %.3g", fontsize=8)
+    if labels:
+        axis.bar_label(bars, labels, padding=3, fontsize=8)
     axis.set_title(title, loc="left")
     axis.margins(x=0.15)
     axis.spines[["top", "right"]].set_visible(False)
@@ -64,8 +73,12 @@ def _call(report: Report, path: Path) -> None:
     figure, (left, right) = pyplot.subplots(
         1, 2, figsize=(_WIDTH, 3.2), sharey=True, layout="constrained"
     )
-    _bars(left, _of(report, "order 5: latency"), "time of one call, ms")
-    _bars(right, _of(report, "order 5: client CPU"), "CPU of the client, ms")
+    for axis, what, title in (
+        (left, "order 5: latency", "time of one call, ms"),
+        (right, "order 5: client CPU", "CPU of the client, ms"),
+    ):
+        values = _of(report, what)
+        _bars(axis, values, title, labels=[f"{value:.2g}" for value in values.values()])
     left.invert_yaxis()
     _save(figure, path)
 
@@ -74,8 +87,9 @@ def _start(report: Report, path: Path) -> None:
     figure, axis = pyplot.subplots(figsize=(_WIDTH, 2.6), layout="constrained")
     worst = _of(report, "second worst start")
     middle = _of(report, "start to first result")
-    _bars(axis, worst, "", _WORSE)
-    _bars(axis, middle, "from starting Python to the first result, ms: median, and second worst")
+    labels = [f"{middle[who]:,.0f}, {ms:,.0f}" for who, ms in worst.items()]
+    _bars(axis, worst, "", labels=labels, alpha=_WORSE)
+    _bars(axis, middle, "from starting Python to the first result, ms: median, second worst")
     axis.invert_yaxis()
     _save(figure, path)
 
@@ -93,7 +107,10 @@ def _growth(plots: list[Plot], path: Path) -> None:
             (lines[who],) = axis.plot(*zip(*points, strict=True), marker="o", ms=4, color=colour)
         sizes = [x for points in plot.series.values() for x, _ in points]
         axis.set_xscale("symlog", linthresh=min((x for x in sizes if x), default=1))
-        if values and max(values) > _LOGARITHMIC * min(values) and "%" not in plot.y:
+        ticks = sorted(set(sizes)) if len(set(sizes)) <= _TICKS else [min(sizes), max(sizes)]
+        axis.set_xticks(ticks, [f"{tick:,.0f}" for tick in ticks])
+        axis.minorticks_off()
+        if values and max(values) > _LOGARITHMIC * min(values):
             axis.set_yscale("log")
         else:
             axis.set_ylim(bottom=0, top=1.15 * max(values, default=1))

@@ -18,6 +18,7 @@ from rich.table import Table
 
 from benchmarks.measure import Figure, Plot, Report, Verdict
 
+_LARGE = 1000.0
 _PROMISES = {
     1: "A call costs less than a hand-written client's",
     2: "What the server remembers makes no call dearer",
@@ -52,7 +53,8 @@ def _cells(figure: Figure) -> tuple[str, ...]:
     unit = f" {figure.unit}" if figure.unit else ""
     ratio = "" if figure.ratio is None else f"{figure.ratio:.2f}"
     spread = "" if figure.low is None else f"{figure.low:.2f} to {figure.high:.2f}"
-    return figure.what, figure.who, f"{figure.value:.3g}{unit}", ratio, spread, figure.baseline
+    value = f"{figure.value:,.0f}" if figure.value >= _LARGE else f"{figure.value:.3g}"
+    return figure.what, figure.who, f"{value}{unit}", ratio, spread, figure.baseline
 
 
 def _verdict(verdict: Verdict) -> tuple[str, str, str, str]:

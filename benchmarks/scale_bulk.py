@@ -30,7 +30,7 @@ def feedback(report: Report, scale: Scale) -> None:
     climb.figures("feedback at 30 Hz: lost", "lost", BEST_RAW, unit="%")
     climb.figures("feedback at 30 Hz: client CPU per message", "cpu", BEST_RAW)
     climb.figures("feedback at 30 Hz: client memory more", "memory", BEST_RAW, unit="MB")
-    climb.plot("Feedback at 30 Hz that is lost", "% of the messages", "lost", 1.0, "kB a message")
+    climb.plot("Feedback at 30 Hz", "client CPU, ms a message", "cpu", 1e3, "kB a message")
     row = climb.row(OURS[0], 1000)
     lost = middle(climb.samples[row], "lost") if row in climb.samples else None
     report.verdicts.append(Verdict("feedback of 1 MB at 30 Hz that is lost", lost, 0.0, "%"))
