@@ -110,7 +110,7 @@ def compile_all(
     with ThreadPoolExecutor(_processors()) as pool:
         try:
             return dict(zip(found, pool.map(compiled, found), strict=True))
-        except BaseException:
+        except BaseException:  # also Ctrl-C: no compiler is left at work
             pool.shutdown(wait=True, cancel_futures=True)
             raise
 

@@ -133,7 +133,7 @@ def _stop_all(timeout: float, as_json: bool) -> int:
     keeper = Keeper(hold)
     try:
         return _stop_and_hold(hold, keeper, timeout, as_json)
-    except BaseException:
+    except BaseException:  # also Ctrl-C: a human has to know of the hold
         say("The hold stays. `actionkit stop --release` ends it.", err=True)
         raise
 

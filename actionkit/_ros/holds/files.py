@@ -94,7 +94,7 @@ class HoldFiles:
                 os.fchmod(descriptor, 0o644)
                 file.write(encode(state))
             os.replace(temporary, path)
-        except BaseException:
+        except BaseException:  # also Ctrl-C: no half-written file is left
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
             raise

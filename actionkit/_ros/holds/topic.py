@@ -77,7 +77,7 @@ class HoldTopic:
         self._runtime = runtimes.acquire(domain_id, self)
         try:
             self._runtime.run(lambda: self._begin(speaks))
-        except BaseException:
+        except BaseException:  # also Ctrl-C: the runtime is let go
             self._release()
             raise
 

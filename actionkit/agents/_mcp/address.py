@@ -106,7 +106,7 @@ def listen(where: Address) -> socket.socket:
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 10_000)
         opened.bind(name)
         opened.listen(128)
-    except BaseException:
+    except BaseException:  # no socket is left behind, whatever it was
         opened.close()
         raise
     return opened
