@@ -19,6 +19,7 @@ from actionkit._ros.entities import Entities
 from actionkit._ros.native import MessageSource, Waiter
 from actionkit._ros.port import Port
 from tests.conftest import NEVER
+from tests.waiting import until
 
 
 @pytest.fixture
@@ -67,10 +68,7 @@ def wakeups_in(seconds: float, client: Client) -> int:
 
 def settled() -> int:
     """Return how many objects there are, when no thread is left that holds some for a moment."""
-    until = time.monotonic() + 10
-    while any(t.name.startswith("actionkit-") for t in threading.enumerate()):
-        assert time.monotonic() < until
-        NEVER.wait(0.05)
+    until(lambda: not any(t.name.startswith("actionkit-") for t in threading.enumerate()))
     gc.collect()
     return len(gc.get_objects())
 
@@ -115,10 +113,8 @@ def test_nothing_is_left_of_calls_that_failed(action_server, make_client, monkey
     fail(100)
     before = fail(50)
     assert fail(200) - before < 100
-    until = time.monotonic() + 20  # a goal that was cancelled may end after its future
-    while any(link_of(client).table_sizes().values()):
-        assert time.monotonic() < until, link_of(client).table_sizes()
-        NEVER.wait(0.05)
+    # A goal that was cancelled may end after its future.
+    until(lambda: not any(link_of(client).table_sizes().values()))
 
 
 def test_what_a_call_held_is_freed_when_its_user_lets_go(action_server, make_client):
@@ -180,10 +176,7 @@ def test_status_is_subscribed_to_only_while_a_goal_lasts(action_server, make_cli
     server.command("hold")
     server.wait_for("held")
     future = client.call_async({"order": 3}, timeout=30)
-    until = time.monotonic() + 20
-    while not made:
-        assert time.monotonic() < until
-        NEVER.wait(0.05)
+    until(lambda: made)
     server.release()
     future.result(20)
     assert sum(made.values()) == 1

@@ -17,7 +17,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from actionkit.agents import Toolbox
 from actionkit.agents._images import ImageError, to_image
 from actionkit.agents._plain import plain_json
-from tests.agents.conftest import BOUND
+from tests.waiting import until_in_loop
 
 PUBLISHER = """
 import rclpy, sys
@@ -105,16 +105,14 @@ def test_topics(
             waiting = asyncio.create_task(read("quiet"))
             node = toolbox._clients.node.open()
 
-            async def subscribed(count: int) -> None:
-                # Nobody tells of it.
-                while len(node.get_subscriptions_info_by_topic("/quiet")) != count:  # noqa: ASYNC110
-                    await asyncio.sleep(0.01)
+            def subscribed() -> int:
+                return len(node.get_subscriptions_info_by_topic("/quiet"))
 
-            await asyncio.wait_for(subscribed(1), BOUND)
+            await until_in_loop(lambda: subscribed() == 1)
             waiting.cancel()
             await asyncio.wait([waiting])
             assert waiting.cancelled()
-            await asyncio.wait_for(subscribed(0), BOUND)
+            await until_in_loop(lambda: subscribed() == 0)
             assert not any(t.name.startswith("asyncio_") for t in threading.enumerate())
             last = asyncio.create_task(toolbox.call("quiet", {}))
             await asyncio.sleep(0)

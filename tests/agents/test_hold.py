@@ -24,6 +24,7 @@ from actionkit.agents._hold import HoldListener
 from actionkit.testing import isolated_domain
 from tests.conftest import Script
 from tests.holding import AGENT
+from tests.waiting import until
 
 LONG = 30.0
 RunScript = Callable[..., Script]
@@ -61,14 +62,6 @@ def telling(*holds: Hold) -> Iterator[HoldView]:
         yield view
     finally:
         view.close()
-
-
-def until(condition: Callable[[], object], what: str = "it") -> None:
-    """Wait for what no event tells of, with a bound."""
-    give_up = time.monotonic() + LONG
-    while not condition():
-        assert time.monotonic() < give_up, f"not seen: {what}"
-        threading.Event().wait(0.02)
 
 
 def test_free_only_when_that_is_known(

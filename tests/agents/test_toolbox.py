@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +17,7 @@ from actionkit.agents._progress import _percent
 from actionkit.testing import isolated_domain
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import BOUND, FIBONACCI, FakeHold, seen
+from tests.waiting import until_in_loop
 
 Make = Callable[..., Toolbox]
 
@@ -122,20 +122,12 @@ def test_a_goal_that_cannot_be_cancelled_is_not_sent_beside(
             assert server.count("accepted") == 1
             server.release()
             await seen(server, "succeeded")
-            await until(lambda: not toolbox.goals()[0]["may_still_run"])
+            await until_in_loop(lambda: not toolbox.goals()[0]["may_still_run"])
             assert toolbox.goals()[0]["status"] == "succeeded"
             again = told(toolbox, await toolbox.call("fib", {"order": 3}))
             assert again["status"] == "succeeded"
 
     asyncio.run(main())
-
-
-async def until(holds: Callable[[], bool]) -> None:
-    """Wait until something holds that nobody tells of."""
-    end = time.monotonic() + BOUND
-    while not holds():
-        assert time.monotonic() < end
-        await asyncio.sleep(0.01)
 
 
 # --- giving up ---------------------------------------------------------------------------------
@@ -284,7 +276,7 @@ def test_a_hold_reaches_a_goal_that_waits_for_its_server(
     async def main() -> Any:
         async with make_toolbox({"fib": FIBONACCI}) as toolbox:
             waiting = asyncio.create_task(toolbox.call("fib", {"order": 90}))
-            await until(lambda: bool(toolbox.goals()))
+            await until_in_loop(toolbox.goals)
             hold.stop()
             value = told(toolbox, await waiting)
             assert (value["status"], value["may_still_run"]) == ("canceled", False)

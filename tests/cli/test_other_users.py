@@ -10,7 +10,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from actionkit.agents._hold import HoldListener
 from actionkit.cli._exits import Exit
 from tests.cli.conftest import Running, World
 from tests.holding import AGENT, end_keepers, keepers
+from tests.waiting import until
 
 LONG = 30.0
 OTHER = 54321
@@ -125,9 +125,6 @@ def test_the_stop_of_another_user_stops_and_holds(
             assert released.code == Exit.OK
             assert "Released: the hold of ann@" in released.out
             assert agent.why_held() is None
-            give_up = time.monotonic() + LONG
-            while keepers(world.domain):
-                assert time.monotonic() < give_up
-                time.sleep(0.1)
+            until(lambda: not keepers(world.domain))
     finally:
         agent.close()

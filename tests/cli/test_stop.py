@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -29,6 +28,7 @@ from actionkit.cli._stopping import Stopping, table, worst
 from actionkit.servers import Server
 from tests.cli.conftest import World
 from tests.holding import AGENT, end_keepers, keepers
+from tests.waiting import until
 
 LONG = 30.0
 
@@ -68,13 +68,6 @@ def agent(world: World) -> Iterator[HoldListener]:
     assert listener.wait_until_known(LONG)
     yield listener
     listener.close()
-
-
-def until(condition: Callable[[], object]) -> None:
-    give_up = time.monotonic() + LONG
-    while not condition():
-        assert time.monotonic() < give_up
-        time.sleep(0.05)
 
 
 def numbers(text: str) -> dict[str, list[str]]:

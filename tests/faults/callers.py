@@ -14,6 +14,7 @@ from typing import Any
 
 from actionkit import Client, GoalFuture, Timeouts
 from actionkit.testing import EventLog
+from tests.conftest import without_noise
 from tests.faults.lab import POLICIES, TIMEOUTS, Seen, budget
 
 _ROOT = Path(__file__).parents[2]
@@ -138,4 +139,5 @@ class RemoteCaller:
     def _read(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            self._log(json.loads(line))
+            if without_noise(line):
+                self._log(json.loads(line))

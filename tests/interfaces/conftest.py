@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import without_noise
+
 PACKAGE = """<package format="3">
   <name>{name}</name>
   <version>{version}</version>
@@ -71,7 +73,7 @@ def run_python(code: str, *words: object, env: dict[str, str]) -> str:
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    return without_noise(done.stdout)
 
 
 @pytest.fixture(scope="session")

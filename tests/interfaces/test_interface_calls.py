@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from actionkit import servers
+from tests.conftest import Script
 from tests.interfaces.conftest import SHIPPED, actionkit, environment, run_python
 
 FIBONACCI = """
@@ -78,8 +79,7 @@ def odd_server(odd: Path, ros_domain: int) -> Iterator[dict[str, str]]:
     words = [sys.executable, str(Path(__file__).with_name("odd_server.py"))]
     with subprocess.Popen(words, env=env, stdout=subprocess.PIPE, text=True) as process:
         try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "ready\n"
+            assert Script(process).line() == "ready"
             yield env
         finally:
             process.kill()

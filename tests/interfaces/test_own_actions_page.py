@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import without_noise
 from tests.interfaces.conftest import environment
 
 PAGE = Path(__file__).parents[2] / "docs" / "own-actions.md"
@@ -54,7 +55,7 @@ def test_from_an_empty_folder_to_a_typed_tested_call(
                     check=False,
                 )
                 assert done.returncode == 0, block + done.stdout + done.stderr
-                printed += done.stdout
+                printed += without_noise(done.stdout)
             elif title:
                 (folder / title).parent.mkdir(parents=True, exist_ok=True)
                 (folder / title).write_text(block)

@@ -94,9 +94,9 @@ def test_the_death_of_the_parent_ends_the_child(ros_domain: int) -> None:
         "print(servers.start('fibonacci').pid, flush=True); "
         "os.kill(os.getpid(), signal.SIGKILL)"
     )
-    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE) as parent:
-        assert parent.stdout is not None
-        watch = os.pidfd_open(int(parent.stdout.readline()))
+    command = [sys.executable, "-c", script]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
+        watch = os.pidfd_open(int(Script(parent).line()))
         assert _gone(watch)
 
 

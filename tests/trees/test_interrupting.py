@@ -22,6 +22,7 @@ from test_msgs.action import Fibonacci
 from actionkit.servers import Server
 from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour
+from tests.conftest import Script
 from tests.trees import interrupting as page
 from tests.trees.conftest import Place, fate
 
@@ -263,8 +264,7 @@ def test_a_program_that_ticks(event: str, place: Place, record: Callable[[page.R
         text=True,
     )
     try:
-        assert program.stdout is not None
-        goal_id = program.stdout.readline().strip()
+        goal_id = Script(program).line()
         program.send_signal(number)
         assert program.wait(BOUND) == -number
     finally:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import json
 import os
 import select
@@ -25,6 +26,8 @@ from mcp.shared.exceptions import MCPError
 from actionkit import servers
 from actionkit.servers import Server, ServerEvent
 from actionkit.testing import isolated_domain
+from tests.conftest import Script
+from tests.waiting import until_in_loop
 
 PATIENCE = 40.0
 """Seconds; bounds a wait that only a bug makes long."""
@@ -183,8 +186,7 @@ class HttpServing(Serving):
             env=os.environ | robot.environment | environment,
         )
         super().__init__(self.process.pid)
-        assert self.process.stdout is not None
-        self.url = self.process.stdout.readline().split()[-1]
+        self.url = Script(self.process).line().split()[-1]
 
     def code(self) -> int:
         return self.process.wait(PATIENCE)
@@ -320,15 +322,16 @@ class Watch:
         seen = sum(e.event == event for e in self.server.events if e.goal_id in self._before)
         await asyncio.to_thread(self.server.wait_for, event, count=seen + count, timeout=PATIENCE)
 
+    def _has_ended(self, goal: str) -> bool:
+        return any(e.goal_id == goal and e.event in ENDS for e in self.events)
+
     async def summary(self, patience: float = PATIENCE) -> str:
         """Wait for the ends of all goals; in a few words."""
         goals = self.received
         for goal in goals:
-            deadline = time.monotonic() + patience
-            while not any(e.goal_id == goal and e.event in ENDS for e in self.events):
-                if time.monotonic() > deadline:
-                    break
-                await asyncio.sleep(0.01)
+            ended = functools.partial(self._has_ended, goal)
+            with contextlib.suppress(AssertionError):  # it runs on
+                await until_in_loop(ended, goal, bound=patience)
         ends = [
             next((e.event for e in self.events if e.goal_id == goal and e.event in ENDS), "runs on")
             for goal in goals

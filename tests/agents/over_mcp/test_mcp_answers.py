@@ -12,6 +12,7 @@ from actionkit.agents._mcp.approval import Questions
 from actionkit.agents._mcp.progress import Reporter
 from actionkit.agents._mcp.session import _answered
 from tests.agents.over_mcp.lab import WAYS, HttpServing, Robot, Watch, agent
+from tests.waiting import until_in_loop
 
 
 def test_pictures_come_as_pictures() -> None:
@@ -72,10 +73,8 @@ def test_progress_comes_where_nothing_changes(robot: Robot, http: HttpServing) -
         async with agent(robot, WAYS[2], http) as connected:
             calling = asyncio.ensure_future(connected.call("patrol", {}))
             await watch.until("executing")
-            deadline = asyncio.get_running_loop().time() + 30
-            while not any(seconds > 4.5 for seconds, _ in connected.progress):
-                assert asyncio.get_running_loop().time() < deadline, connected.progress
-                await asyncio.sleep(0.05)
+            progress = connected.progress
+            await until_in_loop(lambda: any(seconds > 4.5 for seconds, _ in progress), progress)
             calling.cancel()
             await asyncio.wait([calling])
         assert await watch.summary() == "a goal, canceled"

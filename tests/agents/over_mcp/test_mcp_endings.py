@@ -29,6 +29,7 @@ from tests.agents.over_mcp.lab import (
     agent,
     words,
 )
+from tests.waiting import until
 
 SOON = 2.0
 """Seconds until a host would send the next, harder signal; no run may take longer."""
@@ -186,14 +187,16 @@ def test_a_host_that_reads_nothing_sends_sigterm(deaf: tuple[Host, Watch], recor
 
 def wait_until_blocked(host: Host) -> None:
     """Wait until a thread of the process is in `write`, in a pipe that is full."""
-    deadline = time.monotonic() + PATIENCE
     tasks = f"/proc/{host.process.pid}/task"
-    while time.monotonic() < deadline:
+
+    def is_blocked() -> bool:
         for task in os.listdir(tasks):
             with contextlib.suppress(OSError), open(f"{tasks}/{task}/wchan") as waits:
                 if "pipe_write" in waits.read():
-                    return
-    raise AssertionError("nothing is blocked")
+                    return True
+        return False
+
+    until(is_blocked, "a thread that is blocked")
 
 
 #: The event loop stops, half a second after the first call has begun.

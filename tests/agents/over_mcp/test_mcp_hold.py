@@ -12,6 +12,7 @@ import pytest
 
 from tests.agents.over_mcp import page
 from tests.agents.over_mcp.lab import PATIENCE, WAYS, Agent, HttpServing, Robot, Watch, agent
+from tests.conftest import without_noise
 from tests.holding import end_keepers
 
 
@@ -31,7 +32,7 @@ async def stop(robot: Robot, *words: str) -> str:
             command, capture_output=True, text=True, timeout=PATIENCE, check=False
         )
         assert done.returncode == 0, done
-        return done.stdout
+        return without_noise(done.stdout)
 
     return await asyncio.to_thread(run)
 
