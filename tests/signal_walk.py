@@ -171,8 +171,9 @@ def making(client: AnyClient) -> None:
 def renewing(client: AnyClient) -> None:
     """As after Ctrl-C and another `rclpy.init()`: the next call starts a new thread."""
     context = client._session.port.runtime.context
+    # As rclpy's signal handler does. From Kilted on `Context.shutdown` destroys the nodes, too.
     with contextlib.suppress(RCLError):  # a handler that closes the client has shut it down
-        context.shutdown()
+        context.handle.shutdown()
     client.call({"order": 1}, 20)
 
 

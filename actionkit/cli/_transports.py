@@ -8,6 +8,7 @@ shared memory both talk by UDP.
 from __future__ import annotations
 
 import os
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import actionkit
@@ -16,7 +17,13 @@ _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _LOCALHOST_ONLY = "ROS_LOCALHOST_ONLY"
 """What the range was called before ROS 2 Iron; it still counts for more."""
 _BUILTIN = "FASTDDS_BUILTIN_TRANSPORTS"
-_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+_PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+_PROFILES_LATER = "FASTDDS_DEFAULT_PROFILES_FILE"
+"""What it is called from ROS 2 Kilted on, which warns of the earlier name."""
+_KILTED = 9
+"""The first part of the version of its rclpy; that of Jazzy is 7."""
+_OWN = (_PROFILES, _PROFILES_LATER, _BUILTIN, "ROS_STATIC_PEERS")
+"""What a user sets who has their own transports or peers."""
 _FILE = Path(actionkit.__file__).parent / "_ros" / "holds" / "udp_on_localhost.xml"
 
 
@@ -33,10 +40,18 @@ def use_udp_only() -> None:
     if not localhost:
         os.environ.setdefault(_BUILTIN, "UDPv4")
         return
-    own = any(os.environ.get(name) for name in (*_PROFILES, _BUILTIN, "ROS_STATIC_PEERS"))
+    own = any(os.environ.get(name) for name in _OWN)
     if not own and _FILE.is_file():
         # With LOCALHOST rmw_fastrtps sets up shared memory itself, whatever the other variables
         # say. The file has the same range without it; SYSTEM_DEFAULT makes it count.
         os.environ.pop(_LOCALHOST_ONLY, None)
         os.environ[_RANGE] = "SYSTEM_DEFAULT"
-        os.environ[_PROFILES[0]] = str(_FILE)
+        os.environ[_profiles_variable()] = str(_FILE)
+
+
+def _profiles_variable() -> str:
+    try:
+        major = int(version("rclpy").partition(".")[0])
+    except (PackageNotFoundError, ValueError):
+        return _PROFILES
+    return _PROFILES_LATER if major >= _KILTED else _PROFILES
