@@ -110,6 +110,9 @@ class FeedbackWatch:
         for source in (self._messages, self._matched):
             if source is not None:
                 self._runtime.disable(source)
+        self._cancel_pause()
+
+    def _cancel_pause(self) -> None:
         if self._pause is not None:
             self._runtime.cancel_timer(self._pause)
             self._pause = None
@@ -123,11 +126,13 @@ class FeedbackWatch:
         self.look()
 
     def _wait(self) -> None:
-        self.close()
+        self._cancel_pause()
         if self._matched is not None:
             self._runtime.enable(self._matched)
         if self._on or self._matched is not None:
             self._runtime.enable(self._messages)
+        else:
+            self._runtime.disable(self._messages)
 
     def _take(self) -> bool:
         messages = self._messages.take()

@@ -228,7 +228,9 @@ class Waiter:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._guard = GuardCondition(None, None, context=context)
+        self._guard_handle = self._guard.handle
         self._signal_guard = SignalHandlerGuardCondition(context)
+        self._signal_handle = self._signal_guard.handle
         self.signalled = False
         """Whether rclpy's signal handler has run during the last wait."""
         self._room = -1  # for so many sources of each kind
@@ -245,7 +247,7 @@ class Waiter:
         A handler runs between two bytecodes. If it ran between these two, it could wait for ever
         for an item that is in the inbox while the thread sleeps. So one call into C does both.
         """
-        trigger = self._guard.handle.trigger_guard_condition
+        trigger = self._guard_handle.trigger_guard_condition
         with contextlib.suppress(InvalidHandle, RCLError):  # as above
             deque(map(_call, (partial(inbox.append, item), trigger)), maxlen=0)
 
@@ -263,8 +265,8 @@ class Waiter:
             self._reserve(2 * len(sources) + _SPARE)
         wait_set = self._wait_set
         wait_set.clear_entities()
-        wait_set.add_guard_condition(self._guard.handle)
-        signalled = wait_set.add_guard_condition(self._signal_guard.handle)
+        wait_set.add_guard_condition(self._guard_handle)
+        signalled = wait_set.add_guard_condition(self._signal_handle)
         indices = [source.add_to(wait_set) for source in sources]
         wait_set.wait(_FOREVER if timeout is None else max(0, int(min(timeout, _LONGEST) * 1e9)))
         self.signalled = bool(wait_set.is_ready("guard_condition", signalled))
