@@ -92,6 +92,8 @@ class Flag:
 
     def remove_waiter(self, wake: Callable[[], None]) -> None:
         """Undo `add_waiter`, also where `wake` was called by now."""
+        if wake not in self._waiting:
+            return  # as a rule; the error of `remove` would cost more than all the rest
         with contextlib.suppress(ValueError):
             self._waiting.remove(wake)
 
