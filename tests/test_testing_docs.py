@@ -8,7 +8,7 @@ from pathlib import Path
 
 from actionkit.testing import FakeServer
 from actionkit.testing._fake_notes import EVENTS
-from tests.test_fake_server_in_pytest import run_pytest
+from tests.fake_server.test_fake_server_in_pytest import run_pytest
 
 TEXT = (Path(__file__).resolve().parent.parent / "docs" / "testing.md").read_text()
 FILES = dict(re.findall(r"^```python\n# (\w+\.py)\n(.*?)^```$", TEXT, re.M | re.S))

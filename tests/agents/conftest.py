@@ -7,13 +7,15 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import jsonschema
 import pytest
 
-from actionkit.agents import Toolbox
+from actionkit.agents import Toolbox, ToolResult
 
 FIBONACCI: dict[str, Any] = {"action": "fibonacci", "type": "test_msgs/action/Fibonacci"}
 BOUND = 30.0
 """Seconds; only what hangs takes so long."""
+Make = Callable[..., Toolbox]
 
 
 class FakeHold:
@@ -81,3 +83,18 @@ def make_toolbox(ros_domain: int, hold: FakeHold) -> Iterator[Callable[..., Tool
 async def seen(server: Any, event: str, count: int = 1) -> None:
     """Wait for an event of a server without blocking the event loop."""
     await asyncio.to_thread(server.wait_for, event, count=count, timeout=BOUND)
+
+
+def told(toolbox: Toolbox, result: ToolResult) -> dict[str, Any]:
+    """Return the value, checked against the schema of its tool."""
+    value = dict(result.value)
+    tool = next(tool for tool in toolbox.tools if tool.name == value["tool"])
+    jsonschema.validate(value, tool.output_schema)
+    assert result.is_error == (value["error"] is not None)
+    goals = all_goals(toolbox)
+    jsonschema.validate(goals, toolbox.tools[-1].output_schema)
+    return value
+
+
+def all_goals(toolbox: Toolbox) -> dict[str, Any]:
+    return {"tool": "goals", "status": "ok", "goals": list(toolbox.goals()), "error": None}

@@ -18,7 +18,7 @@ RUN_ELSEWHERE = {
     "command-line.md": "its commands are those of tests/cli",
     "CHANGELOG.md": "tells of the past",
     "own-actions.md": "tests/interfaces",
-    "testing.md": "tests/test_fake_server.py",
+    "testing.md": "tests/fake_server/test_fake_server.py",
     "agents.md": "tests/agents",
     "mcp.md": "tests/agents",
     "stopping.md": "tests/cli/test_stop.py",

@@ -14,6 +14,10 @@ from actionkit import Client, servers
 from actionkit.servers import Server
 from actionkit.testing import isolated_domain
 
+BOUND = 30.0
+"""Seconds; only what hangs takes so long."""
+MakeClient = Callable[..., Client[Any, Any, Any]]
+
 
 class Place:
     """One domain, and the servers in it by their action's name."""
@@ -75,3 +79,10 @@ def fate(server: Server, goal_id: object) -> list[str]:
     """Return what a server saw of a goal: the words that matter, in order."""
     words = ("goal_received", "cancel_requested", "accepted", "canceled", "succeeded", "aborted")
     return [e.event for e in server.events if e.goal_id == str(goal_id) and e.event in words]
+
+
+@pytest.fixture
+def client(place: Place, open_client: MakeClient) -> Client[Any, Any, Any]:
+    """A client of the server fibonacci, which sends feedback and rejects negative orders."""
+    place.server("fibonacci", "fibonacci", period=0.02)
+    return open_client("fibonacci")

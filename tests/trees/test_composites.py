@@ -18,9 +18,8 @@ from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour
 from tests.conftest import NEVER
 from tests.hunting import examples
-from tests.trees.conftest import Place
+from tests.trees.conftest import BOUND, Place
 
-BOUND = 30.0
 ENDS = ("succeeded", "canceled", "aborted")
 
 #: Servers for the random trees: name, and options.

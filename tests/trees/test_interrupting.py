@@ -24,10 +24,9 @@ from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour
 from tests.conftest import Script
 from tests.trees import interrupting as page
-from tests.trees.conftest import Place, fate
+from tests.trees.conftest import BOUND, Place, fate
 
 WRITING = os.environ.get("ACTIONKIT_WRITE_INTERRUPTING") == "1"
-BOUND = 30.0
 SCRIPTS = {
     page.UNANSWERED: ["gate", "accept", "never"],
     page.RUNNING: ["accept", "never"],

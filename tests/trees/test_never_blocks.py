@@ -17,10 +17,8 @@ from py_trees.common import Status
 from actionkit import Client
 from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour, FromBlackboard
-from tests.trees.conftest import Place
+from tests.trees.conftest import BOUND, MakeClient, Place
 
-BOUND = 30.0
-MakeClient = Callable[..., Client[Any, Any, Any]]
 MAY_BLOCK = {
     *("sleep", "select", "poll", "epoll", "wait", "join", "recv", "read", "readline", "fsync"),
     *("acquire", "wait_set_wait", "get", "call", "system", "waitpid", "connect", "accept"),

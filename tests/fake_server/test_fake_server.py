@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
-import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -16,29 +14,10 @@ from actionkit import (
     GoalAbortedError,
     GoalCanceledError,
     GoalRejectedError,
-    RetryPolicy,
-    ServerLostError,
 )
-from actionkit.servers._executors import ThreadPerGoalExecutor
-from actionkit.servers._harness import Harness
 from actionkit.testing import EventLog, FakeServer
+from tests.fake_server.conftest import ACCEPTED, FIELDS, NOT_RETRIED, names
 from tests.rclpy_client import ABORTED, CANCELED, OK, SUCCEEDED, Driver
-
-ACCEPTED = ["received", "accepted", "executing"]
-FIELDS = {"sequence": [3, 1]}
-NOT_RETRIED = RetryPolicy.none()
-
-
-@pytest.fixture
-def driver(ros_domain: int) -> Iterator[Driver]:
-    driver = Driver(ros_domain)
-    yield driver
-    driver.close()
-
-
-def names(server: FakeServer[Any, Any, Any], goal_id: object = None) -> list[str]:
-    return [e.event for e in server.events if goal_id is None or e.goal_id == str(goal_id)]
-
 
 # --- what it does --------------------------------------------------------------------------------
 
@@ -217,148 +196,6 @@ def test_many_goals_at_once(fake_server: Any, make_client: Any) -> None:
     assert server.wait_for("succeeded", count=40)
 
 
-# --- errors of the user's functions --------------------------------------------------------------
-
-
-class Oops(Exception):
-    pass
-
-
-def oops(_goal: Any) -> Any:
-    raise Oops("here")
-
-
-def some_then_oops(_goal: Any) -> Iterator[Any]:
-    yield {"sequence": [1]}
-    raise Oops("here")
-
-
-def fails(_goal: Any) -> Any:
-    pytest.fail("this goal should not have come")
-
-
-REJECTED = [{"accept": oops}, {"end": oops}, {"period": oops}, {"cancel": oops}]
-RAISING = [
-    *[(settings, GoalRejectedError, Oops, "here") for settings in REJECTED],
-    ({"script": oops}, GoalRejectedError, Oops, "here"),
-    ({"script": [oops]}, GoalRejectedError, Oops, "here"),
-    ({"feedback": oops}, GoalAbortedError, Oops, "here"),
-    ({"feedback": some_then_oops}, GoalAbortedError, Oops, "here"),
-    ({"result": oops}, GoalAbortedError, Oops, "here"),
-    ({"accept": fails}, GoalRejectedError, pytest.fail.Exception, "should not have come"),
-    ({"accept": lambda goal: 1}, GoalRejectedError, TypeError, "accept=1 must be True or False"),
-    ({"end": lambda goal: "done"}, GoalRejectedError, ValueError, "end='done' must be 'succ"),
-    (
-        {"feedback": lambda goal: [{"sequence": [1]}, {"sequenc": 2}]},
-        GoalAbortedError,
-        ValueError,
-        r"feedback\[1\].sequenc: .*did you mean 'sequence'",
-    ),
-    (
-        {"result": lambda goal: {"sequence": [2**31]}},
-        GoalAbortedError,
-        ValueError,
-        r"result.sequence\[0\]: 2147483648 is out of range",
-    ),
-    (
-        {"script": [lambda goal: {"ned": 1}]},
-        GoalRejectedError,
-        ValueError,
-        r"script\[0\]: there is no setting 'ned'; did you mean 'end'\?",
-    ),
-]
-
-
-@pytest.mark.parametrize(("settings", "outcome", "error", "text"), RAISING)
-def test_what_a_function_raises_shows_in_the_test(
-    ros_domain: int, make_client: Any, settings: Any, outcome: Any, error: Any, text: str
-) -> None:
-    settings = dict(settings)
-    script = settings.pop("script", [])
-    server: Any = FakeServer(Fibonacci, "fibonacci", **settings)
-    server.script(script)
-    with pytest.raises(error, match=text), server:  # noqa: PT012
-        client = make_client(retry=NOT_RETRIED)
-        with pytest.raises(outcome):
-            client.call({"order": 1}, timeout=30.0)
-    server.stop()  # once is enough
-
-
-def test_wait_for_raises_it_at_once_and_it_is_raised_once(
-    ros_domain: int, make_client: Any
-) -> None:
-    with FakeServer(Fibonacci, "fibonacci", accept=oops) as server:
-        future = make_client(retry=NOT_RETRIED).call_async({"order": 1}, timeout=60.0)
-        began = time.monotonic()
-        with pytest.raises(Oops):
-            server.wait_for("succeeded", timeout=120)
-        assert time.monotonic() - began < 60
-        with pytest.raises(GoalRejectedError):
-            future.result(30)
-        server.wait_for("rejected")
-        with pytest.raises(AssertionError, match="saw 0 of 1 'succeeded' events within 0 s"):
-            server.wait_for("succeeded", timeout=0)
-
-
-def test_the_error_comes_with_that_of_the_test(ros_domain: int, make_client: Any) -> None:
-    with pytest.raises(Oops) as raised, FakeServer(Fibonacci, "fibonacci", result=oops):
-        make_client(retry=NOT_RETRIED).call({"order": 1}, timeout=30.0)
-    assert isinstance(raised.value.__context__, GoalAbortedError)
-    with (  # noqa: PT012
-        pytest.raises(KeyboardInterrupt),
-        FakeServer(Fibonacci, "fibonacci", result=oops),
-    ):
-        with pytest.raises(GoalAbortedError):
-            make_client(retry=NOT_RETRIED).call({"order": 1}, timeout=30.0)
-        raise KeyboardInterrupt
-
-
-def test_a_function_that_does_not_return(ros_domain: int, make_client: Any) -> None:
-    ends = threading.Event()
-    server = FakeServer(Fibonacci, "fibonacci", result=lambda goal: ends.wait(60) and None)
-    server.start()
-    make_client().call_async({}, timeout=60.0)
-    server.wait_for("executing")
-    began = time.monotonic()
-    with pytest.raises(RuntimeError, match="of 'fibonacci' had not returned 3 s after"):
-        server.stop()
-    assert time.monotonic() - began < 20
-    ends.set()
-
-
-def test_functions_that_wait_and_stop(ros_domain: int, make_client: Any) -> None:
-    """A function may use its server: neither way does the test hang."""
-    waits, stops = (FakeServer(Fibonacci, name) for name in ("waits", "stops"))
-    waits.script([{"result": lambda goal: waits.wait_for("aborted", timeout=120) and None}])
-    stops.script([{"accept": lambda goal: stops.stop() or True}])
-    began = time.monotonic()
-    for server in (waits, stops):
-        server.start()
-    make_client(name="stops").call_async({}, timeout=60.0)
-    make_client(name="waits").call_async({}, timeout=60.0)
-    waits.wait_for("executing")
-    with pytest.raises(AssertionError, match="before the fake server ended"):
-        waits.stop()
-    with pytest.raises(AssertionError, match="saw 0 of 1 'accepted' events before the fake"):
-        stops.wait_for("accepted")
-    stops.stop()
-    assert time.monotonic() - began < 60
-
-
-def test_a_request_that_is_sent_again(ros_domain: int, driver: Driver) -> None:
-    with FakeServer(Fibonacci, "fibonacci", result=FIELDS) as server:
-        server.script([{}, {"accept": False}])
-        driver.connect()
-        goal_id, future = driver.send()
-        assert driver.wait(future).accepted
-        server.wait_for("succeeded")
-        again, future = driver.send(goal_id=uuid.UUID(goal_id))
-        assert not driver.wait(future).accepted
-        assert again == goal_id
-        assert len(server.goals) == server.count("received") == 1
-        driver.rejected()  # the script's second entry is still there
-
-
 # --- waiting -------------------------------------------------------------------------------------
 
 
@@ -393,127 +230,6 @@ def test_waiting(ros_domain: int) -> None:
         waiting.wait()
     thread.join(30)
     assert "'accepted' events before the fake server ended" in str(raised[0])
-
-
-# --- its life ------------------------------------------------------------------------------------
-
-
-def test_a_server_that_comes_back(ros_domain: int, make_client: Any) -> None:
-    server = FakeServer(Fibonacci, "fibonacci", end="never")
-    assert "stopped" in repr(server)
-    server.stop()
-    with server:
-        assert "running" in repr(server)
-        with pytest.raises(RuntimeError, match="was started already"):
-            server.start()
-        client = make_client(retry=NOT_RETRIED)
-        lost = client.call_async({"order": 1}, timeout=60.0)
-        server.wait_for("executing")
-    assert server.running() == set()
-    with pytest.raises(ServerLostError):
-        lost.result(60)
-    server.script([{"result": FIELDS, "end": "succeeded"}])
-    with server:
-        assert list(client.call({"order": 2}, timeout=30.0).sequence) == [3, 1]
-    assert [goal.order for goal in server.goals] == [1, 2]
-    assert [event.incarnation for event in server.events if event.event == "received"] == [0, 1]
-
-
-def test_fifty_in_a_row_leave_nothing(ros_domain: int, driver: Driver) -> None:
-    with FakeServer(NestedMessage, "warm_up"):
-        pass
-    threads, files = set(threading.enumerate()), len(os.listdir("/proc/self/fd"))
-    for number in range(50):
-        with FakeServer(Fibonacci, "fibonacci", end="never") as server:
-            if number % 10 == 0:
-                driver.connect().accepted()
-                server.wait_for("executing")
-    assert set(threading.enumerate()) <= threads
-    # A few are of the client, which keeps something of each server that it met.
-    assert len(os.listdir("/proc/self/fd")) <= files + 5
-
-
-def test_a_stop_or_start_that_is_interrupted_leaves_nothing(
-    ros_domain: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Ctrl-C while it waits for the functions of the test, or for its thread to begin."""
-
-    class Interrupted(BaseException):
-        """As KeyboardInterrupt, which pytest would take for its own."""
-
-    def interrupted(executor: object, seconds: float) -> bool:
-        raise Interrupted
-
-    server = FakeServer(Fibonacci, "fibonacci").start()
-    harness = server._harness
-    assert harness is not None
-    with monkeypatch.context() as patch:
-        patch.setattr(ThreadPerGoalExecutor, "join_goals", interrupted)
-        with pytest.raises(Interrupted):
-            server.stop()
-    assert not harness._context.ok()
-    server.stop()
-
-    # So does a start, whose `with` statement has not begun.
-    contexts: list[Any] = []
-    start = Harness.start
-
-    def started(harness: Harness) -> None:
-        start(harness)
-        contexts.append(harness._context)
-        raise Interrupted
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Harness, "start", started)
-        with pytest.raises(Interrupted), server:
-            pass
-    assert not contexts[0].ok()
-    with server:
-        assert server.running() == set()
-
-
-def test_two_on_one_name_and_other_domains(fake_server: Any, make_client: Any) -> None:
-    servers = [fake_server(Fibonacci, "fibonacci", result=FIELDS) for _ in range(2)]
-    with FakeServer(Fibonacci, "fibonacci", domain_id=0) as elsewhere:
-        assert list(make_client().call({}, timeout=30.0).sequence) == [3, 1]
-        assert sum(len(server.goals) for server in servers) in (1, 2)
-        assert elsewhere.goals == []
-
-
-EXIT = """
-import os, signal, sys
-from test_msgs.action import Fibonacci
-from actionkit import Client
-from actionkit.testing import FakeServer
-server = FakeServer(Fibonacci, "fibonacci", end="never").start()
-client = Client(Fibonacci, "fibonacci")
-future = client.call_async({}, timeout=60)
-server.wait_for("executing", timeout=60)
-if sys.argv[1] == "rclpy":
-    import rclpy
-    rclpy.init()
-    try:
-        signal.raise_signal(signal.SIGINT)   # rclpy's handler shuts down every context
-    except KeyboardInterrupt:
-        server.stop()
-    # Else rclpy's thread for signals now and then aborts the process at its exit.
-    rclpy.signals.uninstall_signal_handlers()
-elif sys.argv[1] == "fork":
-    child = os.fork()
-    if child == 0:
-        server.stop()
-        os._exit(9)  # as multiprocessing does; rclpy itself crashes in a forked child's sys.exit
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
-    assert server.running()
-print("end", flush=True)
-"""
-
-
-@pytest.mark.parametrize("how", ["plain", "rclpy", "fork"])
-def test_exit_without_stop(run_script: Callable[..., Any], how: str) -> None:
-    script = run_script(EXIT, how)
-    code, out, err = script.finish(60)
-    assert (code, out.strip(), err) == (0, "end", "")
 
 
 # --- wrong arguments -----------------------------------------------------------------------------

@@ -1,0 +1,187 @@
+"""What a human says to the calls of a toolbox: stop, and yes or no."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from actionkit.agents import ApprovalRequest
+from actionkit.testing.plugin import ActionServerFactory
+from tests.agents.conftest import FIBONACCI, FakeHold, Make, seen, told
+from tests.waiting import until_in_loop
+
+
+def test_a_hold_refuses_and_cancels(
+    make_toolbox: Make, action_server: ActionServerFactory, hold: FakeHold
+) -> None:
+    server = action_server("fibonacci", period=0.05)
+
+    async def main() -> None:
+        async with make_toolbox({"fib": FIBONACCI}) as toolbox:
+            hold.is_known = False
+            value = told(toolbox, await toolbox.call("fib", {"order": 90}))
+            assert value["error"]["type"] == "hold_unknown"
+            assert value["error"]["retry"]
+            hold.is_known = True
+            running = asyncio.create_task(toolbox.call("fib", {"order": 90}))
+            await seen(server, "accepted")
+            hold.stop()
+            value = told(toolbox, await running)
+            assert value["status"] == "canceled"
+            assert "ann@desk" in value["error"]["message"]
+            value = told(toolbox, await toolbox.call("fib", {"order": 90}))
+            assert (value["status"], value["error"]["type"]) == ("refused", "held")
+            hold.reason = None
+            assert (await toolbox.call("fib", {"order": 2})).value["status"] == "succeeded"
+
+    asyncio.run(main())
+    assert server.count("accepted") == 2
+
+
+def test_a_hold_between_any_two_steps_keeps_the_goal_back(
+    make_toolbox: Make, action_server: ActionServerFactory, hold: FakeHold
+) -> None:
+    server = action_server("fibonacci")
+
+    async def main() -> int:
+        async with make_toolbox({"fib": FIBONACCI}) as toolbox:
+            for look in range(1, 10):
+                hold.asked, hold.stop_when_asked, hold.reason = 0, look, None
+                value = told(toolbox, await toolbox.call("fib", {"order": 1}))
+                if value["status"] == "succeeded":
+                    return look - 1
+                assert value["error"]["type"] == "held"
+                assert server.count("goal_received") == 0
+        return 0
+
+    looks = asyncio.run(main())
+    assert looks >= 3  # before the question, after it, and right before the goal is sent
+
+
+def test_a_hold_reaches_a_goal_that_waits_for_its_server(
+    make_toolbox: Make, action_server: ActionServerFactory, hold: FakeHold
+) -> None:
+    async def main() -> Any:
+        async with make_toolbox({"fib": FIBONACCI}) as toolbox:
+            waiting = asyncio.create_task(toolbox.call("fib", {"order": 90}))
+            await until_in_loop(toolbox.goals)
+            hold.stop()
+            value = told(toolbox, await waiting)
+            assert (value["status"], value["may_still_run"]) == ("canceled", False)
+            return await asyncio.to_thread(action_server, "fibonacci")
+
+    server = asyncio.run(main())
+    assert server.count("goal_received") == 0
+
+
+def test_approval(make_toolbox: Make, action_server: ActionServerFactory, hold: FakeHold) -> None:
+    server = action_server("fibonacci")
+    asked: list[ApprovalRequest] = []
+    tool = {**FIBONACCI, "confirm": "always", "fields": {"order": {"maximum": 5}}}
+
+    async def main() -> None:
+        async with make_toolbox({"fib": tool}) as toolbox:
+
+            async def yes(request: ApprovalRequest) -> bool:
+                asked.append(request)
+                return True
+
+            async def no(request: ApprovalRequest) -> bool:
+                return False
+
+            async def yes_but_stopped(request: ApprovalRequest) -> bool:
+                hold.stop()
+                return True
+
+            async def yes_but_cancelled(request: ApprovalRequest) -> bool:
+                await toolbox.cancel_all()
+                return True
+
+            async def raises(request: ApprovalRequest) -> bool:
+                raise ConnectionError("the human has gone")
+
+            async def refused(arguments: Any, approve: Any) -> str:
+                result = await toolbox.call("fib", arguments, approve=approve)
+                assert result.value["status"] == "refused"
+                return str(told(toolbox, result)["error"]["type"])
+
+            assert await refused({"order": 1}, None) == "nobody_to_ask"
+            assert await refused({"order": 1}, no) == "not_approved"
+            assert await refused({"order": 6}, yes) == "invalid_arguments"
+            assert asked == []
+            assert await refused({"order": 1}, yes_but_cancelled) == "cancelled"
+            assert await refused({"order": 1}, yes_but_stopped) == "held"
+            hold.reason = None
+            with pytest.raises(ConnectionError):
+                await toolbox.call("fib", {"order": 1}, approve=raises)
+            assert server.count("goal_received") == 0
+            value = told(toolbox, await toolbox.call("fib", {"order": 1}, approve=yes))
+            assert value["status"] == "succeeded"
+
+    asyncio.run(main())
+    (request,) = asked
+    assert (request.tool, request.arguments) == ("fib", {"order": 1})
+    assert '"order": 1' in request.text
+
+
+def test_an_answer_that_crosses_with_giving_up_sends_nothing(
+    make_toolbox: Make, action_server: ActionServerFactory
+) -> None:
+    server = action_server("fibonacci")
+    tool = {**FIBONACCI, "confirm": "always"}
+
+    async def main() -> None:
+        async with make_toolbox({"fib": tool}) as toolbox:
+            asked = asyncio.Event()
+
+            async def approve(request: ApprovalRequest) -> bool:
+                asked.set()
+                try:
+                    await asyncio.Event().wait()
+                except asyncio.CancelledError:
+                    return True  # as `asyncio.wait_for` may do before Python 3.12
+                return False
+
+            call = asyncio.create_task(toolbox.call("fib", {"order": 1}, approve=approve))
+            await asked.wait()
+            call.cancel()
+            await asyncio.wait([call])
+            assert call.cancelled()
+            assert toolbox.goals() == ()
+
+    asyncio.run(main())
+    assert server.count("goal_received") == 0
+
+
+def test_waiting_for_approval_counts_no_goal(
+    make_toolbox: Make, action_server: ActionServerFactory
+) -> None:
+    server = action_server("fibonacci", period=0.05)
+    tool = {**FIBONACCI, "confirm": "always"}
+
+    async def main() -> None:
+        async with make_toolbox({"fib": tool}) as toolbox:
+            answer: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
+            asked = asyncio.Event()
+
+            async def slow(request: ApprovalRequest) -> bool:
+                asked.set()
+                return await answer
+
+            async def yes(request: ApprovalRequest) -> bool:
+                return True
+
+            waiting = asyncio.create_task(toolbox.call("fib", {"order": 1}, approve=slow))
+            await asked.wait()
+            assert toolbox.goals() == ()
+            running = asyncio.create_task(toolbox.call("fib", {"order": 90}, approve=yes))
+            await seen(server, "accepted")
+            answer.set_result(True)
+            value = told(toolbox, await waiting)  # the limit is looked at again
+            assert value["error"]["type"] == "too_many_goals"
+            running.cancel()
+
+    asyncio.run(main())
+    assert server.count("accepted") == 1

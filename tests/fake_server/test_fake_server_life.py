@@ -1,0 +1,138 @@
+"""A fake server stops, starts again, and leaves nothing behind."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from test_msgs.action import Fibonacci, NestedMessage
+
+from actionkit import (
+    ServerLostError,
+)
+from actionkit.servers._executors import ThreadPerGoalExecutor
+from actionkit.servers._harness import Harness
+from actionkit.testing import FakeServer
+from tests.fake_server.conftest import FIELDS, NOT_RETRIED
+from tests.rclpy_client import Driver
+
+
+def test_a_server_that_comes_back(ros_domain: int, make_client: Any) -> None:
+    server = FakeServer(Fibonacci, "fibonacci", end="never")
+    assert "stopped" in repr(server)
+    server.stop()
+    with server:
+        assert "running" in repr(server)
+        with pytest.raises(RuntimeError, match="was started already"):
+            server.start()
+        client = make_client(retry=NOT_RETRIED)
+        lost = client.call_async({"order": 1}, timeout=60.0)
+        server.wait_for("executing")
+    assert server.running() == set()
+    with pytest.raises(ServerLostError):
+        lost.result(60)
+    server.script([{"result": FIELDS, "end": "succeeded"}])
+    with server:
+        assert list(client.call({"order": 2}, timeout=30.0).sequence) == [3, 1]
+    assert [goal.order for goal in server.goals] == [1, 2]
+    assert [event.incarnation for event in server.events if event.event == "received"] == [0, 1]
+
+
+def test_fifty_in_a_row_leave_nothing(ros_domain: int, driver: Driver) -> None:
+    with FakeServer(NestedMessage, "warm_up"):
+        pass
+    threads, files = set(threading.enumerate()), len(os.listdir("/proc/self/fd"))
+    for number in range(50):
+        with FakeServer(Fibonacci, "fibonacci", end="never") as server:
+            if number % 10 == 0:
+                driver.connect().accepted()
+                server.wait_for("executing")
+    assert set(threading.enumerate()) <= threads
+    # A few are of the client, which keeps something of each server that it met.
+    assert len(os.listdir("/proc/self/fd")) <= files + 5
+
+
+def test_a_stop_or_start_that_is_interrupted_leaves_nothing(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C while it waits for the functions of the test, or for its thread to begin."""
+
+    class Interrupted(BaseException):
+        """As KeyboardInterrupt, which pytest would take for its own."""
+
+    def interrupted(executor: object, seconds: float) -> bool:
+        raise Interrupted
+
+    server = FakeServer(Fibonacci, "fibonacci").start()
+    harness = server._harness
+    assert harness is not None
+    with monkeypatch.context() as patch:
+        patch.setattr(ThreadPerGoalExecutor, "join_goals", interrupted)
+        with pytest.raises(Interrupted):
+            server.stop()
+    assert not harness._context.ok()
+    server.stop()
+
+    # So does a start, whose `with` statement has not begun.
+    contexts: list[Any] = []
+    start = Harness.start
+
+    def started(harness: Harness) -> None:
+        start(harness)
+        contexts.append(harness._context)
+        raise Interrupted
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Harness, "start", started)
+        with pytest.raises(Interrupted), server:
+            pass
+    assert not contexts[0].ok()
+    with server:
+        assert server.running() == set()
+
+
+def test_two_on_one_name_and_other_domains(fake_server: Any, make_client: Any) -> None:
+    servers = [fake_server(Fibonacci, "fibonacci", result=FIELDS) for _ in range(2)]
+    with FakeServer(Fibonacci, "fibonacci", domain_id=0) as elsewhere:
+        assert list(make_client().call({}, timeout=30.0).sequence) == [3, 1]
+        assert sum(len(server.goals) for server in servers) in (1, 2)
+        assert elsewhere.goals == []
+
+
+EXIT = """
+import os, signal, sys
+from test_msgs.action import Fibonacci
+from actionkit import Client
+from actionkit.testing import FakeServer
+server = FakeServer(Fibonacci, "fibonacci", end="never").start()
+client = Client(Fibonacci, "fibonacci")
+future = client.call_async({}, timeout=60)
+server.wait_for("executing", timeout=60)
+if sys.argv[1] == "rclpy":
+    import rclpy
+    rclpy.init()
+    try:
+        signal.raise_signal(signal.SIGINT)   # rclpy's handler shuts down every context
+    except KeyboardInterrupt:
+        server.stop()
+    # Else rclpy's thread for signals now and then aborts the process at its exit.
+    rclpy.signals.uninstall_signal_handlers()
+elif sys.argv[1] == "fork":
+    child = os.fork()
+    if child == 0:
+        server.stop()
+        os._exit(9)  # as multiprocessing does; rclpy itself crashes in a forked child's sys.exit
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+    assert server.running()
+print("end", flush=True)
+"""
+
+
+@pytest.mark.parametrize("how", ["plain", "rclpy", "fork"])
+def test_exit_without_stop(run_script: Callable[..., Any], how: str) -> None:
+    script = run_script(EXIT, how)
+    code, out, err = script.finish(60)
+    assert (code, out.strip(), err) == (0, "end", "")

@@ -1,0 +1,119 @@
+"""A new run of a leaf, and the goal of the run before it."""
+
+from __future__ import annotations
+
+from py_trees.common import Status
+
+from actionkit import Timeouts
+from actionkit.testing import tick_until
+from actionkit.trees import ActionBehaviour
+from tests.trees.conftest import BOUND, MakeClient, Place
+
+
+def test_a_new_run_waits_until_the_earlier_goal_has_stopped(
+    place: Place, open_client: MakeClient
+) -> None:
+    server = place.server("slow_cancel", script=[{"cancel_after": 0.4}, "accept", "never"])
+    leaf = ActionBehaviour("a", open_client("slow_cancel"), {"order": 1})
+    tick_until(leaf, lambda: leaf.future.known_to_run, BOUND)
+    first = leaf.future
+    server.wait_for("executing", goal_id=str(first.goal_id))
+    leaf.stop(Status.INVALID)
+    leaf.tick_once()
+    assert leaf.status is Status.RUNNING
+    assert leaf.future is None
+    assert f"waits until the earlier goal {first.goal_id}" in leaf.feedback_message
+    tick_until(leaf, lambda: leaf.future is not None, BOUND)
+    second = leaf.future
+    accepted = server.wait_for("accepted", goal_id=str(second.goal_id))[0]
+    stopped = server.wait_for("canceled", goal_id=str(first.goal_id))[0]
+    assert stopped.monotonic < accepted.monotonic
+    leaf.shutdown()
+    assert server.max_running == 1
+
+
+def test_or_it_fails_and_says_so(place: Place, open_client: MakeClient) -> None:
+    server = place.server("slow_cancel", script=[{"cancel_after": 0.4}, "accept", "never"])
+    leaf = ActionBehaviour("a", open_client("slow_cancel"), {"order": 1}, earlier_goal="fail")
+    tick_until(leaf, lambda: leaf.future.known_to_run, BOUND)
+    first = leaf.future
+    server.wait_for("executing", goal_id=str(first.goal_id))
+    leaf.stop(Status.INVALID)
+    leaf.tick_once()
+    assert leaf.status is Status.FAILURE
+    assert f"the earlier goal {first.goal_id} of this behaviour still runs" in leaf.feedback_message
+    leaf.shutdown()
+
+
+def test_a_refused_cancel_is_waited_for_and_told(place: Place, open_client: MakeClient) -> None:
+    server = place.server("refusing", script=["refuse_cancel", "accept", "gate", "succeed"])
+    leaf = ActionBehaviour("a", open_client("refusing"), {"order": 1})
+    leaf.tick_once()
+    first = leaf.future
+    server.wait_for("executing", goal_id=str(first.goal_id))
+    leaf.stop(Status.INVALID)
+    tick_until(leaf, lambda: "refused to cancel" in leaf.feedback_message, BOUND)
+    assert leaf.future is None
+    server.release(1)
+    tick_until(leaf, lambda: leaf.future is not None, BOUND)
+    server.wait_for("accepted", goal_id=str(leaf.future.goal_id))
+    server.release(1)
+    tick_until(leaf, Status.SUCCESS, BOUND)
+    assert server.max_running == 1
+
+
+def test_after_its_server_was_lost_it_does_not_wait_for_ever(
+    place: Place, open_client: MakeClient
+) -> None:
+    server = place.server("dying", script=["accept", "never"])
+    leaf = ActionBehaviour("a", open_client("dying", timeouts=Timeouts(server=2.0)), {"order": 1})
+    leaf.tick_once()
+    server.wait_for("executing", goal_id=str(leaf.future.goal_id))
+    lost = leaf.future
+    server.terminate()
+    tick_until(leaf, Status.FAILURE, BOUND)
+    assert lost.known_to_run is None
+    # No server: the leaf says for a while what it waits for, and then that it does not know.
+    leaf.tick_once()
+    assert leaf.status is Status.RUNNING
+    assert "waits for news of the earlier goal" in leaf.feedback_message
+    tick_until(leaf, Status.FAILURE, BOUND)
+    assert f"{lost.goal_id} of this behaviour MAY STILL BE RUNNING" in leaf.feedback_message
+    # A server that does not know the goal proves that it is gone.
+    server.restart()
+    tick_until(leaf, lambda: leaf.future is not None and leaf.future.known_to_run, BOUND)
+    assert lost.known_to_run is False
+
+
+def test_its_time_includes_the_wait_for_the_earlier_goal(
+    place: Place, open_client: MakeClient
+) -> None:
+    server = place.server("refusing", script=["refuse_cancel", "accept", "gate", "succeed"])
+    leaf = ActionBehaviour("a", open_client("refusing"), {"order": 1}, timeout=20.0)
+    leaf.tick_once()
+    server.wait_for("executing", goal_id=str(leaf.future.goal_id))
+    leaf.stop(Status.INVALID)
+    leaf._timeout = 0.2
+    tick_until(leaf, Status.FAILURE, BOUND)
+    assert "the time for this run is up" in leaf.feedback_message
+    server.release(1)
+
+
+def test_a_goal_that_its_client_lost_touch_with_is_not_run_beside_another(
+    place: Place, open_client: MakeClient
+) -> None:
+    """The client's own thread dies, and the client goes on with another one."""
+    server = place.server("lasting", script=["accept", "never"])
+    client = open_client("lasting", timeouts=Timeouts(server=0.5))
+    leaf = ActionBehaviour("a", client, {"order": 1})
+    tick_until(leaf, lambda: leaf.future.known_to_run, BOUND)
+    lost = leaf.future
+    runtime = client._session.port.runtime
+    runtime.run(lambda: setattr(runtime, "_broken", MemoryError("for the test")))
+    assert lost.exception(BOUND) is not None
+    assert lost.known_to_run is None
+    tick_until(leaf, Status.FAILURE, BOUND)
+    tick_until(leaf, lambda: "MAY STILL BE RUNNING" in leaf.feedback_message, BOUND)
+    assert client.wait_for_server(BOUND)
+    assert server.max_running == 1
+    leaf.shutdown()

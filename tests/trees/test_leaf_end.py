@@ -1,0 +1,214 @@
+"""How a leaf ends with its tree, its thread, or in the middle of a tick."""
+
+from __future__ import annotations
+
+import gc
+import threading
+from collections import deque
+from typing import Any
+
+import py_trees
+import pytest
+from py_trees.common import Status
+from test_msgs.action import Fibonacci
+
+from actionkit import Timeouts
+from actionkit.testing import tick_until
+from actionkit.trees import ActionBehaviour
+from actionkit.trees._runs import Runs
+from tests.conftest import NEVER
+from tests.trees.conftest import BOUND, MakeClient, Place
+
+
+def test_a_shutdown_cancels_all_goals_first_and_waits_once(
+    place: Place, open_client: MakeClient
+) -> None:
+    """Goals of later leaves do not run on while an earlier one's is waited for."""
+    stubborn = place.server("refusing", script=["refuse_cancel", "accept", "gate", "succeed"])
+    prompt = place.server("running", script=["accept", "never"])
+    grace = 0.5
+    leaves = [
+        ActionBehaviour(str(number), open_client(name, timeouts=Timeouts(cancel=grace)), {})
+        for number, name in enumerate(["refusing", "refusing", "refusing", "running", "running"])
+    ]
+    root = py_trees.composites.Parallel(
+        "all", policy=py_trees.common.ParallelPolicy.SuccessOnAll(), children=leaves
+    )
+    tree = py_trees.trees.BehaviourTree(root)
+    tree.setup(timeout=BOUND)
+    tree.tick()
+    for leaf in leaves:
+        server = prompt if leaf.client.action_name == "/running" else stubborn
+        server.wait_for("executing", goal_id=str(leaf.future.goal_id))
+    tree.shutdown()
+    asked = [
+        (prompt if leaf.client.action_name == "/running" else stubborn)
+        .wait_for("cancel_requested", goal_id=str(leaf.future.goal_id))[0]
+        .monotonic
+        for leaf in leaves
+    ]
+    assert max(asked) - min(asked) < grace  # none was waited for before all were asked
+    for leaf in leaves[3:]:
+        prompt.wait_for("canceled", goal_id=str(leaf.future.goal_id))
+        assert leaf.future.known_to_run is False
+    assert [leaf.future.known_to_run for leaf in leaves[:3]] == [True] * 3
+    stubborn.release(3)
+
+
+def test_a_tree_that_is_dropped_leaves_no_goal_running(place: Place) -> None:
+    server = place.server("running", script=["accept", "never"])
+    leaf = ActionBehaviour("a", (Fibonacci, "running"), {"order": 1})
+    root = py_trees.composites.Sequence("root", memory=True, children=[leaf])
+    tree = py_trees.trees.BehaviourTree(root)
+    tree.setup(timeout=BOUND)
+    tree.tick()
+    goal_id = str(leaf.future.goal_id)
+    server.wait_for("executing", goal_id=goal_id)
+    del leaf, root, tree
+    gc.collect()
+    server.wait_for("canceled", goal_id=goal_id)
+
+
+def test_it_may_be_ticked_by_one_thread_after_the_other(client: Any) -> None:
+    leaf = ActionBehaviour("a", client, {"order": 3})
+
+    def one_tick() -> None:
+        thread = threading.Thread(target=leaf.tick_once)
+        thread.start()
+        thread.join()
+
+    while leaf.status is not Status.SUCCESS:
+        one_tick()
+        assert leaf.status is not Status.FAILURE, leaf.feedback_message
+        NEVER.wait(0.01)
+    assert leaf.future.outcome(0).attempts == 1
+
+
+def test_threads_that_tick_at_once_do_not_run_two_goals(
+    place: Place, open_client: MakeClient
+) -> None:
+    """py_trees is not made for it; but no goal runs that the leaf does not know."""
+    server = place.server("running", script=["accept", "never"])
+    leaf = ActionBehaviour("a", open_client("running"), {"order": 1})
+    before = {event.goal_id for event in server.events if event.goal_id}
+    together = threading.Barrier(4)
+
+    def tick() -> None:
+        together.wait()
+        for _ in range(20):
+            leaf.tick_once()
+
+    threads = [threading.Thread(target=tick) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    tick_until(leaf, lambda: leaf.future is not None and leaf.future.known_to_run, BOUND)
+    leaf.shutdown()
+    for goal_id in server.running() - before:
+        server.wait_for("canceled", goal_id=goal_id)
+
+
+def test_one_run_sends_one_goal_whoever_ticks(client: Any) -> None:
+    runs = Runs()
+    run = runs.begin(None)
+    run.start(client, {"order": 2}, None, None)
+    goal = run.future
+    run.start(client, {"order": 2}, None, None)
+    assert run.future is goal
+    assert goal is not None
+    assert goal.outcome(BOUND).ok
+    assert runs.before(runs.begin(None)) == []
+
+
+def test_a_run_sends_nothing_once_another_has_begun(client: Any, place: Place) -> None:
+    """Two threads tick: one has begun a run, and comes to sending after the other one's begin."""
+    received = place.server("fibonacci").count("goal_received")
+    runs = Runs()
+    run = runs.begin(None)
+    later = runs.begin(None)
+    assert runs.before(run) == [later]
+    assert runs.before(later) == []
+    run.start(client, {"order": 2}, None, None)
+    assert run.future is not None
+    assert run.future.outcome(BOUND).attempts <= 1
+    assert place.server("fibonacci").count("goal_received") == received
+
+
+def test_a_run_that_was_given_up_sends_nothing(client: Any, place: Place) -> None:
+    received = place.server("fibonacci").count("goal_received")
+    runs = Runs()
+    run = runs.begin(None)
+    runs.close()
+    run.start(client, {"order": 2}, None, None)
+    assert run.future is not None
+    assert run.future.outcome(BOUND).attempts <= 1
+    assert run.future.known_to_run is False
+    assert place.server("fibonacci").count("goal_received") == received
+
+
+class Interrupted(BaseException):
+    """As KeyboardInterrupt, which pytest would take for its own."""
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_an_interrupt_in_the_middle_of_a_tick_leaves_no_goal_unknown(
+    begun: bool, client: Any, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C just before, or just after, the goal is handed over to be sent."""
+    begin = client._session.begin
+
+    def interrupted(call: Any) -> None:
+        if begun:
+            begin(call)
+        raise Interrupted
+
+    leaf = ActionBehaviour("a", client, {"order": 40})
+    with monkeypatch.context() as patch:
+        patch.setattr(client._session, "begin", interrupted)
+        with pytest.raises(Interrupted):
+            leaf.tick_once()
+    future = leaf.future
+    leaf.shutdown()
+    assert future.outcome(BOUND).error is not None
+    assert future.known_to_run is False
+    assert str(future.goal_id) not in place.server("fibonacci").running()
+
+
+def test_an_interrupt_before_a_tick_has_made_its_goal_is_no_goal_that_may_run(
+    client: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C when the goal was about to be made, and nothing says that it was not."""
+
+    class Tickets(deque[None]):
+        def pop(self) -> None:  # type: ignore[override]
+            super().pop()
+            raise Interrupted
+
+    leaf = ActionBehaviour("a", client, {"order": 2})
+    with monkeypatch.context() as patch:
+        patch.setattr("actionkit.trees._runs.deque", Tickets)
+        with pytest.raises(Interrupted):
+            leaf.tick_once()
+    tick_until(leaf, Status.SUCCESS, BOUND)
+
+
+def test_a_shutdown_by_another_thread_is_final(client: Any, place: Place) -> None:
+    """A human stops the tree while it is about to send: `goal` is where the tick stands then."""
+    inside, go_on = threading.Event(), threading.Event()
+
+    def slow(leaf: Any) -> Any:
+        inside.set()
+        go_on.wait(BOUND)
+        return {"order": 40}
+
+    received = place.server("fibonacci").count("goal_received")
+    leaf = ActionBehaviour("a", client, slow)
+    ticking = threading.Thread(target=leaf.tick_once)
+    ticking.start()
+    inside.wait(BOUND)
+    leaf.shutdown()
+    go_on.set()
+    ticking.join()
+    tick_until(leaf, Status.FAILURE, BOUND)
+    assert place.server("fibonacci").count("goal_received") == received

@@ -1,0 +1,177 @@
+"""What `actionkit stop` makes of what servers say, on a clock of the test's."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._ros.holds.state import Hold, HoldState, Sender
+from actionkit._ros.holds.view import Said
+from actionkit._ros.tools.cancel import CancelSaid
+from actionkit._ros.tools.cancel_all import AllSaid
+from actionkit._ros.tools.watch import GoalSeen
+from actionkit.cli._exits import Exit
+from actionkit.cli._holding import release
+from actionkit.cli._stopping import Stopping, table, worst
+
+LONG = 30.0
+
+
+ONE, TWO = "00000000-0000-0000-0000-000000000001", "00000000-0000-0000-0000-000000000002"
+
+
+def stopping(*states: str) -> Stopping:
+    action = Stopping("/a")
+    action.seen(["/server"])
+    action.take_news(("/server",), 0.0)
+    action.take_news([GoalSeen(g, s, 0.0) for g, s in zip((ONE, TWO), states, strict=False)], 0.0)
+    return action
+
+
+def goal_is(action: Stopping, state: str, goal_id: str = ONE) -> None:
+    action.take_news([GoalSeen(goal_id, state, 0.0)], 0.0)
+
+
+def test_a_request_is_repeated_until_it_is_answered() -> None:
+    action = stopping("EXECUTING")
+    assert action.to_ask(0.0) == 1
+    assert action.to_ask(0.5) is None
+    assert action.to_ask(1.5) == 2
+    assert not action.done()
+    action.take_answer(AllSaid(2, (ONE,)), 1.6)
+    assert action.to_ask(3.0) is None
+    goal_is(action, "CANCELED")
+    action.settle(3.0, over=False)
+    assert action.done()
+    assert [fate.cancel for fate in action.fates] == ["CONFIRMED"]
+    assert action.exit is Exit.OK
+
+
+def test_goals_accepted_meanwhile_are_canceled_too() -> None:
+    action = stopping()
+    assert action.to_ask(0.0) == 1
+    action.take_answer(AllSaid(1, ()), 0.1)
+    assert action.done()
+    goal_is(action, "EXECUTING")
+    assert action.to_ask(0.2) == 2
+    assert not action.done()
+    action.take_answer(AllSaid(2, (ONE,)), 0.3)
+    goal_is(action, "CANCELED")
+    action.settle(0.3, over=False)
+    assert action.done()
+    action.once_more()
+    assert not action.done()
+    assert action.to_ask(0.4) == 3
+
+
+def test_a_goal_that_ended_before_its_status_was_seen_counts_as_canceled() -> None:
+    action = stopping()
+    action.to_ask(0.0)
+    action.take_answer(AllSaid(1, (ONE,)), 0.1)
+    goal_is(action, "CANCELED")
+    action.settle(0.1, over=False)
+    assert [fate.cancel for fate in action.fates] == ["CONFIRMED"]
+
+
+def test_what_a_server_says_of_all_is_no_proof_about_one() -> None:
+    action = stopping("EXECUTING", "EXECUTING")
+    assert action.to_ask(0.0) == 1
+    action.take_answer(AllSaid(1, (TWO,)), 0.1)
+    assert action.to_ask_singly(0.2) == []
+    assert sorted(action.to_ask_singly(0.6)) == [ONE, TWO]
+    assert action.to_ask_singly(0.7) == []
+    for goal_id in (ONE, TWO):
+        action.take_single(CancelSaid(goal_id, CancelAnswer.REFUSED), 0.7)
+    action.settle(2.0, over=False)
+    assert {fate.cancel for fate in action.fates} == {"REFUSED"}
+    assert action.exit is Exit.CANCEL_REFUSED
+
+
+def test_a_server_that_says_nothing_may_have_goals() -> None:
+    action = stopping()
+    action.to_ask(0.0)
+    action.settle(9.0, over=True)
+    assert not action.done()
+    assert action.exit is Exit.CANCEL_UNKNOWN
+    assert table([action])[1].split() == ["/a", "/server", "?", "-", "-", "-", "-"]
+    assert table([action])[-1] == "/a: no server answered. GOALS MAY STILL BE RUNNING."
+
+
+def test_every_server_on_the_name_has_to_answer() -> None:
+    action = stopping()
+    action.seen(["/server", "/second"])
+    action.take_news(("/second", "/server"), 0.0)
+    assert action.to_ask(0.0) == 1
+    action.take_answer(AllSaid(1, ()), 0.1)
+    assert not action.done()
+    assert action.to_ask(1.1) == 2
+    action.take_answer(AllSaid(2, ()), 1.2)
+    assert not action.done()
+    action.settle(9.0, over=True)
+    assert action.exit is Exit.CANCEL_UNKNOWN
+    silent = "/a: 1 of 2 servers did not answer. GOALS MAY STILL BE RUNNING."
+    assert table([action])[-1] == silent
+    action.take_answer(AllSaid(1, ()), 1.3)  # late, and as good
+    assert action.done()
+    action.once_more()
+    assert action.to_ask(1.4) == 3  # that both have answered once is known all the same
+    assert action.exit is Exit.OK
+    assert silent not in table([action])
+
+
+def test_a_server_that_comes_later_is_asked() -> None:
+    action = stopping()
+    assert action.to_ask(0.0) == 1
+    action.take_answer(AllSaid(1, ()), 0.1)
+    action.seen(["/server", "/third"])
+    assert action.to_ask(0.6) == 2
+    assert action.servers == ("/server", "/third")
+
+
+def test_the_exit_code_is_that_of_the_worst() -> None:
+    assert worst([Exit.OK, Exit.FAILED, Exit.CANCEL_UNKNOWN]) is Exit.CANCEL_UNKNOWN
+    assert worst([Exit.CANCEL_UNKNOWN, Exit.CANCEL_REFUSED]) is Exit.CANCEL_REFUSED
+    assert worst([Exit.NO_SERVER, Exit.FAILED]) is Exit.FAILED
+    assert worst([]) is Exit.OK
+
+
+class Telling:
+    """Stands in for the view of holds: what it knows at each look."""
+
+    def __init__(self, *looks: tuple[tuple[Hold, ...], str]) -> None:
+        self.looks = list(looks)
+        self.released: list[Hold] = []
+        self.others: list[Any] = []
+        self.state = HoldState()
+
+    def known(self) -> tuple[HoldState, str]:
+        last = len(self.looks) == 1
+        holds, unknown = self.looks[0] if last else self.looks.pop(0)
+        left = {hold.hold_id: hold for hold in holds if hold not in self.released}
+        self.state = HoldState(left)
+        late = Sender("agent", "agent", "bob@arm", 1)
+        self.others = [] if last else [Said(late, HoldState({"a": OLD}), 0.0)]
+        return self.state, unknown
+
+    def release(self, holds: tuple[Hold, ...]) -> None:
+        self.released += holds
+
+
+OLD, NEW = Hold(1.0, "a", "ann@desk"), Hold(2.0, "b", "bob@arm")
+
+
+def test_a_release_does_not_end_a_stop_that_comes_after_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    view: Any = Telling(((OLD,), "not all heard"), ((OLD,), ""), ((NEW,), ""))
+    assert release(view, LONG, as_json=False) is Exit.HELD
+    assert view.released == [OLD]
+    said = capsys.readouterr()
+    assert said.out.startswith("Released: the hold of ann@desk")
+    assert "bob@arm has stopped the robot meanwhile" in said.err
+    view = Telling(((OLD,), ""), ((NEW,), ""))
+    assert release(view, LONG, as_json=True) is Exit.HELD
+    assert json.loads(capsys.readouterr().out.splitlines()[0])["held"] is True
