@@ -106,7 +106,7 @@ class Attempt:
         self._goal_message = goal_message
         self._owner = owner
         self._on_out_of_sight = on_out_of_sight
-        self._timers = GoalTimers(link.runtime, self._fire)
+        self._timers = GoalTimers(link.runtime)
         self._effects: deque[fx.Effect] = deque()
         self._applying = False
         self._in_outbox = False
@@ -156,7 +156,7 @@ class Attempt:
         """Cancel all timers: the link is gone."""
         self.goal.lose_touch()
         self._timers.keep_only()
-        self._timers.settle()
+        self._timers.settle(self._fire)
 
     def withdraw(self) -> None:
         """End an attempt that has sent nothing; its owner is told nothing more."""
@@ -234,7 +234,7 @@ class Attempt:
                 self._CARRY_OUT[type(effect)](self, effect)
         finally:
             self._applying = False
-            self._timers.settle()
+            self._timers.settle(self._fire)
         unanswered = self.goal.stage in (Stage.QUEUED, Stage.RESENDING, Stage.SENT)
         waiting = unanswered and not self.goal.settled
         if self._in_outbox and not waiting:
@@ -305,7 +305,12 @@ class Attempt:
         fx.Release: _release,
     }
 
-    def _fire(self, timer: fx.Timer) -> None:
+    def _fire(self) -> None:
+        while (timer := self._timers.pop_due()) is not None:
+            self._time_is_up(timer)
+        self._timers.settle(self._fire)
+
+    def _time_is_up(self, timer: fx.Timer) -> None:
         if timer in _TIME_IS_UP and self.goal.stage in _WAITING:
             # A server of another type may have come into view only now (R21).
             self._link.look_again()

@@ -23,15 +23,9 @@ class Clock(Timers, Protocol):
 class GoalTimers:
     """What is due when. The thread hears of changes at `settle`."""
 
-    def __init__(self, clock: Clock, on_due: Callable[[Timer], None]) -> None:
-        """Arm none.
-
-        Args:
-            clock: The thread's.
-            on_due: Called with each timer that is due; it is disarmed then.
-        """
+    def __init__(self, clock: Clock) -> None:
+        """Arm none, on the clock of the thread."""
         self._clock = clock
-        self._on_due = on_due
         self._due: dict[Timer, float] = {}
         self._handle: TimerHandle | None = None
 
@@ -54,24 +48,26 @@ class GoalTimers:
         """Disarm all others."""
         self._due = {timer: self._due[timer] for timer in timers if timer in self._due}
 
-    def settle(self) -> None:
-        """Tell the thread when the earliest is due, where it does not look by then anyway."""
+    def pop_due(self) -> Timer | None:
+        """Disarm and return the first that is due, or `None`."""
+        timer = min(self._due, key=self._due.__getitem__, default=None)
+        if timer is None or self._due[timer] > self._clock.now():
+            return None
+        del self._due[timer]
+        return timer
+
+    def settle(self, on_due: Callable[[], None]) -> None:
+        """Have `on_due` called when the earliest is due, or earlier: it asks `pop_due` then.
+
+        It is held while a timer is armed, and no longer: a goal that is over leaves no circle of
+        references behind.
+        """
         handle = self._handle
         earliest = min(self._due.values(), default=None)
         if handle is not None:
-            if earliest is not None and handle.at <= earliest:
+            if earliest is not None and handle.callback is not None and handle.at <= earliest:
                 return
             self._clock.cancel_timer(handle)
             self._handle = None
         if earliest is not None:
-            self._handle = self._clock.call_at(earliest, self._fire)
-
-    def _fire(self) -> None:
-        self._handle = None
-        while self._due:
-            timer = min(self._due, key=self._due.__getitem__)
-            if self._due[timer] > self._clock.now():
-                break
-            del self._due[timer]
-            self._on_due(timer)
-        self.settle()
+            self._handle = self._clock.call_at(earliest, on_due)
