@@ -33,7 +33,7 @@ _FOREVER = -1
 """The timeout of a wait without end."""
 _LONGEST = 1e9
 """Seconds, which are 31 years; the middleware's 64 bits of nanoseconds hold nine times as many."""
-_MOST_AT_ONCE = 64
+MOST_AT_ONCE = 64
 """Messages taken of one entity in a row, which takes about a millisecond; then others are read."""
 _SPARE = 4
 """Places in a new wait set beyond twice those needed: a client has five sources at most, and making
@@ -153,7 +153,7 @@ class ResponseSource(Source):
 
     def take(self) -> None:
         """Read what has come, without waiting, and pass it on."""
-        for _ in range(_MOST_AT_ONCE):
+        for _ in range(MOST_AT_ONCE):
             header, response = self._handle.take_response(self._type)
             if header is None:
                 return
@@ -180,7 +180,7 @@ class MessageSource(Source):
     def take(self) -> list[bytes]:
         """Return messages that have come, without waiting; a limited number at a time."""
         messages: list[bytes] = []
-        while len(messages) < _MOST_AT_ONCE:
+        while len(messages) < MOST_AT_ONCE:
             taken = self._handle.take_message(None, True)
             if taken is None:
                 break
