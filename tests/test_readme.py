@@ -47,9 +47,11 @@ def test_the_commands_are_two_and_ci_runs_the_tests_with_the_second() -> None:
     assert f'tests="{tests}"' in commands
 
 
-def test_what_a_call_looks_like_is_what_the_tests_captured() -> None:
-    (shown,) = fences("text")
-    assert shown.text == (DOCS / "captures" / "call-feedback.txt").read_text()
+def test_what_a_call_looks_like_is_a_picture_that_the_tests_draw() -> None:
+    # `tests/cli/test_terminal.py` does.
+    for page in (README, DOCS / "index.md"):
+        (picture,) = re.findall(r"!\[[^]]+\]\((\S*captures\S*)\)", page.read_text())
+        assert (page.parent / picture).resolve() == DOCS / "captures" / "call-terminal.svg"
 
 
 def test_the_tree_of_errors_is_the_real_one() -> None:
