@@ -1,4 +1,4 @@
-"""The README is true: its example runs, its commands are those of CI, what it shows is real."""
+"""The README is true: its commands are those of CI, what it shows is real."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.docs.snippets import Block, blocks, run_python
+from tests.docs.snippets import Block, blocks
 from tests.docs.test_pages import DOCS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -18,10 +18,10 @@ def fences(language: str, page: Path = README) -> list[Block]:
     return [block for block in blocks(page) if block.language == language]
 
 
-def test_the_example(ros_domain: int, tmp_path: Path) -> None:
+def test_the_example_is_short() -> None:
+    # `tests/docs/test_pages.py` runs it.
     (example,) = fences("python")
     assert len([line for line in example.text.splitlines() if line.strip()]) <= 10
-    run_python(README, [example], tmp_path)
 
 
 def test_the_server_of_the_tour(ros_domain: int) -> None:
@@ -47,9 +47,11 @@ def test_the_commands_are_two_and_ci_runs_the_tests_with_the_second() -> None:
     assert f'tests="{tests}"' in commands
 
 
-def test_what_a_call_looks_like_is_what_the_tests_captured() -> None:
-    (shown,) = fences("text")
-    assert shown.text == (DOCS / "captures" / "call-feedback.txt").read_text()
+def test_what_a_call_looks_like_is_a_picture_that_the_tests_draw() -> None:
+    # `tests/cli/test_terminal.py` does.
+    for page in (README, DOCS / "index.md"):
+        (picture,) = re.findall(r"!\[[^]]+\]\((\S*captures\S*)\)", page.read_text())
+        assert (page.parent / picture).resolve() == DOCS / "captures" / "call-terminal.svg"
 
 
 def test_the_tree_of_errors_is_the_real_one() -> None:

@@ -30,13 +30,13 @@ def compare(name: str, shown: str, stable: Callable[[str], object]) -> None:
     """Compare what was shown with the capture of that name in docs/captures.
 
     Args:
-        name: The capture's, without its suffix.
+        name: The file's.
         shown: What it would be, with all masked that differs from run to run.
         stable: Returns the part of it that is the same in each run.
 
     With ACTIONKIT_WRITE_CAPTURES=1 in the environment, the capture is written.
     """
-    path = CAPTURES / f"{name}.txt"
+    path = CAPTURES / name
     if os.environ.get("ACTIONKIT_WRITE_CAPTURES") == "1":
         path.write_text(shown, "utf-8")
     told = "not what ACTIONKIT_WRITE_CAPTURES=1 wrote"

@@ -167,7 +167,7 @@ def test_a_call(name: str, world: World, empty_world: World) -> None:
         assert_came_to(name, server, goal_id(running.text))
 
     shown = masked(f"$ {shell(words)}\n{running.text}[exit code {code}: {scene.code.name}]\n")
-    compare(f"call-{name}", shown, stable)
+    compare(f"call-{name}.txt", shown, stable)
 
 
 def assert_came_to(name: str, server: Server, goal: str) -> None:
@@ -225,8 +225,8 @@ def stable(text: str) -> str:
 
 
 def test_there_is_a_scene_for_every_capture() -> None:
-    captures = {path.stem for path in CAPTURES.glob("call-*")}
-    assert captures == {f"call-{name}" for name in SCENES} | {"call-terminal"}
+    captures = {path.name for path in CAPTURES.glob("call-*")}
+    assert captures == {f"call-{name}.txt" for name in SCENES} | {"call-terminal.svg"}
 
 
 # --- the other rows of the table ---------------------------------------------------------------

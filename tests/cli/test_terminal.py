@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import html
+import io
 import os
 import pty
 import re
@@ -12,6 +14,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import pytest
+from rich.console import Console
+from rich.text import Text
 
 from actionkit.cli._exits import Exit
 from tests.cli.conftest import FIBONACCI, NESTED, World, compare
@@ -20,6 +24,8 @@ from tests.conftest import without_noise
 from .test_call import masked, shell
 
 CTRL_C = b"\x03"
+BAR = "━"
+CODES_BUT_COLOURS = r"\x1b\[[\d;?]*[A-Za-ln-z]"
 SHOW_CURSOR = "\x1b[?25h"
 # The terminal becomes the controlling one, so that its keys and its end are signals.
 IN_TERMINAL = (
@@ -63,14 +69,14 @@ def terminal(world: World) -> Iterator[object]:
     """Open terminals."""
     opened: list[Terminal] = []
 
-    def start(*words: str) -> Terminal:
+    def start(*words: str, **environment: str) -> Terminal:
         master, slave = pty.openpty()
         process = subprocess.Popen(
             [sys.executable, "-c", IN_TERMINAL, *words],
             stdin=slave,
             stdout=slave,
             stderr=slave,
-            env=world.environment,
+            env=world.environment | environment,
         )
         os.close(slave)
         opened.append(Terminal(process, master))
@@ -100,24 +106,48 @@ def test_a_bar_grows_where_feedback_tells_the_share(world, terminal) -> None:
     # What is left on the screen is what `ros2 action send_goal` leaves there.
     assert shown.text.replace("\r", "").endswith("Goal finished with status: SUCCEEDED\n")
 
-    frames = masked(f"$ {shell(list(words))}\n" + drawn(shown.text))
-    compare("call-terminal", frames, shape)
+
+def test_what_a_terminal_shows_is_the_picture_in_the_readme(world, terminal) -> None:
+    world.server("fibonacci", period=0.25)
+    words = ("call", "/fibonacci", FIBONACCI, "{order: 6}", "--progress", "sequence:7")
+    shown = terminal(*words, TERM="xterm-256color")
+    assert shown.finish() == Exit.OK, shown.text
+    lines = [f"\x1b[1m$ {shell(list(words))}\x1b[0m", *drawn(without_noise(shown.raw))]
+    compare("call-terminal.svg", picture(masked("\n".join(lines))), shape)
 
 
-def drawn(text: str) -> str:
-    """Return every line that was on the screen, those too that others were drawn over.
+def drawn(raw: str) -> list[str]:
+    """Return every line that was on the screen, with its colours; the bar once for each feedback.
 
-    But for the line below while there is no feedback: how long that is depends on discovery.
+    But for the bar while there is no feedback: how often that is drawn depends on discovery.
     """
-    lines = [line.rstrip() for line in re.split(r"\r\n|\n|\r", text)]
-    lines = [line for line in lines if not re.match(r"━+( 0 feedback.*)?$", line)]
-    kept = [line for n, line in enumerate(lines) if line and (n == 0 or line != lines[n - 1])]
-    return "\n".join(kept) + "\n"
+    last: dict[object, str] = {}
+    for n, line in enumerate(re.split(r"\r\n|\n|\r", re.sub(CODES_BUT_COLOURS, "", raw))):
+        count = re.search(r"(\d+) feedback", line)
+        if count is None and BAR not in line:
+            last[n] = line
+        elif count is not None and count[1] != "0":
+            last[count[0]] = line
+    return list(last.values())
 
 
-def shape(text: str) -> list[str]:
-    """Leave out how often the line was drawn, and what was in it by then."""
-    lines = [re.sub(r"^[━╸╺]+.*", "(the bar)", line) for line in text.splitlines()]
+def picture(text: str) -> str:
+    """Draw a text with colours as an SVG that loads nothing."""
+    lines = Text.from_ansi(text)
+    console = Console(
+        record=True, file=io.StringIO(), width=max(map(len, lines.plain.splitlines()))
+    )
+    console.print(lines, soft_wrap=True)
+    svg = console.export_svg(title="actionkit call", unique_id="terminal")
+    return re.sub(r"@font-face \{.*?\}\s*", "", svg, flags=re.S)
+
+
+def shape(svg: str) -> list[str]:
+    """Return the lines of a picture; but not how often the bar was drawn, and what was in it."""
+    rows: dict[str, str] = {}
+    for y, text in re.findall(r'<text[^>]* y="([\d.]+)"[^>]*>([^<]*)</text>', svg):
+        rows[y] = rows.get(y, "") + html.unescape(text).replace("\xa0", " ").rstrip("\n")
+    lines = ["(the bar)" if BAR in line else line.rstrip() for line in rows.values()]
     return [line for n, line in enumerate(lines) if line != "(the bar)" or lines[n - 1] != line]
 
 

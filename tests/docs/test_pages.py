@@ -13,6 +13,8 @@ from tests.docs.snippets import ROOT, run_page
 DOCS = ROOT / "docs"
 _FIBONACCI = ("fibonacci", {"period": 0.02})
 PAGES: dict[str, list[tuple[str, Mapping[str, Any]]]] = {
+    "../README.md": [],  # starts its server itself
+    "index.md": [_FIBONACCI],
     "tutorial.md": [],  # starts its servers itself
     "installing.md": [],
     "client.md": [_FIBONACCI],

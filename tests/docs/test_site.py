@@ -13,7 +13,6 @@ from tests.docs.test_pages import DOCS, PAGES
 
 RUN_ELSEWHERE = {
     "guides/nav2.md": "tests/docs/test_nav2.py",
-    "index.md": "the example of the README, without its server",
     "logging.md": "tests/test_logging_docs.py",
     "command-line.md": "its commands are those of tests/cli",
     "CHANGELOG.md": "tells of the past",
