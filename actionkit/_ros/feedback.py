@@ -22,8 +22,8 @@ from actionkit._threads.clock import TimerHandle
 _PAUSE = 0.002
 """Seconds; short for a human or a control loop, and two messages' worth at a thousand a second."""
 _FIRST_PAUSE = 0.005
-"""Seconds after a goal is sent while none runs: most short goals are over by then, and their feedback
-is read with their result. It delays the first message alone."""
+"""Seconds after a goal is sent while none runs: most short goals are over by then, and their
+feedback is read with their result. It delays the first message alone."""
 _PAUSE_FOR_OTHERS = 0.01
 """Seconds when all messages were for others; a server is to be noticed within 20 ms (C7.4)."""
 _PAUSE_WHEN_IDLE = 1.0
