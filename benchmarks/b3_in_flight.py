@@ -16,7 +16,7 @@ from benchmarks.measure import (
     figure,
     ratio,
 )
-from benchmarks.pairs import Pair
+from benchmarks.pairs import Pair, tried_again
 
 _ORDER = 5
 _LEVELS = (1, 10, 100, 1000)
@@ -30,7 +30,7 @@ def run_all(scale: Scale) -> Report:
     with ExitStack() as stack:
         pairs = {name: stack.enter_context(Pair(client)) for name, client in _CLIENTS.items()}
         turns = {
-            _name(name, level): partial(_turn, pair, level)
+            _name(name, level): partial(tried_again, partial(_turn, pair, level))
             for level in _LEVELS
             for name, pair in pairs.items()
         }

@@ -7,6 +7,7 @@ short as it takes for the machine's noise to fall on all of them alike.
 from __future__ import annotations
 
 import statistics
+from collections.abc import Callable
 from contextlib import ExitStack
 
 from typing_extensions import Self
@@ -71,13 +72,7 @@ class Pair:
 
     def turn(self, calls: int, order: int, **how: str | float) -> Sample:
         """Make some calls; `how` is what `Worker.in_a_row` may be told besides."""
-        for _ in range(_TURNS - 1):
-            try:
-                return self._turn(calls, order, how)
-            except RuntimeError as error:
-                # A busy machine, and a server that had forgotten the result: once more.
-                console.print(str(error).splitlines()[-1], style="dim")
-        return self._turn(calls, order, how)
+        return tried_again(lambda: self._turn(calls, order, how))
 
     def _turn(self, calls: int, order: int, how: dict[str, str | float]) -> Sample:
         self.client.do("in_a_row", calls=_WARM, order=order, **how)  # what slept is awake again
@@ -90,3 +85,17 @@ class Pair:
             "server": server,
             "rest": max(0.0, statistics.mean(sample["took"]) - server),
         }
+
+
+def tried_again(turn: Callable[[], Sample]) -> Sample:
+    """Take a turn, and another where that fails.
+
+    On a busy machine a server may have forgotten a result, and a raw client may miss an answer that
+    comes before it has stored the request's number.
+    """
+    for _ in range(_TURNS - 1):
+        try:
+            return turn()
+        except RuntimeError as error:
+            console.print(str(error).splitlines()[-1], style="dim")
+    return turn()
