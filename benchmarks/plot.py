@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -29,6 +29,12 @@ _OTHER = "#d08c2e"
 _TICKS = 6
 _WORSE = 0.35
 """How faint the bars of second worst starts are."""
+_OUT_OF_SCALE = 4.0
+"""A bar that is so many times as long as the next is cut off, as it would hide the others."""
+_CUT_AT = 1.4
+"""Where, in lengths of the next."""
+_MARKED = 20
+"""Points of a curve that are marked; more would be one thick line."""
 _LOGARITHMIC = 20.0
 """From this ratio of the largest to the smallest figure on."""
 
@@ -78,9 +84,22 @@ def _call(report: Report, path: Path) -> None:
         (right, "order 5: client CPU", "CPU of the client, ms"),
     ):
         values = _of(report, what)
-        _bars(axis, values, title, labels=[f"{value:.2g}" for value in values.values()])
+        longest = _longest_bar(values.values())
+        shown = {who: min(value, longest) for who, value in values.items()}
+        labels = [_label(value) + " (cut off)" * (value > longest) for value in values.values()]
+        _bars(axis, shown, title, labels=labels)
     left.invert_yaxis()
     _save(figure, path)
+
+
+def _longest_bar(values: Iterable[float]) -> float:
+    """Return how long a bar may be."""
+    *_, second, first = [0.0, *sorted(values)]
+    return _CUT_AT * second if first > _OUT_OF_SCALE * second > 0 else first
+
+
+def _label(value: float) -> str:
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 
 def _start(report: Report, path: Path) -> None:
@@ -104,7 +123,8 @@ def _growth(plots: list[Plot], path: Path) -> None:
         values = [y for points in plot.series.values() for _, y in points if y > 0]
         for who, points in plot.series.items():
             colour = _COLOURS.get(who, _OTHER)
-            (lines[who],) = axis.plot(*zip(*points, strict=True), marker="o", ms=4, color=colour)
+            size = 4 if len(points) <= _MARKED else 0
+            (lines[who],) = axis.plot(*zip(*points, strict=True), marker="o", ms=size, color=colour)
         sizes = [x for points in plot.series.values() for x, _ in points]
         axis.set_xscale("symlog", linthresh=min((x for x in sizes if x), default=1))
         ticks = sorted(set(sizes)) if len(set(sizes)) <= _TICKS else [min(sizes), max(sizes)]

@@ -136,16 +136,18 @@ def test_a_child_that_does_not_answer_in_time_is_given_up():
 def test_the_pictures_are_drawn_of_what_was_measured(tmp_path):
     plots = pytest.importorskip("benchmarks.plot", reason="needs matplotlib")
     figures = [
-        measure.Figure(what, who, 1.5, "ms")
+        measure.Figure(what, who, value, "ms")
         for what in ("order 5: latency", "order 5: client CPU")
-        for who in ("ActionKit blocking", "rclpy one thread")
+        for who, value in (("ActionKit blocking", 1.5), ("rclpy one thread", 2), ("tutorial", 110))
     ]
     one = measure.Report(1, "One call", figures=figures)
     plot = measure.Plot("cost", "goals", "ms", {"ours": [(0, 2.0), (10, 90.0)]})
     nine = measure.Report(9, "Scale", plots=[plot])
     plots.write({1: one, 9: nine}, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["cost-call.svg", "cost-growth.svg"]
-    assert "rclpy one thread" in (tmp_path / "cost-call.svg").read_text()
+    drawn = (tmp_path / "cost-call.svg").read_text()
+    assert "rclpy one thread" in drawn
+    assert "110 (cut off)" in drawn  # or the others could not be told apart
 
 
 def test_threads_are_told_apart_and_counted():
