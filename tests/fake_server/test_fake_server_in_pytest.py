@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -74,9 +75,12 @@ def run_pytest(folder: Path, source: str, *arguments: str) -> subprocess.Complet
         arguments += ("-o", "asyncio_default_fixture_loop_scope=function")
     command = [sys.executable, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider"]
     ignored = ["-W", "ignore:module 'sre_:DeprecationWarning"]  # lark, which rclpy imports
+    # Options for the run of these tests are none for that of a user's.
+    env = {name: value for name, value in os.environ.items() if name != "PYTEST_ADDOPTS"}
     return subprocess.run(
         [*command, *ignored, *arguments],
         cwd=folder,
+        env=env,
         capture_output=True,
         text=True,
         timeout=200,
