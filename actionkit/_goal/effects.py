@@ -207,11 +207,7 @@ class Record:
 
 @dataclass(slots=True)
 class Settle:
-    """Give the attempt's ending to the caller. Comes exactly once.
-
-    Disarms all timers but REASK, as they exist for the caller's sake; a goal that its caller gave
-    up on is asked about after that, too.
-    """
+    """Give the attempt's ending to the caller. Comes exactly once."""
 
     ending: Ending
 
@@ -226,7 +222,7 @@ class LateResult:
 
 @dataclass(slots=True)
 class Release:
-    """Forget the goal, with its timers: nothing more can come that matters."""
+    """Forget the goal: nothing more can come that matters."""
 
 
 Effect: TypeAlias = (
