@@ -68,7 +68,7 @@ def wakeups_in(seconds: float, client: Client) -> int:
 
 def settled() -> int:
     """Return how many objects there are, when no thread is left that holds some for a moment."""
-    until(lambda: not any(t.name.startswith("actionkit-") for t in threading.enumerate()))
+    until(lambda: not any(t.name.startswith("actionkit-") for t in threading.enumerate()), bound=10)
     gc.collect()
     return len(gc.get_objects())
 
@@ -114,7 +114,7 @@ def test_nothing_is_left_of_calls_that_failed(action_server, make_client, monkey
     before = fail(50)
     assert fail(200) - before < 100
     # A goal that was cancelled may end after its future.
-    until(lambda: not any(link_of(client).table_sizes().values()))
+    until(lambda: not any(link_of(client).table_sizes().values()), bound=20)
 
 
 def test_what_a_call_held_is_freed_when_its_user_lets_go(action_server, make_client):
@@ -176,7 +176,7 @@ def test_status_is_subscribed_to_only_while_a_goal_lasts(action_server, make_cli
     server.command("hold")
     server.wait_for("held")
     future = client.call_async({"order": 3}, timeout=30)
-    until(lambda: made)
+    until(lambda: made, bound=20)
     server.release()
     future.result(20)
     assert sum(made.values()) == 1

@@ -10,21 +10,21 @@ from typing import TypeVar
 
 _T = TypeVar("_T")
 
-_BOUND = 40.0  # seconds; long, for loaded machines: nothing here waits for it to run out
+_BOUND = 30.0  # seconds; long, for loaded machines: nothing here waits for it to run out
 _EVERY = 0.02
 
 _NEVER = threading.Event()
 
 
-def until(holds: Callable[[], _T], what: object = "") -> _T:
+def until(holds: Callable[[], _T], what: object = "", *, bound: float = _BOUND) -> _T:
     """Look again and again until something holds; return what it was.
 
     Raises:
         AssertionError: It did not hold in time.
     """
-    end = time.monotonic() + _BOUND
+    end = time.monotonic() + bound
     while not (found := holds()):
-        assert time.monotonic() < end, f"not seen in {_BOUND:g} s: {what or holds}"
+        assert time.monotonic() < end, f"not seen in {bound:g} s: {what or holds}"
         _NEVER.wait(_EVERY)
     return found
 

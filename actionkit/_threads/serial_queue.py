@@ -78,6 +78,7 @@ class SerialQueue:
             while (job := self._next(until)) is not None:
                 self._run(job)
         except BaseException:
+            # A signal handler may raise here, at any line: the queue must be free for others.
             with self._lock:
                 self._rest()
             raise

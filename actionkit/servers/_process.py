@@ -267,6 +267,7 @@ class Server:
                 f"the {self.name} server {problem}; it said:\n{self.stderr.rstrip()}"
             ) from None
         except BaseException:
+            # Ctrl-C while it waits: nobody has the object yet that would stop the process.
             self.kill()
             raise
 

@@ -196,7 +196,7 @@ def wait_until_blocked(host: Host) -> None:
                     return True
         return False
 
-    until(is_blocked, "a thread that is blocked")
+    until(is_blocked, "a thread that is blocked", bound=PATIENCE)
 
 
 #: The event loop stops, half a second after the first call has begun.

@@ -1,0 +1,51 @@
+"""`actionkit stop` names the variable of Fast DDS's profiles as this ROS 2 reads it."""
+
+from __future__ import annotations
+
+import os
+from importlib.metadata import PackageNotFoundError
+
+import pytest
+
+from actionkit.cli import _transports
+
+EARLIER, LATER = "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"
+
+
+@pytest.fixture
+def localhost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give this test an environment of its own, with a range of this computer alone."""
+    monkeypatch.setattr(os, "environ", {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"})
+
+
+@pytest.mark.parametrize(
+    ("rclpy", "named"),
+    [("7.1.9", EARLIER), ("9.1.3", LATER), ("10.0.0", LATER), ("unknown", EARLIER)],
+)
+def test_variable_follows_the_version_of_rclpy(
+    rclpy: str, named: str, localhost: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_transports, "version", lambda _: rclpy)
+    _transports.use_udp_only()
+    assert {EARLIER, LATER} & os.environ.keys() == {named}
+
+
+def test_without_rclpy_the_earlier_name_is_taken(
+    localhost: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(_transports, "version", missing)
+    _transports.use_udp_only()
+    assert {EARLIER, LATER} & os.environ.keys() == {EARLIER}
+
+
+@pytest.mark.parametrize("own", [EARLIER, LATER])
+def test_profiles_of_the_user_stay(
+    own: str, localhost: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(os.environ, own, "theirs.xml")
+    _transports.use_udp_only()
+    assert {EARLIER, LATER} & os.environ.keys() == {own}
+    assert os.environ[own] == "theirs.xml"
