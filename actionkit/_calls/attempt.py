@@ -8,24 +8,18 @@ from __future__ import annotations
 import uuid
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
+from actionkit._calls.goal_timers import Clock, GoalTimers
 from actionkit._goal import effects as fx
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import CancelReason, Closing, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState
-from actionkit._threads.clock import TimerHandle, Timers
 
 _TIME_IS_UP = (fx.Timer.SERVER, fx.Timer.DEADLINE)
 _WAITING = (Stage.AWAITING_SERVER, Stage.RESENDING)
-
-
-class Clock(Timers, Protocol):
-    """The communication thread's clock and timers."""
-
-    def cancel_timer(self, handle: TimerHandle) -> None: ...
 
 
 class LivenessCheck(Protocol):
@@ -108,11 +102,11 @@ class Attempt:
         self.goal = Goal(timeouts, deadline, resent=resent)
         self._link = link
         self._liveness = timeouts.liveness
-        self._runtime = link.runtime
+        self._now = link.runtime.now
         self._goal_message = goal_message
         self._owner = owner
         self._on_out_of_sight = on_out_of_sight
-        self._timers: dict[fx.Timer, TimerHandle] = {}
+        self._timers = GoalTimers(link.runtime)
         self._effects: deque[fx.Effect] = deque()
         self._applying = False
         self._in_outbox = False
@@ -161,7 +155,8 @@ class Attempt:
     def drop(self) -> None:
         """Cancel all timers: the link is gone."""
         self.goal.lose_touch()
-        self._apply([fx.Disarm(timer) for timer in fx.Timer])
+        self._timers.keep_only()
+        self._timers.settle(self._fire)
 
     def withdraw(self) -> None:
         """End an attempt that has sent nothing; its owner is told nothing more."""
@@ -227,9 +222,6 @@ class Attempt:
 
     # --- carrying out ----------------------------------------------------------------------
 
-    def _now(self) -> float:
-        return self._runtime.now()
-
     def _apply(self, effects: list[fx.Effect]) -> None:
         """Carry out effects in order, those after others that they themselves cause."""
         self._effects.extend(effects)
@@ -238,9 +230,11 @@ class Attempt:
         self._applying = True
         try:
             while self._effects:
-                self._carry_out(self._effects.popleft())
+                effect = self._effects.popleft()
+                self._CARRY_OUT[type(effect)](self, effect)
         finally:
             self._applying = False
+            self._timers.settle(self._fire)
         unanswered = self.goal.stage in (Stage.QUEUED, Stage.RESENDING, Stage.SENT)
         waiting = unanswered and not self.goal.settled
         if self._in_outbox and not waiting:
@@ -248,41 +242,47 @@ class Attempt:
             self._in_outbox = False
             self._link.leave_outbox(self)
 
-    def _carry_out(self, effect: fx.Effect) -> None:
-        if isinstance(effect, fx.Arm):
-            self._disarm(effect.timer)
-            self._timers[effect.timer] = self._runtime.call_at(
-                effect.at, lambda: self._fire(effect.timer)
-            )
-        elif isinstance(effect, fx.Disarm):
-            self._disarm(effect.timer)
-        elif isinstance(effect, fx.Record):
-            self._owner.on_record(self, effect)
-        elif isinstance(effect, fx.AwaitServer):
-            self._link.await_server(self)
-        elif isinstance(effect, fx.SendGoal):
-            self._send()
-        elif isinstance(effect, fx.AskResult):
-            self._link.ask_result(self, supersedes_earlier=effect.anew)
-        elif isinstance(effect, fx.AskCancel):
-            urgent = self._owner.urgent or self.goal.cancel_reason is CancelReason.DEADLINE
-            self._link.ask_cancel(self, urgent=urgent)
-        elif isinstance(effect, fx.WatchStatus):
-            self._link.watch_status()
-        elif isinstance(effect, fx.Settle):
-            self._owner.on_end(self, effect.ending)
-        elif isinstance(effect, fx.LateResult):
-            self._owner.on_late_result(self, effect.state, effect.result)
-        elif isinstance(effect, fx.Withdraw):
-            self._in_outbox = False
-            self._link.dequeue(self)
-        else:
-            abandoned = self.goal.closing is Closing.ABANDONED
-            self._link.forget(self, abandoned=abandoned, finished=self._has_result)
-            self._on_out_of_sight(self)
-            self._owner.on_over(self)
+    def _arm(self, effect: fx.Arm) -> None:
+        self._timers.arm(effect.timer, effect.at)
 
-    def _send(self) -> None:
+    def _disarm(self, effect: fx.Disarm) -> None:
+        self._timers.disarm(effect.timer)
+
+    def _record(self, effect: fx.Record) -> None:
+        self._owner.on_record(self, effect)
+
+    def _await_server(self, _: fx.AwaitServer) -> None:
+        self._link.await_server(self)
+
+    def _ask_result(self, effect: fx.AskResult) -> None:
+        self._link.ask_result(self, supersedes_earlier=effect.anew)
+
+    def _ask_cancel(self, _: fx.AskCancel) -> None:
+        urgent = self._owner.urgent or self.goal.cancel_reason is CancelReason.DEADLINE
+        self._link.ask_cancel(self, urgent=urgent)
+
+    def _watch_status(self, _: fx.WatchStatus) -> None:
+        self._link.watch_status()
+
+    def _settle(self, effect: fx.Settle) -> None:
+        self._timers.keep_only(fx.Timer.REASK)
+        self._owner.on_end(self, effect.ending)
+
+    def _late_result(self, effect: fx.LateResult) -> None:
+        self._owner.on_late_result(self, effect.state, effect.result)
+
+    def _withdraw(self, _: fx.Withdraw) -> None:
+        self._in_outbox = False
+        self._link.dequeue(self)
+
+    def _release(self, _: fx.Release) -> None:
+        self._timers.keep_only()
+        abandoned = self.goal.closing is Closing.ABANDONED
+        self._link.forget(self, abandoned=abandoned, finished=self._has_result)
+        self._on_out_of_sight(self)
+        self._owner.on_over(self)
+
+    def _send(self, _: fx.SendGoal) -> None:
         if self._in_outbox:
             return
         self._in_outbox = True
@@ -290,15 +290,29 @@ class Attempt:
         if self._liveness is not None:
             self._link.liveness.start(self._liveness)
 
-    def _fire(self, timer: fx.Timer) -> None:
-        self._timers.pop(timer, None)
+    _CARRY_OUT: ClassVar[dict[type[fx.Effect], Callable[[Attempt, Any], None]]] = {
+        fx.Arm: _arm,
+        fx.Disarm: _disarm,
+        fx.Record: _record,
+        fx.AwaitServer: _await_server,
+        fx.SendGoal: _send,
+        fx.AskResult: _ask_result,
+        fx.AskCancel: _ask_cancel,
+        fx.WatchStatus: _watch_status,
+        fx.Settle: _settle,
+        fx.LateResult: _late_result,
+        fx.Withdraw: _withdraw,
+        fx.Release: _release,
+    }
+
+    def _fire(self) -> None:
+        while (timer := self._timers.pop_due()) is not None:
+            self._time_is_up(timer)
+        self._timers.settle(self._fire)
+
+    def _time_is_up(self, timer: fx.Timer) -> None:
         if timer in _TIME_IS_UP and self.goal.stage in _WAITING:
             # A server of another type may have come into view only now (R21).
             self._link.look_again()
         confirmed_at = self._link.others_confirmed_at
         self._apply(self.goal.timer(timer, self._now(), others_confirmed_at=confirmed_at))
-
-    def _disarm(self, timer: fx.Timer) -> None:
-        handle = self._timers.pop(timer, None)
-        if handle is not None:
-            self._runtime.cancel_timer(handle)

@@ -207,7 +207,11 @@ class Record:
 
 @dataclass(slots=True)
 class Settle:
-    """Give the attempt's ending to the caller. Comes exactly once."""
+    """Give the attempt's ending to the caller. Comes exactly once.
+
+    Disarms all timers but REASK, as they exist for the caller's sake; a goal that its caller gave
+    up on is asked about after that, too.
+    """
 
     ending: Ending
 
@@ -222,7 +226,7 @@ class LateResult:
 
 @dataclass(slots=True)
 class Release:
-    """Forget the goal: nothing more can come that matters."""
+    """Forget the goal, with its timers: nothing more can come that matters."""
 
 
 Effect: TypeAlias = (

@@ -16,8 +16,6 @@ from actionkit._goal.stages import (
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState
 
-_DISARM_FOR_CALLER = tuple(fx.Disarm(timer) for timer in fx.Timer if timer is not fx.Timer.REASK)
-"""The timers that exist for the caller's sake; a goal is asked about also after he has left."""
 _TIMED_OUT = {fx.End.NO_SERVER, fx.End.DEADLINE, fx.End.NO_ACCEPTANCE, fx.End.STALLED}
 _REFUSALS = {CancelReply.REFUSED_ONCE, CancelReply.REFUSED}
 _LEFT_ALONE = {Closing.ABANDONED, Closing.BROKEN}
@@ -163,7 +161,7 @@ class GoalRecord:
             error=error,
             lost_because=lost_because,
         )
-        return [*_DISARM_FOR_CALLER, fx.Settle(ending)]
+        return [fx.Settle(ending)]
 
     @property
     def _fate(self) -> fx.GoalFate:
@@ -184,4 +182,4 @@ class GoalRecord:
         return self._release()
 
     def _release(self) -> list[fx.Effect]:
-        return [fx.Disarm(fx.Timer.REASK), fx.Release()]
+        return [fx.Release()]

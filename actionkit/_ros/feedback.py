@@ -14,13 +14,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container
 
-from actionkit._ros.native import EventSource, MessageSource
+from actionkit._ros.native import MOST_AT_ONCE, EventSource, MessageSource
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.wire import feedback_goal_id
 from actionkit._threads.clock import TimerHandle
 
 _PAUSE = 0.002
 """Seconds; short for a human or a control loop, and two messages' worth at a thousand a second."""
+_FIRST_PAUSE = 0.005
+"""Seconds after a goal is sent while none runs: most short goals are over by then, and their
+feedback is read with their result. It delays the first message alone."""
 _PAUSE_FOR_OTHERS = 0.01
 """Seconds when all messages were for others; a server is to be noticed within 20 ms (C7.4)."""
 _PAUSE_WHEN_IDLE = 1.0
@@ -69,8 +72,7 @@ class FeedbackWatch:
         if not self._on:
             self._on = True
             self._messages.discard()
-            # If a goal ends within the pause, its feedback is read with its result.
-            self._start_pause(_PAUSE)
+            self._start_pause(_FIRST_PAUSE)
 
     def stop(self) -> None:
         """Pass on none until `start` is called again."""
@@ -86,7 +88,7 @@ class FeedbackWatch:
     def take_all(self) -> None:
         """Read everything that has come."""
         for _ in range(_READS):
-            if not self._take():
+            if self._take() < MOST_AT_ONCE:
                 return
 
     def look(self) -> None:
@@ -110,6 +112,9 @@ class FeedbackWatch:
         for source in (self._messages, self._matched):
             if source is not None:
                 self._runtime.disable(source)
+        self._cancel_pause()
+
+    def _cancel_pause(self) -> None:
         if self._pause is not None:
             self._runtime.cancel_timer(self._pause)
             self._pause = None
@@ -123,13 +128,16 @@ class FeedbackWatch:
         self.look()
 
     def _wait(self) -> None:
-        self.close()
+        self._cancel_pause()
         if self._matched is not None:
             self._runtime.enable(self._matched)
         if self._on or self._matched is not None:
             self._runtime.enable(self._messages)
+        else:
+            self._runtime.disable(self._messages)
 
-    def _take(self) -> bool:
+    def _take(self) -> int:
+        """Read some, and pass on what is ours; return how many there were, for whomever."""
         messages = self._messages.take()
         ours: dict[bytes, list[bytes]] = {}
         for message in messages:
@@ -139,4 +147,4 @@ class FeedbackWatch:
         for goal_id, its_messages in ours.items():
             self._ours += len(its_messages)
             self._on_feedback(goal_id, its_messages)
-        return bool(messages)
+        return len(messages)

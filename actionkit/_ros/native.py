@@ -33,7 +33,7 @@ _FOREVER = -1
 """The timeout of a wait without end."""
 _LONGEST = 1e9
 """Seconds, which are 31 years; the middleware's 64 bits of nanoseconds hold nine times as many."""
-_MOST_AT_ONCE = 64
+MOST_AT_ONCE = 64
 """Messages taken of one entity in a row, which takes about a millisecond; then others are read."""
 _SPARE = 4
 """Places in a new wait set beyond twice those needed: a client has five sources at most, and making
@@ -153,7 +153,7 @@ class ResponseSource(Source):
 
     def take(self) -> None:
         """Read what has come, without waiting, and pass it on."""
-        for _ in range(_MOST_AT_ONCE):
+        for _ in range(MOST_AT_ONCE):
             header, response = self._handle.take_response(self._type)
             if header is None:
                 return
@@ -180,7 +180,7 @@ class MessageSource(Source):
     def take(self) -> list[bytes]:
         """Return messages that have come, without waiting; a limited number at a time."""
         messages: list[bytes] = []
-        while len(messages) < _MOST_AT_ONCE:
+        while len(messages) < MOST_AT_ONCE:
             taken = self._handle.take_message(None, True)
             if taken is None:
                 break
@@ -228,7 +228,9 @@ class Waiter:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._guard = GuardCondition(None, None, context=context)
+        self._guard_handle = self._guard.handle
         self._signal_guard = SignalHandlerGuardCondition(context)
+        self._signal_handle = self._signal_guard.handle
         self.signalled = False
         """Whether rclpy's signal handler has run during the last wait."""
         self._room = -1  # for so many sources of each kind
@@ -245,7 +247,7 @@ class Waiter:
         A handler runs between two bytecodes. If it ran between these two, it could wait for ever
         for an item that is in the inbox while the thread sleeps. So one call into C does both.
         """
-        trigger = self._guard.handle.trigger_guard_condition
+        trigger = self._guard_handle.trigger_guard_condition
         with contextlib.suppress(InvalidHandle, RCLError):  # as above
             deque(map(_call, (partial(inbox.append, item), trigger)), maxlen=0)
 
@@ -263,8 +265,8 @@ class Waiter:
             self._reserve(2 * len(sources) + _SPARE)
         wait_set = self._wait_set
         wait_set.clear_entities()
-        wait_set.add_guard_condition(self._guard.handle)
-        signalled = wait_set.add_guard_condition(self._signal_guard.handle)
+        wait_set.add_guard_condition(self._guard_handle)
+        signalled = wait_set.add_guard_condition(self._signal_handle)
         indices = [source.add_to(wait_set) for source in sources]
         wait_set.wait(_FOREVER if timeout is None else max(0, int(min(timeout, _LONGEST) * 1e9)))
         self.signalled = bool(wait_set.is_ready("guard_condition", signalled))

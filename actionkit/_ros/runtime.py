@@ -29,7 +29,7 @@ from actionkit._ros.native import Source, Waiter, is_up, shut_down
 from actionkit._ros.outbox import Window
 from actionkit._ros.own_node import leave_graph, make_node
 from actionkit._ros.rejoining import Rejoining
-from actionkit._threads.clock import TimerHandle, TimerQueue
+from actionkit._threads.clock import TimerQueue
 from actionkit._threads.diagnostics import log_later, log_own_error
 from actionkit._threads.waiting import Flag, taken_from
 
@@ -61,6 +61,10 @@ class Runtime:
             Exception: Whatever rclpy raises where the context or node cannot be made.
         """
         self.timers = TimerQueue()
+        self.call_at = self.timers.arm
+        """Call a callback on the thread at a monotonic time."""
+        self.cancel_timer = self.timers.cancel
+        """Do not call the callback of `call_at`."""
         self.failure: BaseException | None = None
         """The error that ended the thread; `None` while it runs, and after an orderly end."""
         self.names_in_use: list[tuple[str, str]] = []
@@ -201,17 +205,8 @@ class Runtime:
             window = self._windows[kind, action_name] = kind()
         return cast(_W, window)
 
-    def now(self) -> float:
-        """Return monotonic seconds. Simulated time does not matter here (R23)."""
-        return time.monotonic()
-
-    def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
-        """Call `callback` at the monotonic time `at`."""
-        return self.timers.arm(at, callback)
-
-    def cancel_timer(self, handle: TimerHandle) -> None:
-        """Do not call the callback of `call_at`."""
-        self.timers.cancel(handle)
+    now = staticmethod(time.monotonic)
+    """Monotonic seconds. Simulated time does not matter here (R23)."""
 
     def enable(self, source: Source) -> None:
         """Wait for `source` from now on."""

@@ -91,14 +91,12 @@ class TimerGroup:
     """
 
     def __init__(self, timers: Timers, cancel: Callable[[TimerHandle], None]) -> None:
+        self.now = timers.now
+        """Monotonic seconds."""
         self._timers = timers
         self._cancel = cancel
         self._armed: set[TimerHandle] = set()
         self._closed = False
-
-    def now(self) -> float:
-        """Monotonic seconds."""
-        return self._timers.now()
 
     def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle:
         """Call `callback` at the monotonic time `at`, unless the group is closed by then."""

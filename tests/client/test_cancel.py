@@ -210,7 +210,7 @@ def test_a_goal_that_is_watched_no_more_leaves_nothing_on_a_shared_thread(
     assert future.outcome(0).cancel is CancelReport.UNKNOWN
     assert carrier.port.freed.wait(10)
     # One that is left asks over destroyed entities, and subscribes to the status anew.
-    assert attempt._timers == {}
+    assert len(attempt._timers) == 0
 
 
 def test_a_silent_server_does_not_hold_up_closing(action_server, make_client):

@@ -312,8 +312,10 @@ class Life:
             )
         elif isinstance(effect, Release):
             self.released = True
+            self.timers.clear()
         self.server.carry_out(effect)
         if isinstance(effect, Settle):
+            self.timers = {k: at for k, at in self.timers.items() if k is Timer.REASK}
             self._require(self.ending is None, "it ends once")
             self.ending = effect.ending
             self._check_ending(event, args, effect.ending)
