@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import os
@@ -61,7 +62,12 @@ class Crowd:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env={**os.environ, "PYTHONUNBUFFERED": "1", "PYTHONPATH": str(_ROOT)},
+            env={
+                **os.environ,
+                "PYTHONUNBUFFERED": "1",
+                "PYTHONPATH": str(_ROOT),
+                "PYTHONFAULTHANDLER": "1",
+            },
         )
         self.process = process
         self._script = Script(process)
@@ -74,10 +80,27 @@ class Crowd:
         self.process.stdin.flush()
 
     def fill(self, server: Server) -> None:
-        """Let it send its goals; returns when all of them execute."""
+        """Let it send its goals; returns when all of them execute.
+
+        Raises:
+            AssertionError: They do not; says what the program was doing.
+        """
         before = server.count("executing")
         self.tell()
-        server.wait_for("executing", count=before + self.n, timeout=120)
+        try:
+            server.wait_for("executing", count=before + self.n, timeout=120)
+        except AssertionError as error:
+            raise AssertionError(f"{error}\n\n{self._last_state()}") from None
+
+    def _last_state(self) -> str:
+        """End the program; returns how far its goals were, and where each of its threads was."""
+        ended = self.process.poll()
+        self.process.send_signal(signal.SIGUSR1)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(2)  # it may be stuck, and not answer
+        self.process.send_signal(signal.SIGABRT)  # `faulthandler` answers, whatever holds the GIL
+        said = self._script.finish(10)[2]
+        return f"the program (exit code before: {ended}) said:\n{said}"
 
     def give_up(self) -> float:
         """Let it give up on its goals; returns when, on the monotonic clock."""

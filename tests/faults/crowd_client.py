@@ -13,6 +13,7 @@ import logging
 import signal
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,14 @@ atexit.register(write_report)
 from test_msgs.action import Fibonacci  # noqa: E402
 
 from actionkit import Client, RetryPolicy, Timeouts  # noqa: E402
+
+
+def tell_state(*_: object) -> None:
+    """Handle SIGUSR1, of a test that waits in vain: tell how far the goals are."""
+    states = Counter(str(future.timeline[-1].state) for future in futures)
+    link = client._session.port.link
+    said = f"goals {dict(states)}, server {link.readiness.state}, tables {link.table_sizes()}"
+    print(said, file=sys.stderr, flush=True)
 
 
 def told() -> None:
@@ -107,6 +116,7 @@ def main() -> None:
     global client  # noqa: PLW0603  its calls are reported of whatever ends this
     if SETTINGS.get("log"):
         logging.basicConfig(level=logging.WARNING)
+    signal.signal(signal.SIGUSR1, tell_state)
     if WAY.startswith("term"):
         signal.signal(signal.SIGTERM, end_here)
     client = Client(
