@@ -35,9 +35,8 @@ _LONGEST = 1e9
 """Seconds, which are 31 years; the middleware's 64 bits of nanoseconds hold nine times as many."""
 MOST_AT_ONCE = 64
 """Messages taken of one entity in a row, which takes about a millisecond; then others are read."""
-_SPARE = 4
-"""Places in a new wait set beyond twice those needed: a client has five sources at most, and making
-a wait set costs more than waiting on a sparse one."""
+SOURCES_OF_A_CLIENT = 7
+"""At most: three services, feedback and its event, status, and the way back to a lost server."""
 
 
 RCLError = rclpy_implementation.RCLError
@@ -261,8 +260,7 @@ class Waiter:
         Returns:
             The sources that are ready.
         """
-        if len(sources) > self._room:
-            self._reserve(2 * len(sources) + _SPARE)
+        self.make_room(len(sources))
         wait_set = self._wait_set
         wait_set.clear_entities()
         wait_set.add_guard_condition(self._guard_handle)
@@ -280,9 +278,16 @@ class Waiter:
             )
         ]
 
-    def _reserve(self, room: int) -> None:
+    def make_room(self, sources: int) -> None:
+        """Have room for so many sources, before they are needed.
+
+        A wait set cannot be made in a context that was shut down, and a cancel after Ctrl-C adds a
+        source then (R10). Making one also costs more than waiting on a sparse one.
+        """
+        if sources <= self._room:
+            return
         self._release_wait_set()
-        self._room = room
+        self._room = room = 2 * sources + SOURCES_OF_A_CLIENT
         # Subscriptions, guard conditions, timers, clients, services, events.
         self._wait_set = rclpy_implementation.WaitSet(
             room, 2, 0, room, 0, room, self._context.handle

@@ -25,7 +25,7 @@ from weakref import WeakValueDictionary
 from rclpy.context import Context
 from rclpy.node import Node
 
-from actionkit._ros.native import Source, Waiter, is_up, shut_down
+from actionkit._ros.native import SOURCES_OF_A_CLIENT, Source, Waiter, is_up, shut_down
 from actionkit._ros.outbox import Window
 from actionkit._ros.own_node import leave_graph, make_node
 from actionkit._ros.rejoining import Rejoining
@@ -300,6 +300,7 @@ class Runtime:
             timeout = max(0.0, next_due - time.monotonic())
         if self._waited_for is None:
             self._waited_for = tuple(self._sources)
+            self._waiter.make_room(SOURCES_OF_A_CLIENT * len(self.rejoining.links))
         for source in self._waiter.wait(self._waited_for, timeout):
             if source in self._sources:  # a callback for an earlier one may have disabled it
                 self._guarded(source.on_readable)

@@ -65,6 +65,44 @@ def test_ctrl_c_in_a_blocking_call(source, action_server, run_script):
     assert "Exception ignored" not in err
 
 
+OLD_GOALS = (
+    HEAD
+    + """
+import rclpy
+from contextlib import ExitStack
+rclpy.init()
+grown_old = threading.Timer(2.0, print, ["old"])
+with ExitStack() as stack:
+    clients = [stack.enter_context(Client(Fibonacci, "fibonacci")) for _ in range(CLIENTS)]
+    try:
+        for client in clients[1:]:
+            client.call_async({"order": 1})
+        clients[0].call({"order": 1}, on_feedback=lambda feedback: grown_old.start())
+    except BaseException as error:
+        print(type(error).__name__)
+"""
+)
+
+
+@pytest.mark.parametrize("clients", [1, 4])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_old_goals_are_cancelled_after_rclpys_handler_shut_down(
+    number, clients, action_server, run_script
+):
+    """A goal of some seconds has more sources to wait for, and its cancel has one more (R10)."""
+    server = action_server("never_finishes")
+    script = run_script(OLD_GOALS.replace("CLIENTS", str(clients)))
+    assert script.line() == "old"
+    goals = {event.goal_id for event in server.wait_for("accepted", count=clients)}
+    script.process.send_signal(number)
+    ended = {event.goal_id for event in server.wait_for("canceled", count=clients)}
+    _, out, err = script.finish()
+    assert ended == goals
+    assert "died" not in out + err
+    how = {signal.SIGINT: "KeyboardInterrupt", signal.SIGTERM: "ClientClosedError"}
+    assert how[number] in out.split()
+
+
 NOT_WOKEN = (
     HEAD
     + """
