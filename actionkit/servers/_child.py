@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import IO, TYPE_CHECKING, Any, NoReturn
 
+from actionkit.servers._events import SYNCED
 from actionkit.servers._life import END_SIGNALS, INSTANCE_VARIABLE, RESTART_SIGNAL, Life
 from actionkit.servers._registry import behaviour_named, is_foreign, names
 from actionkit.servers._types import load_type, type_name
@@ -30,7 +31,8 @@ class StdoutJournal:
     def __init__(self, descriptor: int, level: str, human: bool) -> None:
         self.lock = threading.RLock()
         self._descriptor = descriptor
-        self._only = {"ready", "error", "crashing", "restarting"} if level == "none" else None
+        always = {"ready", "error", "crashing", "restarting", SYNCED}
+        self._only = always if level == "none" else None
         self._without = {"feedback"} if level == "goals" else set()
         self._human = human
         self._began = time.monotonic()
@@ -146,6 +148,8 @@ def _obey(commands: IO[bytes], harness: Harness, journal: StdoutJournal) -> None
             elif name == "hold":
                 harness.control.hold()
                 journal.emit("held")
+            elif name == "sync":
+                journal.emit(SYNCED, n=command["n"])
             else:
                 journal.emit("error", message=f"unknown command {name!r}")
         except (ValueError, KeyError, AttributeError) as error:

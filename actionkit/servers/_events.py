@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -11,6 +13,10 @@ from typing import Any
 
 TERMINAL = frozenset({"succeeded", "canceled", "aborted"})
 """Events that end a goal."""
+SYNCED = "synced"
+"""The mark in the journal that `Server.sync` asks for."""
+_ASKED_AGAIN = 1.0
+"""Seconds; an answer takes a millisecond."""
 _SHOWN_IN_ERRORS = 60
 """Events; those of a few goals, which fit on a screen."""
 
@@ -81,6 +87,7 @@ class Journal:
         self._executing: set[tuple[str, int]] = set()
         self._incarnation = -1
         self._open = False
+        self._asked = self._synced = 0
 
     def begin(self) -> int:
         """Note that a new process starts to write; return its incarnation."""
@@ -112,6 +119,10 @@ class Journal:
     def add(self, event: ServerEvent) -> None:
         """Take one event."""
         with self._changed:
+            if event.event == SYNCED:  # a mark, and nothing that happened
+                self._synced = max(self._synced, int(event.details["n"]))
+                self._changed.notify_all()
+                return
             self.events.append(event)
             self.counts[event.event] += 1
             self._follow(event)
@@ -146,6 +157,33 @@ class Journal:
         elif event.event in TERMINAL:
             self._accepted.discard(key)
             self._executing.discard(key)
+
+    def sync(self, ask: Callable[..., None], timeout: float) -> None:
+        """Block until a mark that the process writes now has been read, or the process is gone.
+
+        Args:
+            ask: Has the process write the mark `n`; raises `RuntimeError` where it has ended.
+            timeout: Seconds.
+
+        Raises:
+            TimeoutError: The mark did not come.
+        """
+        with self._changed:
+            self._asked += 1
+            mark = self._asked
+        until = time.monotonic() + timeout
+
+        def is_over() -> bool:
+            return self._synced >= mark or not self._open
+
+        while (left := until - time.monotonic()) > 0:
+            with contextlib.suppress(RuntimeError):  # what it wrote last is still to be read
+                ask(n=mark)
+            with self._changed:
+                # A process that starts anew loses what it was asked before.
+                if self._changed.wait_for(is_over, min(left, _ASKED_AGAIN)):
+                    return
+        raise TimeoutError(f"{self._whose} did not answer within {timeout:g} s")
 
     def running(self) -> set[str]:
         """Return the ids of goals accepted and not ended; none once the process is gone."""

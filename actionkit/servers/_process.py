@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from functools import partial
 from typing import IO
 
 from typing_extensions import Self
@@ -93,6 +94,17 @@ class Server:
                 ended without them; the message holds the journal.
         """
         return self._journal.wait_for(event_name, goal_id=goal_id, count=count, timeout=timeout)
+
+    def sync(self, timeout: float = 10.0) -> None:
+        """Block until all that the process has written into its journal can be read here.
+
+        The journal comes by a pipe, and may be behind the server's answers. `"accepted"` and
+        `"executing"` are written only after the answer to a goal: `wait_for` them.
+
+        Raises:
+            TimeoutError: The process did not answer in so many seconds; it may be paused.
+        """
+        self._journal.sync(partial(self.command, "sync"), timeout)
 
     def count(self, event_name: str) -> int:
         """Return how many such events there were so far."""

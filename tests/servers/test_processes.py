@@ -175,3 +175,22 @@ def test_public_names() -> None:
 def test_choices_are_checked_before_anything_is_started(name: str, option: str) -> None:
     with pytest.raises(ValueError, match=f"option {option}='oddly' is not one of"):
         servers.start(name, **{option: "oddly"})
+
+
+@pytest.mark.parametrize("journal", ["all", "none"])
+def test_sync_reads_all_that_was_written(action_server: Any, driver: Driver, journal: str) -> None:
+    server = action_server("aborts", period=0, journal=journal)
+    driver.connect()
+    for number in range(1, 21):
+        driver.call(order=1)
+        server.sync()
+        ended = (server.count("goal_received"), server.count("aborted"))
+        assert ended == ((number, number) if journal == "all" else (0, 0))
+    assert "synced" not in {event.event for event in server.events}
+    server.pause()
+    with pytest.raises(TimeoutError, match=r"did not answer within 0\.2 s"):
+        server.sync(0.2)
+    server.resume()
+    server.sync()
+    server.terminate()
+    server.sync()  # nothing more can come
