@@ -65,6 +65,7 @@ def cancels(server: Server) -> list[ServerEvent]:
 
     Those for unknown goals are the client's harmless question whether anybody is there (R2).
     """
+    server.sync()
     return [e for e in server.events if e.event == "cancel_requested" and e.details["running"]]
 
 

@@ -68,7 +68,8 @@ def test_the_agent(action_server: ActionServerFactory, hold: FakeHold, run_scrip
         "refused",
     ]
     assert not any(goal["may_still_run"] for goal in results[5]["goals"])
-    right.wait_for("canceled")
+    for server in (left, right):
+        server.sync()
     assert (left.count("goal_received"), right.count("goal_received")) == (1, 2)
     ids = re.compile(r"[0-9a-f]{8}-[0-9a-f-]{27}")
     text = ids.sub("3f1c…", re.sub(r"\d+ feedbacks", "41 feedbacks", "\n".join(said) + "\n"))

@@ -67,6 +67,7 @@ def test_a_stop_reaches_every_call_and_a_release_ends_it(
             assert (refused["status"], refused["error"]["type"]) == ("refused", "held")
             again = (await toolbox.call("run", {"order": 1})).value
             assert (again["status"], again["error"]["type"]) == ("refused", "held")
+            server.sync()
             assert server.count("goal_received") == 1
             assert server.running() == set()
             assert (await human(domain, "--release")).returncode == 0
@@ -91,4 +92,5 @@ def test_an_approval_given_while_the_robot_was_stopped_and_released_does_not_cou
             assert (value["status"], value["error"]["type"]) == ("refused", "cancelled")
 
     asyncio.run(main())
+    server.sync()
     assert server.count("goal_received") == 0

@@ -36,6 +36,7 @@ def test_a_goal_that_succeeds(make_toolbox: Make, action_server: ActionServerFac
         assert after.value["error"]["type"] == "closed"
 
     asyncio.run(main())
+    server.sync()
     assert server.count("accepted") == 1
     assert progress
     assert "sequence" in progress[-1].message
@@ -97,6 +98,7 @@ def test_a_goal_that_cannot_be_cancelled_is_not_sent_beside(
             refused = told(toolbox, await toolbox.call("fib", {"order": 3}))
             assert refused["error"]["type"] == "too_many_goals"
             assert value["goal_id"] in refused["error"]["message"]
+            server.sync()
             assert server.count("accepted") == 1
             server.release()
             await seen(server, "succeeded")

@@ -37,6 +37,7 @@ def test_a_hold_refuses_and_cancels(
             assert (await toolbox.call("fib", {"order": 2})).value["status"] == "succeeded"
 
     asyncio.run(main())
+    server.sync()
     assert server.count("accepted") == 2
 
 
@@ -53,6 +54,7 @@ def test_a_hold_between_any_two_steps_keeps_the_goal_back(
                 if value["status"] == "succeeded":
                     return look - 1
                 assert value["error"]["type"] == "held"
+                server.sync()
                 assert server.count("goal_received") == 0
         return 0
 

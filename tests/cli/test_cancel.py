@@ -47,6 +47,7 @@ def test_goals_are_listed_and_canceled_by_id_and_all_at_once(world: World) -> No
     told = {line["goal_id"]: line for line in map(json.loads, every.out.splitlines())}
     assert every.code == Exit.OK
     assert {goal: told[goal]["cancel"] for goal in told} == dict.fromkeys(others, "CONFIRMED")
+    server.sync()
     assert not server.running()
     for goal in others:
         assert calls[goal].finish() == Exit.CANCELED

@@ -98,6 +98,7 @@ def test_fifty_goals_of_ten_servers_and_those_that_do_not_stop(
     rows = numbers(done.out)
     for number, server in enumerate(many):
         assert rows[f"/n{number}"] == ["5", "5", "-", "-", "-"]
+        server.sync()
         assert not server.running()
     # rclpy's servers skip the goal after each that they refuse.
     assert rows["/refuses_cancel"] == ["5", "-", "-", "5", "-"]
@@ -191,6 +192,7 @@ client.call_async(Fibonacci.Goal(order=900))
 
 def test_an_agent_that_hangs_and_ctrl_c(world: World, agent: HoldListener) -> None:
     server = world.server("never_finishes")
+    server.sync()
     before = server.count("executing")
     hung = world.start(before=HUNG_AGENT + "\nsys.exit()", stdin=-1)
     assert hung.process.stdin is not None

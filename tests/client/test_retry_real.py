@@ -33,6 +33,7 @@ def transient(outcome):
 
 
 def executed(server):
+    server.sync()
     return Counter(e.goal_id for e in server.events if e.event == "executing")
 
 

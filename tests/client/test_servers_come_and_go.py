@@ -236,12 +236,14 @@ def test_a_busy_server_is_asked_a_few_times_and_no_more(action_server, make_clie
     server = action_server("blocking", gate=1)
     first = make_client().call_async({"order": 1}, timeout=60)
     server.wait_for("executing")
+    server.sync()
     before = server.count("cancel_requested")
     newcomer = make_client()
     assert newcomer.wait_for_server(30)  # it is taken for busy
     server.release()
     assert first.result(30)
     assert newcomer.call({"order": 1}, 30)  # what it asked is answered by now
+    server.sync()
     assert server.count("cancel_requested") - before <= _QUESTIONS
 
 
@@ -250,4 +252,5 @@ def test_fresh_clients_ask_a_server_a_few_times_each(action_server, make_client)
     for _ in range(10):
         with make_client() as client:  # with a node of its own
             assert client.call({"order": 1}, 30)
+    server.sync()
     assert server.count("cancel_requested") <= 10 * _QUESTIONS

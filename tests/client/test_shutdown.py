@@ -106,6 +106,7 @@ def test_goals_that_are_left_to_run_by_policy_are_left_to_run(action_server, ros
         assert is_accepted(future)
         node.context.shutdown()
         assert isinstance(future.exception(10), ClientClosedError)
+    server.wait_for("accepted")
     assert len(server.running()) == 1
 
 
@@ -345,6 +346,7 @@ with Client(Fibonacci, "fibonacci") as client:
             script.process.send_signal(signal.SIGTERM)
             assert script.line() == "CONFIRMED"
         assert script.line() == "running"
+    server.sync()
     assert len(server.running()) == 1
     code, _, err = script.finish()
     assert (code, err) == (0, "")
@@ -393,6 +395,7 @@ print(future.running())
     )
     assert script.process.stdin is not None
     assert script.line() == "child"
+    server.sync()
     assert len(server.running()) == 1
     script.process.stdin.write("\n")
     script.process.stdin.flush()

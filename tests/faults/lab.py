@@ -311,6 +311,7 @@ def at_once(events: list[ServerEvent], goals: set[str]) -> int:
 
 def settle(server: Server, timeout: float = 20.0) -> set[str]:
     """The goals that go on running on the server, with nobody to stop them."""
+    server.sync()
     for goal_id in server.running():
         with contextlib.suppress(AssertionError):
             server.wait_for("canceled", goal_id=goal_id, timeout=timeout)

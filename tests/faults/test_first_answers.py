@@ -59,6 +59,7 @@ def test_the_first_answers_are_lost(switch, field, monkeypatch):
     out, _ = program.communicate(timeout=90)
     seen = json.loads(out.splitlines()[-1])
     assert seen["result"] == [0, 1, 1, 2]
+    server.sync()
     assert server.count("goal_received") == 1
     if switch == "0":
         assert seen["nodes"] == 1

@@ -75,8 +75,15 @@ def _blackboard() -> Iterator[None]:
     py_trees.blackboard.Blackboard.clear()
 
 
+def received(server: Server) -> int:
+    """Return how many goals have come to a server, those of earlier tests too."""
+    server.sync()
+    return server.count("goal_received")
+
+
 def fate(server: Server, goal_id: object) -> list[str]:
     """Return what a server saw of a goal: the words that matter, in order."""
+    server.sync()
     words = ("goal_received", "cancel_requested", "accepted", "canceled", "succeeded", "aborted")
     return [e.event for e in server.events if e.goal_id == str(goal_id) and e.event in words]
 

@@ -108,7 +108,7 @@ def test_the_snippets_of_the_page(action_server: Any) -> None:
     here: dict[str, Any] = {}
     exec(first, here)
     assert here["root"].status is py_trees.common.Status.SUCCESS
-    assert server.count("succeeded") == 2
+    server.wait_for("succeeded", count=2)
     exec(test, here)
     here["test_the_dock_that_aborts"](action_server)
 

@@ -12,7 +12,7 @@ from test_msgs.action import Fibonacci, NestedMessage
 from actionkit import RetryPolicy, Verdict
 from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour, FromBlackboard
-from tests.trees.conftest import BOUND, MakeClient, Place, fate
+from tests.trees.conftest import BOUND, MakeClient, Place, fate, received
 
 
 def test_it_runs_until_its_goal_has_succeeded(client: Any) -> None:
@@ -66,7 +66,7 @@ def test_a_goal_may_come_from_a_function_or_the_blackboard(client: Any) -> None:
 
 
 def test_a_goal_that_cannot_be_sent_is_a_failure_that_says_why(client: Any, place: Place) -> None:
-    received = place.server("fibonacci").count("goal_received")
+    before = received(place.server("fibonacci"))
 
     def broken(leaf: Any) -> Any:
         raise KeyError("no such place")
@@ -86,7 +86,7 @@ def test_a_goal_that_cannot_be_sent_is_a_failure_that_says_why(client: Any, plac
         leaf = ActionBehaviour("b", client, goal)
         tick_until(leaf, Status.FAILURE, BOUND)
         assert word in leaf.feedback_message
-    assert place.server("fibonacci").count("goal_received") == received
+    assert received(place.server("fibonacci")) == before
 
 
 def test_failures_say_the_errors_sentence(client: Any, place: Place) -> None:
@@ -120,6 +120,7 @@ def test_retries_are_one_run(place: Place, open_client: MakeClient) -> None:
     )
     tick_until(leaf, Status.SUCCESS, BOUND)
     assert leaf.future.outcome(0).attempts == 3
+    server.sync()
     assert server.max_running == 1
 
 

@@ -307,6 +307,7 @@ class Watch:
 
     def __init__(self, server: Server) -> None:
         self.server = server
+        server.sync()  # a goal before may not be in the journal yet
         self._before = {e.goal_id for e in server.events if e.event == "goal_received"}
 
     @property
@@ -327,6 +328,7 @@ class Watch:
 
     async def summary(self, patience: float = PATIENCE) -> str:
         """Wait for the ends of all goals; in a few words."""
+        await asyncio.to_thread(self.server.sync)  # the answer may be ahead of the journal
         goals = self.received
         for goal in goals:
             ended = functools.partial(self._has_ended, goal)

@@ -56,6 +56,7 @@ def test_a_human_stops_the_robot(robot: Robot, http: HttpServing, record) -> Non
                 ids[number] = watch.received[-1]
             said = await stop(robot)
             assert "/never_finishes" in said
+            patrolling.sync()
             for number, (way, _) in enumerate(by_way):
                 (end,) = {
                     e.event
