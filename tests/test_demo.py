@@ -98,7 +98,16 @@ def test_on_a_terminal_there_is_a_progress_bar() -> None:
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize("moment", ["3 of 10", TITLES[1], "-> feedback:", TITLES[4], TITLES[5]])
+@pytest.mark.parametrize(
+    "moment",
+    [
+        "-> feedback:",
+        *(
+            pytest.param(moment, marks=pytest.mark.long)
+            for moment in ("3 of 10", TITLES[1], TITLES[4], TITLES[5])
+        ),
+    ],
+)
 def test_ctrl_c_ends_it_cleanly(moment: str) -> None:
     with subprocess.Popen(
         [sys.executable, "-u", "-m", "actionkit", "demo"],

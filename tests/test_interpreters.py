@@ -21,7 +21,7 @@ RUNNING = f"{sys.version_info.major}.{sys.version_info.minor}"
 PROBE = "import sys, venv; print('%d.%d' % sys.version_info[:2])"
 INSTALL_TIMEOUT = 600.0
 
-pytestmark = pytest.mark.heavy
+pytestmark = [pytest.mark.long, pytest.mark.heavy]
 
 
 def clean_environment() -> dict[str, str]:

@@ -112,6 +112,7 @@ EXPECTED = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_a_run_with_retries_and_a_crash(log: Path) -> None:
     svg = log.with_suffix(".svg")

@@ -73,6 +73,7 @@ def one_of_ten(world: World, number: int) -> Server:
     return world.stack.enter_context(server)
 
 
+@pytest.mark.long
 def test_fifty_goals_of_ten_servers_and_those_that_do_not_stop(
     world: World, agent: HoldListener, goals: Callable[..., list[GoalFuture[Any, Any]]]
 ) -> None:

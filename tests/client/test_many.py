@@ -115,6 +115,7 @@ with Client(Fibonacci, "fibonacci") as client:
 """
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 @pytest.mark.timeout(240 * REPEAT)
 def test_fresh_processes_that_send_at_once(action_server, ros_domain):

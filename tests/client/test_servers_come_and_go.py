@@ -68,6 +68,7 @@ def test_the_last_word_of_a_server_does_not_seem_to_bring_it_back(
     assert "actionkit" not in own_threads()
 
 
+@pytest.mark.long
 def test_a_killed_server_is_noticed_with_its_lease(action_server, make_client):
     server = action_server("never_finishes")
     future = make_client(retry=ONCE).call_async({"order": 1})

@@ -38,7 +38,12 @@ PAGES: dict[str, list[tuple[str, Mapping[str, Any]]]] = {
 """The pages that are run here, with the servers that each needs."""
 
 
-@pytest.mark.parametrize("page", PAGES)
+_LONG = ("tutorial.md", "guides/stuck-arm.md")
+
+
+@pytest.mark.parametrize(
+    "page", [pytest.param(p, marks=pytest.mark.long) if p in _LONG else p for p in PAGES]
+)
 def test_what_the_page_says_is_so(page: str, action_server: Any, tmp_path: Path) -> None:
     for name, options in PAGES[page]:
         action_server(name, **options)

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 PLAIN = """
 import pytest
 from test_msgs.action import Fibonacci
@@ -88,6 +90,7 @@ def run_pytest(folder: Path, source: str, *arguments: str) -> subprocess.Complet
     )
 
 
+@pytest.mark.long
 def test_beside_xdist_and_what_a_function_raises_is_an_error_of_the_test(tmp_path: Path) -> None:
     done = run_pytest(tmp_path, PLAIN + RAISING, "-n", "2", "-p", "no:asyncio")
     assert "6 passed, 1 error" in done.stdout, done.stdout + done.stderr

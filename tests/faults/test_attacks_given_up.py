@@ -19,6 +19,8 @@ from tests.faults.attacks import Attack, Row
 from tests.faults.conftest import WRITING_ATTACKS
 from tests.faults.crowd import CODES, Crowd, drain, endings, untold, wrong
 
+pytestmark = pytest.mark.long
+
 _CANCEL = 2.0  # Timeouts.cancel of the programs
 
 

@@ -18,6 +18,8 @@ from tests.faults.conftest import WRITING_ATTACKS, Field
 from tests.faults.crowd import drain, endings
 from tests.faults.lab import Seen
 
+pytestmark = pytest.mark.long
+
 _ROOT = Path(__file__).parents[2]
 _AT_A_TIME = 10
 _DEADLINE = 100

@@ -18,6 +18,8 @@ from tests.faults import attacks
 from tests.faults.attacks import Row
 from tests.faults.crowd import drain, endings
 
+pytestmark = pytest.mark.long
+
 _GRACE = 2.0  # Timeouts.cancel
 _AT_A_TIME = 20
 _JITTER = 0.04

@@ -84,6 +84,7 @@ def end_once(case: Case, server: Server, goals: int) -> tuple[Row, str]:
         process.communicate()
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("program", ending.EXPLAINED)
 def test_what_reaches_the_server_when_a_program_ends(program, action_server, ended):

@@ -5,10 +5,14 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
+import pytest
+
 from actionkit import servers
 from tests.faults import page
 from tests.faults.lab import ACCEPTED, POLICIES, TIMEOUTS, Lab, at_once, executed, scripts, settle
 from tests.faults.table import Case, Row
+
+pytestmark = pytest.mark.long
 
 
 def test_two_servers_on_one_name(action_server, make_caller, record):

@@ -27,6 +27,8 @@ from tests.faults.lab import (
 from tests.faults.table import Case, Row
 from tests.hunting import REPEAT
 
+pytestmark = pytest.mark.long
+
 _MANY = 100
 _AT_A_TIME = 10
 

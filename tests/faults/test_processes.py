@@ -20,6 +20,8 @@ from tests.faults.lab import (
     scripts,
 )
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def make_lab(action_server, make_caller):

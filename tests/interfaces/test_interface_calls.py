@@ -35,6 +35,7 @@ def hashes(share: Path) -> dict[str, str]:
     return found
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_type_hashes_are_those_of_colcon(shadowing: Path) -> None:
     shipped = hashes(SHIPPED)

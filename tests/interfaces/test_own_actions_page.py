@@ -20,6 +20,7 @@ ELSEWHERE = ("python3 -m venv", "pip install")
 PATIENCE = 150.0
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_from_an_empty_folder_to_a_typed_tested_call(
     shared: Path, python: str, tmp_path: Path, ros_domain: int

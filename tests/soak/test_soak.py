@@ -20,6 +20,7 @@ _MINUTES = 0.25 * REPEAT
 """A second round begins while they last, and a round takes 10 seconds and what it waits for."""
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 @pytest.mark.timeout(180 + 70 * REPEAT)
 def test_two_rounds_of_the_soak(tmp_path):

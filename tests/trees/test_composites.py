@@ -191,6 +191,7 @@ def times(server: Any, goal_id: str, *names: str) -> list[float]:
     return [e.monotonic for e in server.events if e.goal_id == goal_id and e.event in names]
 
 
+@pytest.mark.long
 @settings(examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(shape=SHAPES, story=STORIES)
 def test_whatever_happens_no_goal_runs_on_and_no_leaf_runs_two(

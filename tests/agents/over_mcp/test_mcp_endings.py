@@ -117,6 +117,7 @@ def test_a_signal(robot: Robot, number: signal.Signals, way: Way, record) -> Non
     asyncio.run(scenario())
 
 
+@pytest.mark.long
 def test_the_process_is_killed(robot: Robot, record) -> None:
     patrolling = robot.server("never_finishes")
     other = HttpServing(robot)
@@ -151,6 +152,7 @@ def deaf(robot: Robot) -> Iterator[tuple[Host, Watch]]:
         yield host, watch
 
 
+@pytest.mark.long
 def test_a_host_that_reads_nothing_hangs_up(deaf: tuple[Host, Watch], record) -> None:
     host, watch = deaf
     wait_until_blocked(host)
@@ -161,6 +163,7 @@ def test_a_host_that_reads_nothing_hangs_up(deaf: tuple[Host, Watch], record) ->
     record(page.GIVEN_UP, fault, "stdio", asyncio.run(watch.summary()), "nothing", process)
 
 
+@pytest.mark.long
 def test_a_host_whose_child_keeps_our_input(robot: Robot, record) -> None:
     watch = Watch(robot.server("never_finishes"))
     with Host(robot, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST") as host:
@@ -175,6 +178,7 @@ def test_a_host_whose_child_keeps_our_input(robot: Robot, record) -> None:
     record(page.GIVEN_UP, fault, "stdio", reached, "nothing: it is gone", process)
 
 
+@pytest.mark.long
 def test_a_host_that_reads_nothing_sends_sigterm(deaf: tuple[Host, Watch], record) -> None:
     host, watch = deaf
     wait_until_blocked(host)
@@ -211,6 +215,7 @@ GoalRecord.over = over_and_hang
 """
 
 
+@pytest.mark.long
 def test_the_event_loop_hangs(robot: Robot, record) -> None:
     watch = Watch(robot.server("never_finishes"))
     with Host(robot, before=_HANGING, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST") as host:
@@ -227,6 +232,7 @@ def test_the_event_loop_hangs(robot: Robot, record) -> None:
     record(page.ENDED, fault, "stdio", reached, "nothing", process)
 
 
+@pytest.mark.long
 def test_the_action_server_does_not_answer(robot: Robot, record) -> None:
     patrolling = robot.server("never_finishes")
 
@@ -251,6 +257,7 @@ def test_the_action_server_does_not_answer(robot: Robot, record) -> None:
     asyncio.run(scenario())
 
 
+@pytest.mark.long
 def test_the_host_hangs_up_and_the_action_server_does_not_answer(robot: Robot, record) -> None:
     patrolling = robot.server("never_finishes")
     watch = Watch(patrolling)

@@ -177,6 +177,7 @@ def cable() -> Iterator[network.Network]:
         yield made
 
 
+@pytest.mark.long
 def test_the_network_is_cut(robot: Robot, cable: network.Network, record) -> None:
     """TCP would tell of it after a quarter of an hour, or never."""
     here, there = cable.first, cable.second
