@@ -73,6 +73,30 @@ def one_of_ten(world: World, number: int) -> Server:
     return world.stack.enter_context(server)
 
 
+def test_the_goals_of_three_servers(
+    world: World, agent: HoldListener, goals: Callable[..., list[GoalFuture[Any, Any]]]
+) -> None:
+    assert agent.why_held() is None
+    three = [one_of_ten(world, number) for number in (10, 11, 12)]
+    sent = [future for number in (10, 11, 12) for future in goals(f"n{number}", 2)]
+    for server in three:
+        server.wait_for("accepted", count=2, timeout=LONG)
+    done = world.run("stop", "--timeout", "9")
+    assert done.code == Exit.OK, done
+    rows = numbers(done.out)
+    for number, server in zip((10, 11, 12), three, strict=True):
+        assert rows[f"/n{number}"] == ["2", "2", "-", "-", "-"]
+        server.sync()
+        assert not server.running()
+    for future in sent:
+        assert future.outcome(LONG).status is GoalState.CANCELED
+    assert "A human has stopped the robot" in (agent.why_held() or "")
+    assert world.run("stop", "--release").code == Exit.OK
+    assert agent.why_held() is None
+    for server in three:
+        server.stop()
+
+
 @pytest.mark.long
 def test_fifty_goals_of_ten_servers_and_those_that_do_not_stop(
     world: World, agent: HoldListener, goals: Callable[..., list[GoalFuture[Any, Any]]]

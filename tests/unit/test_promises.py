@@ -103,6 +103,38 @@ def test_every_number_names_tests_that_exist() -> None:
             assert function in functions(path), f"{number} names {test}: no such function"
 
 
+# --- a run without --long holds each of them -----------------------------------------------------
+
+LONG_ALONE = {"C5.4": "networks that fail and come back: each test takes a minute, and needs root"}
+"""Promises of which no test of the default tier has a real server, and why."""
+
+
+def is_long(path: Path, function: str) -> bool:
+    """Whether the marker `long` is on all of a test, or on its file; not on some parameters."""
+    for node in ast.parse(path.read_text("utf-8")).body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark":
+            marks = node.value.elts if isinstance(node.value, ast.List) else [node.value]
+        elif isinstance(node, ast.FunctionDef) and node.name == function:
+            marks = node.decorator_list
+        else:
+            continue
+        if "pytest.mark.long" in map(ast.unparse, marks):
+            return True
+    return False
+
+
+def test_each_promise_has_a_test_of_the_default_tier_with_a_real_server() -> None:
+    """Which every test outside of `tests/unit` is taken to have."""
+    without = set()
+    for number, tests in listed().items():
+        of_servers = [test.split("::") for test in tests if not test.startswith("unit/")]
+        if not re.fullmatch(r"C\d+\.\d+", number):
+            continue
+        if all(is_long(ROOT / "tests" / file, function) for file, function in of_servers):
+            without.add(number)
+    assert without == set(LONG_ALONE)
+
+
 # --- users see none ----------------------------------------------------------------------------
 
 
