@@ -114,7 +114,11 @@ def _add_facts(error: errors.ActionKitError, ending: Ending, call: ErrorContext)
 
 def _after(call: ErrorContext) -> str:
     """How long after the call the goal's last news came: the call may have waited after that."""
-    news = [event.monotonic for event in call.timeline if event.goal_id == call.goal_id]
+    news = [
+        event.monotonic
+        for event in call.timeline
+        if event.goal_id == call.goal_id and event.state is not GoalState.RETRYING
+    ]
     seconds = news[-1] - call.timeline[0].monotonic if news else call.elapsed
     return f"{seconds:.1f} s"
 

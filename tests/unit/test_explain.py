@@ -281,6 +281,16 @@ def test_the_silence_of_a_goal_that_has_ended_is_no_stall() -> None:
     assert "ended as SUCCEEDED, but its result cannot be had" in str(explained(life.ending))
 
 
+def test_a_server_was_lost_when_it_was_lost_and_not_when_that_was_tried_again_in_vain() -> None:
+    states = [GoalState.SENDING, GoalState.EXECUTING, GoalState.LOST, GoalState.RETRYING]
+    of_the_first = [
+        replace(EVENT, goal_id=GOAL_ID, state=state, monotonic=at)
+        for state, at in zip(states, (1.0, 1.1, 2.0, 7.3), strict=True)
+    ]
+    error = explained(ENDINGS[End.LOST][0], timeline=(*of_the_first, EVENT))
+    assert "was lost 1.0 s into the call" in str(error)
+
+
 # --- sentences end before the next begins -----------------------------------------------------
 
 BEGINNINGS = "A|An|Another|Call|Check|Correct|Give|It|Its|Look|No|Nothing|Please|So|The|Use|What"
