@@ -316,10 +316,8 @@ def _classifier_failed(ending: Ending, call: ErrorContext) -> str:
 
 
 def _closed(ending: Ending, call: ErrorContext) -> str:
-    if ending.cancel is CancelReport.UNKNOWN and ending.phase == "":
-        became = " It was left to run on the server, or may still be running."
-    else:
-        became = _cancel_sentence(ending, call)
+    left = " It was left to run on the server."
+    became = left if ending.abandoned else _cancel_sentence(ending, call)
     because = ending.lost_because or CLIENT_CLOSED
     closed = because == CLIENT_CLOSED
     remedy = "close(), or leave the `with` block later" if closed else "that"

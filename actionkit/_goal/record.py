@@ -160,6 +160,7 @@ class GoalRecord:
             given_up=self.cancel_reason is not None or self.closing is Closing.ABANDONED,
             ended_as=self._terminal_seen,
             ended_first=self._ended_first,
+            abandoned=self.closing is Closing.ABANDONED,
             refused=refused,
             served=served,
             error=error,

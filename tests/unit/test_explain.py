@@ -291,6 +291,18 @@ def test_a_server_was_lost_when_it_was_lost_and_not_when_that_was_tried_again_in
     assert "was lost 1.0 s into the call" in str(error)
 
 
+def test_only_a_goal_that_was_left_to_run_on_purpose_is_said_to_be_left() -> None:
+    for abandon in (True, False):
+        life = Life()
+        life.see(*UNTIL_ACCEPTED)
+        life.tell("close", abandon=abandon)
+        life.wait_until(10.0)
+        assert life.ending is not None
+        text = str(explained(life.ending))
+        assert ("It was left to run on the server." in text) == abandon
+        assert ("did not confirm its cancellation within 2 s: IT MAY" in text) != abandon
+
+
 # --- sentences end before the next begins -----------------------------------------------------
 
 BEGINNINGS = "A|An|Another|Call|Check|Correct|Give|It|Its|Look|No|Nothing|Please|So|The|Use|What"
