@@ -25,7 +25,6 @@ from actionkit._model.field_errors import FieldError, FieldTypeError
 from actionkit._model.settings import RetryPolicy, Timeouts, check_seconds
 from actionkit._observers.protocol import Observer, check_observers
 from actionkit._threads.function_runner import function_pool
-from actionkit._threads.pool import Pool
 
 if TYPE_CHECKING:
     from actionkit._calls.session import OnClose, Session
@@ -101,7 +100,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         )
         self._action_type: Any = action_type  # pyright knows no properties of a class object
         self._identity = self._session.port.identity
-        self._pool = Pool(self.action_name)
+        self._pool = self._session.callbacks
         self._function_pool = function_pool(self.action_name)
         # A client that is dropped without close() must not keep a thread, or goals, alive.
         self._finalizer = weakref.finalize(self, self._session.release)

@@ -56,7 +56,7 @@ class Call:
     ) -> None:
         """Take note of a request; its time runs from now."""
         self.goals = GoalsOfCall()
-        self.goal_id = uuid.uuid4()
+        self.goal_id = self._latest_id = uuid.uuid4()  # of the one told of; of the latest attempt
         self.state = GoalState.SENDING
         self.cancel_grace = request.timeouts.cancel
         self._carrier = carrier
@@ -167,7 +167,7 @@ class Call:
             assert self._previous is not None
             self._previous.supersede()
         elif self._attempts:
-            self.goal_id = uuid.uuid4()
+            self.goal_id = self._latest_id = uuid.uuid4()
         self._attempts += 1
         self._attempt = self._carrier.attempt(
             self.goal_id,
@@ -300,7 +300,7 @@ class Call:
             self._end(replace(ending, not_retried=waited + plan.reason))
         else:
             pause = f"in {plan.seconds:.2f} s"
-            self._record.note(self.goal_id, self._attempts, GoalState.RETRYING, pause)
+            self._record.note(self._latest_id, self._attempts, GoalState.RETRYING, pause)
             self.state = GoalState.RETRYING
             until = time.monotonic() + plan.seconds
             self._pause = self._carrier.call_at(until, lambda: self._resume(resent=plan.same_id))

@@ -24,6 +24,7 @@ from actionkit._observers import observer_queue
 from actionkit._ros import runtimes
 from actionkit._threads import blocked as _blocked
 from actionkit._threads import diagnostics as _diagnostics
+from actionkit._threads import in_hand as _in_hand
 from actionkit._threads.waiting import Flag
 
 _LOOK = 0.02
@@ -36,7 +37,7 @@ _inherited: list[Session] = []
 def close_all() -> None:
     """End everything at the interpreter's exit, within a bound and without a word (C1.10).
 
-    Only goals that may still be running are warned of.
+    Only goals that may still be running are warned of, and callbacks that did not finish.
     """
     sessions = list(open_sessions)
     grace = max((s.cancel_grace for s in sessions), default=0.0) + MARGIN
@@ -58,10 +59,16 @@ def close_all() -> None:
             session.free()
         # The middleware's own exit handlers crash under a thread that still uses it.
         runtimes.join_ending(FREEING_TIMEOUT)
+        if not any(session.was_interrupted for session in sessions):
+            longest = max((session.cancel_grace for session in sessions), default=0.0)
+            _in_hand.finish_all(time.monotonic() + _in_hand.patience(longest))
+        _in_hand.end_all()
         observer_queue.flush_all(time.monotonic() + OBSERVERS_TIMEOUT)
         _diagnostics.flush(time.monotonic() + OBSERVERS_TIMEOUT)
     except KeyboardInterrupt:  # a human who does not want to wait for it
         warn_of_goals_left(_left_running(sessions))
+        _in_hand.end_all()
+        _diagnostics.flush(time.monotonic() + OBSERVERS_TIMEOUT)
 
 
 def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
@@ -106,6 +113,7 @@ def forget_inherited() -> None:
     open_sessions.clear()
     runtimes.forget_inherited()
     _blocked.after_fork()
+    _in_hand.after_fork()
     observer_queue.after_fork()
     _diagnostics.after_fork()
 

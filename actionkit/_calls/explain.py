@@ -114,7 +114,11 @@ def _add_facts(error: errors.ActionKitError, ending: Ending, call: ErrorContext)
 
 def _after(call: ErrorContext) -> str:
     """How long after the call the goal's last news came: the call may have waited after that."""
-    news = [event.monotonic for event in call.timeline if event.goal_id == call.goal_id]
+    news = [
+        event.monotonic
+        for event in call.timeline
+        if event.goal_id == call.goal_id and event.state is not GoalState.RETRYING
+    ]
     seconds = news[-1] - call.timeline[0].monotonic if news else call.elapsed
     return f"{seconds:.1f} s"
 
@@ -125,9 +129,13 @@ def _what(call: ErrorContext) -> str:
 
 def _cancel_sentence(ending: Ending, call: ErrorContext) -> str:
     """Say what became of a goal that was given up on."""
+    if ending.ended_first and ending.result is None:
+        return f" It had ended as {ending.ended_as}, and only its result is missing."
     if ending.cancel is CancelReport.CONFIRMED:
         if ending.status is GoalState.SUCCEEDED:
             return " It succeeded while it was being cancelled: its result is in `late_result`."
+        if ending.ended_as is not GoalState.CANCELED:
+            return f" It ended as {ending.ended_as} all the same, and runs no more."
         return " It was cancelled on the server, which confirmed that it runs no more."
     if ending.cancel is CancelReport.REFUSED:
         return " The server refused to cancel it: IT IS STILL RUNNING."
@@ -244,9 +252,17 @@ def _result_lost(ending: Ending, call: ErrorContext) -> str:
 
 def _deadline(ending: Ending, call: ErrorContext) -> str:
     if ending.phase == "cancel" and ending.cancel is CancelReport.CONFIRMED:
+        first = "had ended" if ending.ended_first else "has ended"
         return (
-            f"{_what(call)} was cancelled by its caller and has ended on the server, but its"
-            f" result did not come within {call.timeouts.cancel:g} s. It runs no more."
+            f"{_what(call)} was cancelled by its caller and {first} on the server as"
+            f" {ending.ended_as}, but its result did not come within {call.timeouts.cancel:g} s. It"
+            " runs no more."
+        )
+    if ending.ended_first and ending.result is None:
+        return (
+            f"{_what(call)} ended as {ending.ended_as}; its result did not come within"
+            f" {call.timeout:g} s, the time given to the call. It runs no more. Look in the"
+            " server's log for an error after the goal's end, or give the call more time."
         )
     if ending.phase == "cancel":
         return (
@@ -300,10 +316,8 @@ def _classifier_failed(ending: Ending, call: ErrorContext) -> str:
 
 
 def _closed(ending: Ending, call: ErrorContext) -> str:
-    if ending.cancel is CancelReport.UNKNOWN and ending.phase == "":
-        became = " It was left to run on the server, or may still be running."
-    else:
-        became = _cancel_sentence(ending, call)
+    left = " It was left to run on the server."
+    became = left if ending.abandoned else _cancel_sentence(ending, call)
     because = ending.lost_because or CLIENT_CLOSED
     closed = because == CLIENT_CLOSED
     remedy = "close(), or leave the `with` block later" if closed else "that"

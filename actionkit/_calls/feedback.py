@@ -19,6 +19,7 @@ from actionkit._messages.lazy import UndecodableError
 from actionkit._threads.blocked import Label
 from actionkit._threads.diagnostics import log_here
 from actionkit._threads.event_loop import running_loop, running_task
+from actionkit._threads.in_hand import InHand
 from actionkit._threads.pool import Pool, in_callback
 from actionkit._threads.serial_queue import SerialQueue
 from actionkit._threads.waiting import taken_from
@@ -81,7 +82,12 @@ class LoopCallbacks:
         function: Callable[[Any], Any],
         action_name: str,
         loop: asyncio.AbstractEventLoop,
+        pool: Pool | None = None,
     ) -> None:
+        self._dues = (Pool(action_name) if pool is None else pool).dues
+        self._label = Label("on_feedback", function, "the further feedback of its goal")
+        self._thread = threading.get_ident()
+        self._due: InHand | None = None
         self.errors = 0
         self._function = function
         self._action_name = action_name
@@ -119,6 +125,7 @@ class LoopCallbacks:
         self._finishes.clear()
 
     def _run(self) -> None:
+        self._begin_being_due()
         try:
             self._loop.call_soon_threadsafe(self._begin)
         except RuntimeError:  # the loop was closed, so no callback can run
@@ -129,6 +136,16 @@ class LoopCallbacks:
         """Leave out what is queued, and run no task any more."""
         self._messages.clear()
         self._call_finishes()
+        self._release()
+
+    def _begin_being_due(self) -> None:
+        self._due = self._dues.begin(self._label, thread=self._thread)
+        self._due.where = self._loop.is_running
+
+    def _release(self) -> None:
+        due, self._due = self._due, None
+        if due is not None:
+            self._dues.done(due)
         self._running.release()
 
     def _call_finishes(self) -> None:
@@ -162,11 +179,12 @@ class LoopCallbacks:
             for decode in taken_from(self._messages):
                 return decode
             self._call_finishes()
-            self._running.release()
+            self._release()
             # Something may have been queued just before, while the lock was held.
             queued = self._messages or self._finishes
             if not queued or not self._running.acquire(blocking=False):
                 return None
+            self._begin_being_due()
 
     def _failed(self) -> None:
         self.errors += 1
@@ -217,4 +235,4 @@ def callbacks_for(
             f"on_feedback={function!r} is a coroutine function, but no event loop is running in"
             " this thread: pass a plain function, or call from inside a coroutine"
         )
-    return LoopCallbacks(function, action_name, loop)
+    return LoopCallbacks(function, action_name, loop, pool)

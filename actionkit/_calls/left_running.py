@@ -34,7 +34,11 @@ def warn_of_goals_left(goals: list[tuple[str, uuid.UUID]], seconds: float | None
         return
     named = ", ".join(f"{action} {goal_id}" for action, goal_id in goals[:_NAMED])
     more = f" and {len(goals) - _NAMED} more" if len(goals) > _NAMED else ""
-    after = "" if seconds is None else f" It goes on asking for {seconds:g} s."
+    after = (
+        ""
+        if seconds is None
+        else f" It goes on asking for {seconds:g} s, or until this program ends."
+    )
     text = (
         f"{len(goals)} goal{'s' if len(goals) > 1 else ''} MAY STILL BE RUNNING: ActionKit asked"
         f" to cancel {named}{more}, and the server has not confirmed it.{after}"

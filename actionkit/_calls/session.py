@@ -25,6 +25,8 @@ from actionkit._model.settings import LONGEST_GRACE
 from actionkit._observers.dispatcher import ObserverDispatcher
 from actionkit._observers.protocol import Observer
 from actionkit._ros.port import Port, ServerWait
+from actionkit._threads.in_hand import patience
+from actionkit._threads.pool import Pool
 
 OnClose = Literal["cancel", "abandon"]
 MARGIN = 0.5
@@ -73,6 +75,8 @@ class Session:
             action_type=identity.type_name,
             node_name=identity.label,
         )
+        self.callbacks = Pool(identity.action_name)
+        """Where the user's callbacks run."""
         open_sessions.add(self)
 
     @property
@@ -210,14 +214,19 @@ class Session:
             return  # everything here belongs to the process that was forked
         self.close_calls()
         try:
+            try:
+                if not self.was_interrupted:
+                    self._await_ends(self.futures(), self.cancel_grace + MARGIN)
+                self.end_grace()
+            finally:
+                self.release_and_wait()
+            left = self.running()
+            self._warned_of += left
+            warn_of_goals_left([(self.action_name, goal_id) for goal_id in left], LINGER)
             if not self.was_interrupted:
-                self._await_ends(self.futures(), self.cancel_grace + MARGIN)
-            self.end_grace()
+                self.callbacks.dues.finish(time.monotonic() + patience(self.cancel_grace))
         finally:
-            self.release_and_wait()
-        left = self.running()
-        self._warned_of += left
-        warn_of_goals_left([(self.action_name, goal_id) for goal_id in left], LINGER)
+            self.callbacks.dues.end()
         self._dispatcher.flush(time.monotonic() + OBSERVERS_TIMEOUT)
 
     def close_calls(self) -> None:

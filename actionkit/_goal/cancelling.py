@@ -78,10 +78,13 @@ class CancellableGoal(GoalRecord):
         self._unknown_to_server = False  # what counts is what the server says from now on
         self._forget_refusals()
         self._reask_after = FIRST_REASK / 2  # somebody waits for this
+        self._ended_first = self._terminal_seen is not None
+        # What has ended is not cancelled: only its result is missing.
+        ask: fx.Effect = fx.AskResult() if self._ended_first else fx.AskCancel()
         return [
             *effects,
             fx.Disarm(fx.Timer.STALL),
-            fx.AskCancel(),
+            ask,
             fx.Arm(fx.Timer.CANCEL, now + self._timeouts.cancel),
             self._arm_reask(now),
         ]

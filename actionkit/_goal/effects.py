@@ -102,6 +102,8 @@ class Ending:
         fate: What is known about it now.
         given_up: Whether the caller gave up on the goal before it ended.
         ended_as: The terminal state in which a server showed the goal, with or without a result.
+        ended_first: Whether it did so before the caller gave up on the goal.
+        abandoned: Whether it was left to run on purpose.
         refused: Whether the server refused to cancel the goal, and that is why it came to this.
         earlier_may_run: Whether an earlier goal of the same call may be running.
         served: The types with which the name is served, where none is the client's.
@@ -122,6 +124,8 @@ class Ending:
     fate: GoalFate = GoalFate.STOPPED
     given_up: bool = False
     ended_as: GoalState | None = None
+    ended_first: bool = False
+    abandoned: bool = False
     refused: bool = False
     earlier_may_run: bool = False
     served: tuple[str, ...] = ()

@@ -174,7 +174,8 @@ class Goal(CancellableGoal):
             self._terminal_seen = state
             self._forget_refusals()
             self._reask_after = FIRST_REASK / 2
-            effects.append(self._arm_reask(now))
+            # What has ended sends no feedback: that it is silent means nothing.
+            effects += [fx.Disarm(fx.Timer.STALL), self._arm_reask(now)]
             limit = self._timeouts.result
             if self._deadline is None and limit is not None and not self.settled:
                 effects.append(fx.Arm(fx.Timer.RESULT, now + limit))

@@ -48,6 +48,7 @@ class GoalRecord:
         self._denied_for_good = False  # it has said so for so long that the request was lost
         self._forgotten_at: float | None = None  # when it first did not know it any more
         self._terminal_seen: GoalState | None = None
+        self._ended_first = False  # it was seen before the caller gave up
         self._reask_after = FIRST_REASK
         self._cancelled_at = 0.0
         self._cancel_reply = CancelReply.NONE
@@ -65,7 +66,8 @@ class GoalRecord:
     def may_run(self) -> bool:
         """Whether a server in sight may be running it, and has not said otherwise."""
         denied = self.stage is Stage.SENT and self._unknown_to_server
-        return self.in_flight and self.stage is not Stage.LOST and not denied
+        ended = self._terminal_seen is not None  # and only its result is missing
+        return self.in_flight and self.stage is not Stage.LOST and not denied and not ended
 
     @property
     def known_to_run(self) -> bool | None:
@@ -95,7 +97,8 @@ class GoalRecord:
 
     def _arm_stall(self, now: float) -> list[fx.Effect]:
         silence = self._timeouts.feedback
-        if silence is None or self._unwanted or self.stage is not Stage.ACCEPTED:
+        ended = self._terminal_seen is not None
+        if silence is None or ended or self._unwanted or self.stage is not Stage.ACCEPTED:
             return []
         return [fx.Arm(fx.Timer.STALL, now + silence)]
 
@@ -156,6 +159,8 @@ class GoalRecord:
             fate=self._fate,
             given_up=self.cancel_reason is not None or self.closing is Closing.ABANDONED,
             ended_as=self._terminal_seen,
+            ended_first=self._ended_first,
+            abandoned=self.closing is Closing.ABANDONED,
             refused=refused,
             served=served,
             error=error,

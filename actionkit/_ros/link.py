@@ -91,6 +91,8 @@ class Link:
         """Whether servers are there."""
         self.liveness = self.monitor.liveness
         """Probes the servers now and then, where the user wants that."""
+        self.stood_still = self.monitor.stood_still
+        self.ask_about_goals = self.monitor.tell_sent_goals
         self._feedback = FeedbackWatch(
             runtime,
             self._entities.feedback,
@@ -106,6 +108,7 @@ class Link:
     def await_server(self, listener: GoalListener) -> None:
         """Tell the listener once when a server is ready, or while another type is served."""
         self._feedback.poll_now()
+        self.runtime.standstill.watch()
         self.monitor.await_server(listener)
 
     def look_again(self) -> None:
@@ -215,6 +218,16 @@ class Link:
 
     # --- what the runtime asks for ---------------------------------------------------------
 
+    def is_busy(self) -> bool:
+        """Whether any goal is in flight, or waits for a server."""
+        return bool(self._listeners or self._outbox or self.monitor.waiting)
+
+    def hears(self, since: float) -> bool:
+        """Whether anything has come from a server since then; if not, ask what all answer."""
+        if self.liveness.heard_at <= since and self.readiness.count:
+            self._requests.probe()
+        return self.liveness.heard_at > since
+
     def has_seen_servers(self) -> bool:
         """Whether a server of any type has been in view; nothing is sent before."""
         if self._entities.matched is not None:
@@ -223,11 +236,14 @@ class Link:
 
     def leave(self) -> None:
         """Destroy the entities, before the node is replaced."""
+        self._status.leave()
+        self.monitor.leave()
         self._entities.destroy()
 
     def enter(self, node: Node) -> None:
         """Make the entities anew on the node that has replaced the earlier one."""
         self._entities.make_anew(node)
+        self._status.enter()
 
     # --- what the port asks for ------------------------------------------------------------
 
@@ -326,6 +342,7 @@ class Link:
             listener.on_feedback(messages)
 
     def _take_status(self, key: bytes, code: int) -> None:
+        self.liveness.heard()
         listener = self._listeners.get(key)
         if listener is not None and code in STATES:
             listener.on_status(STATES[code])

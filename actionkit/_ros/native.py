@@ -136,10 +136,12 @@ class ResponseSource(Source):
     def __init__(self, client: ServiceClient, on_response: Callable[[int, Any], None]) -> None:
         super().__init__(self.take)
         self._on_response = on_response
+        self._latest = 0
         self.use(client)
 
     def use(self, client: ServiceClient) -> None:
         """Be about this service client from now on."""
+        self._before = self._latest  # its numbers begin anew; what was sent before keeps its own
         self._handle = client.handle
         self._type = client.srv_type.Response
 
@@ -148,7 +150,8 @@ class ResponseSource(Source):
 
     def send(self, request: Any) -> int:
         """Send a request; return the sequence number that its response will carry."""
-        return int(self._handle.send_request(request))
+        self._latest = self._before + int(self._handle.send_request(request))
+        return self._latest
 
     def take(self) -> None:
         """Read what has come, without waiting, and pass it on."""
@@ -156,7 +159,7 @@ class ResponseSource(Source):
             header, response = self._handle.take_response(self._type)
             if header is None:
                 return
-            self._on_response(header.request_id.sequence_number, response)
+            self._on_response(self._before + header.request_id.sequence_number, response)
 
 
 class MessageSource(Source):

@@ -16,7 +16,7 @@ from typing import Protocol
 
 from rclpy.node import Node
 
-from actionkit._ros import graph
+from actionkit._ros import graph, standstill
 from actionkit._ros.joining import is_wanted
 from actionkit._threads.clock import Timers
 
@@ -29,7 +29,7 @@ _MOST_TIMES = 5.0
 """How many times as long that may be on a busy machine, by how much slower the node was made."""
 
 
-class Link(Protocol):
+class Link(standstill.Link, Protocol):
     """The entities of one client."""
 
     def has_seen_servers(self) -> bool:
@@ -100,6 +100,10 @@ class Rejoining:
 
     def _rejoin(self) -> None:
         self._tries += 1
+        self.make_anew()
+
+    def make_anew(self) -> None:
+        """Replace the node, and make the entities of all clients anew on it."""
         for link in self.links:
             link.leave()
         try:

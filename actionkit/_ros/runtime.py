@@ -29,6 +29,7 @@ from actionkit._ros.native import SOURCES_OF_A_CLIENT, Source, Waiter, is_up, sh
 from actionkit._ros.outbox import Window
 from actionkit._ros.own_node import leave_graph, make_node
 from actionkit._ros.rejoining import Rejoining
+from actionkit._ros.standstill import Standstill
 from actionkit._threads.clock import TimerQueue
 from actionkit._threads.diagnostics import log_later, log_own_error
 from actionkit._threads.waiting import Flag, taken_from
@@ -90,6 +91,12 @@ class Runtime:
             can_leave=self._can_leave,
             renew=self._renew_node,
             on_failure=self._on_rejoin_failure,
+        )
+        self.standstill = Standstill(
+            self,
+            self.rejoining.links,
+            can_leave=lambda: self._can_leave(len(self.rejoining.links)),
+            make_anew=self.rejoining.make_anew,
         )
         self._on_last = on_last
         self._started = Flag()
@@ -301,7 +308,9 @@ class Runtime:
         if self._waited_for is None:
             self._waited_for = tuple(self._sources)
             self._waiter.make_room(SOURCES_OF_A_CLIENT * len(self.rejoining.links))
-        for source in self._waiter.wait(self._waited_for, timeout):
+        ready = self._waiter.wait(self._waited_for, timeout)
+        self.standstill.turn()  # before what came of it is read
+        for source in ready:
             if source in self._sources:  # a callback for an earlier one may have disabled it
                 self._guarded(source.on_readable)
         if self._waiter.signalled:

@@ -58,6 +58,7 @@ class StatusWatch:
         self._canceled: int | None = None
         """How many goals were cancelled when that was last looked at."""
         self._source: MessageSource | None = None
+        self._left = False
         self._pause: TimerHandle | None = None
 
     def start(self) -> None:
@@ -71,6 +72,16 @@ class StatusWatch:
                 raise
         else:
             self._runtime.enable(self._source)
+
+    def leave(self) -> None:
+        """Destroy the subscription, before the node is replaced."""
+        self._left = self._source is not None
+        self.stop()
+
+    def enter(self) -> None:
+        """Subscribe anew on the node that has replaced the earlier one, if that was so before."""
+        if self._left:
+            self.start()
 
     def stop(self) -> None:
         """Destroy the subscription, until `start` is called again."""

@@ -36,7 +36,12 @@ def function_pool(owner: str) -> Pool:
     A function that does not return is reported by the error of its call, so no warning is needed.
     """
     return Pool(
-        owner, name="actionkit-questions", most=_MOST_THREADS, limit=_MOST_THREADS, watched=False
+        owner,
+        name="actionkit-questions",
+        most=_MOST_THREADS,
+        limit=_MOST_THREADS,
+        watched=False,
+        awaited=False,
     )
 
 

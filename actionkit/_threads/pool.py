@@ -5,7 +5,8 @@ the log, one for `classify=` and retry strategies. So no callable waits for one 
 and no callback for a log handler.
 
 The threads of a pool start when there is work and end when there is none. They are daemons, so
-that none holds up the interpreter's exit (R19).
+that none holds up the interpreter's exit for ever (R19). Closing and the exit wait for callbacks
+that are due or running, within a bound, and then nothing of the user's begins any more (C1.10).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from collections.abc import Callable
 
 from actionkit._threads.blocked import Label, Turn, Work, Worker, watcher
 from actionkit._threads.diagnostics import log_later, log_own_error
+from actionkit._threads.in_hand import Dues, InHand
 
 MOST_THREADS = 8
 """Threads of a client for its callbacks; one that is blocked does not count. Callbacks that wait
@@ -49,6 +51,7 @@ class Pool:
         limit: int = MOST_BLOCKED,
         idle: float = _IDLE_SECONDS,
         watched: bool = True,
+        awaited: bool = True,
     ) -> None:
         """Make one without threads.
 
@@ -59,6 +62,7 @@ class Pool:
             limit: How many there are at most in any case.
             idle: Seconds that a thread waits for more work before it ends.
             watched: Whether a thread that is blocked is replaced, and named in the log.
+            awaited: Whether the interpreter's exit waits for its work, and lets none begin then.
         """
         self._owner = owner
         self._name = name
@@ -66,7 +70,10 @@ class Pool:
         self._limit = limit
         self._idle_seconds = idle
         self._watched = watched
-        self._waiting: queue.SimpleQueue[Work] = queue.SimpleQueue()
+        self.dues = Dues(owner, awaited=awaited)
+        """What is due or running, and its end."""
+        self.dues.run_one = self._run_one_here
+        self._waiting: queue.SimpleQueue[InHand] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._threads = 0
         self._blocked = 0
@@ -92,10 +99,14 @@ class Pool:
         Returns:
             As `submit`.
         """
+        if self.dues.ended:
+            self.dues.warn([InHand(work.label, work, None)])
+            return ""
+        due = self.dues.begin(work.label, work)
         with self._lock:
             self._free -= 1
             start = self._needs_a_thread()
-        self._waiting.put(work)
+        self._waiting.put(due)
         return self._start() if start else ""
 
     def _needs_a_thread(self) -> bool:
@@ -129,6 +140,22 @@ class Pool:
             return str(error)
         return ""
 
+    def _run_one_here(self) -> bool:
+        """At the interpreter's exit: run what no thread takes on this one."""
+        if self._threads:
+            return False
+        try:
+            due = self._waiting.get_nowait()
+        except queue.Empty:
+            return False
+        due.thread = threading.get_ident()
+        try:
+            while due.work is not None and due.work.step():
+                pass
+        finally:
+            self.dues.done(due)
+        return True
+
     # --- on a thread of the pool -----------------------------------------------------------
 
     def _work(self) -> None:
@@ -137,15 +164,15 @@ class Pool:
         if self._watched:
             watcher.add(worker)
         try:
-            while (work := self._next()) is not None:
-                self._carry_out(worker, work)
-                del work  # or an idle thread would keep the last goal alive
+            while (due := self._next()) is not None:
+                self._carry_out(worker, due)
+                del due  # or an idle thread would keep the last goal alive
                 if not self._stays():
                     return
         finally:
             watcher.remove(worker)
 
-    def _next(self) -> Work | None:
+    def _next(self) -> InHand | None:
         """Wait for work; `None` where the thread is to end, and is counted out."""
         while True:
             try:
@@ -158,9 +185,11 @@ class Pool:
                     self._free -= 1
                     return None
 
-    def _carry_out(self, worker: Worker, work: Work) -> None:
-        more = True
-        while more:
+    def _carry_out(self, worker: Worker, due: InHand) -> None:
+        work, more = due.work, True
+        assert work is not None
+        due.thread = threading.get_ident()
+        while more and not self.dues.ended:
             worker.begin(work)
             try:
                 more = work.step()
@@ -169,6 +198,7 @@ class Pool:
             worker.end()
             if worker.replaced is not None:
                 self._take_back(worker)
+        self.dues.done(due)
 
     def _stays(self) -> bool:
         """Count the thread as free, or out where others took its place while it was blocked."""

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import _thread
 import contextlib
+import signal
+import sys
 import threading
 import time
 from collections import deque
@@ -120,6 +122,21 @@ class Flag:
             return self._is_set
         finally:
             self.remove_waiter(woken.release)
+
+
+def in_signal_handler() -> bool:
+    """Whether a handler of the user's for some signal has called this, directly or not."""
+    if threading.current_thread() is not threading.main_thread():
+        return False
+    handlers = [signal.getsignal(number) for number in signal.valid_signals()]
+    codes = {getattr(getattr(each, "__func__", each), "__code__", None) for each in handlers}
+    codes -= {None, getattr(signal.default_int_handler, "__code__", None)}
+    frame = sys._getframe()
+    while frame.f_back is not None:
+        if frame.f_code in codes:
+            return True
+        frame = frame.f_back
+    return False
 
 
 def wake_future(loop: asyncio.AbstractEventLoop, future: asyncio.Future[None]) -> None:

@@ -32,14 +32,6 @@ running = threading.Event()
 future = client.call_async({'order': 90}, on_feedback=lambda fb: running.set())
 assert running.wait(10)
 """,
-    "inside a callback that blocks": """
-client = Client(Fibonacci, 'fibonacci')
-running = threading.Event()
-future = client.call_async(
-    {'order': 90}, on_feedback=lambda fb: (running.set(), threading.Event().wait())
-)
-assert running.wait(10)
-""",
     "inside a judge that blocks": """
 client = Client(Fibonacci, 'fibonacci', classify=lambda outcome: threading.Event().wait())
 judged = client.call_async({'order': 2}, timeout=60)
@@ -96,6 +88,66 @@ def test_exit(moment, code, action_server, run_script):
     server = action_server("fibonacci", period=0.05)
     exits = run_script(HEAD + MOMENTS[moment] + f"\nsys.exit({code})")
     assert exits.finish(timeout=15) == (code, "", "")
+    assert runs_nothing(server)
+
+
+SAVING = """
+import os, time
+def save(future):
+    os.write(1, b'begun ')
+    time.sleep(0.3)
+    os.write(1, b'saved')
+"""
+CLOSINGS = {
+    "at the exit": """
+client = Client(Fibonacci, 'fibonacci')
+future = client.call_async({'order': 2}, timeout=60); future.add_done_callback(save)
+future.result()
+""",
+    "with a goal in flight": """
+client = Client(Fibonacci, 'fibonacci'); client.wait_for_server(10)
+future = client.call_async({'order': 90}, timeout=60); future.add_done_callback(save)
+time.sleep(0.3)
+""",
+    "at the closing": """
+with Client(Fibonacci, 'fibonacci') as client:
+    future = client.call_async({'order': 2}, timeout=60); future.add_done_callback(save)
+    future.result()
+os._exit(0)
+""",
+    "the client is dropped": """
+def call():
+    future = Client(Fibonacci, 'fibonacci').call_async({'order': 2}, timeout=60)
+    future.add_done_callback(save)
+    future.result()
+call()
+""",
+}
+
+
+@pytest.mark.parametrize("closing", CLOSINGS)
+def test_callbacks_that_are_due_are_finished(closing, action_server, run_script):
+    action_server("fibonacci", period=0.05)
+    exits = run_script(HEAD + SAVING + CLOSINGS[closing])
+    assert exits.finish(timeout=15) == (0, "begun saved", "")
+
+
+BLOCKED = """
+client = Client(Fibonacci, 'fibonacci')
+running = threading.Event()
+def block(feedback):
+    running.set()
+    threading.Event().wait()
+future = client.call_async({'order': 90}, on_feedback=block)
+assert running.wait(10)
+"""
+
+
+def test_one_that_does_not_return_is_named_and_left(action_server, run_script):
+    server = action_server("fibonacci", period=0.05)
+    code, out, err = run_script(HEAD + BLOCKED).finish(timeout=25)
+    assert (code, out) == (0, "")
+    assert "on_feedback __main__.block of action '/fibonacci' has not returned" in err
     assert runs_nothing(server)
 
 

@@ -594,6 +594,10 @@ class CallLife:
             return
         self.settled_with_news = True
         self.check_server_was_there(outcome)
+        pairs = {(event.attempt, event.goal_id) for event in outcome.timeline}
+        self.require(
+            len(pairs) == len(dict(pairs)), "an attempt has one goal, whose id its news has"
+        )
         running = any(goal.may_run for goal in self.goals.values())
         if outcome.cancel in (CancelReport.NOT_NEEDED, CancelReport.CONFIRMED):
             at_least_once = self.retry.resend == "always"

@@ -363,7 +363,7 @@ class Life:
         self._require(goal.settled == settled, "`settled` tells of Settle")
         self._require(goal.in_flight == self.in_flight, "`in_flight`: a server may be running it")
         denied = server.denied and not server.waits
-        may_run = self.in_flight and not server.lost and not denied
+        may_run = self.in_flight and not (server.lost or denied or server.ended)
         self._require(goal.may_run == may_run, "`may_run`: a server in sight may be running it")
         known = server.over or server.lost or self.left_alone
         self._require(settled or self.superseded or not known, "no caller is left waiting")
@@ -417,11 +417,12 @@ class Life:
         server, limits = self.server, self.timeouts
         if not self.cancelling:
             unanswered = server.has_it and not (server.accepted or server.waits)
+            runs = server.accepted and not server.ended
             needed = {
                 Timer.DEADLINE: self.deadline is not None,
                 Timer.SERVER: server.awaiting and limits.server is not None,
                 Timer.ACCEPT: unanswered and limits.accept is not None,
-                Timer.STALL: server.accepted and limits.feedback is not None,
+                Timer.STALL: runs and limits.feedback is not None,
             }
             for timer, wanted in needed.items():
                 self._require(not wanted or timer in armed, f"the limit {timer} is kept")

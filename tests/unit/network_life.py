@@ -114,6 +114,7 @@ class NetworkLife(CommunicationThread):
         self.timers = self.queue
         self.node = SimpleNamespace(get_publishers_info_by_topic=self._publishers)
         self.rejoining = SimpleNamespace(links={})
+        self.standstill = SimpleNamespace(watch=lambda: None)
         self._windows: dict[type, Any] = {}
         self._free_at: dict[str, float] = {}
         self.enable = self._enable  # type: ignore[method-assign]

@@ -19,7 +19,7 @@ from actionkit import CancelReport, GoalEvent, GoalState, Timeouts, Verdict
 from actionkit._calls import explain as _explain
 from actionkit._calls.explain import ErrorContext, explain
 from actionkit._calls.graph_snapshot import GraphSnapshot
-from actionkit._goal.effects import End, Ending, Fault, GoalFate, GoalProgress
+from actionkit._goal.effects import AskCancel, End, Ending, Fault, GoalFate, GoalProgress
 from actionkit._messages.convert import to_message
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.field_errors import FieldError, FieldProblem
@@ -247,6 +247,60 @@ def test_a_goal_that_was_cancelled_is_not_said_to_have_succeeded(event: str) -> 
     life.tell("result", GoalState.CANCELED, ABORTED)
     assert life.ending is not None
     assert "succeeded" not in str(explained(life.ending))
+
+
+@pytest.mark.parametrize("state", [GoalState.SUCCEEDED, GoalState.ABORTED, GoalState.CANCELED])
+def test_a_goal_that_ended_is_not_said_to_be_cancelled_where_only_its_result_is_missing(
+    state: GoalState,
+) -> None:
+    life = Life(2.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(1.0)
+    life.tell("status", state)
+    life.wait_until(2.0)
+    assert not any(isinstance(effect, AskCancel) for effect in life.all)
+    life.wait_until(4.0)
+    assert life.ending is not None
+    assert not life.goal.may_run
+    error = explained(life.ending, timeout=2.0)
+    assert type(error) is actionkit.DeadlineExceededError
+    assert error.cancel is CancelReport.CONFIRMED
+    text = str(error)
+    assert f"ended as {state}; its result did not come within 2 s" in text
+    assert "cancelled on the server" not in text
+    assert "before the goal ended" not in text
+
+
+def test_the_silence_of_a_goal_that_has_ended_is_no_stall() -> None:
+    life = Life(feedback=1.0, result=5.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("status", GoalState.SUCCEEDED)
+    life.wait_until(10.0)
+    assert life.ending is not None
+    assert life.ending.end is End.RESULT_LOST
+    assert "ended as SUCCEEDED, but its result cannot be had" in str(explained(life.ending))
+
+
+def test_a_server_was_lost_when_it_was_lost_and_not_when_that_was_tried_again_in_vain() -> None:
+    states = [GoalState.SENDING, GoalState.EXECUTING, GoalState.LOST, GoalState.RETRYING]
+    of_the_first = [
+        replace(EVENT, goal_id=GOAL_ID, state=state, monotonic=at)
+        for state, at in zip(states, (1.0, 1.1, 2.0, 7.3), strict=True)
+    ]
+    error = explained(ENDINGS[End.LOST][0], timeline=(*of_the_first, EVENT))
+    assert "was lost 1.0 s into the call" in str(error)
+
+
+def test_only_a_goal_that_was_left_to_run_on_purpose_is_said_to_be_left() -> None:
+    for abandon in (True, False):
+        life = Life()
+        life.see(*UNTIL_ACCEPTED)
+        life.tell("close", abandon=abandon)
+        life.wait_until(10.0)
+        assert life.ending is not None
+        text = str(explained(life.ending))
+        assert ("It was left to run on the server." in text) == abandon
+        assert ("did not confirm its cancellation within 2 s: IT MAY" in text) != abandon
 
 
 # --- sentences end before the next begins -----------------------------------------------------

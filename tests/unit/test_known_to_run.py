@@ -57,6 +57,7 @@ def test_the_status_topic_tells_the_end_before_the_result() -> None:
     goal = accepted()
     goal.status(GoalState.CANCELED, 2.0)
     assert goal.known_to_run is False
+    assert not goal.may_run
 
 
 def test_of_one_whose_server_is_gone_nothing_is_known_until_another_denies_it() -> None:

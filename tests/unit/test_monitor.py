@@ -552,3 +552,56 @@ def test_a_closed_monitor_begins_no_probes(world: World) -> None:
     probes = len(world.probes)
     world.monitor.liveness.start(1.0)
     assert len(world.probes) == probes
+
+
+# --- after this process itself stood still (contract C5.4) -------------------------------------
+
+
+def test_a_server_that_is_back_soon_after_a_standstill_was_never_gone(world: World) -> None:
+    world.serve(b"a")
+    goal, ready = world.sent(), world.ready
+    world.monitor.stood_still(world.clock.time + 8.0)
+    world.serve()  # what the middleware concludes from a lease that ran out here
+    assert goal.lost == []
+    world.serve(b"a")
+    world.clock.advance(60.0)
+    assert goal.lost == []
+    assert world.monitor.sees_server_of(goal.goal_id.bytes)
+    assert world.ready == ready + 1
+    assert goal.ready > 0  # and is asked about
+
+
+def test_one_that_stays_away_after_a_standstill_is_gone(world: World) -> None:
+    world.serve(b"a")
+    goal = world.sent()
+    world.monitor.stood_still(world.clock.time + 8.0)
+    world.serve()
+    world.clock.advance(4.0)
+    world.monitor.stood_still(world.clock.time + 8.0)  # once more
+    world.clock.advance(7.0)
+    assert goal.lost == []
+    world.clock.advance(1.1)
+    assert goal.lost == ["its action server is gone"]
+
+
+def test_one_that_was_replaced_during_a_standstill_is_gone(world: World) -> None:
+    world.serve(b"a")
+    goal = world.sent()
+    world.monitor.stood_still(world.clock.time + 8.0)
+    world.serve()
+    world.serve(b"b")
+    world.clock.advance(9.0)
+    assert goal.lost == ["its action server is gone"]
+
+
+def test_the_same_servers_come_into_view_of_a_node_that_was_made_anew(world: World) -> None:
+    world.serve(b"a")
+    goal, ready = world.sent(), world.ready
+    world.monitor.stood_still(world.clock.time + 8.0)
+    world.monitor.leave()
+    assert not world.monitor.readiness.ready
+    world.matched.clear()
+    world.serve(b"a")
+    world.clock.advance(60.0)
+    assert goal.lost == []
+    assert world.ready == ready + 1

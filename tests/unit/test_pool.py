@@ -5,10 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 
 import pytest
 
+from actionkit._threads import diagnostics
 from actionkit._threads.blocked import Label
 from actionkit._threads.pool import Pool
 
@@ -158,3 +160,50 @@ print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 def test_the_child_of_a_fork_has_threads_of_its_own() -> None:
     run = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", FORKED]
     assert subprocess.run(run, capture_output=True, timeout=30, check=True).stdout == b"0\n"
+
+
+# --- closing, and the interpreter's exit (contract C1.10) ---------------------------------------
+
+
+def test_what_is_due_or_running_is_waited_for() -> None:
+    pool, gate, notes = Pool(most=1), Gate(), list[int]()
+    pool.submit(gate, IT)
+    pool.submit(noting(notes, 1), IT)
+    assert gate.entered.wait(LONG)
+    threading.Timer(0.05, gate.leave.set).start()
+    assert pool.dues.finish(time.monotonic() + LONG)
+    assert notes == [1]
+
+
+def test_the_wait_has_an_end_and_nothing_begins_after_it(caplog: pytest.LogCaptureFixture) -> None:
+    pool, gate, notes = Pool("/arm", most=1), Gate(), list[int]()
+    pool.submit(gate, Label("done callback", noting, "nothing"))
+    pool.submit(noting(notes, 1), IT)
+    assert gate.entered.wait(LONG)
+    assert not pool.dues.finish(time.monotonic() + 0.01)
+    pool.dues.end()
+    pool.submit(noting(notes, 2), IT)
+    gate.leave.set()
+    assert gate.thread is not None
+    gate.thread.join(LONG)
+    assert notes == []
+    diagnostics.flush(time.monotonic() + LONG)
+    assert "done callback tests.unit" in caplog.text or "noting of action '/arm'" in caplog.text
+    assert caplog.text.count("has not returned") == 1
+    assert caplog.text.count("has not begun") == 2
+
+
+def test_callbacks_that_wait_for_the_others_do_not_wait_for_each_other() -> None:
+    pool, finished = Pool(), list[bool]()
+
+    def close() -> None:
+        both.wait(LONG)
+        finished.append(pool.dues.finish(time.monotonic() + LONG))
+
+    both = threading.Barrier(2)
+    began = time.monotonic()
+    for _ in range(2):
+        pool.submit(close, IT)
+    assert pool.dues.finish(time.monotonic() + LONG)
+    assert finished == [True, True]
+    assert time.monotonic() - began < LONG / 2

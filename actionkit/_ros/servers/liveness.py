@@ -44,7 +44,8 @@ class Liveness:
         self._on_silence = on_silence
         self._on_return = on_return
         self._limit: float | None = None
-        self._heard_at = 0.0
+        self.heard_at = 0.0
+        """When something last came from a server."""
         self._silent = False
 
     def start(self, limit: float) -> None:
@@ -57,15 +58,19 @@ class Liveness:
             self._limit = min(limit, self._limit)
             return
         self._limit = limit
-        self._heard_at = self._timers.now()
+        self.heard_at = self._timers.now()
         self._check()
 
     def heard(self) -> None:
         """Note that something came from a server."""
-        self._heard_at = self._timers.now()
+        self.heard_at = self._timers.now()
         if self._silent:
             self._silent = False
             self._on_return()
+
+    def begin_anew(self) -> None:
+        """Count the silence from now on: this process itself did not listen."""
+        self.heard_at = self._timers.now()
 
     def _check(self) -> None:
         if not self._wanted() or self._limit is None:
@@ -73,7 +78,7 @@ class Liveness:
             self._limit = None
             return
         now = self._timers.now()
-        if not self._silent and now - self._heard_at >= self._limit:
+        if not self._silent and now - self.heard_at >= self._limit:
             self._silent = True
             self._on_silence(self._limit)
         self._probe()

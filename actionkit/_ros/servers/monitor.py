@@ -88,13 +88,16 @@ class ServerMonitor:
         self._goals: dict[bytes, _SentGoal] = {}
         self._awaiting: dict[GoalListener, None] = {}
         self._ready_waiters: dict[Callable[[], None], None] = {}
+        self._held_until = 0.0
+        self._doubted: frozenset[bytes] = frozenset()
+        """The servers that are out of sight, and do not count as gone before that time."""
         self.restarts = RestartDetector(self._timers, probe, self._on_one_answers)
         self.liveness = Liveness(
             self._timers,
             probe=probe,
             wanted=lambda: not self._closed and bool(self._goals or self._queued()),
             on_silence=self._on_silence,
-            on_return=self._tell_sent_goals,
+            on_return=self.tell_sent_goals,
         )
         self.readiness = ServerReadiness(
             self._timers,
@@ -174,6 +177,27 @@ class ServerMonitor:
         goal = self._goals.get(key)
         return goal is not None and bool(goal.servers) and self.readiness.count > 1
 
+    # --- after this process itself stood still ---------------------------------------------
+
+    def stood_still(self, until: float) -> None:
+        """Take no server for gone before that time, and later only if it is still out of sight."""
+        self.liveness.begin_anew()
+        self._held_until = until
+        self._timers.call_at(until, self._end_hold)
+
+    def leave(self) -> None:
+        """Handle that the node is made anew: whoever is there comes into view again."""
+        self._doubted |= self.readiness.servers
+        self.readiness.leave()
+        self._way_back.stop()
+
+    def _end_hold(self) -> None:
+        if self._closed or self._timers.now() < self._held_until:
+            return
+        gone, self._doubted = self._doubted - self.readiness.servers, frozenset()
+        if gone:
+            self._lose_all(gone)
+
     # --- what is seen ----------------------------------------------------------------------
 
     def matched(self, count: int, came: int = 0) -> None:
@@ -230,10 +254,11 @@ class ServerMonitor:
             listener.on_server_ready()
         for callback in list(self._ready_waiters):
             callback()
-        self._tell_sent_goals()
+        self.tell_sent_goals()
         self._tell_ready()
 
-    def _tell_sent_goals(self) -> None:
+    def tell_sent_goals(self) -> None:
+        """Tell the goals that may be on a server that one is ready."""
         for listener, _ in self._sent_goals():
             listener.on_server_ready()
 
@@ -248,8 +273,13 @@ class ServerMonitor:
     def _on_change(self, came: frozenset[bytes], gone: frozenset[bytes]) -> None:
         for goal in self._goals.values():
             self._reconsider(goal, came)
-        if not gone:
-            return
+        self._doubted -= came
+        if self._timers.now() < self._held_until:
+            self._doubted |= gone
+        elif gone:
+            self._lose_all(gone)
+
+    def _lose_all(self, gone: frozenset[bytes]) -> None:
         reason = "its action server is gone"
         for listener, goal in self._sent_goals():
             self._lose(listener, goal, gone, reason)

@@ -155,6 +155,12 @@ class ServerReadiness:
         if not self._agrees:
             self._compare_later(_FIRST_STEP)
 
+    def leave(self) -> None:
+        """Handle that the node is made anew: whoever is there comes into view again."""
+        self.state = State.ABSENT
+        self.count = 0
+        self.servers = self._outdated = frozenset()
+
     @property
     def _agrees(self) -> bool:
         """Whether the graph shows the servers that the middleware's event told of."""

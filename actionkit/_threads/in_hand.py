@@ -1,0 +1,177 @@
+"""Callbacks that are due or running: the end of a client, and of the interpreter, waits for them.
+
+Threads of the user's call `finish` and `end`, also in signal handlers: so these take no lock.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+from actionkit._threads.blocked import Label, Work
+from actionkit._threads.diagnostics import log_later
+from actionkit._threads.waiting import Flag, in_signal_handler, taken_from
+
+_PATIENCE = 5.0
+"""Seconds that closing and the interpreter's exit wait for callbacks: enough to save a result, and
+no hang for a human."""
+_IN_HANDLER = 0.5
+"""The same in a signal handler: what it interrupted may hold what the callbacks wait for."""
+
+
+def patience(cancel_grace: float) -> float:
+    """Return how many seconds the end waits for callbacks, given `Timeouts.cancel`."""
+    return _IN_HANDLER if in_signal_handler() else max(_PATIENCE, cancel_grace)
+
+
+class InHand:
+    """Work that is due or running."""
+
+    __slots__ = ("label", "thread", "where", "work")
+
+    def __init__(self, label: Label, work: Work | None, thread: int | None) -> None:
+        self.label = label
+        self.work = work
+        self.thread = thread
+        """The thread that runs it, once one does. It cannot wait for itself."""
+        self.where: Callable[[], bool] | None = None
+        """Whether what is to run it, other than a thread of the pool, goes on running."""
+
+    @property
+    def can_go_on(self) -> bool:
+        """Whether there is anything that may still run it."""
+        return self.where is None or self.where()
+
+
+class Dues:
+    """What is due or running in one pool."""
+
+    def __init__(self, owner: str, *, awaited: bool) -> None:
+        """Begin with nothing.
+
+        Args:
+            owner: The name of the client's action, for the log.
+            awaited: Whether the interpreter's exit waits for it, and lets nothing begin then.
+        """
+        self._owner = owner
+        self._awaited = awaited
+        self._ended = False
+        self._in_hand: dict[InHand, None] = {}
+        self._rests: deque[Callable[[], None]] = deque()
+        self._finishing: list[int] = []  # the threads that wait in `finish`
+        self.run_one: Callable[[], bool] = lambda: False
+        """Runs on this thread what no thread of the pool takes, if there is any. From Python 3.12
+        on no thread can be started at the interpreter's exit."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing begins here any more."""
+        return self._ended or (self._awaited and _exit.begun)
+
+    def begin(self, label: Label, work: Work | None = None, thread: int | None = None) -> InHand:
+        """Note that something is due, which `finish` waits for until `done`."""
+        due = InHand(label, work, thread)
+        self._in_hand[due] = None
+        self._note_busy()
+        return due
+
+    def done(self, due: InHand) -> None:
+        """Undo `begin`."""
+        self._in_hand.pop(due, None)
+        if not self._in_hand:
+            _busy.pop(self, None)
+            if self._in_hand:  # begun meanwhile
+                self._note_busy()
+        self._wake()
+
+    def _wake(self) -> None:
+        for wake in taken_from(self._rests):
+            wake()
+
+    def _note_busy(self) -> None:
+        if self._awaited and not self._ended:
+            _busy[self] = None
+
+    def finish(self, until: float, run_one: Callable[[], bool] | None = None) -> bool:
+        """Wait for what is due or running, but for what waits for the caller.
+
+        Args:
+            until: Monotonic time at which not to wait any longer.
+            run_one: Runs on this thread something that no other takes, if there is any.
+
+        Returns:
+            Whether nothing is left.
+        """
+        self._finishing.append(threading.get_ident())
+        self._wake()  # others may wait for the callback that waits here
+        try:
+            while self._awaited_here():
+                rested = Flag()
+                self._rests.append(rested.set)
+                if run_one is not None and run_one():
+                    continue
+                left = until - time.monotonic()
+                # It may have come to rest just before.
+                if self._awaited_here() and (left <= 0 or not rested.wait(left)):
+                    return not self._awaited_here()
+            return True
+        finally:
+            self._finishing.remove(threading.get_ident())
+
+    def end(self) -> None:
+        """Let nothing begin any more, and name in the log what did not finish."""
+        if not self._ended:
+            self._ended = True
+            _busy.pop(self, None)
+            self.warn(self._awaited_here())
+
+    def _awaited_here(self) -> list[InHand]:
+        """What the calling thread can wait for: a callback not for those that wait here, too."""
+        here, in_hand = threading.get_ident(), list(self._in_hand)
+        called_back = any(due.thread == here for due in in_hand)
+        waiting = {here, *self._finishing} if called_back else {here}
+        return [due for due in in_hand if due.thread not in waiting and due.can_go_on]
+
+    def warn(self, left: list[InHand]) -> None:
+        for due in left:
+            began = "has not begun" if due.thread is None else "has not returned"
+            log_later(
+                logging.WARNING,
+                "%s of action %r %s in the time that closing and the exit wait for callbacks, and"
+                " is cut off: let it return sooner, or close the client later",
+                str(due.label),
+                self._owner,
+                began,
+            )
+
+
+class _Exit:
+    """Whether the interpreter has begun to end."""
+
+    begun = False
+
+
+_exit = _Exit()
+_busy: dict[Dues, None] = {}
+"""Those with callbacks that are due or running, for the interpreter's exit."""
+
+
+def finish_all(until: float) -> None:
+    """At the interpreter's exit: wait for the callbacks of all clients."""
+    for dues in list(_busy):
+        dues.finish(until, dues.run_one)
+
+
+def end_all() -> None:
+    """At the interpreter's exit: let no callback begin any more, and name what did not finish."""
+    _exit.begun = True
+    for dues in list(_busy):
+        dues.end()
+
+
+def after_fork() -> None:
+    """In a forked child: leave the callbacks of the parent to the parent."""
+    _busy.clear()
