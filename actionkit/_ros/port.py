@@ -17,11 +17,15 @@ from typing_extensions import Self
 from actionkit._model.errors import ActionTypeMismatchError
 from actionkit._ros import executors, graph, native, runtimes
 from actionkit._ros.link import Link
-from actionkit._ros.names import Identity, resolve, type_name_of
+from actionkit._ros.names import ActionNames, Identity, check_name, resolve, type_name_of
 from actionkit._ros.native import RCLError, domain_of, is_up
+from actionkit._ros.own_node import resolve_without_node
 from actionkit._ros.wire import feedback_alone
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.waiting import Flag
+
+_UNDONE_WITHIN = 5.0
+"""Seconds that it may take to free what a failed constructor has made; it takes milliseconds."""
 
 
 class Port:
@@ -38,11 +42,13 @@ class Port:
         Raises:
             TypeError: A wrong type of argument.
             ValueError: A bad name, or the process already uses the name with another type.
+                Nothing is left of what was made for it.
         """
         type_name = type_name_of(action_type)
         if node is not None and not isinstance(node, Node):
             raise TypeError(f"node={node!r} must be an rclpy node")
-        name = None if node is None else resolve(node, action_name)
+        name = check_name(action_name, has_node=node is not None)
+        names = None if node is None else resolve(node, name)
         domain_id = None if node is None else domain_of(node.context)
         self.runtime = runtimes.acquire(domain_id, self)
         self.freed = Flag()
@@ -54,8 +60,9 @@ class Port:
         """What is set when the port is freed. On the communication thread, as the next."""
         self.waits_ended = False
         try:
+            self._names = names or self._resolve(name)
             self.identity = Identity(
-                action_name=name or resolve(self.runtime.node, action_name),
+                action_name=self._names.action,
                 type_name=type_name,
                 domain_id=domain_of(self.runtime.context),
                 label="" if node is None else node.get_fully_qualified_name(),
@@ -63,6 +70,9 @@ class Port:
             self.runtime.run(lambda: self._open(action_type))
         except BaseException:  # also for a Ctrl-C: nothing is left behind
             self.runtime.call_soon(self._undo)
+            # The middleware's exit handlers crash under a thread that still uses it.
+            self.freed.wait(_UNDONE_WITHIN)
+            self.runtime.join_if_stopping(_UNDONE_WITHIN)
             raise
         self._feedback_type: Any = action_type.Feedback
 
@@ -170,8 +180,11 @@ class Port:
             )
             error.expected, error.served = type_name, (str(used),)
             raise error
-        self.link = Link(self.runtime, action_type, type_name, name)
+        self.link = Link(self.runtime, action_type, type_name, self._names)
         self.runtime.names_in_use.append((name, type_name))
+
+    def _resolve(self, action_name: str) -> ActionNames:
+        return self.runtime.run(lambda: resolve_without_node(self.runtime.node, action_name))
 
     def _undo(self) -> None:
         """Free what the constructor has made before it failed."""
@@ -179,6 +192,7 @@ class Port:
             self.free()
         else:
             runtimes.release(self.runtime, self)
+            self.freed.set()
 
     def actions(self) -> dict[str, tuple[str, ...]] | None:
         """Return every served action with its types; `None` after the context's shutdown (R10)."""
