@@ -35,7 +35,7 @@ _LONGEST = 1e9
 """Seconds, which are 31 years; the middleware's 64 bits of nanoseconds hold nine times as many."""
 MOST_AT_ONCE = 64
 """Messages taken of one entity in a row, which takes about a millisecond; then others are read."""
-_SPARE = 4
+_SPARE = 64
 """Places in a new wait set beyond twice those needed: a client has five sources at most, and making
 a wait set costs more than waiting on a sparse one."""
 
