@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -12,8 +14,29 @@ from actionkit._ros.names import ActionNames, resolve
 from actionkit._ros.native import node_is_destroyed
 
 
+def start(context: Context, domain_id: int | None) -> None:
+    """Initialise a context of ours, with the ROS arguments of the process.
+
+    Args:
+        context: The context.
+        domain_id: Its ROS domain; `None` leaves it to rcl to read the environment.
+
+    Raises:
+        ValueError: rcl does not take the environment, or the arguments.
+    """
+    try:
+        context.init(None, initialize_logging=False, domain_id=domain_id)
+    except RuntimeError as error:
+        domain = os.environ.get("ROS_DOMAIN_ID", "") if domain_id is None else domain_id
+        reason = str(error).rsplit(", at ", 1)[0]
+        raise ValueError(
+            f"ROS cannot be started with ROS_DOMAIN_ID={domain!r} and the ROS arguments of the"
+            f" process: {reason}"
+        ) from error
+
+
 def make_node(name: str, context: Context) -> Node:
-    """Make the only node of a context.
+    """Make our node in a context.
 
     The arguments of the process are not for it: every name used on it is resolved already.
 
@@ -42,10 +65,17 @@ def resolve_without_node(node: Node, action_name: str) -> ActionNames:
         resolver.destroy_node()
 
 
-def leave_graph(node: Node) -> None:
-    """Destroy the only node of a context, unless that was done; its entities were before."""
+def leave_graph(node: Node, *, alone: bool) -> None:
+    """Destroy our node of a context, unless that was done; its entities were before.
+
+    Args:
+        node: The node.
+        alone: Whether nobody else wants to discover anything in the context: the nodes of one
+            context share what listens for it.
+    """
     if not node_is_destroyed(node):
-        stop_listening(node)
+        if alone:
+            stop_listening(node)
         node.destroy_node()
 
 

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
@@ -32,7 +33,9 @@ class Port:
     """One client's link and the communication thread that works on it."""
 
     def __init__(self, action_type: Any, action_name: object, node: Any = None) -> None:
-        """Make a link on the communication thread of the node's domain, or of the environment's.
+        """Make a link on the communication thread of the node's context.
+
+        Without a node it is that of rclpy's default context, where it is up, else of our own.
 
         Args:
             action_type: The action's class.
@@ -49,8 +52,7 @@ class Port:
             raise TypeError(f"node={node!r} must be an rclpy node")
         name = check_name(action_name, has_node=node is not None)
         names = None if node is None else resolve(node, name)
-        domain_id = None if node is None else domain_of(node.context)
-        self.runtime = runtimes.acquire(domain_id, self)
+        self.runtime = runtimes.acquire(_users_context(node), self)
         self.freed = Flag()
         """Set when the entities are destroyed and the runtime is released."""
         self._failure_callback: Callable[[BaseException], None] | None = None
@@ -92,13 +94,7 @@ class Port:
         """Call `callback` on the communication thread when `why_shut_down` may say something."""
         self._shutdown_callback = callback
         self.runtime.on_shutdown.append(callback)
-        if self._node is not None:
-            native.on_shutdown(self._node.context, self._on_node_shutdown)
         if self.runtime.was_shut_down or self.why_shut_down():  # just before
-            self.runtime.call_soon(callback)
-
-    def _on_node_shutdown(self) -> None:
-        if (callback := self._shutdown_callback) is not None:
             self.runtime.call_soon(callback)
 
     @property
@@ -109,8 +105,8 @@ class Port:
     def why_shut_down(self) -> str:
         """Return what of the user's ROS was shut down that calls depend on, or `""`.
 
-        The context of the client's node; without a node, what rclpy's signal handler shuts down: it
-        does so with every context of the process, ours included (R10).
+        The context of the client's node; without a node rclpy's default one, or our own, which only
+        rclpy's signal handler shuts down: it does so with every context of the process (R10).
         """
         if self._node is not None:
             if not is_up(self._node.context):
@@ -118,7 +114,7 @@ class Port:
             if native.node_is_destroyed(self._node):
                 return "its client's node was destroyed"
         if not is_up(self.runtime.context):
-            return "rclpy's signal handler shut down ROS in this process"
+            return "ROS was shut down in this process, by rclpy.shutdown() or its signal handler"
         return ""
 
     def end_spinning(self) -> None:
@@ -219,6 +215,19 @@ class Port:
         runtimes.release(self.runtime, self)
         self.freed.set()
         self.end_spinning()  # a client that is closed at once may not have seen the shutdown
+
+
+def _users_context(node: Node | None) -> Context | None:
+    """Return the context that a client belongs into, `None` where the user has none that is up.
+
+    Raises:
+        ValueError: The node's was shut down.
+    """
+    if node is None:
+        return native.default_context() if native.default_context_is_up() else None
+    if not is_up(node.context):
+        raise ValueError(f"the ROS context of node={node!r} was shut down: give one that is in use")
+    return node.context
 
 
 class ServerWait:
