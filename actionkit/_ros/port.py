@@ -114,7 +114,7 @@ class Port:
             if native.node_is_destroyed(self._node):
                 return "its client's node was destroyed"
         if not is_up(self.runtime.context):
-            return "ROS was shut down in this process, by rclpy.shutdown() or its signal handler"
+            return "rclpy.shutdown() or its signal handler shut down ROS in this process"
         return ""
 
     def end_spinning(self) -> None:
