@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_action_status_default
 from rclpy.subscription import Subscription
 
-from actionkit._ros.graph import feedback_topic
+from actionkit._ros.names import ActionNames
 from actionkit._ros.native import EventSource, MessageSource, ResponseSource, Source
 
 _DEEP = 2000
@@ -31,7 +31,7 @@ class Entities:
         self,
         node: Node,
         impl: Any,
-        name: str,
+        names: ActionNames,
         *,
         on_goal: Callable[[int, Any], None],
         on_result: Callable[[int, Any], None],
@@ -44,7 +44,7 @@ class Entities:
         Args:
             node: The node to make them on.
             impl: The action type's `Impl`.
-            name: The fully qualified action name.
+            names: The names of the action, used as they are.
             on_goal: Called with the sequence number of, and the response to, a goal request.
             on_result: The same for result requests.
             on_cancel: The same for cancel requests.
@@ -57,7 +57,7 @@ class Entities:
         """
         self._node = node
         self._impl = impl
-        self._name = name
+        self._names = names
         self._clients: list[ServiceClient] = []
         self._subscriptions: list[Subscription] = []
         try:
@@ -116,7 +116,7 @@ class Entities:
         """Subscribe to the status messages, of which the latest comes at once."""
         subscription = self._node.create_subscription(
             self._impl.GoalStatusMessage,
-            f"{self._name}/_action/status",
+            self._names.status,
             _unused,
             qos_profile_action_status_default,
             raw=True,
@@ -138,18 +138,16 @@ class Entities:
         self._subscriptions.clear()
 
     def _goal_client(self) -> ServiceClient:
-        return self._client(self._impl.SendGoalService, "send_goal")
+        return self._client(self._impl.SendGoalService, self._names.send_goal)
 
     def _result_client(self) -> ServiceClient:
-        return self._client(self._impl.GetResultService, "get_result")
+        return self._client(self._impl.GetResultService, self._names.get_result)
 
     def _cancel_client(self) -> ServiceClient:
-        return self._client(CancelGoal, "cancel_goal")
+        return self._client(CancelGoal, self._names.cancel_goal)
 
-    def _client(self, srv_type: Any, what: str) -> ServiceClient:
-        client = self._node.create_client(
-            srv_type, f"{self._name}/_action/{what}", qos_profile=QoSProfile(depth=_DEEP)
-        )
+    def _client(self, srv_type: Any, name: str) -> ServiceClient:
+        client = self._node.create_client(srv_type, name, qos_profile=QoSProfile(depth=_DEEP))
         self._clients.append(client)
         return client
 
@@ -164,7 +162,7 @@ class Entities:
     def _subscription(self, events: SubscriptionEventCallbacks) -> Subscription:
         subscription = self._node.create_subscription(
             self._impl.FeedbackMessage,
-            feedback_topic(self._name),
+            self._names.feedback,
             _unused,
             QoSProfile(depth=_DEEP),
             raw=True,

@@ -32,13 +32,13 @@ def feedback_topic(action_name: str) -> str:
     return action_name + _FEEDBACK
 
 
-def servers(node: Node, action_name: str) -> list[Endpoint]:
-    """Return the servers of a fully qualified action name.
+def servers(node: Node, topic: str) -> list[Endpoint]:
+    """Return the servers of an action, by the fully qualified name of its feedback topic.
 
     Raises:
         RCLError: The node's context was shut down.
     """
-    infos = node.get_publishers_info_by_topic(feedback_topic(action_name))
+    infos = node.get_publishers_info_by_topic(topic)
     return [endpoint_of(info) for info in infos]
 
 
@@ -66,7 +66,7 @@ def all_actions(node: Node) -> dict[str, tuple[str, ...]]:
     """Return every action name that has a server, with the types it is served with."""
     found: dict[str, tuple[str, ...]] = {}
     for name in action_names(node):
-        types = {server.action_type for server in servers(node, name)}
+        types = {server.action_type for server in servers(node, feedback_topic(name))}
         if types:
             found[name] = tuple(sorted(types))
     return found

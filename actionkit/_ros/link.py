@@ -15,6 +15,7 @@ from actionkit._ros.codes import STATES, cancel_answer
 from actionkit._ros.entities import Entities
 from actionkit._ros.feedback import FeedbackWatch
 from actionkit._ros.listener import GoalListener
+from actionkit._ros.names import ActionNames
 from actionkit._ros.outbox import Outbox, Window
 from actionkit._ros.requests import ServiceRequests
 from actionkit._ros.runtime import Runtime
@@ -31,14 +32,16 @@ processes that did nothing for a second, and then it waits for their lock for a 
 class Link:
     """The goals of one client that wait to be sent or may be on a server."""
 
-    def __init__(self, runtime: Runtime, action_type: Any, type_name: str, name: str) -> None:
+    def __init__(
+        self, runtime: Runtime, action_type: Any, type_name: str, names: ActionNames
+    ) -> None:
         """Make the entities and look for servers. On the communication thread.
 
         Args:
             runtime: Whose thread and node to use.
             action_type: The action's class.
             type_name: Such as `test_msgs/action/Fibonacci`.
-            name: The fully qualified action name.
+            names: The names of the action.
 
         Raises:
             Exception: Whatever rclpy raises for a bad name or type.
@@ -46,12 +49,12 @@ class Link:
         self.runtime = runtime
         self._listeners: dict[bytes, GoalListener] = {}  # of the goals that were sent, by id
         self._outbox: Outbox[tuple[GoalListener, Any]] = Outbox(
-            runtime.window(Window, name), on_free=self._send_next
+            runtime.window(Window, names.action), on_free=self._send_next
         )
         self._entities = Entities(
             runtime.node,
             action_type.Impl,
-            name,
+            names,
             on_goal=self._take_goal,
             on_result=self._take_result,
             on_cancel=self._take_cancel,
@@ -62,7 +65,7 @@ class Link:
             runtime,
             self._entities,
             action_type.Impl,
-            action_name=name,
+            action_name=names.action,
             count_servers=lambda: self.readiness.count,
             on_cancel_sent=lambda key: self._listeners[key].on_cancel_sent(),
         )
@@ -80,7 +83,7 @@ class Link:
         self.monitor = ServerMonitor(
             runtime,
             self._entities,
-            name=name,
+            names=names,
             type_name=type_name,
             probe=self._requests.probe,
             listeners=self._listeners,

@@ -1,18 +1,75 @@
-"""Finds the full name of an action, as a node of the user's would resolve it (contract C1.2)."""
+"""Finds the names that an action has to a node of the user's, as rclpy's would (contract C1.2).
+
+An action has five names, which a node's remapping rules may send to different places. They are
+resolved once, on the node that has the rules, and used as they are on a node that has none.
+"""
 
 from __future__ import annotations
 
 import unicodedata
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from rclpy.exceptions import InvalidServiceNameException, InvalidTopicNameException
+from rclpy.exceptions import (
+    InvalidHandle,
+    InvalidServiceNameException,
+    InvalidTopicNameException,
+)
 from rclpy.node import Node
 
 from actionkit._ros.native import RCLError
 
 _NOT_TEXT = ("Cc", "Cs")
 """Control characters, NUL among them, and halves of a character (surrogates)."""
+
+
+_SEND_GOAL = "/_action/send_goal"
+
+
+@dataclass(frozen=True)
+class ActionNames:
+    """The fully qualified names under which an action is called.
+
+    Attributes:
+        action: What is called: the name of the goal service without what all of these end in.
+        send_goal: The first of three services.
+        get_result: The second.
+        cancel_goal: The third.
+        feedback: The first of two topics.
+        status: The second.
+    """
+
+    action: str
+    send_goal: str
+    get_result: str
+    cancel_goal: str
+    feedback: str
+    status: str
+
+    @classmethod
+    def of(
+        cls,
+        action_name: str,
+        service: Callable[[str], str] = str,
+        topic: Callable[[str], str] = str,
+    ) -> ActionNames:
+        """Return the names of an action.
+
+        Args:
+            action_name: Its name.
+            service: Resolves the name of a service; left out, names are fully qualified.
+            topic: Resolves the name of a topic.
+        """
+        send_goal = service(action_name + _SEND_GOAL)
+        return cls(
+            action=send_goal.removesuffix(_SEND_GOAL),
+            send_goal=send_goal,
+            get_result=service(f"{action_name}/_action/get_result"),
+            cancel_goal=service(f"{action_name}/_action/cancel_goal"),
+            feedback=topic(f"{action_name}/_action/feedback"),
+            status=topic(f"{action_name}/_action/status"),
+        )
 
 
 @dataclass(frozen=True)
@@ -48,14 +105,16 @@ def type_name_of(action_type: Any) -> str:
     return f"{package}/action/{action_type.__name__}"
 
 
-def resolve(node: Node, action_name: object) -> str:
-    """Return the fully qualified name that `action_name` means to `node`.
+def check_name(action_name: object, *, has_node: bool) -> str:
+    """Return the name where it may be one.
 
-    The remapping of the action's own name counts too, which rclpy's `ActionClient` ignores.
+    Args:
+        action_name: What the user gave.
+        has_node: Whether a node of the user's is there that it may refer to.
 
     Raises:
         TypeError: The name is no string.
-        ValueError: It is no valid action name.
+        ValueError: No node could resolve it.
     """
     if not isinstance(action_name, str):
         raise TypeError(f"action_name={action_name!r} must be a string, such as 'fibonacci'")
@@ -65,11 +124,37 @@ def resolve(node: Node, action_name: object) -> str:
             f"action_name={action_name!r} has control characters or others that are no text."
             " Remove them: a ROS name has letters, digits, underscores and slashes only"
         )
+    if not has_node and (action_name.startswith("~") or "{node}" in action_name):
+        raise ValueError(
+            f"action_name={action_name!r} is a name below a node, and there is none: give node="
+            " the node that is meant, or give the whole name"
+        )
+    return action_name
+
+
+def resolve(node: Node, action_name: str) -> ActionNames:
+    """Return the names that `action_name` means to `node`.
+
+    Its rules for each of the five names count, as for rclpy's `ActionClient`. Where it has none
+    for any of them, a rule for the action's own name counts too, which that client ignores.
+
+    Args:
+        node: A node that has the rules.
+        action_name: A name that was checked.
+
+    Raises:
+        ValueError: It is no valid action name, or the node was destroyed.
+    """
+    service, topic = node.resolve_service_name, node.resolve_topic_name
     try:
-        # This also checks the characters, which resolving the topic's name alone does not.
-        node.resolve_service_name(f"{action_name}/_action/send_goal")
-        return str(node.resolve_topic_name(action_name))
+        expanded = topic(action_name, only_expand=True)
+        names = ActionNames.of(expanded, service, topic)
+        if names == ActionNames.of(expanded):
+            names = ActionNames.of(topic(action_name), service, topic)
     except (InvalidTopicNameException, InvalidServiceNameException, RCLError) as error:
         # "failed to resolve name: the reason, at file.c:1"
         reason = str(error).split(": ", 1)[-1].rsplit(", at ", 1)[0]
         raise ValueError(f"action_name={action_name!r} is no valid ROS name: {reason}") from error
+    except InvalidHandle as error:
+        raise ValueError(f"node={node!r} was destroyed: give one that is in use") from error
+    return names

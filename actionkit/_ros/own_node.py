@@ -1,6 +1,8 @@
-"""ActionKit's own node: how it is made, and how it leaves the graph."""
+"""ActionKit's own nodes: how they are made, and how they leave the graph."""
 
 from __future__ import annotations
+
+import os
 
 from rclpy.context import Context
 from rclpy.node import Node
@@ -8,32 +10,88 @@ from rclpy.parameter import Parameter
 
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.joining import joining
+from actionkit._ros.names import ActionNames, resolve
 from actionkit._ros.native import node_is_destroyed
 
 
+def start(context: Context, domain_id: int | None) -> None:
+    """Initialise a context of ours, with the ROS arguments of the process.
+
+    Args:
+        context: The context.
+        domain_id: Its ROS domain; `None` leaves it to rcl to read the environment.
+
+    Raises:
+        ValueError: rcl does not take the environment, or the arguments.
+    """
+    try:
+        context.init(None, initialize_logging=False, domain_id=domain_id)
+    except RuntimeError as error:
+        domain = os.environ.get("ROS_DOMAIN_ID", "") if domain_id is None else domain_id
+        reason = str(error).rsplit(", at ", 1)[0]
+        raise ValueError(
+            f"ROS cannot be started with ROS_DOMAIN_ID={domain!r} and the ROS arguments of the"
+            f" process: {reason}"
+        ) from error
+
+
 def make_node(name: str, context: Context) -> Node:
-    """Make the only node of a context.
+    """Make our node in a context.
+
+    The arguments of the process are not for it: every name used on it is resolved already.
 
     Raises:
         Exception: Whatever rclpy raises where that cannot be done.
     """
     with joining():
-        return Node(
-            name,
-            context=context,
-            # A launch file's __node is meant for the user's node: two nodes of one name
-            # confuse every tool.
-            cli_args=["--ros-args", "-r", f"__node:={name}"],
-            enable_rosout=False,
-            start_parameter_services=False,
-            parameter_overrides=[
-                Parameter("start_type_description_service", value=False),
-            ],
-        )
+        return _node(name, context, use_global_arguments=False)
 
 
-def leave_graph(node: Node) -> None:
-    """Destroy the only node of a context, unless that was done; its entities were before."""
+def resolve_without_node(node: Node, action_name: str) -> ActionNames:
+    """Return the names that an action has by the ROS arguments that our node's context was given.
+
+    Only a node has such rules, so there is one for a millisecond.
+
+    Raises:
+        ValueError: It is no valid action name.
+    """
+    name = f"{node.get_name()}_names"
+    # A launch file's __node is meant for the user's node: two nodes of one name confuse every tool.
+    rename = ["--ros-args", "-r", f"__node:={name}"]
+    resolver = _node(name, node.context, use_global_arguments=True, cli_args=rename)
+    try:
+        return resolve(resolver, action_name)
+    finally:
+        resolver.destroy_node()
+
+
+def leave_graph(node: Node, *, alone: bool) -> None:
+    """Destroy our node of a context, unless that was done; its entities were before.
+
+    Args:
+        node: The node.
+        alone: Whether nobody else wants to discover anything in the context: the nodes of one
+            context share what listens for it.
+    """
     if not node_is_destroyed(node):
-        stop_listening(node)
+        if alone:
+            stop_listening(node)
         node.destroy_node()
+
+
+def _node(
+    name: str,
+    context: Context,
+    *,
+    use_global_arguments: bool,
+    cli_args: list[str] | None = None,
+) -> Node:
+    return Node(
+        name,
+        context=context,
+        cli_args=cli_args,
+        use_global_arguments=use_global_arguments,
+        enable_rosout=False,
+        start_parameter_services=False,
+        parameter_overrides=[Parameter("start_type_description_service", value=False)],
+    )

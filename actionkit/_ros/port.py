@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
@@ -17,18 +18,24 @@ from typing_extensions import Self
 from actionkit._model.errors import ActionTypeMismatchError
 from actionkit._ros import executors, graph, native, runtimes
 from actionkit._ros.link import Link
-from actionkit._ros.names import Identity, resolve, type_name_of
+from actionkit._ros.names import ActionNames, Identity, check_name, resolve, type_name_of
 from actionkit._ros.native import RCLError, domain_of, is_up
+from actionkit._ros.own_node import resolve_without_node
 from actionkit._ros.wire import feedback_alone
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.waiting import Flag
+
+_UNDONE_WITHIN = 5.0
+"""Seconds that it may take to free what a failed constructor has made; it takes milliseconds."""
 
 
 class Port:
     """One client's link and the communication thread that works on it."""
 
     def __init__(self, action_type: Any, action_name: object, node: Any = None) -> None:
-        """Make a link on the communication thread of the node's domain, or of the environment's.
+        """Make a link on the communication thread of the node's context.
+
+        Without a node it is that of rclpy's default context, where it is up, else of our own.
 
         Args:
             action_type: The action's class.
@@ -38,13 +45,14 @@ class Port:
         Raises:
             TypeError: A wrong type of argument.
             ValueError: A bad name, or the process already uses the name with another type.
+                Nothing is left of what was made for it.
         """
         type_name = type_name_of(action_type)
         if node is not None and not isinstance(node, Node):
             raise TypeError(f"node={node!r} must be an rclpy node")
-        name = None if node is None else resolve(node, action_name)
-        domain_id = None if node is None else domain_of(node.context)
-        self.runtime = runtimes.acquire(domain_id, self)
+        name = check_name(action_name, has_node=node is not None)
+        names = None if node is None else resolve(node, name)
+        self.runtime = runtimes.acquire(_users_context(node), self)
         self.freed = Flag()
         """Set when the entities are destroyed and the runtime is released."""
         self._failure_callback: Callable[[BaseException], None] | None = None
@@ -54,8 +62,9 @@ class Port:
         """What is set when the port is freed. On the communication thread, as the next."""
         self.waits_ended = False
         try:
+            self._names = names or self._resolve(name)
             self.identity = Identity(
-                action_name=name or resolve(self.runtime.node, action_name),
+                action_name=self._names.action,
                 type_name=type_name,
                 domain_id=domain_of(self.runtime.context),
                 label="" if node is None else node.get_fully_qualified_name(),
@@ -63,6 +72,9 @@ class Port:
             self.runtime.run(lambda: self._open(action_type))
         except BaseException:  # also for a Ctrl-C: nothing is left behind
             self.runtime.call_soon(self._undo)
+            # The middleware's exit handlers crash under a thread that still uses it.
+            self.freed.wait(_UNDONE_WITHIN)
+            self.runtime.join_if_stopping(_UNDONE_WITHIN)
             raise
         self._feedback_type: Any = action_type.Feedback
 
@@ -82,13 +94,7 @@ class Port:
         """Call `callback` on the communication thread when `why_shut_down` may say something."""
         self._shutdown_callback = callback
         self.runtime.on_shutdown.append(callback)
-        if self._node is not None:
-            native.on_shutdown(self._node.context, self._on_node_shutdown)
         if self.runtime.was_shut_down or self.why_shut_down():  # just before
-            self.runtime.call_soon(callback)
-
-    def _on_node_shutdown(self) -> None:
-        if (callback := self._shutdown_callback) is not None:
             self.runtime.call_soon(callback)
 
     @property
@@ -99,8 +105,8 @@ class Port:
     def why_shut_down(self) -> str:
         """Return what of the user's ROS was shut down that calls depend on, or `""`.
 
-        The context of the client's node; without a node, what rclpy's signal handler shuts down: it
-        does so with every context of the process, ours included (R10).
+        The context of the client's node; without a node rclpy's default one, or our own, which only
+        rclpy's signal handler shuts down: it does so with every context of the process (R10).
         """
         if self._node is not None:
             if not is_up(self._node.context):
@@ -108,7 +114,7 @@ class Port:
             if native.node_is_destroyed(self._node):
                 return "its client's node was destroyed"
         if not is_up(self.runtime.context):
-            return "rclpy's signal handler shut down ROS in this process"
+            return "rclpy.shutdown() or its signal handler shut down ROS in this process"
         return ""
 
     def end_spinning(self) -> None:
@@ -170,8 +176,11 @@ class Port:
             )
             error.expected, error.served = type_name, (str(used),)
             raise error
-        self.link = Link(self.runtime, action_type, type_name, name)
+        self.link = Link(self.runtime, action_type, type_name, self._names)
         self.runtime.names_in_use.append((name, type_name))
+
+    def _resolve(self, action_name: str) -> ActionNames:
+        return self.runtime.run(lambda: resolve_without_node(self.runtime.node, action_name))
 
     def _undo(self) -> None:
         """Free what the constructor has made before it failed."""
@@ -179,6 +188,7 @@ class Port:
             self.free()
         else:
             runtimes.release(self.runtime, self)
+            self.freed.set()
 
     def actions(self) -> dict[str, tuple[str, ...]] | None:
         """Return every served action with its types; `None` after the context's shutdown (R10)."""
@@ -205,6 +215,19 @@ class Port:
         runtimes.release(self.runtime, self)
         self.freed.set()
         self.end_spinning()  # a client that is closed at once may not have seen the shutdown
+
+
+def _users_context(node: Node | None) -> Context | None:
+    """Return the context that a client belongs into, `None` where the user has none that is up.
+
+    Raises:
+        ValueError: The node's was shut down.
+    """
+    if node is None:
+        return native.default_context() if native.default_context_is_up() else None
+    if not is_up(node.context):
+        raise ValueError(f"the ROS context of node={node!r} was shut down: give one that is in use")
+    return node.context
 
 
 class ServerWait:

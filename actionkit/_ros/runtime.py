@@ -1,12 +1,16 @@
-"""The communication thread: one for all clients of a process and ROS domain.
+"""The communication thread: one for all clients of a context.
 
-It owns an rclpy context and node of ActionKit's own, every DDS entity made on them, and the
-timers. The user's nodes are not spun here, and no function of the user's is called.
+It owns a node of ActionKit's own, every DDS entity made on it, and the timers. The user's nodes are
+not spun here, and no function of the user's is called.
 
-Why a context of our own (C2.5, R10): a user's context may be shut down at any time, by
-`rclpy.shutdown()` or by the signal handler of `rclpy.init()`. That handler marks ours as shut down
-too, but its entities go on working (see `native`), so a cancel request still reaches the server
-after Ctrl-C. The graph does not go on working; so new calls get a new runtime.
+The node is in the user's own context where there is one, so that domain, discovery, security and
+the middleware's settings are the user's, and so is the participant. Else the context is ours, too.
+
+A user's context may be shut down at any time, by `rclpy.shutdown()` or by the signal handler of
+`rclpy.init()`, which does it to every context of the process (R10). The entities that were made
+before go on working (see `native`), so a cancel request still reaches the server, and its answer
+wakes this thread. The graph does not go on working, and nothing new can be made; so new calls get a
+new runtime.
 """
 
 from __future__ import annotations
@@ -25,9 +29,16 @@ from weakref import WeakValueDictionary
 from rclpy.context import Context
 from rclpy.node import Node
 
-from actionkit._ros.native import SOURCES_OF_A_CLIENT, Source, Waiter, is_up, shut_down
+from actionkit._ros.native import (
+    SOURCES_OF_A_CLIENT,
+    Source,
+    Waiter,
+    is_up,
+    on_shutdown,
+    shut_down,
+)
 from actionkit._ros.outbox import Window
-from actionkit._ros.own_node import leave_graph, make_node
+from actionkit._ros.own_node import leave_graph, make_node, start
 from actionkit._ros.rejoining import Rejoining
 from actionkit._ros.standstill import Standstill
 from actionkit._threads.clock import TimerQueue
@@ -49,13 +60,13 @@ _numbers = itertools.count(1)
 
 
 class Runtime:
-    """One communication thread with its context and node."""
+    """One communication thread with its node."""
 
-    def __init__(self, domain_id: int, on_last: Callable[[Runtime], None]) -> None:
+    def __init__(self, place: Context | int | None, on_last: Callable[[Runtime], None]) -> None:
         """Start the thread.
 
         Args:
-            domain_id: The ROS domain.
+            place: As for `runtimes.acquire`.
             on_last: Called on the thread when its last user is removed, and before it ends.
 
         Raises:
@@ -73,11 +84,13 @@ class Runtime:
         self._windows: WeakValueDictionary[tuple[type, str], Any] = WeakValueDictionary()
         self.on_failure: list[Callable[[BaseException], None]] = []
         self.on_shutdown: list[Callable[[], None]] = []
-        """Called on the thread, several times, if a signal handler shuts down the context (R10)."""
+        """Called on the thread, several times, if the context is shut down (R10)."""
         self.was_shut_down = False
         """Whether they were called, or are being called."""
         self._pid = os.getpid()
-        self._domain_id = domain_id
+        self._is_guest = isinstance(place, Context)  # of the user, whose other nodes are there
+        self._domain_id = None if isinstance(place, Context) else place
+        self.context = place if isinstance(place, Context) else Context()
         self._inbox: deque[Callable[[], None]] = deque()
         self._sources: dict[Source, None] = {}
         self._waited_for: tuple[Source, ...] | None = None  # the same; `None` after a change
@@ -260,23 +273,32 @@ class Runtime:
         self._ended.set()
 
     def _open(self) -> None:
-        self.context = Context()
-        # The process's own ROS arguments count, as they would for a node of the user's.
-        self.context.init(None, initialize_logging=False, domain_id=self._domain_id)
+        if not self._is_guest:
+            start(self.context, self._domain_id)
         try:
             self._waiter = Waiter(self.context)
             self._make_node()
+            on_shutdown(self.context, self._on_shutdown)
         except BaseException:  # no context is left behind
-            shut_down(self.context)
+            self._leave_context()
             raise
+
+    def _on_shutdown(self) -> None:
+        self.call_soon(self._look_at_context)
+
+    def _leave_context(self) -> None:
+        if not self._is_guest:
+            shut_down(self.context)
+            self.context.destroy()
 
     def _make_node(self) -> None:
         began, worked = time.monotonic(), time.thread_time()
         self.node = make_node(self._node_name, self.context)
-        self.rejoining.joined(time.monotonic() - began, time.thread_time() - worked)
+        if not self._is_guest:  # else its participant stays, whatever becomes of our node
+            self.rejoining.joined(time.monotonic() - began, time.thread_time() - worked)
 
     def _renew_node(self) -> Node:
-        leave_graph(self.node)
+        leave_graph(self.node, alone=True)
         self._make_node()
         return self.node
 
@@ -340,6 +362,6 @@ class Runtime:
             self._waiter.wait((), left)
             self._empty_inbox()
         self._waiter.destroy()
-        leave_graph(self.node)
-        shut_down(self.context)
-        self.context.destroy()
+        # In a context that is down nothing new is discovered for anybody.
+        leave_graph(self.node, alone=not self._is_guest or not is_up(self.context))
+        self._leave_context()

@@ -1,4 +1,5 @@
-"""The runtimes of this process, one for each ROS domain.
+"""The runtimes of this process: one for each context of the user's, and of our own where there is
+none, one for each ROS domain.
 
 The users of a runtime are counted on its own thread. So no lock is needed between a thread that
 needs a runtime and the thread of a runtime that is ending (see `docs/architecture.md`, "Locks").
@@ -10,10 +11,15 @@ import os
 import threading
 import time
 from functools import partial
+from typing import TypeAlias
 from weakref import WeakSet
+
+from rclpy.context import Context
 
 from actionkit._ros.runtime import Runtime
 
+Place: TypeAlias = "Context | int | str"
+"""A context of the user's, a ROS domain, or how the environment names one."""
 _TURN = 2.0
 """Seconds to wait for another thread that starts a runtime, many times as long as that takes. After
 that a second one is started, which does no harm."""
@@ -28,14 +34,14 @@ class _Registry:
 
         The communication thread never waits for it, and other threads wait for 2 s at most.
         """
-        self.by_domain: dict[int, Runtime] = {}
+        self.by_place: dict[Place, Runtime] = {}
         self.ending: WeakSet[Runtime] = WeakSet()
 
     def forget(self, runtime: Runtime) -> None:
         """Remove a runtime that is ending. Called on its thread, while it is still usable."""
-        for domain_id, known in list(self.by_domain.items()):
+        for place, known in list(self.by_place.items()):
             if known is runtime:
-                del self.by_domain[domain_id]
+                del self.by_place[place]
         self.ending.add(runtime)
 
 
@@ -45,17 +51,16 @@ _inherited: list[_Registry] = []
 their entities here would break the parent's."""
 
 
-def acquire(domain_id: int | None, user: object) -> Runtime:
-    """Return the runtime of a domain, started where there is none that is usable.
+def acquire(place: Context | int | None, user: object) -> Runtime:
+    """Return the runtime of a place, started where there is none that is usable.
 
     Args:
-        domain_id: The ROS domain; `None` takes it from the environment.
+        place: A context of the user's that is up. Or a ROS domain, or `None` for the one that the
+            environment names: that is in a context of our own.
         user: Whoever calls `release` with it later; the runtime lives at least until then.
     """
-    if domain_id is None:
-        domain_id = environment_domain()
     while True:
-        runtime = _usable_runtime(domain_id)
+        runtime = _usable_runtime(place)
         try:
             if runtime.run(partial(runtime.add_user, user)):
                 return runtime
@@ -64,13 +69,15 @@ def acquire(domain_id: int | None, user: object) -> Runtime:
             raise
 
 
-def _usable_runtime(domain_id: int) -> Runtime:
+def _usable_runtime(place: Context | int | None) -> Runtime:
+    # What the text of the environment means is for rcl to say.
+    key: Place = os.environ.get("ROS_DOMAIN_ID", "") if place is None else place
     turn = _registry.starting.acquire(timeout=_TURN)
     try:
-        runtime = _registry.by_domain.get(domain_id)
+        runtime = _registry.by_place.get(key)
         if runtime is None or not runtime.usable:
             # A signal handler may get here too; then two are started, which does no harm.
-            runtime = _registry.by_domain[domain_id] = Runtime(domain_id, _registry.forget)
+            runtime = _registry.by_place[key] = Runtime(place, _registry.forget)
         return runtime
     finally:
         if turn:
@@ -105,6 +112,6 @@ def forget_inherited() -> None:
     """Begin without runtimes in a process that was forked: its parent's cannot be used (R20)."""
     # The lock is new too: a thread that does not exist here may have held it.
     kept = _Registry()
-    kept.by_domain = _registry.by_domain
+    kept.by_place = _registry.by_place
     _inherited.append(kept)
     _registry.__init__()  # type: ignore[misc]

@@ -66,9 +66,9 @@ def test_a_client_stops_listening_before_its_node_is_destroyed(make_client, monk
         listening.put(has_listener(node))
         destroy_node(node)
 
-    monkeypatch.setattr(Node, "destroy_node", destroy)
     client = make_client()
     assert not client.server_is_ready()
+    monkeypatch.setattr(Node, "destroy_node", destroy)
     client.close()
     assert not listening.get(timeout=20)
 

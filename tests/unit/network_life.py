@@ -21,6 +21,7 @@ from actionkit import Timeouts
 from actionkit._calls.attempt import Attempt
 from actionkit._goal.effects import Ending, Record
 from actionkit._ros import link as link_module
+from actionkit._ros.names import ActionNames
 from tests.unit.clock import CommunicationThread
 
 TYPE = "test_msgs/action/Fibonacci"
@@ -120,7 +121,9 @@ class NetworkLife(CommunicationThread):
         self.enable = self._enable  # type: ignore[method-assign]
         entities = lambda *args, **callbacks: Entities(self, *args, **callbacks)  # noqa: E731
         with mock.patch.object(link_module, "Entities", entities):
-            self.link: Any = link_module.Link(self, Fibonacci, TYPE, "/a")  # type: ignore[arg-type]
+            self.link: Any = link_module.Link(  # type: ignore[arg-type]
+                self, Fibonacci, TYPE, ActionNames.of("/a")
+            )
         self.link._entities.on_matched(1, 1)
 
     def run(self) -> None:

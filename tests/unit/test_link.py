@@ -14,6 +14,7 @@ from test_msgs.action import Fibonacci
 
 from actionkit._ros import link
 from actionkit._ros.link import Link
+from actionkit._ros.names import ActionNames
 from actionkit._ros.outbox import WINDOW
 from tests.unit.clock import CommunicationThread
 
@@ -122,7 +123,9 @@ class World(CommunicationThread):
         self.node = SimpleNamespace(get_publishers_info_by_topic=self._publishers)
         self.windows: dict[type, Any] = {}
         self.rejoining = SimpleNamespace(links={})
-        self.link: Any = Link(self, Fibonacci, TYPE, "/fibonacci")  # type: ignore[arg-type]
+        self.link: Any = Link(  # type: ignore[arg-type]
+            self, Fibonacci, TYPE, ActionNames.of("/fibonacci")
+        )
         self.entities: Any = self.link._entities
 
     def window(self, kind: type, action_name: str) -> Any:

@@ -19,6 +19,7 @@ from rclpy.exceptions import InvalidHandle
 
 from actionkit._ros.entities import Entities
 from actionkit._ros.listener import GoalListener
+from actionkit._ros.names import ActionNames
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.monitor import ServerMonitor
 from tests.conftest import all_is_logged
@@ -84,7 +85,7 @@ class World:
                     subscribe_status=self._no_status,
                 ),
             ),
-            name="/fibonacci",
+            names=ActionNames.of("/fibonacci"),
             type_name=TYPE,
             probe=self.probe,
             listeners=self.listeners,

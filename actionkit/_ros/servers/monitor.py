@@ -16,6 +16,7 @@ from rclpy.exceptions import InvalidHandle
 from actionkit._ros import graph
 from actionkit._ros.entities import Entities
 from actionkit._ros.listener import GoalListener
+from actionkit._ros.names import ActionNames
 from actionkit._ros.native import RCLError
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.liveness import Liveness
@@ -57,7 +58,7 @@ class ServerMonitor:
         runtime: Runtime,
         entities: Entities,
         *,
-        name: str,
+        names: ActionNames,
         type_name: str,
         probe: Callable[[], int],
         listeners: Mapping[bytes, GoalListener],
@@ -69,7 +70,7 @@ class ServerMonitor:
         Args:
             runtime: Whose thread and node to use.
             entities: What sees the servers.
-            name: The fully qualified action name.
+            names: The names of the action.
             type_name: Such as `test_msgs/action/Fibonacci`.
             probe: Asks what every live server answers; returns the sequence number.
             listeners: Who is told of the goals that may be on a server, by id. Only read here.
@@ -79,7 +80,7 @@ class ServerMonitor:
         self._runtime = runtime
         self._timers = TimerGroup(runtime, runtime.cancel_timer)
         self._entities = entities
-        self._name = name
+        self._names = names
         self._listeners = listeners
         self._queued = queued
         self._tell_ready = on_ready
@@ -222,14 +223,14 @@ class ServerMonitor:
                 logging.WARNING,
                 "action %s has %d servers (%s): each of them runs every goal, and the first"
                 " answer counts; after a restart the old one shows for up to 20 s",
-                self._name,
+                self._names.action,
                 len(servers),
                 ", ".join(server.node or "unnamed" for server in servers),
             )
 
     def _list_servers(self) -> list[graph.Endpoint] | None:
         try:
-            return graph.servers(self._runtime.node, self._name)
+            return graph.servers(self._runtime.node, self._names.feedback)
         except (RCLError, InvalidHandle):
             return None  # the context was shut down, and with it the graph (R10)
 

@@ -10,7 +10,8 @@ from typing import Any
 from typing_extensions import Self
 
 from actionkit._ros import graph, runtimes
-from actionkit._ros.names import resolve
+from actionkit._ros.names import check_name
+from actionkit._ros.own_node import resolve_without_node
 
 _STEP = 0.05
 """Seconds between two looks at the graph; each takes about a millisecond."""
@@ -73,7 +74,9 @@ class Survey:
         Raises:
             ValueError: It is no valid name.
         """
-        return resolve(self.runtime.node, name)
+        check_name(name, has_node=False)
+        node = self.runtime.node
+        return self.runtime.run(lambda: resolve_without_node(node, name)).action
 
     def actions(self) -> dict[str, ActionSeen]:
         """Return every action in sight at this moment, by name, sorted."""

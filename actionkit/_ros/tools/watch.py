@@ -109,7 +109,7 @@ class StatusReader:
     def _look(self) -> None:
         self._timer = self._runtime.call_at(self._runtime.now() + _PERIOD, self._look)
         try:
-            infos = graph.servers(self._runtime.node, self._name)
+            infos = graph.servers(self._runtime.node, graph.feedback_topic(self._name))
         except (RCLError, InvalidHandle):  # the context was shut down (R10)
             return
         servers = tuple(sorted(info.node or "(a node not known yet)" for info in infos))
