@@ -100,6 +100,7 @@ class Attempt:
         self.number = 1
         """Which of its call's attempts it is; the owner counts."""
         self.goal = Goal(timeouts, deadline, resent=resent)
+        self.goal.facts.goal_id = goal_id
         self._link = link
         self._liveness = timeouts.liveness
         self._now = link.runtime.now

@@ -178,7 +178,10 @@ class Call:
             resent=resent,
         )
         self._attempt.number = self._attempts
-        self.goals.add(self._attempt.goal)
+        if resent:
+            assert self._previous is not None
+            self._attempt.goal.facts = self._previous.goal.facts
+        self.goals.add(self._attempt.goal.facts)
         self._attempt.start()
         self._reconcile()
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 from actionkit._goal.effects import (
@@ -108,13 +108,11 @@ class OnServer:
             self.over = self.ended  # its result went with it
         elif event == "server_back":
             self.lost = self.lost and self.accepted
-        elif event == "rejected" and not (self.accepted or self.waits):
+        elif event == "rejected" and not self.accepted:
             self._rejected()
         elif event == "result" and args[0] is None:
             if self.accepted and not self.lost:
                 self._forgotten(now, asked_at)
-            elif self.rejections and not self.lost:
-                self._rejected()
             else:
                 self._unknown(final=self.lost)
         elif (event, args) == ("cancel_answered", (CancelAnswer.UNKNOWN_GOAL,)):
@@ -130,7 +128,7 @@ class OnServer:
     def _rejected(self) -> None:
         """A server that was sent the same id twice rejects the second of them (R5)."""
         self.rejections += 1
-        if self.rejections > self.resent:
+        if self.rejections >= self.copies:
             self.over = True
             self.progress = GoalProgress.REJECTED
 
@@ -436,14 +434,16 @@ class Life:
         """Return a life that goes its own way from here."""
         twin = copy.copy(self)
         twin.goal, twin.server = copy.copy(self.goal), copy.copy(self.server)
+        twin.goal.facts = copy.copy(self.goal.facts)
         twin.timers, twin.all, twin.told = dict(self.timers), [], list(self.told)
         return twin
 
     def situation(self) -> tuple[object, ...]:
         """Return what the future depends on: alike for two lives that differ in the time only."""
         fields = [*vars(self.goal).items(), *vars(self.server).items()]
+        fields.append(("facts", astuple(self.goal.facts)))
         same = ("_timeouts", "_deadline")
-        facts = [self._age(name, value) for name, value in fields if name not in same]
+        facts = [self._age(*each) for each in fields if each[0] not in same and each[1] is not self.goal.facts]
         armed = sorted((t.value, max(at - self.now, 0.0)) for t, at in self.timers.items())
         left = None if self.deadline is None else max(self.deadline - self.now, 0.0)
         flags = [v for v in vars(self).values() if isinstance(v, bool)]
