@@ -326,8 +326,13 @@ class Call:
             return
         if ending.end is fx.End.CLOSED:
             ending = replace(ending, lost_because=self._closing)
-        if self._earlier_in_flight:
-            ending = replace(ending, earlier_may_run=True)
+        if may_run := self.goals.may_run:
+            if ending.end is fx.End.CANCELLED_BY_CALLER:  # which means that nothing runs
+                unconfirmed, late = fx.End.DEADLINE, GoalState.TIMED_OUT
+                ending = replace(ending, end=unconfirmed, status=late, phase="cancel")
+                if self.goal_id not in may_run:
+                    self.goal_id = may_run[-1]  # that is the goal which is told of
+            ending = replace(ending, may_run=may_run)
         self._ending = ending
         self._stop_retrying()
         self._record.await_callbacks(ending, self._carrier, self._settle)

@@ -65,7 +65,8 @@ def explain(ending: Ending, call: ErrorContext) -> BaseException | None:
     note = f" It was not tried again: {ending.not_retried}." if ending.not_retried else ""
     if ending.classifier_fault is not None and ending.end is not End.CLASSIFIER_FAILED:
         note += f" It was not tried again, because {full_stop(ending.classifier_fault.problem)}"
-    error = cls(text(ending, call) + note, **_common(call))
+    happened = text(ending, call) + note
+    error = cls(happened + _left_running(happened, ending, call), **_common(call))
     error.cancel = ending.cancel
     _add_facts(error, ending, call)
     return error
@@ -81,6 +82,16 @@ def _exhausted(ending: Ending, call: ErrorContext) -> BaseException:
     error.result, error.cancel = ending.result, ending.cancel
     error.__cause__ = last if fault is None or fault.cause is None else fault.cause
     return error
+
+
+def _left_running(text: str, ending: Ending, call: ErrorContext) -> str:
+    """Name the goals of the call that may run and that a text does not speak of (C2.8)."""
+    told = " STILL " in text and call.goal_id  # it says so of the goal that it is about
+    left = [str(goal_id) for goal_id in ending.may_run if goal_id != told]
+    if not left:
+        return ""
+    which = f"goal {' and goal '.join(left)} of this call"
+    return f" {which[0].upper()}{which[1:]} MAY STILL BE RUNNING, where that cannot be seen."
 
 
 def _common(call: ErrorContext) -> dict[str, Any]:

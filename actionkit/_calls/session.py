@@ -254,6 +254,11 @@ class Session:
         goals = [goal_id for carrier in self._carriers for goal_id in carrier.running()]
         return [goal_id for goal_id in goals if goal_id not in self._warned_of]
 
+    @property
+    def confirming(self) -> bool:
+        """Whether any goal may be confirmed soon to run no more."""
+        return any(carrier.confirming for carrier in self._carriers)
+
     def give_up_waiting(self) -> list[tuple[str, uuid.UUID]]:
         """Wait no more for the goals that may be running, and return them with the action's name.
 
