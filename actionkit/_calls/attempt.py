@@ -126,6 +126,16 @@ class Attempt:
         """Whether a cancel of ours may be why the goal was cancelled (C4.4)."""
         return self._cancels > 0
 
+    @property
+    def held_back(self) -> bool:
+        """Whether it must not be sent now, because an earlier goal may run (C4.2)."""
+        return not self._owner.may_send(self)
+
+    @property
+    def is_out_of_sight(self) -> bool:
+        """Whether no server is in sight that the goal was sent to."""
+        return self.goal.facts.lost and not self._link.sees_server_of(self)
+
     # --- the caller's wishes ---------------------------------------------------------------
 
     def start(self) -> None:
@@ -167,7 +177,7 @@ class Attempt:
     # --- what the link tells ---------------------------------------------------------------
 
     def on_server_ready(self) -> None:
-        if self.goal.stage is Stage.AWAITING_SERVER and not self._owner.may_send(self):
+        if self.goal.stage is Stage.AWAITING_SERVER and self.held_back:
             # An earlier goal of the call may run (C4.2): the owner tells when it does not, and
             # the link when a server is ready again.
             self._link.await_next_ready(self)
@@ -219,6 +229,7 @@ class Attempt:
         self._apply(self.goal.server_lost(reason, self._now()))
         if self.goal.stage is Stage.LOST:
             self._link.stop_cancel(self)
+            self._owner.on_over(self)  # it may make room for the next, by the policy
         self._on_out_of_sight(self)
 
     # --- carrying out ----------------------------------------------------------------------
@@ -262,6 +273,9 @@ class Attempt:
         urgent = self._owner.urgent or self.goal.cancel_reason is CancelReason.DEADLINE
         self._link.ask_cancel(self, urgent=urgent)
 
+    def _stop_cancel(self, _: fx.StopCancel) -> None:
+        self._link.stop_cancel(self)
+
     def _watch_status(self, _: fx.WatchStatus) -> None:
         self._link.watch_status()
 
@@ -299,6 +313,7 @@ class Attempt:
         fx.SendGoal: _send,
         fx.AskResult: _ask_result,
         fx.AskCancel: _ask_cancel,
+        fx.StopCancel: _stop_cancel,
         fx.WatchStatus: _watch_status,
         fx.Settle: _settle,
         fx.LateResult: _late_result,

@@ -70,6 +70,7 @@ class Call:
         self.future: GoalFuture[Any, Any] = GoalFuture(self, tape, request.pool, carrier)
         self._attempt: Attempt | None = None
         self._previous: Attempt | None = None
+        self._earlier: list[Attempt] = []  # all whose goal may run, but for the one under way
         self._attempts = 0
         self._pause: TimerHandle | None = None
         self._last: fx.Ending | None = None  # of the last attempt, judged, which is tried again
@@ -166,6 +167,7 @@ class Call:
         if resent:
             assert self._previous is not None
             self._previous.supersede()
+            self._earlier.remove(self._previous)
         elif self._attempts:
             self.goal_id = uuid.uuid4()
         self._attempts += 1
@@ -186,30 +188,31 @@ class Call:
         self._reconcile()
 
     def may_send(self, attempt: Attempt) -> bool:
-        """Whether an attempt may send its goal: never while an earlier one may run (C4.2)."""
-        return self._request.retry.resend == "always" or not self._earlier_in_flight
+        """Whether an attempt may send its goal now: the only place that decides it (C4.2)."""
+        return all(self._allows_another(earlier) for earlier in self._earlier)
 
-    @property
-    def _earlier_in_flight(self) -> bool:
-        return self._previous is not None and self._previous.goal.in_flight
+    def _allows_another(self, earlier: Attempt) -> bool:
+        resend = self._request.retry.resend
+        if resend == "always" or not earlier.goal.facts.may_run:
+            return True
+        return resend == "server_gone" and earlier.is_out_of_sight
 
     def _reconcile(self) -> None:
-        """Ask a server that is there about a goal that was lost with another (C4.3)."""
-        previous = self._previous
-        lost = previous is not None and previous.goal.stage is Stage.LOST
-        if previous is not None and lost and self._carrier.server_is_ready():
-            previous.on_server_ready()
+        """Ask a server that is there about goals that were lost with another (C4.3)."""
+        for earlier in list(self._earlier):
+            if earlier.goal.stage is Stage.LOST and self._carrier.server_is_ready():
+                earlier.on_server_ready()
 
     def on_over(self, attempt: Attempt) -> None:
-        """An attempt is known to run no more."""
+        """An attempt's goal is known to run no more, or its server went out of sight."""
         current = self._attempt
-        if attempt is self._previous and current is not None and self._carrier.server_is_ready():
+        if attempt in self._earlier and current is not None and self._carrier.server_is_ready():
             current.on_server_ready()
 
     def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None:
         """An earlier goal has proved to have finished: that is the call's end (C4.3, C4.4)."""
         canceled = state is GoalState.CANCELED
-        if attempt is not self._previous or self._ending is not None:
+        if attempt not in self._earlier or self._ending is not None:
             return
         current = self._attempt
         if (canceled and attempt.cancel_is_ours) or (current and current.goal.in_flight):
@@ -246,6 +249,7 @@ class Call:
         never_sent = ending.progress is fx.GoalProgress.NEVER_SENT
         if not never_sent or attempt.goal.stage is not Stage.OVER:
             self._previous = attempt
+            self._earlier = [e for e in (*self._earlier, attempt) if e.goal.facts.may_run]
         self._attempt = None
         if ending.end is fx.End.NO_SERVER:
             self._waited_in_vain(ending)
@@ -255,7 +259,7 @@ class Call:
     def _waited_in_vain(self, ending: fx.Ending) -> None:
         """End the call that found no server, or go on with what came of the one it had (C2.7)."""
         late = self._deadline is not None and time.monotonic() >= self._deadline
-        ready, in_flight = self._carrier.server_is_ready(), self._earlier_in_flight
+        ready, in_flight = self._carrier.server_is_ready(), bool(self.goals.may_run)
         if self._previous is not None and (in_flight or not late):
             self.goal_id = self._previous.goal_id  # that is the goal which is told of
         limit = self._request.timeouts.server
@@ -347,7 +351,7 @@ class Call:
         if self._settled:
             return
         self._settled = True
-        self._previous = None  # it holds this call for as long as it is watched
+        self._previous, self._earlier = None, []  # they hold this call while they are watched
         ending = self._ending
         assert ending is not None
         self.state = ending.status

@@ -180,6 +180,11 @@ class AskCancel:
 
 
 @dataclass(slots=True)
+class StopCancel:
+    """Do not ask for the goal's cancellation until it is asked for again."""
+
+
+@dataclass(slots=True)
 class WatchStatus:
     """Tell what the server's status topic says of this goal, from now on."""
 
@@ -238,6 +243,7 @@ Effect: TypeAlias = (
     | Withdraw
     | AskResult
     | AskCancel
+    | StopCancel
     | WatchStatus
     | Arm
     | Disarm

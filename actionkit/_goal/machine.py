@@ -205,7 +205,7 @@ class Goal(CancellableGoal):
             if self.stage is Stage.ACCEPTED:
                 return self._forgotten(now, asked_at)
             if self.stage is Stage.LOST:
-                return self._over()
+                return self._unknown_to_another() if self.facts.lost else self._over()
             return self._unknown_so_far()
         effects = [] if self.stage is Stage.LOST else self._proven(now)
         self.stage = Stage.OVER
@@ -245,7 +245,7 @@ class Goal(CancellableGoal):
             return []
         if answer is CancelAnswer.UNKNOWN_GOAL:
             if self.stage is Stage.LOST:
-                return self._over()
+                return self._unknown_to_another() if self.facts.lost else self._over()
             return [fx.AskResult()] if self.stage is Stage.ACCEPTED else self._unknown_so_far()
         effects = self._proven(now)
         if answer is CancelAnswer.REFUSED:
@@ -257,6 +257,10 @@ class Goal(CancellableGoal):
         if self.state is not GoalState.CANCELING:
             effects.append(self._enter(GoalState.CANCELING))
         return effects + self._cancel_accepted(now)
+
+    def _unknown_to_another(self) -> list[fx.Effect]:
+        """A server says so that was never sent it: the one that was may be back, and run it."""
+        return [fx.Disarm(fx.Timer.REASK), fx.StopCancel()]
 
     def _unknown_so_far(self) -> list[fx.Effect]:
         """A live server does not know a goal that it was sent; it may yet (R6)."""

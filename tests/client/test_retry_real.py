@@ -149,7 +149,7 @@ def test_a_killed_and_restarted_server_is_noticed(action_server, make_client):
     server.release()
     assert len(future.result(20).sequence) == 6
     states = {event.state: event.detail for event in future.timeline}
-    assert states[GoalState.LOST] == "its server was restarted"
+    assert states[GoalState.LOST] == "another server of its name answers"
 
 
 def test_a_stalled_goal_is_stopped_before_another_is_sent(action_server, make_client):

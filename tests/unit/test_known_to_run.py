@@ -58,13 +58,16 @@ def test_the_status_topic_tells_the_end_before_the_result() -> None:
     assert goal.facts.known_to_run is False
 
 
-def test_of_one_whose_server_is_gone_nothing_is_known_until_another_denies_it() -> None:
+def test_of_one_whose_server_is_gone_nothing_is_known_until_that_denies_it() -> None:
     goal = accepted()
     goal.server_lost("gone", 2.0)
     assert goal.facts.known_to_run is None
     goal.server_ready(3.0)
     assert goal.facts.known_to_run is None
     goal.result(None, None, 4.0, asked_at=3.0)
+    assert goal.facts.known_to_run is None
+    goal.server_back(5.0)
+    goal.result(None, None, 6.0, asked_at=5.0)
     assert goal.facts.known_to_run is False
 
 
