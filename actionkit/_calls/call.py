@@ -76,6 +76,8 @@ class Call:
         self._last: fx.Ending | None = None  # of the last attempt, judged, which is tried again
         self._cause: BaseException = RejectedByClassifier()  # the same, for strategies
         self._ending: fx.Ending | None = None
+        self._given_up_at: float | None = None
+        self._grace: TimerHandle | None = None  # until which the earlier goals may be confirmed
         self._settled = False
         self._closing = ""  # why, as a clause: calls end, and nothing is tried again
         self.unwanted = False
@@ -112,6 +114,7 @@ class Call:
 
     def cancel(self) -> None:
         """Cancel the goal, or end the call where none is under way."""
+        self._given_up_at = self._given_up_at or time.monotonic()
         if self._attempt is not None:
             self._attempt.cancel()
         else:
@@ -120,6 +123,7 @@ class Call:
     def close(self, *, abandon: bool, because: str = CLIENT_CLOSED) -> None:
         """End because the client closes, or something else that calls depend on."""
         self._closing = because
+        self._given_up_at = self._given_up_at or time.monotonic()
         if self._attempt is not None:
             self._attempt.close(abandon=abandon)
         else:
@@ -139,6 +143,7 @@ class Call:
 
     def end_grace(self) -> None:
         """End a call that was closed: there is no more time for confirmations."""
+        self._end_grace()
         if self._attempt is not None:
             self._attempt.end_grace()
         else:
@@ -153,6 +158,7 @@ class Call:
             self._judging.end(reason)
         else:
             self._end(fx.Ending(fx.End.LOST, GoalState.LOST, error=error))
+        self._end_grace()
         if self._ending is not None:
             self._settle()  # the timer that ends the wait for callbacks fires no more
 
@@ -206,13 +212,20 @@ class Call:
     def on_over(self, attempt: Attempt) -> None:
         """An attempt's goal is known to run no more, or its server went out of sight."""
         current = self._attempt
-        if attempt in self._earlier and current is not None and self._carrier.server_is_ready():
+        if self._grace is not None and not self._confirming:
+            self._end_grace()
+        elif attempt in self._earlier and current is not None and self._carrier.server_is_ready():
             current.on_server_ready()
+
+    @property
+    def _confirming(self) -> bool:
+        """Whether a server in sight may yet confirm that an earlier goal runs no more."""
+        return any(earlier.goal.may_run for earlier in self._earlier)
 
     def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None:
         """An earlier goal has proved to have finished: that is the call's end (C4.3, C4.4)."""
         canceled = state is GoalState.CANCELED
-        if attempt not in self._earlier or self._ending is not None:
+        if attempt not in self._earlier or (self._ending is not None and self._grace is None):
             return
         current = self._attempt
         if (canceled and attempt.cancel_is_ours) or (current and current.goal.in_flight):
@@ -220,6 +233,9 @@ class Call:
         if current is not None:
             self._attempt = None
             current.withdraw()
+        if self._grace is not None:
+            self._carrier.cancel_timer(self._grace)
+            self._grace = self._ending = None
         self._stop_retrying()
         self.goal_id = attempt.goal_id
         rejected = state is GoalState.REJECTED
@@ -330,15 +346,32 @@ class Call:
             return
         if ending.end is fx.End.CLOSED:
             ending = replace(ending, lost_because=self._closing)
+        self._ending = ending
+        self._stop_retrying()
+        given_up = ending.end in (fx.End.CANCELLED_BY_CALLER, fx.End.CLOSED)
+        if given_up and self._given_up_at is not None and self._confirming:
+            until = self._given_up_at + self.cancel_grace
+            self._grace = self._carrier.call_at(until, self._end_grace)
+        else:
+            self._finish()
+
+    def _end_grace(self) -> None:
+        if self._grace is not None:
+            self._carrier.cancel_timer(self._grace)
+            self._grace = None
+            self._finish()
+
+    def _finish(self) -> None:
+        """End with what is known by now of all goals (C2.8)."""
+        ending = self._ending
+        assert ending is not None
         if may_run := self.goals.may_run:
             if ending.end is fx.End.CANCELLED_BY_CALLER:  # which means that nothing runs
                 unconfirmed, late = fx.End.DEADLINE, GoalState.TIMED_OUT
                 ending = replace(ending, end=unconfirmed, status=late, phase="cancel")
                 if self.goal_id not in may_run:
                     self.goal_id = may_run[-1]  # that is the goal which is told of
-            ending = replace(ending, may_run=may_run)
-        self._ending = ending
-        self._stop_retrying()
+            self._ending = ending = replace(ending, may_run=may_run)
         self._record.await_callbacks(ending, self._carrier, self._settle)
 
     def _stop_retrying(self) -> None:

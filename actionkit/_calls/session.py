@@ -217,7 +217,8 @@ class Session:
             self.release_and_wait()
         left = self.running()
         self._warned_of += left
-        warn_of_goals_left([(self.action_name, goal_id) for goal_id in left], LINGER)
+        seconds = None if self.await_freed(time.monotonic()) else LINGER  # none for lost goals
+        warn_of_goals_left([(self.action_name, goal_id) for goal_id in left], seconds)
         self._dispatcher.flush(time.monotonic() + OBSERVERS_TIMEOUT)
 
     def close_calls(self) -> None:

@@ -499,7 +499,7 @@ class CallLife:
     def _is_idle(self) -> bool:
         """Whether no goal is under way: a pause, or a wait for a server or for its turn."""
         attempt = self.call._attempt
-        judged = self.call._judging.under_way
+        judged = self.call._judging.under_way or self.call._confirming
         return not judged and (attempt is None or not attempt.goal.in_flight)
 
     def _require_end_of_idle(self, idle: bool) -> None:

@@ -5,6 +5,7 @@ What must hold is in call_life, and is checked after each event.
 
 from __future__ import annotations
 
+import concurrent.futures
 import re
 from typing import Any
 
@@ -321,6 +322,34 @@ def test_a_pause_ends_at_once(end: str) -> None:
     assert life.outcome.cancel is not None
     assert life.outcome.cancel.name == "UNKNOWN"  # the lost goal may run on
     assert life.clock == 1000.0
+
+
+PAUSED_BESIDE_ONE: list[Event] = [*SENT, ("wait", 7.0), ("accepted", 0)]
+"""In the pause of a call that tries again at any price; its first goal was accepted late."""
+ANY_PRICE = RetryPolicy(jitter=0.0, resend="always", initial=5.0)
+END_EARLIER = [
+    # How the earlier goal ends, when the call does, and with what.
+    (("result", 0, GoalState.CANCELED), 0.0, concurrent.futures.CancelledError),
+    (("result", 0, GoalState.SUCCEEDED), 0.0, type(None)),
+    (("gone",), 2.0, errors.DeadlineExceededError),
+    (("wait", 0.0), 2.0, errors.DeadlineExceededError),
+]
+
+
+@pytest.mark.parametrize(("how", "after", "error"), END_EARLIER)
+def test_who_cancels_in_a_pause_waits_for_the_goals_that_run(
+    how: Event, after: float, error: type
+) -> None:
+    life = lived([*PAUSED_BESIDE_ONE, ("cancel",)], retry=ANY_PRICE)
+    assert not life.done
+    begun = life.clock
+    life.happens(*how)
+    life.wait_until(begun + after)
+    assert life.done
+    assert type(life.outcome.error) is error
+    if after:
+        assert life.outcome.cancel is CancelReport.UNKNOWN
+        assert f"{life.outcome.goal_id}" in str(life.outcome.error)
 
 
 def test_the_budget_forbids_retries_and_counts_each_call() -> None:
