@@ -312,7 +312,7 @@ def _classifier_failed(ending: Ending, call: ErrorContext) -> str:
 
 def _closed(ending: Ending, call: ErrorContext) -> str:
     if ending.cancel is CancelReport.UNKNOWN and ending.phase == "":
-        became = " It was left to run on the server, or may still be running."
+        became = " It was left to run on the server, or MAY STILL BE RUNNING."
     else:
         became = _cancel_sentence(ending, call)
     because = ending.lost_because or CLIENT_CLOSED
