@@ -42,10 +42,13 @@ class CallView(Protocol):
     """What a future needs of its call."""
 
     goals: GoalsOfCall
-    goal_id: uuid.UUID
     state: GoalState
     timeline: Recorder
     cancel_grace: float
+
+    @property
+    def goal_id(self) -> uuid.UUID:
+        """The id of the goal being tried, or of the one that is told of."""
 
     def request_cancel(self) -> None:
         """Cancel soon. From any thread; never blocks."""

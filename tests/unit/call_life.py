@@ -499,7 +499,7 @@ class CallLife:
     def _is_idle(self) -> bool:
         """Whether no goal is under way: a pause, or a wait for a server or for its turn."""
         attempt = self.call._attempt
-        judged = self.call._judging.under_way or self.call._confirming
+        judged = self.call._judging.under_way or self.call.machine.confirming
         return not judged and (attempt is None or not attempt.goal.in_flight)
 
     def _require_end_of_idle(self, idle: bool) -> None:
@@ -542,7 +542,9 @@ class CallLife:
         return goal.server in self.link.in_sight
 
     def note_sent(self, key: bytes) -> None:
-        self.require(not self.done and self.call._ending is None, "nothing is sent after the end")
+        self.require(
+            not self.done and self.call.machine.ending is None, "nothing is sent after the end"
+        )
         self.require(self.wanted and not self.closed, "nothing is sent that nobody wants")
         self.require(not self.cancelled_by_others, "what others cancelled is not retried (C4.4)")
         gone = self.retry.resend == "server_gone"  # which forgets those that are out of sight

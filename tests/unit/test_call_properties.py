@@ -461,7 +461,7 @@ def test_a_server_that_is_there_and_says_nothing_of_the_earlier_goal() -> None:
 
 def test_a_server_that_comes_back_later_than_it_is_waited_for_once_is_tried() -> None:
     life = lived([*LOST, ("wait", 7.0), ("ready",), ("cancel_answer", 0, UNKNOWN)])
-    assert (life.sends, life.call._attempts) == (2, 3)
+    assert (life.sends, life.call.machine.attempts) == (2, 3)
 
 
 @pytest.mark.parametrize("limits", [{"server": 2.0}, {"server": None, "timeout": 2.0}])
@@ -633,7 +633,7 @@ def test_strategies_decide_off_the_thread() -> None:
     life = lived([*LOST, ("judge", None)], strategies=True)
     assert life.call.state is GoalState.RETRYING
     life.happens("wait", 0.25)
-    assert life.call._attempts == 2
+    assert life.call.machine.attempts == 2
 
 
 @pytest.mark.parametrize("how", ["stop raises", "wait raises", "nonsense"])
