@@ -91,7 +91,7 @@ def _left_running(text: str, ending: Ending, call: ErrorContext) -> str:
     if not left:
         return ""
     which = f"goal {' and goal '.join(left)} of this call"
-    return f" {which[0].upper()}{which[1:]} MAY STILL BE RUNNING, where that cannot be seen."
+    return f" {which[0].upper()}{which[1:]} MAY STILL BE RUNNING."
 
 
 def _common(call: ErrorContext) -> dict[str, Any]:
@@ -136,13 +136,13 @@ def _what(call: ErrorContext) -> str:
 
 def _cancel_sentence(ending: Ending, call: ErrorContext) -> str:
     """Say what became of a goal that was given up on."""
-    if ending.cancel is CancelReport.CONFIRMED:
+    if ending.own_cancel is CancelReport.CONFIRMED:
         if ending.status is GoalState.SUCCEEDED:
             return " It succeeded while it was being cancelled: its result is in `late_result`."
         return " It was cancelled on the server, which confirmed that it runs no more."
-    if ending.cancel is CancelReport.REFUSED:
+    if ending.own_cancel is CancelReport.REFUSED:
         return " The server refused to cancel it: IT IS STILL RUNNING."
-    if ending.cancel is CancelReport.UNKNOWN:
+    if ending.own_cancel is CancelReport.UNKNOWN:
         return (
             f" The server did not confirm its cancellation within {call.timeouts.cancel:g} s:"
             " IT MAY STILL BE RUNNING."
@@ -254,7 +254,7 @@ def _result_lost(ending: Ending, call: ErrorContext) -> str:
 
 
 def _deadline(ending: Ending, call: ErrorContext) -> str:
-    if ending.phase == "cancel" and ending.cancel is CancelReport.CONFIRMED:
+    if ending.phase == "cancel" and ending.own_cancel is CancelReport.CONFIRMED:
         return (
             f"{_what(call)} was cancelled by its caller and has ended on the server, but its"
             f" result did not come within {call.timeouts.cancel:g} s. It runs no more."
@@ -311,7 +311,7 @@ def _classifier_failed(ending: Ending, call: ErrorContext) -> str:
 
 
 def _closed(ending: Ending, call: ErrorContext) -> str:
-    if ending.cancel is CancelReport.UNKNOWN and ending.phase == "":
+    if ending.own_cancel is CancelReport.UNKNOWN and ending.phase == "":
         became = " It was left to run on the server, or MAY STILL BE RUNNING."
     else:
         became = _cancel_sentence(ending, call)

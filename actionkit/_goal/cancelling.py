@@ -76,7 +76,9 @@ class CancellableGoal(GoalRecord):
         if why in WAITED_FOR:
             effects.append(fx.Record(GoalState.TIMED_OUT, f"waiting for {WAITED_FOR[why]}"))
         self._unknown_to_server = False  # what counts is what the server says from now on
+        told = self._refusal_told and why is CancelReason.CLOSED  # of a cancel just before it
         self._forget_refusals()
+        self._refusal_told = told
         self._reask_after = FIRST_REASK / 2  # somebody waits for this
         return [
             *effects,

@@ -138,6 +138,11 @@ class Ending:
         """What became of the goals of the call that may run, or that its caller gave up on."""
         if self.may_run:  # the worst counts (C2.8)
             return CancelReport.REFUSED if self.refused else CancelReport.UNKNOWN
+        return self.own_cancel
+
+    @property
+    def own_cancel(self) -> CancelReport | None:
+        """What became of the goal that this is about, where its caller gave up on it."""
         if not self.given_up:
             return CancelReport.REFUSED if self.refused else None
         if self.ended_as is not None:

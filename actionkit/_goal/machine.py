@@ -278,6 +278,7 @@ class Goal(CancellableGoal):
             return [fx.Withdraw(), *self._await_server(now)]
         effects = self._stop_resending()  # the id was meant for that server alone (R5)
         if self.stage not in (Stage.SENT, Stage.ACCEPTED):
+            self.facts.lost |= self.stage is Stage.LOST  # it was back, and did not show the goal
             return []
         if self._terminal_seen is not None:
             return self._result_lost("its server went away before it had sent it")

@@ -105,7 +105,9 @@ class OnServer:
             self.progress = GoalProgress.UNANSWERED
         elif not self.has_it:
             return
-        elif event == "server_lost" and not self.lost:
+        elif event == "server_lost" and self.lost:
+            self.back = False
+        elif event == "server_lost":
             self.lost, self.back = True, False
             self.over = self.ended  # its result went with it
         elif event == "server_back":
