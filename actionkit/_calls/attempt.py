@@ -214,8 +214,9 @@ class Attempt:
         if state is None and outdated:
             return  # that the goal was not known then says nothing of now; it was asked again
         self._has_result = state is not None
-        ours = self.cancel_is_ours
-        self._apply(self.goal.result(state, result, self._now(), asked_at=asked_at, ours=ours))
+        ours, own = self.cancel_is_ours, self._link.sees_server_of(self)
+        now = self._now()
+        self._apply(self.goal.result(state, result, now, asked_at=asked_at, ours=ours, own=own))
 
     def on_cancel_sent(self) -> None:
         self._cancels += 1

@@ -189,6 +189,7 @@ class Goal(CancellableGoal):
         *,
         asked_at: float,
         ours: bool = True,
+        own: bool = True,
     ) -> list[fx.Effect]:
         """The server answered the request for the result.
 
@@ -198,12 +199,13 @@ class Goal(CancellableGoal):
             now: Monotonic seconds.
             asked_at: When it was asked.
             ours: Whether a cancel of ours may be why it was cancelled (C4.4).
+            own: Whether a server that the goal was sent to is in sight (C5.7).
         """
         if not self.in_flight:
             return []
         if status is None:
             if self.stage is Stage.ACCEPTED:
-                return self._forgotten(now, asked_at)
+                return self._forgotten(now, asked_at) if own else []
             if self.stage is Stage.LOST:
                 return self._unknown_to_another() if self.facts.lost else self._over()
             return self._unknown_so_far()
