@@ -52,7 +52,7 @@ def log(action_server, make_client, tmp_path) -> Path:
     client = make_client(
         observers=[observer],
         timeouts=Timeouts(server=30.0, liveness=1.0),
-        retry=RetryPolicy(initial=0.3, jitter=0.0),
+        retry=RetryPolicy(initial=0.3, jitter=0.0, resend="server_gone"),
     )
     early = client.call_async({"order": 1})
     server = action_server("scripted", script=SCRIPT)

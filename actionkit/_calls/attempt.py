@@ -100,6 +100,7 @@ class Attempt:
         self.number = 1
         """Which of its call's attempts it is; the owner counts."""
         self.goal = Goal(timeouts, deadline, resent=resent)
+        self.goal.facts.goal_id = goal_id
         self._link = link
         self._liveness = timeouts.liveness
         self._now = link.runtime.now
@@ -124,6 +125,16 @@ class Attempt:
     def cancel_is_ours(self) -> bool:
         """Whether a cancel of ours may be why the goal was cancelled (C4.4)."""
         return self._cancels > 0
+
+    @property
+    def held_back(self) -> bool:
+        """Whether it must not be sent now, because an earlier goal may run (C4.2)."""
+        return not self._owner.may_send(self)
+
+    @property
+    def is_out_of_sight(self) -> bool:
+        """Whether no server is in sight that the goal was sent to."""
+        return self.goal.facts.lost and not self._link.sees_server_of(self)
 
     # --- the caller's wishes ---------------------------------------------------------------
 
@@ -166,7 +177,7 @@ class Attempt:
     # --- what the link tells ---------------------------------------------------------------
 
     def on_server_ready(self) -> None:
-        if self.goal.stage is Stage.AWAITING_SERVER and not self._owner.may_send(self):
+        if self.goal.stage is Stage.AWAITING_SERVER and self.held_back:
             # An earlier goal of the call may run (C4.2): the owner tells when it does not, and
             # the link when a server is ready again.
             self._link.await_next_ready(self)
@@ -203,8 +214,9 @@ class Attempt:
         if state is None and outdated:
             return  # that the goal was not known then says nothing of now; it was asked again
         self._has_result = state is not None
-        ours = self.cancel_is_ours
-        self._apply(self.goal.result(state, result, self._now(), asked_at=asked_at, ours=ours))
+        ours, own = self.cancel_is_ours, self._link.sees_server_of(self)
+        now = self._now()
+        self._apply(self.goal.result(state, result, now, asked_at=asked_at, ours=ours, own=own))
 
     def on_cancel_sent(self) -> None:
         self._cancels += 1
@@ -218,6 +230,7 @@ class Attempt:
         self._apply(self.goal.server_lost(reason, self._now()))
         if self.goal.stage is Stage.LOST:
             self._link.stop_cancel(self)
+            self._owner.on_over(self)  # it may make room for the next, by the policy
         self._on_out_of_sight(self)
 
     # --- carrying out ----------------------------------------------------------------------
@@ -261,6 +274,9 @@ class Attempt:
         urgent = self._owner.urgent or self.goal.cancel_reason is CancelReason.DEADLINE
         self._link.ask_cancel(self, urgent=urgent)
 
+    def _stop_cancel(self, _: fx.StopCancel) -> None:
+        self._link.stop_cancel(self)
+
     def _watch_status(self, _: fx.WatchStatus) -> None:
         self._link.watch_status()
 
@@ -298,6 +314,7 @@ class Attempt:
         fx.SendGoal: _send,
         fx.AskResult: _ask_result,
         fx.AskCancel: _ask_cancel,
+        fx.StopCancel: _stop_cancel,
         fx.WatchStatus: _watch_status,
         fx.Settle: _settle,
         fx.LateResult: _late_result,

@@ -1,25 +1,25 @@
-"""One call: its attempts in turn, and the future that its user holds.
+"""One call: drives its machine, its attempts, and the future that its user holds.
 
-All of it but `begin` and `request_cancel` happens on the communication thread.
+What is decided is in `machine`. All of it but `begin` and `request_cancel` happens on the
+communication thread.
 """
 
 from __future__ import annotations
 
 import time
 import uuid
-from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
+from actionkit._calls import machine as mx
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.call_record import ActionView, CallRecord
-from actionkit._calls.call_view import GoalsOfCall
-from actionkit._calls.classify import apply_verdict
 from actionkit._calls.classify_runner import ClassifyRunner
 from actionkit._calls.explain import CLIENT_CLOSED
 from actionkit._calls.future import GoalFuture
+from actionkit._calls.machine import CallMachine, Phase
 from actionkit._calls.request import Request
-from actionkit._calls.retry import GiveUp, RejectedByClassifier, Retry, after_no_server
+from actionkit._calls.retry import GiveUp, Retry
 from actionkit._calls.retry_runner import RetryRunner
 from actionkit._goal import effects as fx
 from actionkit._goal.stages import Stage
@@ -55,13 +55,14 @@ class Call:
         self, carrier: Carrier, request: Request, dispatcher: ObserverDispatcher = NO_OBSERVERS
     ) -> None:
         """Take note of a request; its time runs from now."""
-        self.goals = GoalsOfCall()
-        self.goal_id = self._latest_id = uuid.uuid4()  # of the one told of; of the latest attempt
+        self.machine = machine = CallMachine(request.retry.resend, request.timeouts.server)
+        self.goals = machine.goals
+        self._latest_id = machine.goal_id  # of the latest attempt
         self.state = GoalState.SENDING
         self.cancel_grace = request.timeouts.cancel
         self._carrier = carrier
         self._request = request
-        self._record = record = CallRecord(carrier, request, dispatcher, self.goal_id)
+        self._record = record = CallRecord(carrier, request, dispatcher, machine.goal_id)
         self.timeline, tape, began = record.timeline, record.tape, record.began
         self._deadline = None if request.timeout is None else began + request.timeout
         threads = request.function_pool
@@ -69,18 +70,26 @@ class Call:
         self._judging = ClassifyRunner(carrier, threads, request.classify)
         self.future: GoalFuture[Any, Any] = GoalFuture(self, tape, request.pool, carrier)
         self._attempt: Attempt | None = None
-        self._previous: Attempt | None = None
-        self._attempts = 0
         self._pause: TimerHandle | None = None
-        self._last: fx.Ending | None = None  # of the last attempt, judged, which is tried again
-        self._cause: BaseException = RejectedByClassifier()  # the same, for strategies
-        self._ending: fx.Ending | None = None
+        self._given_up_at: float | None = None
+        self._grace: TimerHandle | None = None  # until which the earlier goals may be confirmed
         self._settled = False
-        self._closing = ""  # why, as a clause: calls end, and nothing is tried again
-        self.unwanted = False
-        """Whether the caller cancelled, even if this thread has not come to it yet (C1.5)."""
         self.urgent = False
         """Whether a human waits for the cancellation (C2.5)."""
+
+    @property
+    def goal_id(self) -> uuid.UUID:
+        """The id of the goal being tried, or of the one that is told of."""
+        return self.machine.goal_id
+
+    @property
+    def unwanted(self) -> bool:
+        """Whether the caller cancelled, even if this thread has not come to it yet (C1.5)."""
+        return self.machine.unwanted
+
+    @unwanted.setter
+    def unwanted(self, unwanted: bool) -> None:
+        self.machine.unwanted = unwanted
 
     # --- the caller's wishes ---------------------------------------------------------------
 
@@ -102,126 +111,51 @@ class Call:
         """Begin the first attempt. The carrier calls it."""
         if self.unwanted:
             self.cancel()
-        if self._ending is not None:
-            return  # cancelled or closed before it began
-        if self._request.invalid is not None:
-            self._end(fx.Ending(fx.End.INVALID, GoalState.REJECTED, error=self._request.invalid))
-            return
-        self._try(resent=False)
+        self._do(self.machine.begin(self._request.invalid))
 
     def cancel(self) -> None:
         """Cancel the goal, or end the call where none is under way."""
+        self._given_up_at = self._given_up_at or time.monotonic()
         if self._attempt is not None:
             self._attempt.cancel()
         else:
-            self._end_idle(fx.End.CANCELLED_BY_CALLER, "the call was cancelled")
+            self._do(self.machine.stop(fx.End.CANCELLED_BY_CALLER, "the call was cancelled"))
 
     def close(self, *, abandon: bool, because: str = CLIENT_CLOSED) -> None:
         """End because the client closes, or something else that calls depend on."""
-        self._closing = because
+        self.machine.closing = because
+        self._given_up_at = self._given_up_at or time.monotonic()
         if self._attempt is not None:
             self._attempt.close(abandon=abandon)
         else:
-            self._end_idle(fx.End.CLOSED, "the client was closed")
-
-    def _end_idle(self, end: fx.End, why: str) -> None:
-        """End a call that has no goal under way: it has not begun, is judged, or pauses."""
-        if self._judging.under_way:
-            # Its goal ended, and is not tried again; the verdict is waited for like a cancel.
-            within = f"{why}, and it did not answer within {self.cancel_grace:g} s"
-            self._judging.cut_short(time.monotonic() + self.cancel_grace, within)
-        elif self._last is None:
-            self._end(fx.Ending(end, GoalState.SENDING, given_up=True))
-        else:
-            # Nothing is cancelled now: what is told is the fate of the last goal, and no more.
-            self._end(fx.Ending(end, self._last.status, fate=self._last.fate, given_up=True))
+            self._do(self.machine.stop(fx.End.CLOSED, "the client was closed"))
 
     def end_grace(self) -> None:
         """End a call that was closed: there is no more time for confirmations."""
         if self._attempt is not None:
             self._attempt.end_grace()
         else:
-            self._judging.end("the client was closed")
+            self._do(self.machine.end_grace("the client was closed"))
 
     def fail(self, reason: str, error: BaseException) -> None:
         """End because this side broke."""
-        self._closing = reason  # nothing fires any more that could try again
+        self.machine.closing = reason  # nothing fires any more that could try again
         if self._attempt is not None:
             self._attempt.fail(reason, error)
-        elif self._judging.under_way:
-            self._judging.end(reason)
         else:
-            self._end(fx.Ending(fx.End.LOST, GoalState.LOST, error=error))
-        if self._ending is not None:
+            self._do(self.machine.broke(error))
+        if self.machine.phase is Phase.ENDED:
             self._settle()  # the timer that ends the wait for callbacks fires no more
 
     def refuse(self, reason: str) -> None:
         """End before anything was sent, because this side cannot send."""
-        self._end(fx.Ending(fx.End.LOST, GoalState.SENDING, lost_because=reason))
+        self._do(self.machine.refuse(reason))
 
-    # --- attempts --------------------------------------------------------------------------
-
-    def _try(self, *, resent: bool) -> None:
-        """Begin an attempt; with `resent`, of the goal that the server may have by now."""
-        if resent:
-            assert self._previous is not None
-            self._previous.supersede()
-        elif self._attempts:
-            self.goal_id = self._latest_id = uuid.uuid4()
-        self._attempts += 1
-        self._attempt = self._carrier.attempt(
-            self.goal_id,
-            self._request.goal,
-            self._request.timeouts,
-            self._deadline,
-            self,
-            resent=resent,
-        )
-        self._attempt.number = self._attempts
-        self.goals.add(self._attempt.goal)
-        self._attempt.start()
-        self._reconcile()
+    # --- what attempts tell ----------------------------------------------------------------
 
     def may_send(self, attempt: Attempt) -> bool:
-        """Whether an attempt may send its goal: never while an earlier one may run (C4.2)."""
-        return self._request.retry.resend == "always" or not self._earlier_in_flight
-
-    @property
-    def _earlier_in_flight(self) -> bool:
-        return self._previous is not None and self._previous.goal.in_flight
-
-    def _reconcile(self) -> None:
-        """Ask a server that is there about a goal that was lost with another (C4.3)."""
-        previous = self._previous
-        lost = previous is not None and previous.goal.stage is Stage.LOST
-        if previous is not None and lost and self._carrier.server_is_ready():
-            previous.on_server_ready()
-
-    def on_over(self, attempt: Attempt) -> None:
-        """An attempt is known to run no more."""
-        current = self._attempt
-        if attempt is self._previous and current is not None and self._carrier.server_is_ready():
-            current.on_server_ready()
-
-    def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None:
-        """An earlier goal has proved to have finished: that is the call's end (C4.3, C4.4)."""
-        canceled = state is GoalState.CANCELED
-        if attempt is not self._previous or self._ending is not None:
-            return
-        current = self._attempt
-        if (canceled and attempt.cancel_is_ours) or (current and current.goal.in_flight):
-            return
-        if current is not None:
-            self._attempt = None
-            current.withdraw()
-        self._stop_retrying()
-        self.goal_id = attempt.goal_id
-        rejected = state is GoalState.REJECTED
-        progress = fx.GoalProgress.REJECTED if rejected else fx.GoalProgress.ACCEPTED
-        end = fx.End.CANCELED_BY_OTHER if canceled else fx.End[state.name]
-        self._judge(fx.Ending(end, state, result=result, progress=progress))
-
-    # --- what the attempt tells ------------------------------------------------------------
+        """Whether an attempt may send its goal now (C4.2)."""
+        return self.machine.may_send()
 
     def on_record(self, attempt: Attempt, record: fx.Record) -> None:
         """Write the timeline; also after the end, for the log of a goal given up on."""
@@ -238,113 +172,139 @@ class Call:
 
     def on_end(self, attempt: Attempt, ending: fx.Ending) -> None:
         """Judge how the attempt ended, and end the call or try again."""
-        if attempt is not self._attempt or self._ending is not None:
+        if attempt is not self._attempt:
             return
-        never_sent = ending.progress is fx.GoalProgress.NEVER_SENT
-        if not never_sent or attempt.goal.stage is not Stage.OVER:
-            self._previous = attempt
         self._attempt = None
-        if ending.end is fx.End.NO_SERVER:
-            self._waited_in_vain(ending)
-        else:
-            self._judge(ending)
-
-    def _waited_in_vain(self, ending: fx.Ending) -> None:
-        """End the call that found no server, or go on with what came of the one it had (C2.7)."""
         late = self._deadline is not None and time.monotonic() >= self._deadline
-        ready, in_flight = self._carrier.server_is_ready(), self._earlier_in_flight
-        if self._previous is not None and (in_flight or not late):
-            self.goal_id = self._previous.goal_id  # that is the goal which is told of
-        limit = self._request.timeouts.server
-        ending = after_no_server(ending, self._last, limit, late, ready, in_flight)
-        if late or self._last is None:
-            self._end(ending)
-        else:
-            self._plan(ending)
+        ready = self._carrier.server_is_ready()
+        self._do(self.machine.ended(attempt, ending, late=late, ready=ready))
 
-    def _judge(self, ending: fx.Ending) -> None:
+    def on_over(self, attempt: Attempt) -> None:
+        """An attempt's goal is known to run no more, or its server went out of sight."""
+        self._do(self.machine.earlier_over())
+        current = self._attempt
+        if attempt is not current and current is not None and self._carrier.server_is_ready():
+            current.on_server_ready()
+
+    def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None:
+        """An earlier goal has proved to have finished."""
+        self._do(self.machine.late_result(attempt, state, result))
+
+    # --- carrying out ----------------------------------------------------------------------
+
+    def _do(self, effects: list[mx.Effect]) -> None:
+        for effect in effects:
+            self._CARRY_OUT[type(effect)](self, effect)
+
+    def _try(self, effect: mx.Try) -> None:
+        previous = self.machine.previous
+        if effect.resent and previous is not None:
+            previous.supersede()
+        self._latest_id = self.goal_id
+        self._attempt = attempt = self._carrier.attempt(
+            self.goal_id,
+            self._request.goal,
+            self._request.timeouts,
+            self._deadline,
+            self,
+            resent=effect.resent,
+        )
+        attempt.number = self.machine.attempts
+        self.machine.made(attempt, resent=effect.resent)
+        attempt.start()
+        for earlier in list(self.machine.earlier):
+            # A server that is there is asked about a goal that was lost with another (C4.3).
+            if earlier.goal.stage is Stage.LOST and self._carrier.server_is_ready():
+                earlier.on_server_ready()
+
+    def _judge(self, effect: mx.Judge) -> None:
+        ending = effect.ending
         if ending.end is fx.End.SUCCEEDED and self._request.classify is None:
             self._judged(ending, None, Verdict.SUCCESS)  # most are: no outcome is made for it
         else:
-            outcome = self._record.outcome(ending, self.goal_id, self._attempts)
+            outcome = self._record.outcome(ending, self.goal_id, self.machine.attempts)
             self._judging.begin(ending, outcome, time.monotonic(), self._deadline, self._judged)
 
     def _judged(
         self, ending: fx.Ending, error: BaseException | None, verdict: Verdict | fx.Fault
     ) -> None:
-        if self._ending is not None:
-            return  # cancelled or closed meanwhile
-        if verdict is Verdict.SUCCESS:
-            self._request.budget.on_success()
-        self._last = ending = apply_verdict(ending, verdict)
-        # What somebody else cancelled is not tried again, whatever `classify=` says (C4.4).
-        if verdict is not Verdict.TRANSIENT or ending.end is fx.End.CANCELED_BY_OTHER:
-            self._end(ending)
-            return
-        self._request.budget.on_transient_failure()
-        if self.unwanted or self._closing:
-            self._end(replace(ending, not_retried="its caller no longer wants it"))
-            return
-        self._cause = error or RejectedByClassifier()
-        self._plan(ending)
+        self._do(self.machine.judged(ending, error, verdict))
 
-    def _plan(self, ending: fx.Ending) -> None:
-        clock, planned = time.monotonic, partial(self._planned, ending)
-        self._retrying.begin(ending, self._cause, self._attempts, clock, self._deadline, planned)
+    def _cut_judging(self, effect: mx.CutJudging) -> None:
+        if effect.at_once:
+            self._judging.end(effect.why)
+        else:
+            within = f"{effect.why}, and it did not answer within {self.cancel_grace:g} s"
+            self._judging.cut_short(time.monotonic() + self.cancel_grace, within)
+
+    def _count(self, effect: mx.Count) -> None:
+        budget = self._request.budget
+        (budget.on_success if effect.success else budget.on_transient_failure)()
+
+    def _plan(self, effect: mx.Plan) -> None:
+        machine, planned = self.machine, partial(self._planned, effect.ending)
+        attempts, clock = machine.attempts, time.monotonic
+        self._retrying.begin(effect.ending, machine.cause, attempts, clock, self._deadline, planned)
 
     def _planned(self, ending: fx.Ending, plan: Retry | GiveUp | fx.Fault) -> None:
-        if isinstance(plan, fx.Fault):
-            self._end(replace(ending, strategy_fault=plan))
-        elif isinstance(plan, GiveUp):
-            waited = f"{ending.not_retried}, and " if ending.not_retried else ""
-            self._end(replace(ending, not_retried=waited + plan.reason))
-        else:
-            pause = f"in {plan.seconds:.2f} s"
-            self._record.note(self._latest_id, self._attempts, GoalState.RETRYING, pause)
-            self.state = GoalState.RETRYING
-            until = time.monotonic() + plan.seconds
-            self._pause = self._carrier.call_at(until, lambda: self._resume(resent=plan.same_id))
+        self._do(self.machine.planned(ending, plan))
 
-    def _resume(self, *, resent: bool) -> None:
+    def _pause_for(self, effect: mx.Pause) -> None:
+        pause = f"in {effect.seconds:.2f} s"
+        self._record.note(self._latest_id, self.machine.attempts, GoalState.RETRYING, pause)
+        self.state = GoalState.RETRYING
+        until = time.monotonic() + effect.seconds
+        self._pause = self._carrier.call_at(until, partial(self._resume, effect.same_id))
+
+    def _resume(self, resent: bool) -> None:
         self._pause = None
-        previous = self._previous
-        stage = None if previous is None else previous.goal.stage
-        if resent and stage is Stage.ACCEPTED:
-            # Accepted after all, in the pause: it was cancelled then, and has not ended so far.
-            assert self._last is not None
-            self._end(replace(self._last, not_retried="it was accepted late, and may still run"))
-            return
-        self._try(resent=resent and stage is Stage.SENT)
+        self._do(self.machine.resume(resent=resent))
 
-    # --- the end ---------------------------------------------------------------------------
-
-    def _end(self, ending: fx.Ending) -> None:
-        if self._ending is not None:
-            return
-        if ending.end is fx.End.CLOSED:
-            ending = replace(ending, lost_because=self._closing)
-        if self._earlier_in_flight:
-            ending = replace(ending, earlier_may_run=True)
-        self._ending = ending
-        self._stop_retrying()
-        self._record.await_callbacks(ending, self._carrier, self._settle)
-
-    def _stop_retrying(self) -> None:
+    def _stop_retrying(self, _: mx.StopRetrying) -> None:
         self._retrying.drop()
         if self._pause is not None:
             self._carrier.cancel_timer(self._pause)
             self._pause = None
 
+    def _withdraw(self, effect: mx.Withdraw) -> None:
+        self._attempt = None
+        effect.attempt.withdraw()
+
+    def _await_earlier(self, _: mx.AwaitEarlier) -> None:
+        since = self._given_up_at or time.monotonic()
+        self._grace = self._carrier.call_at(since + self.cancel_grace, self.end_grace)
+
+    def _stop_awaiting(self, _: mx.StopAwaiting) -> None:
+        assert self._grace is not None
+        self._carrier.cancel_timer(self._grace)
+        self._grace = None
+
+    def _finish(self, effect: mx.Finish) -> None:
+        self._record.await_callbacks(effect.ending, self._carrier, self._settle)
+
+    _CARRY_OUT: ClassVar[dict[type[mx.Effect], Any]] = {
+        mx.Try: _try,
+        mx.Judge: _judge,
+        mx.CutJudging: _cut_judging,
+        mx.Count: _count,
+        mx.Plan: _plan,
+        mx.Pause: _pause_for,
+        mx.StopRetrying: _stop_retrying,
+        mx.Withdraw: _withdraw,
+        mx.AwaitEarlier: _await_earlier,
+        mx.StopAwaiting: _stop_awaiting,
+        mx.Finish: _finish,
+    }
+
     def _settle(self) -> None:
         if self._settled:
             return
         self._settled = True
-        self._previous = None  # it holds this call for as long as it is watched
-        ending = self._ending
+        ending = self.machine.ending
         assert ending is not None
         self.state = ending.status
         self._record.end_feedback()
-        outcome = self._record.outcome(ending, self.goal_id, self._attempts)
+        outcome = self._record.outcome(ending, self.goal_id, self.machine.attempts)
         self._record.tell_outcome(outcome)
         self._carrier.finished(self)  # first: who sees the end sees it counted out (C1.11)
         self.future._settle(outcome, ending.end)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from actionkit._goal.record import GoalRecord
+from actionkit._goal.facts import GoalFacts
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import GoalState
 
@@ -15,12 +15,17 @@ from actionkit._model.values import GoalState
 class GoalsOfCall:
     """The goals that were made for a call and may run. Written by one thread, read by any."""
 
-    def __init__(self, goals: Iterable[GoalRecord] = ()) -> None:
-        self._goals = [goal for goal in goals if goal.known_to_run is not False or goal.in_flight]
+    def __init__(self, goals: Iterable[GoalFacts] = ()) -> None:
+        self._goals = [goal for goal in goals if goal.may_run]
 
-    def add(self, goal: GoalRecord) -> None:
+    def add(self, goal: GoalFacts) -> None:
         """Take in one that is about to be sent; those that are over are let go."""
-        self._goals = [*self.left()._goals, goal]
+        self._goals = [*(each for each in self.left()._goals if each is not goal), goal]
+
+    @property
+    def may_run(self) -> tuple[uuid.UUID, ...]:
+        """The ids of those that may run, oldest first (C2.8)."""
+        return tuple(goal.goal_id for goal in self._goals if goal.may_run and goal.goal_id)
 
     def left(self) -> GoalsOfCall:
         """Return those that may run."""
@@ -37,10 +42,13 @@ class CallView(Protocol):
     """What a future needs of its call."""
 
     goals: GoalsOfCall
-    goal_id: uuid.UUID
     state: GoalState
     timeline: Recorder
     cancel_grace: float
+
+    @property
+    def goal_id(self) -> uuid.UUID:
+        """The id of the goal being tried, or of the one that is told of."""
 
     def request_cancel(self) -> None:
         """Cancel soon. From any thread; never blocks."""

@@ -132,11 +132,13 @@ class PortCarrier:
         self._free_if_done()
 
     def running(self) -> list[uuid.UUID]:
-        """Return the ids of the goals that may be running. From any thread.
+        """Return the ids of the goals that may be running. From any thread."""
+        return [each.goal_id for each in list(self._attempts) if each.goal.facts.may_run]
 
-        Not of those whose server is gone: the errors of their calls have said so.
-        """
-        return [each.goal_id for each in list(self._attempts) if each.goal.may_run]
+    @property
+    def confirming(self) -> bool:
+        """Whether any goal may be confirmed soon to run no more: a server in sight may have it."""
+        return any(each.goal.may_run for each in list(self._attempts))
 
     # --- the end ---------------------------------------------------------------------------
 

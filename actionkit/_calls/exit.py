@@ -94,7 +94,7 @@ def cancel_goals(hurry: Callable[[], bool]) -> None:
     try:
         for session in sessions:
             session.cancel_calls(urgent=True)
-        while any(session.pending or session.running() for session in sessions) and not hurry():
+        while any(session.pending or session.confirming for session in sessions) and not hurry():
             confirmed_at = max(session.confirmed_at for session in sessions)
             if time.monotonic() >= min(max(began, confirmed_at), began + LONGEST_GRACE) + grace:
                 break

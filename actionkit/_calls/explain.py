@@ -65,7 +65,8 @@ def explain(ending: Ending, call: ErrorContext) -> BaseException | None:
     note = f" It was not tried again: {ending.not_retried}." if ending.not_retried else ""
     if ending.classifier_fault is not None and ending.end is not End.CLASSIFIER_FAILED:
         note += f" It was not tried again, because {full_stop(ending.classifier_fault.problem)}"
-    error = cls(text(ending, call) + note, **_common(call))
+    happened = text(ending, call) + note
+    error = cls(happened + _left_running(happened, ending, call), **_common(call))
     error.cancel = ending.cancel
     _add_facts(error, ending, call)
     return error
@@ -81,6 +82,16 @@ def _exhausted(ending: Ending, call: ErrorContext) -> BaseException:
     error.result, error.cancel = ending.result, ending.cancel
     error.__cause__ = last if fault is None or fault.cause is None else fault.cause
     return error
+
+
+def _left_running(text: str, ending: Ending, call: ErrorContext) -> str:
+    """Name the goals of the call that may run and that a text does not speak of (C2.8)."""
+    told = " STILL " in text and call.goal_id  # it says so of the goal that it is about
+    left = [str(goal_id) for goal_id in ending.may_run if goal_id != told]
+    if not left:
+        return ""
+    which = f"goal {' and goal '.join(left)} of this call"
+    return f" {which[0].upper()}{which[1:]} MAY STILL BE RUNNING."
 
 
 def _common(call: ErrorContext) -> dict[str, Any]:
@@ -131,15 +142,15 @@ def _cancel_sentence(ending: Ending, call: ErrorContext) -> str:
     """Say what became of a goal that was given up on."""
     if ending.ended_first and ending.result is None:
         return f" It had ended as {ending.ended_as}, and only its result is missing."
-    if ending.cancel is CancelReport.CONFIRMED:
+    if ending.own_cancel is CancelReport.CONFIRMED:
         if ending.status is GoalState.SUCCEEDED:
             return " It succeeded while it was being cancelled: its result is in `late_result`."
         if ending.ended_as is not GoalState.CANCELED:
             return f" It ended as {ending.ended_as} all the same, and runs no more."
         return " It was cancelled on the server, which confirmed that it runs no more."
-    if ending.cancel is CancelReport.REFUSED:
+    if ending.own_cancel is CancelReport.REFUSED:
         return " The server refused to cancel it: IT IS STILL RUNNING."
-    if ending.cancel is CancelReport.UNKNOWN:
+    if ending.own_cancel is CancelReport.UNKNOWN:
         return (
             f" The server did not confirm its cancellation within {call.timeouts.cancel:g} s:"
             " IT MAY STILL BE RUNNING."
@@ -251,7 +262,7 @@ def _result_lost(ending: Ending, call: ErrorContext) -> str:
 
 
 def _deadline(ending: Ending, call: ErrorContext) -> str:
-    if ending.phase == "cancel" and ending.cancel is CancelReport.CONFIRMED:
+    if ending.phase == "cancel" and ending.own_cancel is CancelReport.CONFIRMED:
         first = "had ended" if ending.ended_first else "has ended"
         return (
             f"{_what(call)} was cancelled by its caller and {first} on the server as"

@@ -40,8 +40,8 @@ def warn_of_goals_left(goals: list[tuple[str, uuid.UUID]], seconds: float | None
         else f" It goes on asking for {seconds:g} s, or until this program ends."
     )
     text = (
-        f"{len(goals)} goal{'s' if len(goals) > 1 else ''} MAY STILL BE RUNNING: ActionKit asked"
-        f" to cancel {named}{more}, and the server has not confirmed it.{after}"
+        f"{len(goals)} goal{'s' if len(goals) > 1 else ''} MAY STILL BE RUNNING: no server has"
+        f" confirmed that {named}{more} stopped.{after}"
         " Stop the robot by other means if it must not move."
     )
     if _log.hasHandlers():  # without any, logging would write it to standard error itself

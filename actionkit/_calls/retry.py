@@ -40,7 +40,7 @@ def how_to_resend(progress: GoalProgress, fate: GoalFate, resend: str) -> Resend
         return Resend.NEW_ID
     if resend == "never_accepted":
         return Resend.NO  # an unanswered goal may have been accepted, an accepted one was
-    if fate in (GoalFate.STOPPED, GoalFate.SERVER_GONE):
+    if fate is GoalFate.STOPPED or (fate is GoalFate.SERVER_GONE and resend == "server_gone"):
         return Resend.NEW_ID
     if fate is GoalFate.UNKNOWN_TO_SERVER and progress is GoalProgress.UNANSWERED:
         return Resend.SAME_ID

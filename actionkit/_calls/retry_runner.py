@@ -10,7 +10,7 @@ from functools import partial
 
 from actionkit._calls.budget import RetryBudget
 from actionkit._calls.retry import GiveUp, Resend, Retry, Schedule, how_to_resend
-from actionkit._goal.effects import Ending, Fault
+from actionkit._goal.effects import Ending, Fault, GoalFate
 from actionkit._model.settings import RetryPolicy
 from actionkit._threads.function_runner import Clock, FunctionRunner, NoAnswer
 from actionkit._threads.pool import Pool
@@ -81,7 +81,9 @@ class RetryRunner:
         resend = self._policy.resend
         how = how_to_resend(ending.progress, ending.fate, resend)
         if how is Resend.NO:
-            return GiveUp(f"the goal may still run, or have run (resend={resend!r})")
+            gone = ending.fate is GoalFate.SERVER_GONE and resend == "confirmed_stopped"
+            hint = "; resend='server_gone' tries again after that" if gone else ""
+            return GiveUp(f"the goal may still run, or have run (resend={resend!r}{hint})")
         if not self._budget.allows_retry:
             return GiveUp(f"the retry budget forbids it ({self._budget!r})")
         return Retry(seconds, how is Resend.SAME_ID)

@@ -222,7 +222,8 @@ class Session:
                 self.release_and_wait()
             left = self.running()
             self._warned_of += left
-            warn_of_goals_left([(self.action_name, goal_id) for goal_id in left], LINGER)
+            seconds = None if self.await_freed(time.monotonic()) else LINGER  # none for lost goals
+            warn_of_goals_left([(self.action_name, goal_id) for goal_id in left], seconds)
             if not self.was_interrupted:
                 self.callbacks.dues.finish(time.monotonic() + patience(self.cancel_grace))
         finally:
@@ -262,6 +263,11 @@ class Session:
         """Return the ids of the goals that may be running, but for those that were warned of."""
         goals = [goal_id for carrier in self._carriers for goal_id in carrier.running()]
         return [goal_id for goal_id in goals if goal_id not in self._warned_of]
+
+    @property
+    def confirming(self) -> bool:
+        """Whether any goal may be confirmed soon to run no more."""
+        return any(carrier.confirming for carrier in self._carriers)
 
     def give_up_waiting(self) -> list[tuple[str, uuid.UUID]]:
         """Wait no more for the goals that may be running, and return them with the action's name.

@@ -76,7 +76,9 @@ class CancellableGoal(GoalRecord):
         if why in WAITED_FOR:
             effects.append(fx.Record(GoalState.TIMED_OUT, f"waiting for {WAITED_FOR[why]}"))
         self._unknown_to_server = False  # what counts is what the server says from now on
+        told = self._refusal_told and why is CancelReason.CLOSED  # of a cancel just before it
         self._forget_refusals()
+        self._refusal_told = told
         self._reask_after = FIRST_REASK / 2  # somebody waits for this
         self._ended_first = self._terminal_seen is not None
         # What has ended is not cancelled: only its result is missing.
@@ -101,6 +103,7 @@ class CancellableGoal(GoalRecord):
         """A refusal says nothing of what is the case now."""
         if self._cancel_reply is not CancelReply.ACCEPTED:
             self._cancel_reply = CancelReply.NONE
+            self._refusal_told = False
 
     @property
     def _refusal_counts(self) -> bool:
@@ -124,19 +127,20 @@ class CancellableGoal(GoalRecord):
 
     def _believe_refusal(self, now: float) -> list[fx.Effect]:
         """The goal runs on. What that means depends on who is left to wait for it."""
+        told = [] if self._refusal_told else [fx.Record(self.state, _REFUSED, cancel_refused=True)]
+        self._refusal_told = True
         if self.settled or self.cancel_reason not in _CALLER_MAY_WAIT:
-            return []  # a success in the time that is left is not thrown away (C2.3)
+            return [*told]  # a success in the time that is left is not thrown away (C2.3)
         if self._deadline is not None and now >= self._deadline:
             self.cancel_reason = CancelReason.DEADLINE
             self._phase = self._phase or "execute"
-            return []
+            return [*told]
         if self.closing is not None:
             self.cancel_reason = CancelReason.CLOSED  # nobody is left to wait for it
-            return []
+            return [*told]
         # The goal runs on whatever the caller wants, so the caller's future stays pending.
         self._refused_reason, self.cancel_reason = self.cancel_reason, None
-        refused = fx.Record(self.state, _REFUSED, cancel_refused=True)
-        return [fx.Disarm(fx.Timer.CANCEL), refused, *self._arm_stall(now)]
+        return [fx.Disarm(fx.Timer.CANCEL), *told, *self._arm_stall(now)]
 
     def _cancel_accepted(self, now: float) -> list[fx.Effect]:
         """The server cancels the goal; perhaps after it, or another server, had refused to."""
@@ -159,6 +163,7 @@ class CancellableGoal(GoalRecord):
         answered = self._unknown_to_server  # it had its turn, and would gain nothing by waiting
         if later > now and self.cancel_reason is not CancelReason.DEADLINE and not answered:
             return [fx.Arm(fx.Timer.CANCEL, later)]
+        effects: list[fx.Effect] = []
         if self._cancel_reply in (CancelReply.REFUSED_ONCE, CancelReply.REFUSED):
             effects = self._believe_refusal(now)
             if self.cancel_reason is None:
@@ -167,7 +172,7 @@ class CancellableGoal(GoalRecord):
             if self._terminal_seen is GoalState.CANCELED:
                 return self._settle(fx.End.CANCELLED_BY_CALLER)
             self._phase = "cancel"
-        return self._settle_given_up()
+        return effects + self._settle_given_up()
 
     def _settle_given_up(self) -> list[fx.Effect]:
         assert self.cancel_reason is not None
@@ -176,6 +181,7 @@ class CancellableGoal(GoalRecord):
     def _result_lost(self, why: str) -> list[fx.Effect]:
         """The server does not know a goal any more that it had, or never sends its result."""
         self.stage = Stage.OVER
+        self.facts.ended = True
         effects: list[fx.Effect] = [self._enter(GoalState.LOST, "the result cannot be had")]
         if self.cancel_reason in (CancelReason.DEADLINE, CancelReason.CLOSED):
             return effects + self._settle_given_up() + self._release()

@@ -6,6 +6,7 @@ takes twice as long to make, and a call makes two dozen.
 
 from __future__ import annotations
 
+import uuid
 from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
 from typing import Any, TypeAlias
@@ -105,7 +106,7 @@ class Ending:
         ended_first: Whether it did so before the caller gave up on the goal.
         abandoned: Whether it was left to run on purpose.
         refused: Whether the server refused to cancel the goal, and that is why it came to this.
-        earlier_may_run: Whether an earlier goal of the same call may be running.
+        may_run: The ids of all goals of the same call that may be running (C2.8).
         served: The types with which the name is served, where none is the client's.
         error: The exception that ended it: what is wrong with the goal, or what broke this side.
         lost_because: Why its server counts as lost, why its result cannot be had, or what was shut
@@ -127,7 +128,7 @@ class Ending:
     ended_first: bool = False
     abandoned: bool = False
     refused: bool = False
-    earlier_may_run: bool = False
+    may_run: tuple[uuid.UUID, ...] = ()
     served: tuple[str, ...] = ()
     error: BaseException | None = None
     lost_because: str = ""
@@ -138,13 +139,20 @@ class Ending:
 
     @property
     def cancel(self) -> CancelReport | None:
-        """What became of a goal that its caller gave up on, else `None` (C2.3)."""
+        """What became of the goals of the call that may run, or that its caller gave up on."""
+        if self.may_run:  # the worst counts (C2.8)
+            return CancelReport.REFUSED if self.refused else CancelReport.UNKNOWN
+        return self.own_cancel
+
+    @property
+    def own_cancel(self) -> CancelReport | None:
+        """What became of the goal that this is about, where its caller gave up on it."""
         if not self.given_up:
             return CancelReport.REFUSED if self.refused else None
         if self.ended_as is not None:
             return CancelReport.CONFIRMED
         if self.fate is GoalFate.STOPPED:
-            return CancelReport.UNKNOWN if self.earlier_may_run else CancelReport.NOT_NEEDED
+            return CancelReport.NOT_NEEDED
         return CancelReport.REFUSED if self.refused else CancelReport.UNKNOWN
 
 
@@ -178,6 +186,11 @@ class AskResult:
 @dataclass(slots=True)
 class AskCancel:
     """Ask the server to cancel the goal; repeat it until the server answers that it knows it."""
+
+
+@dataclass(slots=True)
+class StopCancel:
+    """Do not ask for the goal's cancellation until it is asked for again."""
 
 
 @dataclass(slots=True)
@@ -239,6 +252,7 @@ Effect: TypeAlias = (
     | Withdraw
     | AskResult
     | AskCancel
+    | StopCancel
     | WatchStatus
     | Arm
     | Disarm

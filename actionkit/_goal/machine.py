@@ -21,7 +21,6 @@ from actionkit._goal.stages import (
     LONG_PAUSE,
     LONGEST_PAUSE,
     LONGEST_RESULT_PAUSE,
-    NEVER_ARRIVED,
     RANK,
     CancelReason,
     CancelReply,
@@ -75,6 +74,7 @@ class Goal(CancellableGoal):
         if self._progress is not fx.GoalProgress.ACCEPTED:
             # It may take the goal yet (R6): that it does not know it so far means nothing.
             self.stage = Stage.SENT
+        self.facts.lost = False
         return self._ask_about_lost(now)
 
     def _ask_about_lost(self, now: float) -> list[fx.Effect]:
@@ -92,7 +92,7 @@ class Goal(CancellableGoal):
         if self.stage not in (Stage.QUEUED, Stage.RESENDING):
             return []
         self.stage = Stage.SENT
-        self._progress = fx.GoalProgress.UNANSWERED
+        self.facts.requests += 1
         effects: list[fx.Effect] = [self._enter(GoalState.SENT)]
         if self._timeouts.accept is not None:
             effects.append(fx.Arm(fx.Timer.ACCEPT, now + self._timeouts.accept))
@@ -114,8 +114,8 @@ class Goal(CancellableGoal):
         if not self._unproven:
             return []
         effects = [*self._stop_resending(), fx.Disarm(fx.Timer.ACCEPT)]
-        self._progress = fx.GoalProgress.ACCEPTED
-        self._unknown_to_server = self._denied_for_good = False
+        self.facts.accepted, self.facts.lost = True, False
+        self._unknown_to_server = False
         if self.stage is Stage.SENT:
             effects.append(self._enter(GoalState.ACCEPTED))
         self.stage = Stage.ACCEPTED
@@ -134,15 +134,15 @@ class Goal(CancellableGoal):
     def rejected(self, now: float) -> list[fx.Effect]:
         """The server refused to accept the goal; it may be out of sight by now."""
         lost = self.stage is Stage.LOST and self._progress is not fx.GoalProgress.ACCEPTED
-        if self.stage is not Stage.SENT and not lost:
+        if self.stage not in (Stage.SENT, Stage.RESENDING) and not lost:
             return []
-        if self._resent and not self._duplicate_rejected:
-            self._duplicate_rejected = True
-            # What it said of the goal before says nothing about a duplicate.
+        self.facts.noes += 1
+        if self.facts.noes < self.facts.requests:
+            # A duplicate is answered so, too. What was said of the goal before says nothing of it.
             return [fx.AskResult(anew=True), fx.WatchStatus()]
+        effects = self._stop_resending()
         self.stage = Stage.OVER
-        self._progress = fx.GoalProgress.REJECTED
-        effects: list[fx.Effect] = [self._enter(GoalState.REJECTED)]
+        effects.append(self._enter(GoalState.REJECTED))
         if self.settled:
             effects.append(fx.LateResult(GoalState.REJECTED, None))
         if self.cancel_reason in (None, CancelReason.UNANSWERED):
@@ -172,6 +172,7 @@ class Goal(CancellableGoal):
         if self._terminal_seen is None:
             # The result usually follows at once; where it does not, it is asked for.
             self._terminal_seen = state
+            self.facts.ended = True
             self._forget_refusals()
             self._reask_after = FIRST_REASK / 2
             # What has ended sends no feedback: that it is silent means nothing.
@@ -189,6 +190,7 @@ class Goal(CancellableGoal):
         *,
         asked_at: float,
         ours: bool = True,
+        own: bool = True,
     ) -> list[fx.Effect]:
         """The server answered the request for the result.
 
@@ -198,19 +200,19 @@ class Goal(CancellableGoal):
             now: Monotonic seconds.
             asked_at: When it was asked.
             ours: Whether a cancel of ours may be why it was cancelled (C4.4).
+            own: Whether a server that the goal was sent to is in sight (C5.7).
         """
         if not self.in_flight:
             return []
         if status is None:
             if self.stage is Stage.ACCEPTED:
-                return self._forgotten(now, asked_at)
+                return self._forgotten(now, asked_at) if own else []
             if self.stage is Stage.LOST:
-                return self._over()
-            # It may be taken yet (R6); but a server that rejected it twice has no more to say.
-            rejected = self._duplicate_rejected
-            return self.rejected(now) if rejected else self._unknown_so_far(now)
+                return self._unknown_to_another() if self.facts.lost else self._over()
+            return self._unknown_so_far()
         effects = [] if self.stage is Stage.LOST else self._proven(now)
         self.stage = Stage.OVER
+        self.facts.accepted = self.facts.ended = True
         self._terminal_seen = status
         effects.append(self._enter(status))
         end, kept = _ENDS.get(status, fx.End.CANCELED_BY_OTHER), result
@@ -246,8 +248,8 @@ class Goal(CancellableGoal):
             return []
         if answer is CancelAnswer.UNKNOWN_GOAL:
             if self.stage is Stage.LOST:
-                return self._over()
-            return [fx.AskResult()] if self.stage is Stage.ACCEPTED else self._unknown_so_far(now)
+                return self._unknown_to_another() if self.facts.lost else self._over()
+            return [fx.AskResult()] if self.stage is Stage.ACCEPTED else self._unknown_so_far()
         effects = self._proven(now)
         if answer is CancelAnswer.REFUSED:
             return effects + self._cancel_refused(now, asked_at)
@@ -259,11 +261,13 @@ class Goal(CancellableGoal):
             effects.append(self._enter(GoalState.CANCELING))
         return effects + self._cancel_accepted(now)
 
-    def _unknown_so_far(self, now: float) -> list[fx.Effect]:
+    def _unknown_to_another(self) -> list[fx.Effect]:
+        """A server says so that was never sent it: the one that was may be back, and run it."""
+        return [fx.Disarm(fx.Timer.REASK), fx.StopCancel()]
+
+    def _unknown_so_far(self) -> list[fx.Effect]:
         """A live server does not know a goal that it was sent; it may yet (R6)."""
         self._unknown_to_server = True
-        self._denied_at = now if self._denied_at is None else self._denied_at
-        self._denied_for_good = now >= self._denied_at + NEVER_ARRIVED
         if self.cancel_reason is CancelReason.UNANSWERED and not self.settled:
             return self._settle_given_up()  # nothing more is to be learnt by waiting
         return []
@@ -277,10 +281,12 @@ class Goal(CancellableGoal):
             return [fx.Withdraw(), *self._await_server(now)]
         effects = self._stop_resending()  # the id was meant for that server alone (R5)
         if self.stage not in (Stage.SENT, Stage.ACCEPTED):
+            self.facts.lost |= self.stage is Stage.LOST  # it was back, and did not show the goal
             return []
         if self._terminal_seen is not None:
             return self._result_lost("its server went away before it had sent it")
         self.stage = Stage.LOST
+        self.facts.lost = True
         self._forget_refusals()  # it may have ended with its server
         effects.append(fx.Disarm(fx.Timer.REASK))
         if self.settled:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from actionkit._goal import effects as fx
+from actionkit._goal.facts import GoalFacts
 from actionkit._goal.stages import (
     FIRST_REASK,
     WITH_END,
@@ -41,21 +42,18 @@ class GoalRecord:
         self._timeouts = timeouts
         self._deadline = deadline
         self._resent = resent
-        self._duplicate_rejected = False
-        self._progress = fx.GoalProgress.UNANSWERED if resent else fx.GoalProgress.NEVER_SENT
+        self.facts = GoalFacts(requests=int(resent))
         self._unknown_to_server = False
-        self._denied_at: float | None = None  # when it first did not know it
-        self._denied_for_good = False  # it has said so for so long that the request was lost
         self._forgotten_at: float | None = None  # when it first did not know it any more
         self._terminal_seen: GoalState | None = None
         self._ended_first = False  # it was seen before the caller gave up
         self._reask_after = FIRST_REASK
         self._cancelled_at = 0.0
         self._cancel_reply = CancelReply.NONE
+        self._refusal_told = False
         self._refused_at = 0.0  # when it refused once
         self._refused_reason: CancelReason | None = None  # dropped, as the server refused
         self._phase = ""
-        self._out_of_reach = False
 
     @property
     def in_flight(self) -> bool:
@@ -70,16 +68,18 @@ class GoalRecord:
         return self.in_flight and self.stage is not Stage.LOST and not denied and not ended
 
     @property
-    def known_to_run(self) -> bool | None:
-        """Whether a server has the goal and has not ended it; `None` where that is not known."""
-        over = not self.in_flight and not self._out_of_reach
-        if over or self._terminal_seen is not None or self._denied_for_good:
-            return False
-        return True if self.stage is Stage.ACCEPTED and not self._out_of_reach else None
+    def _progress(self) -> fx.GoalProgress:
+        facts = self.facts
+        if not facts.requests:
+            return fx.GoalProgress.NEVER_SENT
+        if facts.accepted:
+            return fx.GoalProgress.ACCEPTED
+        unanswered = facts.noes < facts.requests
+        return fx.GoalProgress.UNANSWERED if unanswered else fx.GoalProgress.REJECTED
 
     def lose_touch(self) -> None:
         """Nothing is learnt of the goal any more, and nothing done about it, though it may run."""
-        self._out_of_reach = self._out_of_reach or self.in_flight
+        self.facts.left = self.facts.left or self.in_flight
 
     @property
     def _unproven(self) -> bool:
@@ -184,6 +184,7 @@ class GoalRecord:
 
     def _over(self) -> list[fx.Effect]:
         self.stage = Stage.OVER
+        self.facts.ended = True
         return self._release()
 
     def _release(self) -> list[fx.Effect]:

@@ -26,10 +26,6 @@ is asked once more. rclpy's servers say both of a goal that they are just accept
 in the same words where it has just ended (R12). Then the second answer, or the result, says so;
 0.3 s is enough for both to come from a server that is not busy."""
 
-NEVER_ARRIVED = 30.0
-"""Seconds for which a live server has to say that it does not know a goal, before the request is
-taken for lost. A server may answer so while its goal callback decides, and few take longer."""
-
 
 class Stage(Enum):
     """Where the goal is, as far as this side knows."""

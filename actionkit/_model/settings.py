@@ -18,7 +18,7 @@ MOST = 1e9
 """The largest number that can be set: 31 years, where it is seconds. A clock in nanoseconds, as
 the middleware's is, ends after 292 years, and several times may be added up on the way to it."""
 MOST_TEXT = "1e9"
-_RESEND = ("never_accepted", "confirmed_stopped", "always")
+_RESEND = ("never_accepted", "confirmed_stopped", "server_gone", "always")
 
 
 def check_seconds(name: str, value: object, *, optional: bool = True) -> float | None:
@@ -106,7 +106,9 @@ class RetryPolicy:
         jitter: The share of each pause that is random, 0 to 1.
         resend: Whether a goal that may have reached the server is followed by another:
             `"never_accepted"` only where no server accepted it, `"confirmed_stopped"` also where
-            it is known to run no more, `"always"` even where it may still run.
+            it is known to run no more, `"server_gone"` also where its server is out of sight,
+            though a server that only hangs or is cut off may still run it, `"always"` even where a
+            server in sight may.
         stop: A tenacity stop strategy, in place of `attempts`.
         wait: A tenacity wait strategy, in place of the pauses.
 
@@ -125,7 +127,9 @@ class RetryPolicy:
     factor: float = 2.0
     max_pause: float = 5.0
     jitter: float = 0.2
-    resend: Literal["never_accepted", "confirmed_stopped", "always"] = "confirmed_stopped"
+    resend: Literal["never_accepted", "confirmed_stopped", "server_gone", "always"] = (
+        "confirmed_stopped"
+    )
     stop: Callable[[Any], bool] | None = None
     wait: Callable[[Any], float] | None = None
 

@@ -204,6 +204,10 @@ class Link:
             if listener.unwanted:
                 self._outbox.discard(key)
                 continue  # the caller has cancelled, which this thread will hear soon
+            if listener.held_back:
+                self._outbox.discard(key)
+                listener.on_server_lost("")  # that of an earlier goal is back: it waits again
+                continue
             self._feedback.start()
             try:
                 self._requests.send_goal(key, goal)

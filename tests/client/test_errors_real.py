@@ -46,7 +46,13 @@ SCENARIOS = {
         status=GoalState.TIMED_OUT,
         cancel=CancelReport.UNKNOWN,
     ),
-    "server gone": Scenario("vanishes", ak.ServerLostError, "was lost", status=GoalState.LOST),
+    "server gone": Scenario(
+        "vanishes",
+        ak.ServerLostError,
+        "was lost",
+        status=GoalState.LOST,
+        cancel=CancelReport.UNKNOWN,
+    ),
     "stalled": Scenario(
         "never_finishes",
         ak.FeedbackStalledError,

@@ -21,6 +21,7 @@ POLICIES = {
     "no retries": RetryPolicy.none(),
     "never_accepted": RetryPolicy(resend="never_accepted"),
     "confirmed_stopped": RetryPolicy(),
+    "server_gone": RetryPolicy(resend="server_gone"),
     "always": RetryPolicy(resend="always"),
 }
 

@@ -99,7 +99,7 @@ with three attempts; the default is `confirmed_stopped`.
   longer. "-": there was nothing that it had to notice.
 - **executed**: how many goals of the call began to execute, those cut short by the fault included.
 - **at one time**: the most of them that executed at one time. More than one only where `always`
-  says so, and with two servers.
+  says so, with two servers, and with `server_gone` where a server was only out of reach.
 - **left running**: goals that nobody waits for, still running at the end, when a server is there
   again. Always 0.
 """

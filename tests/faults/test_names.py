@@ -56,7 +56,7 @@ def test_another_type_takes_the_name(action_server, make_caller, ros_domain, rec
         seen = lab.seen()
         assert other.count("goal_received") == 0
     # It is not to be told that nothing was sent.
-    assert "attempt 2 sent nothing" in seen[f"{ACCEPTED}/confirmed_stopped"].text
+    assert "attempt 2 sent nothing" in seen[f"{ACCEPTED}/server_gone"].text
     lab.server.restart()
     lab.still_works()
     record(lab.rows(page.OTHER_TYPE, struck, seen))

@@ -7,6 +7,7 @@ side: a goal that was sent may be running until somebody said that it does not.
 
 from __future__ import annotations
 
+import concurrent.futures
 import math
 import uuid
 from collections import OrderedDict, deque
@@ -111,6 +112,9 @@ class Link:
         while self.ready and not self.busy and self.queue:
             key, listener = self.queue.popitem(last=False)
             if listener.unwanted:
+                continue
+            if listener.held_back:
+                listener.on_server_lost("")
                 continue
             self.listeners[key] = listener
             self.life.note_sent(key)
@@ -418,7 +422,7 @@ class CallLife:
             goal = found[0]
             goal.answered += 1
             goal.denied += 1
-            if not goal.accepted and (goal.copies == 1 or goal.denied > 1):
+            if not goal.accepted and goal.denied == goal.copies:
                 goal.may_run = False
             self.does(found[1].on_rejected)
 
@@ -440,8 +444,7 @@ class CallLife:
         goal, listener = found
         goal.results_answered += 1
         if state is None:
-            denied = goal.denied and not goal.accepted
-            goal.may_run = goal.may_run and not (goal.accepted or goal.lost or denied)
+            goal.may_run = goal.may_run and not (goal.accepted and self.is_in_sight(goal))
             goal.unknown = True
             self.does(listener.on_result, None, None, self.clock)
             return
@@ -462,7 +465,7 @@ class CallLife:
         if answer is CancelAnswer.UNKNOWN_GOAL:
             goal.unknown = True
             goal.cancels_in_vain += 1
-            goal.may_run = goal.may_run and not goal.lost
+            goal.may_run = goal.may_run and not (goal.lost and self.is_in_sight(goal))
             # It is asked again: it may know the goal by then.
             self.timers.arm(self.clock + 1.0, lambda: self.link.ask_cancel(listener, urgent=False))
         else:
@@ -496,7 +499,7 @@ class CallLife:
     def _is_idle(self) -> bool:
         """Whether no goal is under way: a pause, or a wait for a server or for its turn."""
         attempt = self.call._attempt
-        judged = self.call._judging.under_way
+        judged = self.call._judging.under_way or self.call.machine.confirming
         return not judged and (attempt is None or not attempt.goal.in_flight)
 
     def _require_end_of_idle(self, idle: bool) -> None:
@@ -534,11 +537,22 @@ class CallLife:
         if not holds:
             raise Broken(f"{promise}: {self.told}")
 
+    def is_in_sight(self, goal: OnServers) -> bool:
+        """Whether the server that a goal was sent to is in sight."""
+        return goal.server in self.link.in_sight
+
     def note_sent(self, key: bytes) -> None:
-        self.require(not self.done and self.call._ending is None, "nothing is sent after the end")
+        self.require(
+            not self.done and self.call.machine.ending is None, "nothing is sent after the end"
+        )
         self.require(self.wanted and not self.closed, "nothing is sent that nobody wants")
         self.require(not self.cancelled_by_others, "what others cancelled is not retried (C4.4)")
-        others = [goal for other, goal in self.goals.items() if other != key and goal.may_run]
+        gone = self.retry.resend == "server_gone"  # which forgets those that are out of sight
+        others = [
+            goal
+            for other, goal in self.goals.items()
+            if other != key and goal.may_run and not (gone and not self.is_in_sight(goal))
+        ]
         at_least_once = self.retry.resend == "always"
         self.require(not others or at_least_once, "two goals never run at once (C4.2)")
         goal = self.goals.setdefault(key, OnServers())
@@ -600,14 +614,21 @@ class CallLife:
         )
         running = any(goal.may_run for goal in self.goals.values())
         if outcome.cancel in (CancelReport.NOT_NEEDED, CancelReport.CONFIRMED):
-            at_least_once = self.retry.resend == "always"
-            self.require(not running or at_least_once, f"{outcome.cancel} means: nothing runs")
+            self.require(not running, f"{outcome.cancel} means: nothing runs")
+        cancelled = isinstance(outcome.error, concurrent.futures.CancelledError)
+        self.require(not (cancelled and running), "CancelledError means: nothing runs (C2.8)")
+        for key, goal in self.goals.items():
+            if goal.may_run and outcome.error is not None:
+                named = str(uuid.UUID(bytes=key)) in str(outcome.error)
+                self.require(named, "the error names each goal that may run (C2.8)")
+                self.require("STILL" in str(outcome.error), "and says so")
         if outcome.error is None:
             approved = not self.judged or self.verdict in (Verdict.SUCCESS, None)
             self.require(approved, "what nobody called a success is none (C3.3)")
             may_be = outcome.status in (GoalState.SUCCEEDED, GoalState.ABORTED)
             self.require(may_be, "what was rejected or canceled is no success (C3.3)")
-            self.require(not running or self.retry.resend == "always", "a success is the last word")
+            may = self.retry.resend in ("always", "server_gone")
+            self.require(not running or may, "a success is the last word")
 
     def check_server_was_there(self, outcome: Outcome[Any]) -> None:
         """No server is one error, and is not tried again (C2.7)."""

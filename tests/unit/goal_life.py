@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 from actionkit._goal.effects import (
@@ -53,7 +53,8 @@ class OnServer:
         awaiting: Whether a server is waited for, to send a request.
         queued: Whether a request waits for its turn.
         accepted: Whether the server has shown that it took the goal.
-        lost: Whether the server is out of sight.
+        lost: Whether the server is out of sight, or was and has not shown the goal again.
+        back: Whether it is in sight again.
         ended: Whether a terminal state was seen.
         denied: Whether the server did not know it when it was asked last, and may yet take it (R6).
         forgotten_at: When it first did not know the goal any more that it had shown to have.
@@ -67,6 +68,7 @@ class OnServer:
     queued: bool = False
     accepted: bool = False
     lost: bool = False
+    back: bool = False
     ended: bool = False
     denied: bool = False
     forgotten_at: float | None = None
@@ -103,23 +105,24 @@ class OnServer:
             self.progress = GoalProgress.UNANSWERED
         elif not self.has_it:
             return
-        elif event == "server_lost" and not self.lost:
-            self.lost = True
+        elif event == "server_lost" and self.lost:
+            self.back = False
+        elif event == "server_lost":
+            self.lost, self.back = True, False
             self.over = self.ended  # its result went with it
         elif event == "server_back":
+            self.back = self.lost
             self.lost = self.lost and self.accepted
-        elif event == "rejected" and not (self.accepted or self.waits):
+        elif event == "rejected" and not self.accepted:
             self._rejected()
         elif event == "result" and args[0] is None:
             if self.accepted and not self.lost:
                 self._forgotten(now, asked_at)
-            elif self.rejections and not self.lost:
-                self._rejected()
             else:
-                self._unknown(final=self.lost)
+                self._unknown()
         elif (event, args) == ("cancel_answered", (CancelAnswer.UNKNOWN_GOAL,)):
             if self.lost or not self.accepted:
-                self._unknown(final=self.lost)
+                self._unknown()
         elif event in ("accepted", "feedback", "status", "result", "cancel_answered"):
             # Whatever else a server says of a goal proves that it took it.
             self.accepted, self.lost, self.denied = True, False, False
@@ -130,7 +133,7 @@ class OnServer:
     def _rejected(self) -> None:
         """A server that was sent the same id twice rejects the second of them (R5)."""
         self.rejections += 1
-        if self.rejections > self.resent:
+        if self.rejections >= self.copies:
             self.over = True
             self.progress = GoalProgress.REJECTED
 
@@ -141,8 +144,10 @@ class OnServer:
         elif asked_at >= self.forgotten_at + DOUBT:
             self.over = True
 
-    def _unknown(self, *, final: bool) -> None:
-        self.over, self.denied = final, not final
+    def _unknown(self) -> None:
+        """Of a lost goal only the server that had it can say so (C5.7)."""
+        self.over = self.lost and self.back
+        self.denied = self.denied or not self.lost
 
     def carry_out(self, effect: Effect) -> None:
         if isinstance(effect, AwaitServer):
@@ -437,14 +442,20 @@ class Life:
         """Return a life that goes its own way from here."""
         twin = copy.copy(self)
         twin.goal, twin.server = copy.copy(self.goal), copy.copy(self.server)
+        twin.goal.facts = copy.copy(self.goal.facts)
         twin.timers, twin.all, twin.told = dict(self.timers), [], list(self.told)
         return twin
 
     def situation(self) -> tuple[object, ...]:
         """Return what the future depends on: alike for two lives that differ in the time only."""
         fields = [*vars(self.goal).items(), *vars(self.server).items()]
+        fields.append(("facts", astuple(self.goal.facts)))
         same = ("_timeouts", "_deadline")
-        facts = [self._age(name, value) for name, value in fields if name not in same]
+        facts = [
+            self._age(*each)
+            for each in fields
+            if each[0] not in same and each[1] is not self.goal.facts
+        ]
         armed = sorted((t.value, max(at - self.now, 0.0)) for t, at in self.timers.items())
         left = None if self.deadline is None else max(self.deadline - self.now, 0.0)
         flags = [v for v in vars(self).values() if isinstance(v, bool)]

@@ -63,7 +63,7 @@ PURE = (
     "_ros.wire",
 )
 ROS = ("rclpy", "action_msgs", "unique_identifier_msgs")
-LONGEST = 350
+LONGEST = 420
 
 
 @cache

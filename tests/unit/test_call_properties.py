@@ -5,6 +5,7 @@ What must hold is in call_life, and is checked after each event.
 
 from __future__ import annotations
 
+import concurrent.futures
 import re
 from typing import Any
 
@@ -53,7 +54,7 @@ policies = st.builds(
     RetryPolicy,
     attempts=st.integers(1, 4),
     jitter=st.just(0.0),
-    resend=st.sampled_from(["confirmed_stopped"] * 3 + ["never_accepted", "always"]),
+    resend=st.sampled_from(["confirmed_stopped", "server_gone"] * 2 + ["never_accepted", "always"]),
 )
 lives = st.builds(
     CallLife,
@@ -103,7 +104,8 @@ def test_no_goal_is_ever_lost_track_of(life: CallLife, events: list[Event]) -> N
         return
     life.happens("ready")  # it asks of itself about what is lost
     life.happens("wait", 0.1)
-    before = {key: goal.asked for key, goal in life.goals.items() if goal.may_run}
+    seen = life.is_in_sight
+    before = {key: goal.asked for key, goal in life.goals.items() if goal.may_run and seen(goal)}
     life.happens("wait", 31.0)
     for key, asked in before.items():
         waits = key in life.link.queue  # for its turn to be sent again
@@ -131,9 +133,9 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
         [*LOST, ("ready",), ("feedback", 0), *PAUSE, ("ready",)],
         1,
     ),
-    "a lost goal keeps all later attempts back": (
+    "a lost goal whose server is back keeps all later attempts back": (
         {"server": 1.0},
-        [*LOST, *PAUSE, ("wait", 1.0), ("wait", 1.0), ("ready",)],
+        [*LOST, *PAUSE, ("wait", 1.0), ("wait", 1.0), ("back",)],
         1,
     ),
     "a lost goal that no server knows makes room for the next": (
@@ -252,10 +254,20 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
 
 
 def lived(events: list[Event], **options: Any) -> CallLife:
-    life = CallLife(**options)
+    """Live through it with a policy that tries again when the server is gone."""
+    life = CallLife(**{"retry": RetryPolicy(jitter=0.0, resend="server_gone")} | options)
     for each in events:
         life.happens(*each)
     return life
+
+
+@pytest.mark.parametrize("back", ["ready", "back", "restarted"])
+def test_by_default_nothing_is_sent_after_a_server_was_lost(back: str) -> None:
+    """A process that only hangs, or made its server anew, may run the goal (C4.2)."""
+    life = lived([*LOST, (back,), *PAUSE, ("cancel_answer", 0, UNKNOWN)], retry=RetryPolicy())
+    assert life.sends == 1
+    assert "resend='server_gone' tries again" in str(life.outcome.error)
+    assert life.outcome.cancel is CancelReport.UNKNOWN
 
 
 @pytest.mark.parametrize("promise", SUBTLE)
@@ -310,6 +322,34 @@ def test_a_pause_ends_at_once(end: str) -> None:
     assert life.outcome.cancel is not None
     assert life.outcome.cancel.name == "UNKNOWN"  # the lost goal may run on
     assert life.clock == 1000.0
+
+
+PAUSED_BESIDE_ONE: list[Event] = [*SENT, ("wait", 7.0), ("accepted", 0)]
+"""In the pause of a call that tries again at any price; its first goal was accepted late."""
+ANY_PRICE = RetryPolicy(jitter=0.0, resend="always", initial=5.0)
+END_EARLIER = [
+    # How the earlier goal ends, when the call does, and with what.
+    (("result", 0, GoalState.CANCELED), 0.0, concurrent.futures.CancelledError),
+    (("result", 0, GoalState.SUCCEEDED), 0.0, type(None)),
+    (("gone",), 2.0, errors.DeadlineExceededError),
+    (("wait", 0.0), 2.0, errors.DeadlineExceededError),
+]
+
+
+@pytest.mark.parametrize(("how", "after", "error"), END_EARLIER)
+def test_who_cancels_in_a_pause_waits_for_the_goals_that_run(
+    how: Event, after: float, error: type
+) -> None:
+    life = lived([*PAUSED_BESIDE_ONE, ("cancel",)], retry=ANY_PRICE)
+    assert not life.done
+    begun = life.clock
+    life.happens(*how)
+    life.wait_until(begun + after)
+    assert life.done
+    assert type(life.outcome.error) is error
+    if after:
+        assert life.outcome.cancel is CancelReport.UNKNOWN
+        assert f"{life.outcome.goal_id}" in str(life.outcome.error)
 
 
 def test_the_budget_forbids_retries_and_counts_each_call() -> None:
@@ -413,7 +453,7 @@ def test_a_call_without_any_time(ready: bool) -> None:
 
 
 def test_a_server_that_is_there_and_says_nothing_of_the_earlier_goal() -> None:
-    life = lived([*LOST, *PAUSE, ("ready",), ("wait", 11.0)])
+    life = lived([*LOST, *PAUSE, ("back",), ("wait", 11.0)])
     assert type(life.outcome.error) is errors.ServerLostError
     assert "has not said whether the earlier goal still runs" in str(life.outcome.error)
     assert (life.sends, life.outcome.attempts) == (1, 3)
@@ -421,7 +461,7 @@ def test_a_server_that_is_there_and_says_nothing_of_the_earlier_goal() -> None:
 
 def test_a_server_that_comes_back_later_than_it_is_waited_for_once_is_tried() -> None:
     life = lived([*LOST, ("wait", 7.0), ("ready",), ("cancel_answer", 0, UNKNOWN)])
-    assert (life.sends, life.call._attempts) == (2, 3)
+    assert (life.sends, life.call.machine.attempts) == (2, 3)
 
 
 @pytest.mark.parametrize("limits", [{"server": 2.0}, {"server": None, "timeout": 2.0}])
@@ -444,9 +484,7 @@ SUCCEEDED: Event = ("result", 0, GoalState.SUCCEEDED)
 
 def test_a_rejection_counts_also_where_the_server_went_out_of_sight_before_it_came() -> None:
     """Else the server, once back, would be asked for ever about a goal that it will not take."""
-    life = CallLife(server=None, accept=None)
-    for each in [("ready",), ("gone",), ("rejected", 0)]:
-        life.happens(*each)
+    life = lived([("ready",), ("gone",), ("rejected", 0)], server=None, accept=None)
     assert isinstance(life.outcome.error, errors.GoalRejectedError)
 
 
@@ -595,7 +633,7 @@ def test_strategies_decide_off_the_thread() -> None:
     life = lived([*LOST, ("judge", None)], strategies=True)
     assert life.call.state is GoalState.RETRYING
     life.happens("wait", 0.25)
-    assert life.call._attempts == 2
+    assert life.call.machine.attempts == 2
 
 
 @pytest.mark.parametrize("how", ["stop raises", "wait raises", "nonsense"])

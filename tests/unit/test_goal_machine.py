@@ -210,16 +210,22 @@ def test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled(
 
 
 @pytest.mark.parametrize("answer", ["cancel", "result"])
-def test_a_lost_goal_is_forgotten_when_the_server_that_comes_does_not_know_it(answer: str) -> None:
+@pytest.mark.parametrize("back", [False, True])
+def test_a_lost_goal_is_forgotten_when_its_own_server_does_not_know_it(
+    answer: str, back: bool
+) -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED)
     life.tell("server_lost", "gone")
+    life.see("server_back" if back else "server_ready")
     if answer == "cancel":
         life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
     else:
         life.tell("result", None, None)
-    assert life.goal.stage is Stage.OVER
-    assert life.count(Release) == 1
+    assert life.goal.stage is (Stage.OVER if back else Stage.LOST)
+    assert life.count(Release) == back
+    assert life.goal.facts.may_run != back
+    assert not life.timers  # another server is not asked again and again
 
 
 @pytest.mark.parametrize("answer", ["cancel", "result"])
@@ -373,13 +379,13 @@ def test_a_denied_goal_that_shows_signs_of_life_was_a_duplicate(proof: str) -> N
     assert GoalState.REJECTED not in life.states
 
 
-@pytest.mark.parametrize("order", [("rejected", "rejected"), ("rejected", "unknown")])
-def test_a_denied_goal_that_the_server_does_not_know_was_rejected(order: tuple[str, ...]) -> None:
+def test_a_goal_is_rejected_when_each_request_for_it_is() -> None:
     life = Life(resent=True)
-    life.see(*UNTIL_SENT)
-    for event in order:
-        assert life.end is None
-        life.tell(*(("result", None, None) if event == "unknown" else (event,)))
+    life.see(*UNTIL_SENT, "rejected")
+    life.tell("result", None, None)  # the first request may be accepted yet (R6)
+    assert life.end is None
+    assert life.goal.facts.may_run
+    life.see("rejected")
     assert life.ending is not None
     assert (life.end, life.ending.progress) == (End.REJECTED, GoalProgress.REJECTED)
     assert life.count(Release) == 1

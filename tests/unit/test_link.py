@@ -100,7 +100,7 @@ class Listener:
 
     def __init__(self) -> None:
         self.goal_id = uuid.uuid4()
-        self.unwanted = False
+        self.unwanted = self.held_back = False
         self.told: list[str] = []
 
     def __getattr__(self, name: str) -> Callable[..., None]:
@@ -234,6 +234,14 @@ def test_a_goal_that_is_unwanted_meanwhile_is_not_sent(world: World) -> None:
     world.serve(A)
     assert (first.news(), second.news()) == ([], ["sent"])
     assert len(world.entities.goal.sent) == 1
+
+
+def test_a_goal_waits_on_where_an_earlier_one_of_its_call_may_run_meanwhile(world: World) -> None:
+    """The server of the earlier one may have come back while this one waited for its turn."""
+    first, second = world.send(), world.send()
+    first.held_back = True
+    world.serve(A)
+    assert (first.news(), second.news()) == (["server_lost"], ["sent"])
 
 
 def test_goals_that_are_unwanted_hold_up_no_other(world: World) -> None:

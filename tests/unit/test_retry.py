@@ -23,25 +23,25 @@ from actionkit._threads.clock import TimerHandle
 # --- resend safety (contract C4.2) -------------------------------------------------------------
 
 NO, SAME, NEW = Resend.NO, Resend.SAME_ID, Resend.NEW_ID
-POLICIES = ("never_accepted", "confirmed_stopped", "always")
-TABLE: dict[tuple[GoalProgress, GoalFate], tuple[Resend, Resend, Resend]] = {
+POLICIES = ("never_accepted", "confirmed_stopped", "server_gone", "always")
+TABLE: dict[tuple[GoalProgress, GoalFate], tuple[Resend, ...]] = {
     # What became of the earlier goal: what each policy, in the order above, makes of it.
-    (GoalProgress.NEVER_SENT, GoalFate.NOTHING): (NEW, NEW, NEW),
-    (GoalProgress.NEVER_SENT, GoalFate.UNKNOWN_TO_SERVER): (NEW, NEW, NEW),
-    (GoalProgress.NEVER_SENT, GoalFate.SERVER_GONE): (NEW, NEW, NEW),
-    (GoalProgress.NEVER_SENT, GoalFate.STOPPED): (NEW, NEW, NEW),
-    (GoalProgress.UNANSWERED, GoalFate.NOTHING): (NO, NO, NEW),
-    (GoalProgress.UNANSWERED, GoalFate.UNKNOWN_TO_SERVER): (NO, SAME, NEW),
-    (GoalProgress.UNANSWERED, GoalFate.SERVER_GONE): (NO, NEW, NEW),
-    (GoalProgress.UNANSWERED, GoalFate.STOPPED): (NO, NEW, NEW),
-    (GoalProgress.REJECTED, GoalFate.NOTHING): (NEW, NEW, NEW),
-    (GoalProgress.REJECTED, GoalFate.UNKNOWN_TO_SERVER): (NEW, NEW, NEW),
-    (GoalProgress.REJECTED, GoalFate.SERVER_GONE): (NEW, NEW, NEW),
-    (GoalProgress.REJECTED, GoalFate.STOPPED): (NEW, NEW, NEW),
-    (GoalProgress.ACCEPTED, GoalFate.NOTHING): (NO, NO, NEW),
-    (GoalProgress.ACCEPTED, GoalFate.UNKNOWN_TO_SERVER): (NO, NO, NEW),
-    (GoalProgress.ACCEPTED, GoalFate.SERVER_GONE): (NO, NEW, NEW),
-    (GoalProgress.ACCEPTED, GoalFate.STOPPED): (NO, NEW, NEW),
+    (GoalProgress.NEVER_SENT, GoalFate.NOTHING): (NEW, NEW, NEW, NEW),
+    (GoalProgress.NEVER_SENT, GoalFate.UNKNOWN_TO_SERVER): (NEW, NEW, NEW, NEW),
+    (GoalProgress.NEVER_SENT, GoalFate.SERVER_GONE): (NEW, NEW, NEW, NEW),
+    (GoalProgress.NEVER_SENT, GoalFate.STOPPED): (NEW, NEW, NEW, NEW),
+    (GoalProgress.UNANSWERED, GoalFate.NOTHING): (NO, NO, NO, NEW),
+    (GoalProgress.UNANSWERED, GoalFate.UNKNOWN_TO_SERVER): (NO, SAME, SAME, NEW),
+    (GoalProgress.UNANSWERED, GoalFate.SERVER_GONE): (NO, NO, NEW, NEW),
+    (GoalProgress.UNANSWERED, GoalFate.STOPPED): (NO, NEW, NEW, NEW),
+    (GoalProgress.REJECTED, GoalFate.NOTHING): (NEW, NEW, NEW, NEW),
+    (GoalProgress.REJECTED, GoalFate.UNKNOWN_TO_SERVER): (NEW, NEW, NEW, NEW),
+    (GoalProgress.REJECTED, GoalFate.SERVER_GONE): (NEW, NEW, NEW, NEW),
+    (GoalProgress.REJECTED, GoalFate.STOPPED): (NEW, NEW, NEW, NEW),
+    (GoalProgress.ACCEPTED, GoalFate.NOTHING): (NO, NO, NO, NEW),
+    (GoalProgress.ACCEPTED, GoalFate.UNKNOWN_TO_SERVER): (NO, NO, NO, NEW),
+    (GoalProgress.ACCEPTED, GoalFate.SERVER_GONE): (NO, NO, NEW, NEW),
+    (GoalProgress.ACCEPTED, GoalFate.STOPPED): (NO, NEW, NEW, NEW),
 }
 
 
@@ -60,7 +60,7 @@ def test_whether_a_goal_is_sent_again(progress: GoalProgress, fate: GoalFate, re
 
 @pytest.mark.parametrize("progress", [GoalProgress.UNANSWERED, GoalProgress.ACCEPTED])
 def test_only_at_least_once_sends_again_what_may_be_running(progress: GoalProgress) -> None:
-    for policy in POLICIES[:2]:
+    for policy in POLICIES[:3]:
         assert how_to_resend(progress, GoalFate.NOTHING, policy) is Resend.NO
 
 

@@ -175,8 +175,7 @@ class ServerMonitor:
 
     def may_be_elsewhere(self, key: bytes) -> bool:
         """Whether a server that does not know the goal may be another than the one that has it."""
-        goal = self._goals.get(key)
-        return goal is not None and bool(goal.servers) and self.readiness.count > 1
+        return self.sees_server_of(key) and self.readiness.count > 1
 
     # --- after this process itself stood still ---------------------------------------------
 
@@ -315,7 +314,7 @@ class ServerMonitor:
             replaced = frozenset(gid for gid in goal.servers if nodes.get(gid) in newer)
             if replaced:
                 goal.sent_to -= replaced
-                self._lose(listener, goal, replaced, "its server was restarted")
+                self._lose(listener, goal, replaced, "another server of its name answers")
                 if self.readiness.ready:
                     listener.on_server_ready()  # the other may say that it has no such goal
         if "" in nodes.values() and self._goals:

@@ -1,0 +1,556 @@
+"""Visits every state that a call, its goals and its servers can reach, and checks the promises.
+
+The call's machine and the goals' machines are the real ones. Beside them stands the truth: what
+each server does with each goal. Promises are checked against the truth. Time is only an order: each
+armed timer may fire at any time; there is one moment after which the call's deadline has passed.
+"""
+
+from __future__ import annotations
+
+import copy
+import uuid
+from collections import deque
+from dataclasses import astuple
+from typing import Any
+
+from actionkit import CancelReport, Timeouts
+from actionkit._calls import machine as mx
+from actionkit._calls.machine import CallMachine, Phase
+from actionkit._calls.retry import GiveUp, Resend, Retry, how_to_resend
+from actionkit._goal import effects as fx
+from actionkit._goal.machine import Goal
+from actionkit._goal.stages import Stage
+from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._model.values import GoalState, Verdict
+
+NO, UNSEEN, SEEN, ENDED, STOPPED = "-uret"
+"""What a server does with a goal: nothing, runs it (untold, or told), has ended it and not told,
+does not run it any more."""
+ABSENT, UP, HUNG, DEAD = "aUHD"
+DEADLINE = 1000.0
+JUDGED = (fx.End.SUCCEEDED, fx.End.ABORTED, fx.End.REJECTED, fx.End.CANCELED_BY_OTHER)
+TRANSIENT = (fx.End.NO_ACCEPTANCE, fx.End.LOST, fx.End.STALLED)
+
+
+UNIMPORTANT = ("_timeouts", "_deadline", "_reask_after", "facts", "state", "_phase")
+
+
+class Broken(Exception):
+    """A promise does not hold."""
+
+
+def may_run(undecided: int, does: str) -> bool:
+    """Whether a server runs a goal or may yet take it; it takes an id only once (R5)."""
+    return does in (UNSEEN, SEEN) or (undecided > 0 and does == NO)
+
+
+class Attempt:
+    """What `_calls.attempt` does, without a link."""
+
+    def __init__(self, goal_id: uuid.UUID, goal: Goal, number: int) -> None:
+        self.goal_id, self.goal, self.number = goal_id, goal, number
+        self.sent_to: frozenset[int] = frozenset()
+        self.timers: frozenset[fx.Timer] = frozenset()
+        self.queued = self.awaiting = self.asked = self.released = self.answered = False
+        self.in_sight: frozenset[int] = frozenset()
+
+    @property
+    def cancel_is_ours(self) -> bool:
+        return self.asked
+
+    @property
+    def is_out_of_sight(self) -> bool:
+        return self.goal.facts.lost and not self.sent_to & self.in_sight
+
+    def supersede(self) -> None:
+        self.goal.supersede()
+        self.released, self.timers = True, frozenset()
+
+    def on_server_ready(self) -> None: ...
+
+    def key(self, truth: Any) -> tuple[Any, ...]:
+        if self.released:
+            return (self.goal.facts.fate, self.sent_to, tuple(map(tuple, truth)))
+        fields = [
+            (value is None) if name.endswith("_at") else value
+            for name, value in vars(self.goal).items()
+            if name not in UNIMPORTANT
+        ]
+        facts = astuple(self.goal.facts)[1:]
+        mine = tuple(v for n, v in vars(self).items() if n not in ("goal_id", "goal", "in_sight"))
+        return (*fields, facts, mine, tuple(map(tuple, truth)))
+
+
+class World:
+    """The truth, with the machines in it."""
+
+    def __init__(self, resend: str, attempts: int, servers: int, returns: int = 1) -> None:
+        self.ids = iter(uuid.UUID(int=number + 1) for number in range(100))
+        self.m = CallMachine(resend, 5.0, lambda: next(self.ids))
+        self.most = attempts
+        self.servers = [ABSENT] * servers
+        self.attempts: list[Attempt] = []
+        self.truth: dict[uuid.UUID, list[list[Any]]] = {}
+        self.asked: Any = None  # what is judged or planned
+        self.pause: bool | None = None
+        self.grace = self.closed = self.late = False
+        self.settled, self.returns = 0, returns
+        self.told_success = False  # a success was told, and nobody has judged it so far
+        self.ended_well = False
+        self.do(self.m.begin(None))
+
+    def copy(self) -> World:
+        twin = copy.copy(self)
+        twin.servers = self.servers[:]
+        twin.truth = {key: [each[:] for each in goal] for key, goal in self.truth.items()}
+        twins: dict[int, Attempt] = {}
+        facts: dict[int, Any] = {}
+        twin.attempts = []
+        for each in self.attempts:
+            mine = copy.copy(each)
+            mine.goal = copy.copy(each.goal)
+            known = facts.get(id(each.goal.facts)) or copy.copy(each.goal.facts)
+            facts[id(each.goal.facts)] = mine.goal.facts = known
+            twins[id(each)] = mine
+            twin.attempts.append(mine)
+        m = twin.m = copy.copy(self.m)
+        m._new_id = lambda: next(twin.ids)
+        twin.ids = (
+            copy.copy(self.ids)
+            if False
+            else iter(
+                uuid.UUID(int=n) for n in range(len(self.truth) + len(self.attempts) + 50, 10**6)
+            )
+        )
+        m.goals = copy.copy(m.goals)
+        m.goals._goals = [facts.get(id(each), each) for each in m.goals._goals]
+        m.earlier = [twins[id(each)] for each in m.earlier]
+        m.attempt = twins.get(id(m.attempt))
+        m.previous = twins.get(id(m.previous))
+        return twin
+
+    def key(self) -> tuple[Any, ...]:
+        m = self.m
+        nothing = [[0, NO]] * len(self.servers)
+        goals = tuple(each.key(self.truth.get(each.goal_id, nothing)) for each in self.attempts)
+        if m.phase is Phase.ENDED:
+            return self.settled, self.returns, goals, tuple(self.servers)
+        ended = m.ending and (m.ending.end, m.ending.may_run != ())
+        last = m._last and m._last.end
+        asked = self.asked and (self.asked.end, self.asked.progress, self.asked.fate)
+        flags = (self.grace, self.closed, self.late, m.unwanted, bool(m.closing), self.told_success)
+        rest = (m.attempts, self.pause, self.settled, self.returns, self.ended_well)
+        return m.phase, ended, last, asked, flags, rest, goals, tuple(self.servers)
+
+    # --- the driver ------------------------------------------------------------------------
+
+    @property
+    def now(self) -> float:
+        return DEADLINE + 1 if self.late else 0.0
+
+    @property
+    def up(self) -> frozenset[int]:
+        return frozenset(s for s, state in enumerate(self.servers) if state == UP)
+
+    def do(self, effects: list[mx.Effect]) -> None:
+        m = self.m
+        for effect in effects:
+            if isinstance(effect, mx.Try):
+                if effect.resent:
+                    m.previous.supersede()
+                goal = Goal(Timeouts(feedback=3.0), DEADLINE, resent=effect.resent)
+                goal.facts.goal_id = m.goal_id
+                made = Attempt(m.goal_id, goal, m.attempts)
+                made.in_sight = self.up
+                if effect.resent:
+                    made.sent_to = m.previous.sent_to
+                self.attempts.append(made)
+                m.made(made, resent=effect.resent)
+                self.apply(made, goal.start(self.now))
+                for each in list(m.earlier):
+                    if each.goal.stage is Stage.LOST and self.up:
+                        self.ready(each)
+            elif isinstance(effect, (mx.Judge, mx.Plan)):
+                self.asked = effect.ending
+            elif isinstance(effect, mx.CutJudging):
+                self.grace = True
+            elif isinstance(effect, mx.Pause):
+                self.pause = effect.same_id
+            elif isinstance(effect, mx.StopRetrying):
+                self.asked = self.pause = None
+            elif isinstance(effect, mx.Withdraw):
+                effect.attempt.supersede()
+                effect.attempt.queued = effect.attempt.awaiting = False
+            elif isinstance(effect, mx.AwaitEarlier):
+                self.grace = True
+            elif isinstance(effect, mx.StopAwaiting):
+                self.grace = False
+            elif isinstance(effect, mx.Finish):
+                self.settled += 1
+                self.grace = False
+                self.check_ending(effect.ending)
+
+    def apply(self, attempt: Attempt, effects: list[fx.Effect]) -> None:
+        for effect in effects:
+            if isinstance(effect, fx.Arm):
+                attempt.timers |= {effect.timer} - {fx.Timer.REASK}
+            elif isinstance(effect, fx.Disarm):
+                attempt.timers -= {effect.timer}
+            elif isinstance(effect, fx.AwaitServer):
+                attempt.awaiting = True
+                if self.up:
+                    self.ready(attempt)
+            elif isinstance(effect, fx.SendGoal):
+                attempt.awaiting, attempt.queued = False, True
+            elif isinstance(effect, fx.Withdraw):
+                attempt.awaiting = attempt.queued = False
+            elif isinstance(effect, fx.AskCancel):
+                attempt.asked |= bool(attempt.sent_to)
+            elif isinstance(effect, fx.Settle):
+                attempt.timers = frozenset()
+                if attempt is self.m.attempt:
+                    ready = bool(self.up)
+                    self.do(self.m.ended(attempt, effect.ending, late=self.late, ready=ready))
+            elif isinstance(effect, fx.LateResult):
+                self.do(self.m.late_result(attempt, effect.state, effect.result))
+            elif isinstance(effect, fx.Release):
+                attempt.released, attempt.timers = True, frozenset()
+                attempt.queued = attempt.awaiting = False
+                self.over(attempt)
+
+    def over(self, attempt: Attempt) -> None:
+        self.do(self.m.earlier_over())
+        current = self.m.attempt
+        if current is not None and current is not attempt and self.up:
+            self.ready(current)
+
+    def ready(self, attempt: Attempt) -> None:
+        if attempt.goal.stage is Stage.AWAITING_SERVER and not self.m.may_send():
+            return
+        back = attempt.sent_to & self.up
+        goal = attempt.goal
+        self.apply(attempt, (goal.server_back if back else goal.server_ready)(self.now))
+
+    # --- what can happen -------------------------------------------------------------------
+
+    def events(self) -> Any:
+        m = self.m
+        over = m.phase is Phase.ENDED
+        for each in self.attempts:
+            for timer in sorted(each.timers):
+                yield "timer", (each.number, timer)
+            if each.queued and self.up and not m.unwanted:
+                yield "send", each.number
+        if not over:
+            if not m.unwanted:
+                yield "cancel", None
+            if not self.closed:
+                yield "close", False
+                yield "close", True
+            else:
+                yield "end grace", None
+            if self.grace:
+                yield "grace", None
+        if m.phase is Phase.JUDGING and self.asked:
+            if self.asked.end in JUDGED:
+                yield "verdict", Verdict.TRANSIENT
+                yield "verdict", Verdict.PERMANENT
+                if self.asked.end is fx.End.SUCCEEDED:
+                    yield "verdict", Verdict.SUCCESS
+            else:
+                transient = self.asked.end in TRANSIENT
+                yield "verdict", Verdict.TRANSIENT if transient else Verdict.PERMANENT
+        if m.phase is Phase.PLANNING and self.asked:
+            yield "plan", None
+        if self.pause is not None:
+            yield "resume", None
+        for s, state in enumerate(self.servers):
+            if state == UP:
+                yield "hangs", s
+                yield "dies", s
+            elif state == ABSENT or (state == HUNG and self.returns):
+                yield "comes", s
+            if state in (UP, HUNG):
+                for key, goal in self.truth.items():
+                    for event in self.at_server(key, goal[s], state == UP):
+                        yield event, (key, s)
+
+    def at_server(self, key: uuid.UUID, truth: list[Any], up: bool) -> Any:
+        undecided, does = truth
+        asked = any(each.asked for each in self.attempts if each.goal_id == key)
+        if undecided:
+            if does == NO:
+                yield "accepts unseen"
+                if up:
+                    yield "accepts"
+            yield "drops"
+            if up:
+                yield "rejects"
+        if does in (UNSEEN, SEEN):
+            yield "ends unseen"
+            if up:
+                yield from ("succeeds", "aborts", "is canceled")
+                if does == UNSEEN:
+                    yield "shows"
+                if asked:
+                    yield "refuses"
+        elif up and does == ENDED:
+            yield from ("tells success", "forgot")
+        if up and does in (NO, STOPPED):
+            yield "unknown"
+
+    def number(self, number: int) -> Attempt:
+        return next(each for each in self.attempts if each.number == number)
+
+    def happens(self, event: str, arg: Any) -> None:
+        m = self.m
+        for each in self.attempts:
+            each.in_sight = self.up
+        if event == "timer":
+            attempt, timer = self.number(arg[0]), arg[1]
+            attempt.timers -= {timer}
+            self.late |= timer is fx.Timer.DEADLINE
+            self.apply(attempt, attempt.goal.timer(timer, self.now))
+        elif event == "send":
+            self.send(self.number(arg))
+        elif event == "cancel":
+            m.unwanted = True
+            current = m.attempt
+            if current is not None:
+                self.apply(current, current.goal.cancel(self.now))
+            else:
+                self.do(m.stop(fx.End.CANCELLED_BY_CALLER, "why"))
+        elif event == "close":
+            self.closed, m.closing = True, "closed"
+            current = m.attempt
+            if current is not None:
+                self.apply(current, current.goal.close(self.now, abandon=arg))
+            else:
+                self.do(m.stop(fx.End.CLOSED, "why"))
+        elif event in ("end grace", "grace"):
+            current = m.attempt
+            if m.phase is Phase.JUDGING:
+                self.verdict(Verdict.PERMANENT)  # the function was cut short
+            elif current is not None:
+                self.apply(current, current.goal.timer(fx.Timer.CANCEL, self.now))
+            else:
+                self.do(m.end_grace("why"))
+        elif event == "verdict":
+            self.verdict(arg)
+        elif event == "plan":
+            ending, self.asked = self.asked, None
+            how = how_to_resend(ending.progress, ending.fate, m._resend)
+            if how is Resend.NO or m.attempts >= self.most or self.late:
+                self.do(m.planned(ending, GiveUp("no")))
+            else:
+                self.do(m.planned(ending, Retry(0.1, how is Resend.SAME_ID)))
+        elif event == "resume":
+            resent, self.pause = bool(self.pause), None
+            self.do(m.resume(resent=resent))
+        elif event in ("hangs", "dies", "comes"):
+            self.at_graph(event, arg)
+        else:
+            self.at(event, *arg)
+
+    def verdict(self, verdict: Verdict) -> None:
+        ending, self.asked = self.asked, None
+        self.told_success = False
+        self.do(self.m.judged(ending, None, verdict))
+
+    def send(self, attempt: Attempt) -> None:
+        m = self.m
+        attempt.queued = False
+        if not m.may_send():
+            self.apply(attempt, attempt.goal.server_lost("", self.now))
+            return
+        if m.unwanted or m.closing or m.ending:
+            raise Broken("sent though nobody wants it")
+        if self.told_success:
+            raise Broken("sent though an earlier goal has succeeded (C4.3)")
+        for key, goal in self.truth.items():
+            there = [may_run(*t) for t in goal]
+            if key == attempt.goal_id or m._resend == "always" or not any(there):
+                continue
+            if self.exempt(key):
+                continue
+            if m._resend != "server_gone" or any(t and s in self.up for s, t in enumerate(there)):
+                raise Broken("sent while an earlier goal may run (C4.2)")
+        truth = self.truth.setdefault(attempt.goal_id, [[0, NO] for _ in self.servers])
+        for s in self.up:
+            truth[s][0] += 1
+        attempt.sent_to |= self.up
+        self.apply(attempt, attempt.goal.sent(self.now))
+
+    def at_graph(self, event: str, s: int) -> None:
+        before = self.up
+        self.returns -= self.servers[s] == HUNG and event == "comes"
+        self.servers[s] = {"hangs": HUNG, "dies": DEAD, "comes": UP}[event]
+        up = self.up
+        for each in self.attempts:
+            each.in_sight = up
+        if event == "dies":
+            for goal in self.truth.values():
+                goal[s][:] = [0, STOPPED if goal[s] != [0, NO] else NO]
+        for each in list(self.attempts):
+            if each.released:
+                continue
+            if event == "comes":
+                if each.awaiting or each.sent_to:
+                    self.ready(each)
+            elif each.sent_to and s in each.sent_to & before and not each.sent_to & up:
+                self.apply(each, each.goal.server_lost("gone", self.now))
+                self.over(each)
+            elif each.queued and not up:
+                each.queued = False
+                self.apply(each, each.goal.server_lost("gone", self.now))
+
+    def at(self, event: str, key: uuid.UUID, s: int) -> None:
+        truth, now = self.truth[key][s], self.now
+        heard = [e for e in self.attempts if e.goal_id == key and not e.released]
+        listener = heard[-1] if heard else None
+        goal = listener and listener.goal
+        alone = len(self.up) == 1
+        tell: Any = None
+        if event in ("accepts", "accepts unseen"):
+            truth[0] -= 1
+            truth[1] = SEEN if event == "accepts" and goal else UNSEEN
+            tell = event == "accepts" and goal and (lambda: goal.accepted(now))
+        elif event in ("drops", "rejects"):
+            truth[0] -= 1
+            tell = event == "rejects" and goal and (lambda: goal.rejected(now))
+        elif event == "shows":
+            truth[1] = SEEN
+            tell = goal and (lambda: goal.status(GoalState.EXECUTING, now))
+        elif event == "ends unseen":
+            truth[1] = ENDED
+        elif event == "refuses":
+            truth[1] = SEEN
+            answer = CancelAnswer.REFUSED
+            tell = goal and (lambda: goal.cancel_answered(answer, now, asked_at=now + 9))
+        elif event in ("unknown", "forgot"):
+            truth[1] = STOPPED if event == "forgot" else truth[1]
+            # Where several are in sight, the link tells nobody.
+            tell = goal and alone and (lambda: goal.result(None, None, now, asked_at=now + 9))
+        else:
+            truth[1] = STOPPED
+            states = {"aborts": GoalState.ABORTED, "is canceled": GoalState.CANCELED}
+            state = states.get(event, GoalState.SUCCEEDED)
+            if goal and goal.in_flight:
+                self.ended_well |= state is GoalState.SUCCEEDED
+                self.told_success |= (
+                    state is GoalState.SUCCEEDED and self.m.phase is not Phase.ENDED
+                )
+                ours = listener.cancel_is_ours
+                tell = lambda: goal.result(state, 1, now, asked_at=now, ours=ours)  # noqa: E731
+        if tell:
+            self.apply(listener, tell())
+
+    # --- what must hold --------------------------------------------------------------------
+
+    def check_ending(self, ending: fx.Ending) -> None:
+        left = {
+            key
+            for key, goal in self.truth.items()
+            if any(may_run(*t) for t in goal) and not self.exempt(key)
+        }
+        if ending.end is fx.End.SUCCEEDED and not self.ended_well:
+            raise Broken("a failure became a success")
+        if ending.end is fx.End.CANCELLED_BY_CALLER and left:
+            raise Broken("CancelledError, and a goal may run")
+        if ending.end is fx.End.REJECTED and self.m.goal_id in left:
+            raise Broken("rejected, it never ran; but it may run")
+        if left - set(ending.may_run):
+            raise Broken("a goal may run, and the error does not name it")
+        if left and ending.cancel in (CancelReport.NOT_NEEDED, CancelReport.CONFIRMED):
+            raise Broken(f"{ending.cancel}, and a goal may run")
+
+    def exempt(self, key: uuid.UUID) -> bool:
+        """One that was sent to two servers: the second one's answer reaches no goal's machine."""
+        return any(len(e.sent_to) > 1 for e in self.attempts if e.goal_id == key)
+
+    def check(self) -> None:
+        running = 0
+        for key, goal in self.truth.items():
+            there = [may_run(*t) for t in goal]
+            mine = [each for each in self.attempts if each.goal_id == key]
+            if self.exempt(key):
+                continue
+            running += any(t[1] in (UNSEEN, SEEN) for t in goal)
+            facts = mine[-1].goal.facts
+            if any(there) and not facts.may_run:
+                raise Broken("a goal may run, and is not reported")
+            if any(there) and all(e.released for e in mine) and not facts.left:
+                raise Broken("a goal may run, and is forgotten")
+            seen = any(t[1] == SEEN and s in self.up for s, t in enumerate(goal))
+            given_up = self.m.phase is Phase.ENDED or mine[-1] is not self.m.attempt
+            if seen and given_up and not facts.left and not any(e.asked for e in mine):
+                raise Broken("a goal runs, nobody wants it, and it is not cancelled (C2.4)")
+        if self.m._resend in ("never_accepted", "confirmed_stopped") and running > 1:
+            raise Broken("two goals of one call run at the same time")
+        if self.settled != (self.m.phase is Phase.ENDED):
+            raise Broken(f"it has ended {self.settled} times in {self.m.phase}")
+        self.check_that_it_ends()
+
+    def check_that_it_ends(self) -> None:
+        """From here it ends by its own clock, whatever servers do not say."""
+        world = self.copy()
+        for _ in range(12):
+            m = world.m
+            if m.phase is Phase.ENDED:
+                return
+            world.late = True
+            timers = [(e.number, t) for e in world.attempts for t in e.timers]
+            if m.phase is Phase.JUDGING:
+                world.verdict(Verdict.PERMANENT)
+            elif m.phase is Phase.PLANNING:
+                world.happens("plan", None)
+            elif world.pause is not None:
+                world.happens("resume", None)
+            elif world.grace:
+                world.happens("grace", None)
+            elif timers:
+                wanted = (fx.Timer.DEADLINE, fx.Timer.CANCEL)
+                timer = next((each for each in timers if each[1] in wanted), timers[0])
+                world.happens("timer", timer)
+            else:
+                break
+        if world.m.phase is not Phase.ENDED:
+            raise Broken(f"it does not end: {world.m.phase}")
+
+
+def explore(resend: str, attempts: int, servers: int, most: int = 2_000_000) -> tuple[int, int]:
+    """Return how many states and transitions there are."""
+    first = World(resend, attempts, servers)
+    parents: dict[Any, Any] = {first.key(): None}
+    queue, transitions = deque([(first, first.key())]), 0
+    while queue:
+        world, key = queue.popleft()
+        for event, arg in list(world.events()):
+            after = world.copy()
+            transitions += 1
+            try:
+                after.happens(event, arg)
+                new = after.key()
+                if new in parents:
+                    continue
+                after.check()
+            except Broken as problem:
+                way = [f"{event} {arg}"]
+                while parents[key]:
+                    key, step = parents[key]
+                    way.append(step)
+                raise Broken(f"{problem}\n   after: " + "; ".join(reversed(way))) from None
+            parents[new] = key, f"{event} {arg}"
+            queue.append((after, new))
+            if len(parents) >= most:
+                return len(parents), transitions
+    return len(parents), transitions
+
+
+if __name__ == "__main__":
+    import sys
+    import time
+
+    case = (sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4]))
+    began = time.process_time()
+    print(case, explore(*case), f"{time.process_time() - began:.1f} s")
