@@ -49,6 +49,7 @@ class CallView(Protocol):
     @property
     def goal_id(self) -> uuid.UUID:
         """The id of the goal being tried, or of the one that is told of."""
+        ...
 
     def request_cancel(self) -> None:
         """Cancel soon. From any thread; never blocks."""
