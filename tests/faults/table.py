@@ -16,6 +16,10 @@ _BOUNDS = {2.0: "< 2 s", 4.0: "< 4 s", 15.0: "< 15 s", 40.0: "about 20 s"}
 _ROOM = 1.9
 _NEVER = "-"
 
+_SENT_AGAIN = re.compile(r"result(?:, goal \w+)?, attempt (\d+)")
+#: Faults after which the goals of earlier attempts run on, beside later ones.
+_SERVER_GOES_ON = ("SIGSTOP", "Network outage")
+
 _HEAD = (
     "policy",
     "outcome",
@@ -74,11 +78,13 @@ class Written:
                 (text for bound, text in _BOUNDS.items() if row.noticed * _ROOM <= bound),
                 f"{row.noticed:.0f} s",
             )
-        executed, at_once = str(row.executed), str(row.at_once)
-        if row.case.policy == "always" and row.outcome.startswith("result, attempt"):
-            # Whether the goal or a later one comes first is a matter of chance.
-            executed = at_once = f"up to {row.outcome.split()[-1]}"
-        return cls(row.outcome, noticed, executed, at_once, str(row.left))
+        outcome, executed, at_once = row.outcome, str(row.executed), str(row.at_once)
+        again = _SENT_AGAIN.fullmatch(row.outcome)
+        if again and row.case.policy == "always" and row.case.fault.startswith(_SERVER_GOES_ON):
+            # Chance decides which of the goals ends first, and what is known of the other by then.
+            outcome = f"result, goal varies, attempt {again[1]}"
+            executed = at_once = f"up to {again[1]}"
+        return cls(outcome, noticed, executed, at_once, str(row.left))
 
     def differs(self, row: Row) -> str:
         """How an observed row is not what is written here; `""` where it is."""
