@@ -176,9 +176,13 @@ class CallMachine:
         return all(self._allows_another(earlier) for earlier in self.earlier)
 
     def _allows_another(self, earlier: AttemptView) -> bool:
-        if self._resend == "always" or not earlier.goal.facts.may_run:
+        if self._resend == "always":
             return True
-        return self._resend == "server_gone" and earlier.is_out_of_sight
+        if earlier.goal.facts.may_run:
+            return self._resend == "server_gone" and earlier.is_out_of_sight
+        # A goal that ended by itself is not run a second time while its result may come (C4.3).
+        ended_as = earlier.goal.awaits_result_of
+        return ended_as is None or (ended_as is GoalState.CANCELED and earlier.cancel_is_ours)
 
     @property
     def confirming(self) -> bool:

@@ -68,6 +68,11 @@ class GoalRecord:
         return self.in_flight and self.stage is not Stage.LOST and not denied and not ended
 
     @property
+    def awaits_result_of(self) -> GoalState | None:
+        """How it is known to have ended while its result has not come yet; else `None`."""
+        return self._terminal_seen if self.stage is Stage.ACCEPTED else None
+
+    @property
     def _progress(self) -> fx.GoalProgress:
         facts = self.facts
         if not facts.requests:

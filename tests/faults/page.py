@@ -94,8 +94,8 @@ with three attempts; the default is `confirmed_stopped`.
 
 - **phase**: how far the goal was when the fault struck. "Ended, no result yet": the goal has
   ended, the client knows so, and the server has not sent the result.
-- **outcome**: what the call came to. "goal UNKNOWN": what the error's `cancel` says of the goal;
-  "goal varies": that differs from run to run.
+- **outcome**: what the call came to. "goal UNKNOWN": what the error's `cancel` says of the goal.
+  "goal varies": one run knows that the earlier goal has ended, and another does not.
 - **noticed after**: from the fault until the client knew, in its timeline. No run may take
   longer. "-": there was nothing that it had to notice.
 - **executed**: how many goals of the call began to execute, those cut short by the fault included.

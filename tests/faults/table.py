@@ -15,10 +15,7 @@ PATH = Path(__file__).parents[2] / "docs" / "faults.md"
 _BOUNDS = {2.0: "< 2 s", 4.0: "< 4 s", 15.0: "< 15 s", 40.0: "about 20 s"}
 _ROOM = 1.9
 _NEVER = "-"
-
-_SENT_AGAIN = re.compile(r"result(?:, goal \w+)?, attempt (\d+)")
-#: Faults after which the goals of earlier attempts run on, beside later ones.
-_SERVER_GOES_ON = ("SIGSTOP", "Network outage")
+_WITH_UNKNOWN = "result, goal UNKNOWN, attempt 2"
 
 _HEAD = (
     "policy",
@@ -37,6 +34,15 @@ class Case:
     fault: str
     phase: str
     policy: str
+
+
+_OUTAGE = "Network outage, longer than the lease"
+VARIES = {
+    Case("SIGSTOP, SIGCONT", "before accept", "always"),
+    Case(_OUTAGE, "executing, no feedback", "always"),
+    Case(_OUTAGE, "during feedback", "always"),
+}
+"""Chance decides whether the first goal confirms its end before the second one's result comes."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +85,11 @@ class Written:
                 f"{row.noticed:.0f} s",
             )
         outcome, executed, at_once = row.outcome, str(row.executed), str(row.at_once)
-        again = _SENT_AGAIN.fullmatch(row.outcome)
-        if again and row.case.policy == "always" and row.case.fault.startswith(_SERVER_GOES_ON):
-            # Chance decides which of the goals ends first, and what is known of the other by then.
-            outcome = f"result, goal varies, attempt {again[1]}"
-            executed = at_once = f"up to {again[1]}"
+        if row.case.policy == "always" and outcome.startswith("result, attempt"):
+            # Whether the goal or a later one comes first is a matter of chance.
+            executed = at_once = f"up to {outcome.split()[-1]}"
+        if row.case in VARIES and outcome in ("result, attempt 2", _WITH_UNKNOWN):
+            outcome, executed, at_once = "result, goal varies, attempt 2", "up to 2", "up to 2"
         return cls(outcome, noticed, executed, at_once, str(row.left))
 
     def differs(self, row: Row) -> str:

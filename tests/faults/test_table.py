@@ -8,7 +8,7 @@ import pytest
 
 from tests.faults import page, table
 from tests.faults.conftest import WRITING
-from tests.faults.table import Case, Row, Written
+from tests.faults.table import VARIES, Case, Row, Written
 
 written = pytest.mark.skipif(WRITING, reason="docs/faults.md is being written")
 
@@ -60,3 +60,15 @@ def test_a_row_that_is_not_as_written_is_found(change, word):
     problem = Written.of(ROW).differs(replace(ROW, **change))
     assert word in problem
     assert bool(problem) == bool(word)
+
+
+def test_only_the_rows_that_vary_leave_out_what_is_known_of_the_goal():
+    assert set(page.cases()) > VARIES
+    for case in VARIES:
+        row = replace(ROW, case=case, outcome="result, attempt 2")
+        known = replace(row, outcome="result, goal UNKNOWN, attempt 2")
+        assert not Written.of(row).differs(known)
+        assert "outcome" in Written.of(row).differs(replace(row, outcome="result, attempt 3"))
+        elsewhere = replace(case, fault=page.KILL)
+        other = Written.of(replace(row, case=elsewhere))
+        assert "outcome" in other.differs(replace(known, case=elsewhere))

@@ -370,6 +370,28 @@ def test_a_late_success_is_taken_in_place_of_another_goal() -> None:
     assert life.sends == 1
 
 
+STATUS_FIRST: list[Event] = [*LOST, *PAUSE, ("status", 0, GoalState.SUCCEEDED), ("back",)]
+"""The server of a lost goal is back, and its status says that the goal has succeeded."""
+
+
+def test_no_goal_is_sent_while_the_success_of_an_earlier_one_is_on_its_way() -> None:
+    life = lived(STATUS_FIRST)
+    assert life.sends == 1
+    life.happens("result", 0, GoalState.SUCCEEDED)
+    assert life.outcome.error is None
+    assert life.sends == 1
+
+
+@pytest.mark.parametrize("server", [5.0, None])
+def test_the_wait_for_the_result_of_an_earlier_goal_ends(server: float | None) -> None:
+    life = lived(STATUS_FIRST, server=server)
+    assert life.sends == 1
+    life.wait(10.0)
+    assert life.sends == 2  # by the policy: the earlier goal has ended
+    life.wait(10.0)
+    assert life.done
+
+
 # --- no server (contract C2.7) -----------------------------------------------------------------
 
 
