@@ -158,7 +158,10 @@ def test_who_may_come_in(robot: Robot, record) -> None:
                     record(page.HTTP_ONLY, fault, "HTTP", reached, f"HTTP status {status}")
                     # It comes in, and is told that it has opened no session.
                     assert await told(**known, **{header: allowed}) == "400"
-            with_token = httpx2.AsyncClient(headers={"Authorization": f"Bearer {TOKEN}"})
+            with_token = httpx2.AsyncClient(
+                timeout=PATIENCE,  # its default is 5 s, and a first call takes 4
+                headers={"Authorization": f"Bearer {TOKEN}"},
+            )
             async with with_token as client:
                 transport = streamable_http_client(serving.url, http_client=client)
                 async with Client(transport) as connected:
