@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from typing import Any
+from queue import SimpleQueue
+from typing import IO, Any
 
 import pytest
 
@@ -132,6 +133,11 @@ _LEFT_OUT = pytest.StashKey[int]()
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--long", action="store_true", help="run the tests that take long, too")
+    parser.addoption(
+        "--late-journal",
+        action="store_true",
+        help="deliver what servers write into their journals 100 ms late",
+    )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -159,6 +165,32 @@ def pytest_testnodedown(node: Any) -> None:
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     if left_out := terminalreporter.config.stash.get(_LEFT_OUT, 0):
         terminalreporter.write_line(f"{left_out} long tests were left out; --long runs them, too")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _late_journal(pytestconfig: pytest.Config) -> Iterator[None]:
+    """Find tests that read a journal without waiting for what they read, if asked to."""
+
+    def read(server: Server, stdout: IO[bytes]) -> None:
+        lines: SimpleQueue[tuple[float, bytes] | None] = SimpleQueue()
+
+        def deliver() -> None:
+            while (item := lines.get()) is not None:
+                due, line = item
+                NEVER.wait(max(0.0, due - time.monotonic()))
+                server._journal.add_line(line)
+            server._journal.end()
+
+        with stdout, ThreadPoolExecutor(1) as delivering:
+            delivering.submit(deliver)
+            for line in stdout:
+                lines.put((time.monotonic() + 0.1, line))
+            lines.put(None)
+
+    with pytest.MonkeyPatch.context() as patch:
+        if pytestconfig.getoption("late_journal"):
+            patch.setattr(Server, "_read", read)
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)
