@@ -190,10 +190,3 @@ def test_a_round_trip_is_judged(
     findings: list[Finding] = list(round_trip_findings("/fibonacci", servers, trip(**parts)))
     assert [finding.level for finding in findings] == levels
     assert told in findings[-1].text
-
-
-@pytest.mark.parametrize(("columns", "most"), [("60", 60), ("", 96), ("200", 96)])
-def test_lines_fit_the_terminal(columns: str, most: int, empty_world: World) -> None:
-    done = empty_world.run("doctor", "--wait", "0", COLUMNS=columns)
-    lines = [line for line in done.out.splitlines() if "/" not in line]  # paths stay whole
-    assert most / 2 < max(map(len, lines)) <= most

@@ -82,8 +82,10 @@ assert client.call({'order': 2}, 10)
 }
 
 
-@pytest.mark.parametrize("moment", MOMENTS)
-@pytest.mark.parametrize("code", [0, 4])
+CODES = [(moment, 0) for moment in MOMENTS] + [("while it runs", 4)]
+
+
+@pytest.mark.parametrize(("moment", "code"), CODES)
 def test_exit(moment, code, action_server, run_script):
     server = action_server("fibonacci", period=0.05)
     exits = run_script(HEAD + MOMENTS[moment] + f"\nsys.exit({code})")

@@ -43,6 +43,7 @@ def test_type_hashes_are_those_of_colcon(shadowing: Path) -> None:
     assert hashes(shadowing / "share" / "test_msgs") == shipped
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_built_client_and_shipped_server(shadowing: Path, ros_domain: int) -> None:
     with servers.start("fibonacci", domain_id=ros_domain):

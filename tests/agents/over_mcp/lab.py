@@ -20,6 +20,7 @@ from typing import Any
 
 import mcp.client.stdio
 import mcp.types as t
+import pytest
 from mcp import Client, StdioServerParameters
 from mcp.shared.exceptions import MCPError
 
@@ -102,6 +103,14 @@ class Way:
 
 
 WAYS = [Way(way, era) for way in ("stdio", "HTTP") for era in ("2025-11-25", "2026-07-28")]
+# By default each transport and each era once: the other two ways are these, combined otherwise.
+each_way = pytest.mark.parametrize(
+    "way",
+    [
+        pytest.param(way, marks=[pytest.mark.long] if way in WAYS[1:3] else [], id=str(way))
+        for way in WAYS
+    ],
+)
 
 
 @dataclass

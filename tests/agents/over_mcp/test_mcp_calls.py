@@ -14,16 +14,15 @@ from mcp.shared.exceptions import MCPError
 
 from tests.agents.over_mcp import page
 from tests.agents.over_mcp.lab import (
-    WAYS,
     Agent,
     Robot,
     Watch,
     Way,
     agent,
+    each_way,
     words,
 )
 
-each_way = pytest.mark.parametrize("way", WAYS, ids=str)
 Connect = Callable[..., Any]
 
 

@@ -27,6 +27,7 @@ from tests.agents.over_mcp.lab import (
     Watch,
     Way,
     agent,
+    each_way,
     words,
 )
 from tests.waiting import until
@@ -53,7 +54,7 @@ def mcp_below(pid: int) -> int | None:
     return None
 
 
-@pytest.mark.parametrize("way", WAYS, ids=str)
+@each_way
 def test_the_client_is_killed(robot: Robot, way: Way, record, request) -> None:
     patrolling = robot.server("never_finishes")
     watch = Watch(patrolling)
