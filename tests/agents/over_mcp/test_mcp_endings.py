@@ -278,9 +278,9 @@ def test_the_host_hangs_up_and_the_action_server_does_not_answer(robot: Robot, r
     record(page.ENDED, fault, "stdio", reached, "nothing: it is gone", process)
 
 
-def test_servers_that_are_lost_or_refuse(robot: Robot, http: HttpServing, record) -> None:
+@pytest.mark.long  # the middleware takes 20 s to notice that the process is dead
+def test_a_server_that_is_killed(robot: Robot, http: HttpServing, record) -> None:
     mortal = robot.server("scripted", script=[["accept", {"feedback": 1}, "never"]])
-    stubborn = robot.server("refuses_cancel", period=0.1)
 
     async def scenario() -> None:
         async with agent(robot, HTTP, http) as connected:
@@ -292,6 +292,14 @@ def test_servers_that_are_lost_or_refuse(robot: Robot, http: HttpServing, record
             fault = "the server is killed (SIGKILL)"
             record(page.OUTCOME, fault, "HTTP", await watch.summary(patience=0.1), told)
 
+    asyncio.run(scenario())
+
+
+def test_a_server_that_refuses_to_cancel(robot: Robot, http: HttpServing, record) -> None:
+    stubborn = robot.server("refuses_cancel", period=0.1)
+
+    async def scenario() -> None:
+        async with agent(robot, HTTP, http) as connected:
             watch = Watch(stubborn)
             with contextlib.suppress(MCPError):
                 await connected.call("stubborn", {"order": 40}, read_timeout_seconds=1.5)
