@@ -84,8 +84,9 @@ with ExitStack() as stack:
 )
 
 
-@pytest.mark.parametrize("clients", [1, 4])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("number", "clients"), [(signal.SIGINT, 1), (signal.SIGINT, 4), (signal.SIGTERM, 4)]
+)
 def test_old_goals_are_cancelled_after_rclpys_handler_shut_down(
     number, clients, action_server, run_script
 ):

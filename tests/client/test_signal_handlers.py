@@ -34,7 +34,13 @@ def run(*command: str) -> list[dict[str, Any]]:
 
 
 @pytest.mark.timeout(240 + SIGNALS)
-@pytest.mark.parametrize("use", [use.__name__ for use in USES])
+@pytest.mark.parametrize(
+    "use",
+    [
+        pytest.param(use.__name__, marks=[] if use in USES[:2] else [pytest.mark.long])
+        for use in USES
+    ],
+)
 def test_a_handler_may_run_between_any_two_bytecodes(use, action_server):
     server = action_server("fibonacci", period=0.002)
     # A new node of ROS is not seen by all at once: seconds for each place.
@@ -49,6 +55,7 @@ def test_a_handler_may_run_between_any_two_bytecodes(use, action_server):
         server.wait_for("canceled", goal_id=goal_id)
 
 
+@pytest.mark.long
 @pytest.mark.timeout(240 + SIGNALS)
 def test_handlers_that_do_anything_at_any_time(action_server):
     action_server("fibonacci", period=0.002)

@@ -90,8 +90,8 @@ def test_the_client_is_killed(robot: Robot, way: Way, record, request) -> None:
     [
         (signal.SIGTERM, STDIO),
         (signal.SIGTERM, HTTP),
-        (signal.SIGINT, MODERN_STDIO),
-        (signal.SIGHUP, STDIO),
+        pytest.param(signal.SIGINT, MODERN_STDIO, marks=pytest.mark.long),
+        pytest.param(signal.SIGHUP, STDIO, marks=pytest.mark.long),
     ],
 )
 def test_a_signal(robot: Robot, number: signal.Signals, way: Way, record) -> None:
