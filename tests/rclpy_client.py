@@ -43,6 +43,7 @@ class Driver:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.type = action_type
+        self.name = name
         self.client = ActionClient(self.node, action_type, name)
         self.feedback: dict[str, list[Any]] = {}
 
@@ -98,6 +99,11 @@ class Driver:
 
     def result_of(self, goal_id: uuid.UUID) -> Any:
         return ClientGoalHandle(self.client, _message(goal_id), None).get_result_async()
+
+    def servers(self) -> list[str]:
+        """Return the nodes that serve the action: also one of another test, if domains clash."""
+        topic = self.node.resolve_topic_name(f"{self.name}/_action/status")
+        return [info.node_name for info in self.node.get_publishers_info_by_topic(topic)]
 
     def cancel(self, goal_id: str) -> tuple[int, list[str]]:
         handle = ClientGoalHandle(self.client, _message(uuid.UUID(goal_id)), None)
