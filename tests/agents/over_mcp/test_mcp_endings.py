@@ -301,8 +301,10 @@ def test_a_server_that_refuses_to_cancel(robot: Robot, http: HttpServing, record
     async def scenario() -> None:
         async with agent(robot, HTTP, http) as connected:
             watch = Watch(stubborn)
-            with contextlib.suppress(MCPError):
-                await connected.call("stubborn", {"order": 40}, read_timeout_seconds=1.5)
+            calling = asyncio.ensure_future(connected.call("stubborn", {"order": 40}))
+            await watch.until("executing")
+            calling.cancel()
+            await watch.until("cancel_refused")
             latest = (await connected.goals())[0]
             running = latest["may_still_run"]
             told = f"no answer; then `{latest['status']}`" + (", may still run" if running else "")
