@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import gc
+import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -122,20 +123,25 @@ class Answers:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_timer_and_the_nodes_other_callbacks(kind, ros_domain, client, record):
-    answers, ticks = Answers(), []
+def test_timer_and_the_nodes_other_callbacks(kind, ros_domain, action_server, make_client, record):
+    """The goal ends only when the node's timer has ticked six times while it was awaited."""
+    server = action_server("fibonacci", gate=1)
+    client = make_client()
+    assert client.wait_for_server(20)
+    answers, awaited, ticks = Answers(), threading.Event(), itertools.count(1)
 
-    async def call() -> tuple[Any, int]:
-        before = len(ticks)
-        result = await client.call_async({"order": 3})
-        return result, len(ticks) - before
+    async def call() -> Any:
+        awaited.set()
+        return await client.call_async({"order": 3})
+
+    def tick() -> None:
+        if awaited.is_set() and next(ticks) == 6:
+            server.release()
 
     with robot(ros_domain, kind) as made:
-        made.node.create_timer(0.01, lambda: ticks.append(time.monotonic()))
+        made.node.create_timer(0.01, tick)
         made.call(lambda: answers.of(call()))
-        result, ticks_meanwhile = answers.one()
-        assert len(result.sequence) == 4
-        assert ticks_meanwhile > 0
+        assert len(answers.one().sequence) == 4
     assert not made.errors
     record(Form(RCLPY, "`await future` in a timer's callback"), "yes", "-")
 
