@@ -110,7 +110,7 @@ def test_an_rclpy_that_does_not_work_is_told(
         broken.parent.mkdir()
         broken.write_text("import librclpy\n", "utf-8")
         environment = {"PYTHONPATH": str(tmp_path)}
-    done = empty_world.run("doctor", "--json", before=before, **environment)
+    done = empty_world.run_apart("doctor", "--json", before=before, **environment)
     found = findings(done)
     assert done.code == Exit.NO_ROS, found
     (rclpy,) = [f for f in of("rclpy", found) if f.level == "problem"]
@@ -122,7 +122,8 @@ def test_an_rclpy_that_does_not_work_is_told(
 
 
 def test_settings_that_keep_everybody_apart_are_problems(empty_world: World) -> None:
-    done = empty_world.run("doctor", ROS_DOMAIN_ID="robot", ROS_AUTOMATIC_DISCOVERY_RANGE="OFF")
+    apart = {"ROS_DOMAIN_ID": "robot", "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}
+    done = empty_world.run_apart("doctor", **apart)
     assert done.code == Exit.FAILED
     assert "Problems found: 2." in done.out
     assert done.out.count("->") >= 2

@@ -135,7 +135,7 @@ def test_serve_serves_until_it_is_told_to_stop(empty_world: World, number: signa
 
 
 def test_serve_knows_its_servers_and_their_options(empty_world: World) -> None:
-    listed = empty_world.run("serve", "--list")
+    listed = empty_world.run_apart("serve", "--list")
     assert listed.code == Exit.OK
     assert "\nnavigate " in listed.out
     for words in (
@@ -145,7 +145,7 @@ def test_serve_knows_its_servers_and_their_options(empty_world: World) -> None:
         ("fibonacci", "--action", "not a name"),
         (),
     ):
-        wrong = empty_world.run("serve", *words)
+        wrong = empty_world.run_apart("serve", *words)
         assert (wrong.code, wrong.out) == (Exit.USAGE, ""), words
         assert wrong.err.startswith("Usage: actionkit serve "), wrong.err
         assert "\nError: " in wrong.err

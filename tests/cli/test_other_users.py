@@ -124,7 +124,7 @@ def test_the_stop_of_another_user_stops_and_holds(
 
             (keeper,) = keepers(world.domain)
             assert os.stat(f"/proc/{keeper}").st_uid == OTHER
-            released = world.run("stop", "--release")
+            released = world.run_apart("stop", "--release")
             assert released.code == Exit.OK
             assert "Released: the hold of ann@" in released.out
             assert agent.why_held() is None

@@ -88,6 +88,6 @@ def test_it_can_be_piped_into_a_call(world: World) -> None:
     assert "order: 0  # int32" in shown.out
     assert "# Result:\n#   # result definition\n#   sequence: []  # sequence<int32>" in shown.out
     goal = shown.out.replace("order: 0", "order: 4")
-    done = world.run("call", "fibonacci", FIBONACCI, "--stdin", stdin=goal)
+    done = world.run_apart("call", "fibonacci", FIBONACCI, "--stdin", stdin=goal)
     assert done.code == Exit.OK, done.err
     assert "sequence: [0, 1, 1, 2, 3]" in done.out

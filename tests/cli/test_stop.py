@@ -81,7 +81,7 @@ def test_the_goals_of_three_servers(
     sent = [future for number in (10, 11, 12) for future in goals(f"n{number}", 2)]
     for server in three:
         server.wait_for("accepted", count=2, timeout=LONG)
-    done = world.run("stop", "--timeout", "9")
+    done = world.run_apart("stop", "--timeout", "9")
     assert done.code == Exit.OK, done
     rows = numbers(done.out)
     for number, server in zip((10, 11, 12), three, strict=True):
@@ -91,7 +91,7 @@ def test_the_goals_of_three_servers(
     for future in sent:
         assert future.outcome(LONG).status is GoalState.CANCELED
     assert "A human has stopped the robot" in (agent.why_held() or "")
-    assert world.run("stop", "--release").code == Exit.OK
+    assert world.run_apart("stop", "--release").code == Exit.OK
     assert agent.why_held() is None
     for server in three:
         server.stop()
@@ -118,7 +118,7 @@ def test_fifty_goals_of_ten_servers_and_those_that_do_not_stop(
         server.wait_for("accepted", count=count, timeout=LONG)
     hard[2].wait_for("executing", timeout=LONG)
 
-    done = world.run("stop", "--timeout", "9")
+    done = world.run_apart("stop", "--timeout", "9")
     assert done.code == Exit.CANCEL_REFUSED, done
     rows = numbers(done.out)
     for number, server in enumerate(many):
@@ -137,7 +137,7 @@ def test_fifty_goals_of_ten_servers_and_those_that_do_not_stop(
     watching.until('"held":true')
 
     # Whoever starts later is held, too, by the process that was left behind...
-    told = json.loads(world.run("stop", "--status", "--json").out)
+    told = json.loads(world.run_apart("stop", "--status", "--json").out)
     assert told["held"] is True
     (keeper,) = keepers(world.domain)
     assert any(
@@ -147,19 +147,19 @@ def test_fifty_goals_of_ten_servers_and_those_that_do_not_stop(
     assert os.getsid(keeper) == keeper, "ends with the terminal"
     # ... and where that is killed, by the agents that know of it.
     os.kill(keeper, signal.SIGKILL)
-    status = world.run("stop", "--status", ACTIONKIT_HOLD_DIR="/nowhere")
+    status = world.run_apart("stop", "--status", ACTIONKIT_HOLD_DIR="/nowhere")
     assert status.code == Exit.HELD
     assert "agent of" in status.out
     assert "file" not in status.out
 
-    released = world.run("stop", "--release")
+    released = world.run_apart("stop", "--release")
     assert (released.code, released.err) == (Exit.OK, "")
     assert released.out.startswith("Released: the hold of ")
     assert agent.why_held() is None
     watching.until('"held":false')
     watching.signal(signal.SIGINT)
     watching.finish()
-    status = world.run("stop", "--status")
+    status = world.run_apart("stop", "--status")
     assert (status.code, status.out, status.err) == (Exit.OK, "Not held.\n", "")
     hard[1].release()
     hard[2].release()
@@ -177,10 +177,10 @@ def test_two_terminals_and_one_release(world: World, agent: HoldListener) -> Non
     # Both are of one human: the process of the newer one is enough.
     until(lambda: len(keepers(world.domain)) == 1)
     assert agent.why_held()
-    assert world.run("stop", "--release").code == Exit.OK
+    assert world.run_apart("stop", "--release").code == Exit.OK
     assert agent.why_held() is None
     until(lambda: not keepers(world.domain))
-    assert world.run("stop", "--release").out == "There was no hold.\n"
+    assert world.run_apart("stop", "--release").out == "There was no hold.\n"
 
 
 def test_named_actions_are_stopped_without_a_hold(
@@ -189,7 +189,7 @@ def test_named_actions_are_stopped_without_a_hold(
     server = world.server("never_finishes")
     (future,) = goals("never_finishes", 1)
     server.wait_for("executing")
-    done = world.run("stop", "never_finishes", "/nowhere", "--json")
+    done = world.run_apart("stop", "never_finishes", "/nowhere", "--json")
     assert done.code == Exit.NO_SERVER
     assert "Action '/nowhere' has no server in sight." in done.err
     assert "Agents are not held" in done.err
@@ -238,7 +238,7 @@ def test_an_agent_that_hangs_and_ctrl_c(world: World, agent: HoldListener) -> No
     print("known\nnow", file=hung.process.stdin, flush=True)
     hung.until("True")
     hung.until("A human has stopped the robot")
-    assert world.run("stop", "--release").code == Exit.OK
+    assert world.run_apart("stop", "--release").code == Exit.OK
     hung.process.stdin.close()
     hung.process.stdin = None
     hung.finish()

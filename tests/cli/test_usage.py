@@ -172,7 +172,7 @@ def test_without_ros_every_command_says_what_to_install(without_ros: Callable[..
 
 def test_without_the_messages_of_the_reference_servers(empty_world: World) -> None:
     for words in (("serve", "fibonacci"), ("demo",)):
-        done = empty_world.run(*words, before="import sys; sys.modules['test_msgs'] = None")
+        done = empty_world.run_apart(*words, before="import sys; sys.modules['test_msgs'] = None")
         assert done.code == Exit.NO_ROS, (words, done.err)
         assert done.err.startswith("Error: test_msgs cannot be imported here")
         assert "ros-jazzy-test-msgs" in done.err
@@ -194,7 +194,7 @@ def test_debug_shows_where_an_error_comes_from(empty_world: World) -> None:
 
 def test_an_error_that_nobody_thought_of_is_one_line(empty_world: World) -> None:
     broken = "import actionkit._ros.tools.survey as s; s.Survey.settled = lambda *a, **k: 1 / 0"
-    done = empty_world.run("list", before=broken)
+    done = empty_world.run_apart("list", before=broken)
     assert done.code == Exit.FAILED
     assert done.err.splitlines() == [
         "Error: ZeroDivisionError: division by zero",
@@ -203,7 +203,7 @@ def test_an_error_that_nobody_thought_of_is_one_line(empty_world: World) -> None
 
 
 def test_options_may_come_from_the_environment(empty_world: World) -> None:
-    done = empty_world.run(*CALL, ACTIONKIT_CALL_SERVER_TIMEOUT="0.2")
+    done = empty_world.run_apart(*CALL, ACTIONKIT_CALL_SERVER_TIMEOUT="0.2")
     assert done.code == Exit.NO_SERVER
     assert re.search(r"after [0-4]\.\d s of looking", done.err)  # and not the usual 5
 
@@ -215,7 +215,7 @@ def test_what_libraries_write_to_standard_output_is_not_in_it(empty_world: World
         "def settled(*a, **k): os.write(1, b'noise\\n'); return real(*a, **k)\n"
         "s.Survey.settled = settled"
     )
-    done = empty_world.run("list", "-c", before=noisy)
+    done = empty_world.run_apart("list", "-c", before=noisy)
     assert (done.code, done.out, done.err) == (Exit.OK, "0\n", "noise\n")
 
 
@@ -224,7 +224,7 @@ def test_what_libraries_write_to_standard_output_is_not_in_it(empty_world: World
 
 def completions(world: World, words: str, shell: str = "bash") -> list[str]:
     """Ask as the shell does when Tab is pressed; the last word is the one to complete."""
-    done = world.run(
+    done = world.run_apart(
         _ACTIONKIT_COMPLETE=f"{shell}_complete",
         COMP_WORDS=words,
         COMP_CWORD=str(len(words.split(" ")) - 1),
@@ -244,7 +244,7 @@ def test_tab_completes_commands_names_types_servers_and_options(world: World) ->
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_each_shell_is_given_its_script(empty_world: World, shell: str) -> None:
-    done = empty_world.run(_ACTIONKIT_COMPLETE=f"{shell}_source")
+    done = empty_world.run_apart(_ACTIONKIT_COMPLETE=f"{shell}_source")
     assert done.code == 0, done.err
     assert "_ACTIONKIT_COMPLETE" in done.out
     assert f"_ACTIONKIT_COMPLETE={shell}_source actionkit" in DOCS.read_text("utf-8")
