@@ -1,55 +1,15 @@
-"""Where the rows of docs/awaiting.md come together, and are compared with those written there.
-
-With `ACTIONKIT_WRITE_AWAITING=1` in the environment the page is written, in one process (`-n 0`);
-only those rows change that were tried.
-"""
+"""A server and goals for the tests of awaiting, and what reached the server."""
 
 from __future__ import annotations
-
-import os
-from collections.abc import Callable
 
 import pytest
 
 from actionkit import CancelReport, Client, GoalFuture
 from actionkit.servers import Server
-from tests.awaiting import table
-from tests.awaiting.page import FORMS
-from tests.awaiting.table import Form, Row
-
-_ROWS: pytest.StashKey[list[Row]] = pytest.StashKey()
-WRITING = os.environ.get("ACTIONKIT_WRITE_AWAITING") == "1"
 
 CONFIRMED = "cancelled, and confirmed before the wait ended"
 CANCELLED = "cancelled"
 NOTHING = "nothing: the goal goes on"
-
-
-@pytest.fixture
-def record(request: pytest.FixtureRequest) -> Callable[[Form, str, str], None]:
-    """Take a row, and compare it with the page."""
-    rows = request.config.stash.setdefault(_ROWS, [])
-
-    def take(form: Form, works: str, reached: str) -> None:
-        assert form in FORMS
-        row = Row(form, works, reached)
-        rows.append(row)
-        if not WRITING:
-            written = table.read(table.PATH.read_text()).get(form)
-            assert row == written, f"not as docs/awaiting.md says: {row.line}"
-
-    return take
-
-
-def pytest_terminal_summary(
-    terminalreporter: pytest.TerminalReporter, config: pytest.Config
-) -> None:
-    if WRITING:
-        rows = config.stash.get(_ROWS, [])
-        known = table.PATH.read_text() if table.PATH.exists() else ""
-        table.PATH.write_text(table.merge(rows, known))
-        terminalreporter.section("docs/awaiting.md")
-        terminalreporter.write_line(f"written, {len(rows)} rows of them new")
 
 
 @pytest.fixture

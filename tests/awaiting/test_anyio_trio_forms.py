@@ -12,14 +12,13 @@ import trio.testing
 
 from actionkit import ClientClosedError
 from tests.awaiting.conftest import QUICK, reached
-from tests.awaiting.page import ANYIO, TRIO
-from tests.awaiting.table import Form
+from tests.awaiting.page import ANYIO, TRIO, record
 
 BACKENDS = ("asyncio", "trio")
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_anyio_move_on_after(backend, server, client, begun, record):
+def test_anyio_move_on_after(backend, server, client, begun):
     async def main():
         assert len((await client.call_async(QUICK)).sequence) == 2
         with anyio.move_on_after(0.1) as scope:
@@ -27,12 +26,16 @@ def test_anyio_move_on_after(backend, server, client, begun, record):
         assert scope.cancelled_caught
 
     anyio.run(main, backend=backend)
-    form = Form(ANYIO, f"`with anyio.move_on_after(1.0)`, on {backend}")
-    record(form, "yes", reached(server, client, begun))
+    record(
+        ANYIO,
+        f"`with anyio.move_on_after(1.0)`, on {backend}",
+        "yes",
+        reached(server, client, begun),
+    )
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_anyio_task_group(backend, server, client, begun, record):
+def test_anyio_task_group(backend, server, client, begun):
     async def wait(future, results):
         results.append(await future)
 
@@ -47,11 +50,15 @@ def test_anyio_task_group(backend, server, client, begun, record):
             group.cancel_scope.cancel()
 
     anyio.run(main, backend=backend)
-    form = Form(ANYIO, f"`TaskGroup.cancel_scope.cancel()`, on {backend}")
-    record(form, "yes", reached(server, client, begun))
+    record(
+        ANYIO,
+        f"`TaskGroup.cancel_scope.cancel()`, on {backend}",
+        "yes",
+        reached(server, client, begun),
+    )
 
 
-def test_trio(server, client, begun, record):
+def test_trio(server, client, begun):
     async def main():
         assert len((await client.call_async(QUICK)).sequence) == 2
         with trio.move_on_after(0.1) as scope:
@@ -59,10 +66,10 @@ def test_trio(server, client, begun, record):
         assert scope.cancelled_caught
 
     trio.run(main)
-    record(Form(TRIO, "`with trio.move_on_after(1.0)`"), "yes", reached(server, client, begun))
+    record(TRIO, "`with trio.move_on_after(1.0)`", "yes", reached(server, client, begun))
 
 
-def test_trio_nursery(server, client, begun, record):
+def test_trio_nursery(server, client, begun):
     async def wait():
         await begun
 
@@ -73,17 +80,17 @@ def test_trio_nursery(server, client, begun, record):
             nursery.cancel_scope.cancel()
 
     trio.run(main)
-    record(Form(TRIO, "`nursery.cancel_scope.cancel()`"), "yes", reached(server, client, begun))
+    record(TRIO, "`nursery.cancel_scope.cancel()`", "yes", reached(server, client, begun))
 
 
-def test_trio_cancelled_by_others(server, client, begun, record):
+def test_trio_cancelled_by_others(server, client, begun):
     async def main():
         begun.cancel()
         with pytest.raises(concurrent.futures.CancelledError):
             await begun
 
     trio.run(main)
-    record(Form(TRIO, "`await future`"), "yes", reached(server, client, begun))
+    record(TRIO, "`await future`", "yes", reached(server, client, begun))
 
 
 def test_trio_waits_for_servers_and_feedback(action_server, make_client):

@@ -15,8 +15,7 @@ import pytest
 
 from actionkit import GoalFuture
 from tests.awaiting.conftest import LONG, QUICK, reached
-from tests.awaiting.page import ASYNCIO
-from tests.awaiting.table import Form
+from tests.awaiting.page import ASYNCIO, record
 from tests.conftest import NEVER
 
 NEW = sys.version_info >= (3, 11)
@@ -80,7 +79,7 @@ async def cancelled(*tasks: asyncio.Task[Any]) -> None:
 
 
 @pytest.mark.parametrize("code", FORMS)
-def test_form(code, server, client, begun, record):
+def test_form(code, server, client, begun):
     if not NEW and "TaskGroup" in code:
         pytest.skip("it is of Python 3.11")
     form = FORMS[code]
@@ -93,10 +92,10 @@ def test_form(code, server, client, begun, record):
         return reached(server, client, begun)
 
     seen = asyncio.run(main())
-    record(Form(ASYNCIO, code), "yes", seen)
+    record(ASYNCIO, code, "yes", seen)
 
 
-def test_uvloop(server, client, begun, record):
+def test_uvloop(server, client, begun):
     uvloop = pytest.importorskip("uvloop", reason="uvloop is not installed")
 
     async def main():
@@ -108,10 +107,10 @@ def test_uvloop(server, client, begun, record):
     loop = uvloop.new_event_loop()
     loop.run_until_complete(main())
     loop.close()
-    record(Form(ASYNCIO, "`await future`, with uvloop"), "yes", reached(server, client, begun))
+    record(ASYNCIO, "`await future`, with uvloop", "yes", reached(server, client, begun))
 
 
-def test_asyncio_run_takes_it(server, client, record):
+def test_asyncio_run_takes_it(server, client):
     assert len(asyncio.run(client.call_async(QUICK)).sequence) == 2
     futures = []
 
@@ -128,17 +127,17 @@ def test_asyncio_run_takes_it(server, client, record):
     with pytest.raises(KeyboardInterrupt):
         asyncio.run(futures[0])
     seen = reached(server, client, futures[0])
-    record(Form(ASYNCIO, "`asyncio.run(client.call_async(goal))`, Ctrl-C"), "yes", seen)
+    record(ASYNCIO, "`asyncio.run(client.call_async(goal))`, Ctrl-C", "yes", seen)
 
 
-def test_run_until_complete_takes_it(client, record):
+def test_run_until_complete_takes_it(client):
     loop = asyncio.new_event_loop()
     assert len(loop.run_until_complete(client.call_async(QUICK)).sequence) == 2
     loop.close()
-    record(Form(ASYNCIO, "`loop.run_until_complete(future)`"), "yes", "-")
+    record(ASYNCIO, "`loop.run_until_complete(future)`", "yes", "-")
 
 
-def test_wait_for(server, client, begun, record):
+def test_wait_for(server, client, begun):
     async def main():
         assert len((await asyncio.wait_for(client.call_async(QUICK), 20)).sequence) == 2
         with pytest.raises(asyncio.TimeoutError):
@@ -146,11 +145,11 @@ def test_wait_for(server, client, begun, record):
 
     asyncio.run(main())
     code = "`await asyncio.wait_for(future, 1.0)`"
-    record(Form(ASYNCIO, code), "yes", reached(server, client, begun))
+    record(ASYNCIO, code, "yes", reached(server, client, begun))
 
 
 @NEWER
-def test_timeout(server, client, begun, record):
+def test_timeout(server, client, begun):
     async def main():
         async with asyncio.timeout(20):
             assert len((await client.call_async(QUICK)).sequence) == 2
@@ -160,10 +159,10 @@ def test_timeout(server, client, begun, record):
 
     asyncio.run(main())
     code = "`async with asyncio.timeout(1.0)`"
-    record(Form(ASYNCIO, code), "yes", reached(server, client, begun))
+    record(ASYNCIO, code, "yes", reached(server, client, begun))
 
 
-def test_run_coroutine_threadsafe(server, client, begun, record):
+def test_run_coroutine_threadsafe(server, client, begun):
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever)
     thread.start()
@@ -178,21 +177,21 @@ def test_run_coroutine_threadsafe(server, client, begun, record):
     loop.call_soon_threadsafe(loop.stop)
     thread.join()
     loop.close()
-    record(Form(ASYNCIO, code), "yes", seen.partition(",")[0])
+    record(ASYNCIO, code, "yes", seen.partition(",")[0])
 
 
-def test_before_the_first_step(server, client, begun, record):
+def test_before_the_first_step(server, client, begun):
     async def main():
         await cancelled(asyncio.create_task(begun))
 
     asyncio.run(main())
     code = "`asyncio.create_task(future)`, cancelled before its first step"
-    record(Form(ASYNCIO, code), "yes", reached(server, client, begun))
+    record(ASYNCIO, code, "yes", reached(server, client, begun))
 
 
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("begin", [True, False])
-def test_two_tasks(server, client, begun, record, begin, first):
+def test_two_tasks(server, client, begun, begin, first):
     """The second is cancelled when the first was, and the goal with it."""
 
     async def main():
@@ -208,11 +207,11 @@ def test_two_tasks(server, client, begun, record, begin, first):
     asyncio.run(main())
     seen = reached(server, client, begun)
     if begin:
-        record(Form(ASYNCIO, "the last of two tasks that await one future"), "yes", seen)
+        record(ASYNCIO, "the last of two tasks that await one future", "yes", seen)
 
 
 @pytest.mark.parametrize("begin", [True, False])
-def test_one_of_two_tasks(server, client, begun, record, begin):
+def test_one_of_two_tasks(server, client, begun, begin):
     async def main():
         tasks = [asyncio.create_task(begun) for _ in range(2)]
         if begin:
@@ -226,7 +225,7 @@ def test_one_of_two_tasks(server, client, begun, record, begin):
     code = "one of two `asyncio.create_task(future)`, before its first step"
     if begin:
         code = "one of two tasks that await one future"
-    record(Form(ASYNCIO, code), "yes", asyncio.run(main()))
+    record(ASYNCIO, code, "yes", asyncio.run(main()))
 
 
 def test_one_future_for_many_tasks_that_succeed(client):
@@ -239,7 +238,7 @@ def test_one_future_for_many_tasks_that_succeed(client):
     assert all(result is results[0] for result in results)
 
 
-def test_cancelled_by_others(server, client, begun, record):
+def test_cancelled_by_others(server, client, begun):
     async def main():
         asyncio.get_running_loop().call_soon(begun.cancel)
         with pytest.raises(asyncio.CancelledError):
@@ -247,32 +246,40 @@ def test_cancelled_by_others(server, client, begun, record):
 
     asyncio.run(main())
     code = "`future.cancel()` elsewhere: `CancelledError`"
-    record(Form(ASYNCIO, code), "yes", reached(server, client, begun))
+    record(ASYNCIO, code, "yes", reached(server, client, begun))
 
 
 @NEWER
-def test_asyncio_wait_refuses_it(server, client, begun, record):
+def test_asyncio_wait_refuses_it(server, client, begun):
     async def main():
         with pytest.raises(TypeError):
             await asyncio.wait([begun])
 
     asyncio.run(main())
-    form = Form(ASYNCIO, "`asyncio.wait([future])`")
-    record(form, "no: `TypeError`, as of a coroutine", reached(server, client, begun))
+    record(
+        ASYNCIO,
+        "`asyncio.wait([future])`",
+        "no: `TypeError`, as of a coroutine",
+        reached(server, client, begun),
+    )
 
 
-def test_asyncio_run_where_a_loop_runs(server, client, begun, record):
+def test_asyncio_run_where_a_loop_runs(server, client, begun):
     async def main():
         with pytest.raises(RuntimeError, match="running event loop"):
             asyncio.run(begun)
 
     asyncio.run(main())
-    form = Form(ASYNCIO, "`asyncio.run(client.call_async(goal))` where a loop runs")
-    record(form, "no: `RuntimeError`", reached(server, client, begun))
+    record(
+        ASYNCIO,
+        "`asyncio.run(client.call_async(goal))` where a loop runs",
+        "no: `RuntimeError`",
+        reached(server, client, begun),
+    )
 
 
 @pytest.mark.parametrize("ensure", [True, False])
-def test_a_closed_loop(server, client, begun, record, ensure):
+def test_a_closed_loop(server, client, begun, ensure):
     loop = asyncio.new_event_loop()
     loop.close()
     with pytest.raises(RuntimeError, match="closed"):
@@ -280,11 +287,11 @@ def test_a_closed_loop(server, client, begun, record, ensure):
     code = "`loop.create_task(future)`, closed loop"
     if ensure:
         code = "`asyncio.ensure_future(future, loop=loop)`, closed loop"
-    record(Form(ASYNCIO, code), "no: `RuntimeError`", reached(server, client, begun))
+    record(ASYNCIO, code, "no: `RuntimeError`", reached(server, client, begun))
 
 
 @NEWER
-def test_a_group_that_shuts_down(server, client, begun, record):
+def test_a_group_that_shuts_down(server, client, begun):
     async def main():
         async with asyncio.TaskGroup() as group:
 
@@ -304,17 +311,16 @@ def test_a_group_that_shuts_down(server, client, begun, record):
         assert seen == "cancelled"
         return
     code = "`TaskGroup.create_task(future)` while the group shuts down, before Python 3.13"
-    record(Form(ASYNCIO, code), "no: `RuntimeError`", seen)
+    record(ASYNCIO, code, "no: `RuntimeError`", seen)
 
 
-def test_a_loop_that_is_closed_under_a_waiting_task(server, client, begun, record):
+def test_a_loop_that_is_closed_under_a_waiting_task(server, client, begun):
     loop = asyncio.new_event_loop()
     task = loop.create_task(begun)
     loop.run_until_complete(turns())
     loop.close()
     task._log_destroy_pending = False  # dropped on purpose
-    form = Form(ASYNCIO, "the loop is closed while a task waits")
-    record(form, "no", reached(server, client, begun))
+    record(ASYNCIO, "the loop is closed while a task waits", "no", reached(server, client, begun))
 
 
 def test_a_second_cancellation_ends_the_wait_for_the_confirmation(action_server, make_client):

@@ -26,8 +26,7 @@ from test_msgs.srv import Empty
 
 from actionkit._ros.discovery import stop_listening
 from tests.awaiting.conftest import LONG, QUICK, reached
-from tests.awaiting.page import NOWHERE, RCLPY
-from tests.awaiting.table import Form
+from tests.awaiting.page import NOWHERE, RCLPY, record
 from tests.conftest import until_shutdown
 
 BOUND = 20.0
@@ -123,7 +122,7 @@ class Answers:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_timer_and_the_nodes_other_callbacks(kind, ros_domain, action_server, make_client, record):
+def test_timer_and_the_nodes_other_callbacks(kind, ros_domain, action_server, make_client):
     """The goal ends only when the node's timer has ticked six times while it was awaited."""
     server = action_server("fibonacci", gate=1)
     client = make_client()
@@ -143,11 +142,11 @@ def test_timer_and_the_nodes_other_callbacks(kind, ros_domain, action_server, ma
         made.call(lambda: answers.of(call()))
         assert len(answers.one().sequence) == 4
     assert not made.errors
-    record(Form(RCLPY, "`await future` in a timer's callback"), "yes", "-")
+    record(RCLPY, "`await future` in a timer's callback", "yes", "-")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_subscription(kind, ros_domain, client, record):
+def test_subscription(kind, ros_domain, client):
     answers = Answers()
 
     async def heard(_: EmptyMessage) -> None:
@@ -158,11 +157,11 @@ def test_subscription(kind, ros_domain, client, record):
         publisher = made.node.create_publisher(EmptyMessage, "go", 10)
         made.node.create_timer(0.1, lambda: publisher.publish(EmptyMessage()))
         assert len(answers.one().sequence) == 2
-    record(Form(RCLPY, "`await future` in a subscription's callback"), "yes", "-")
+    record(RCLPY, "`await future` in a subscription's callback", "yes", "-")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_service(kind, ros_domain, client, record):
+def test_service(kind, ros_domain, client):
     answers = Answers()
 
     async def serve(_: Empty.Request, response: Empty.Response) -> Empty.Response:
@@ -174,11 +173,11 @@ def test_service(kind, ros_domain, client, record):
         caller = made.node.create_client(Empty, "serve", callback_group=made.group)
         made.call(lambda: caller.call_async(Empty.Request()))
         assert len(answers.one().sequence) == 2
-    record(Form(RCLPY, "`await future` in a service's callback"), "yes", "-")
+    record(RCLPY, "`await future` in a service's callback", "yes", "-")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_execute_callback(kind, ros_domain, client, record):
+def test_execute_callback(kind, ros_domain, client):
     answers = Answers()
 
     async def execute(handle: Any) -> Fibonacci.Result:
@@ -200,7 +199,7 @@ def test_execute_callback(kind, ros_domain, client, record):
         made.thread.join(BOUND)
         outer.destroy()
         server.destroy()
-    record(Form(RCLPY, "`await future` in `execute_callback`"), "yes", "-")
+    record(RCLPY, "`await future` in `execute_callback`", "yes", "-")
 
 
 @pytest.mark.parametrize("kind", EXECUTORS)
@@ -245,7 +244,7 @@ def test_waiting_costs_an_executor_nothing(kind, ros_domain, client, begun):
         task.cancel()
 
 
-def test_a_task_that_is_cancelled(ros_domain, server, client, begun, record):
+def test_a_task_that_is_cancelled(ros_domain, server, client, begun):
     with robot(ros_domain, "single") as made:
         answers = Answers()
         task = made.executor.create_task(answers.of(begun))
@@ -257,8 +256,9 @@ def test_a_task_that_is_cancelled(ros_domain, server, client, begun, record):
         assert isinstance(answers.one(), GeneratorExit)
         begun.outcome(BOUND)
         seen = reached(server, client, begun)
-    form = Form(RCLPY, "`executor.create_task(coroutine)`, `task.cancel()`")
-    record(form, "yes", seen.partition(",")[0])
+    record(
+        RCLPY, "`executor.create_task(coroutine)`, `task.cancel()`", "yes", seen.partition(",")[0]
+    )
 
 
 def waiting(made: Robot, begun: Any) -> Answers:
@@ -273,25 +273,25 @@ def waiting(made: Robot, begun: Any) -> Answers:
 
 
 @pytest.mark.parametrize("kind", EXECUTORS)
-def test_an_executor_that_is_shut_down(kind, ros_domain, server, client, begun, record):
+def test_an_executor_that_is_shut_down(kind, ros_domain, server, client, begun):
     with robot(ros_domain, kind) as made:
         waiting(made, begun)
         made.executor.shutdown()
         server.wait_for("canceled", goal_id=str(begun.goal_id))
         begun.outcome(BOUND)
-    record(Form(RCLPY, "`executor.shutdown()` while a callback waits"), "yes", "cancelled")
+    record(RCLPY, "`executor.shutdown()` while a callback waits", "yes", "cancelled")
 
 
-def test_a_context_that_is_shut_down(ros_domain, server, client, begun, record):
+def test_a_context_that_is_shut_down(ros_domain, server, client, begun):
     with robot(ros_domain, "rclpy.spin") as made:
         waiting(made, begun)
         made.context.shutdown()
         server.wait_for("canceled", goal_id=str(begun.goal_id))
         begun.outcome(BOUND)
-    record(Form(RCLPY, "`rclpy.shutdown()` while a callback waits"), "yes", "cancelled")
+    record(RCLPY, "`rclpy.shutdown()` while a callback waits", "yes", "cancelled")
 
 
-def test_an_executor_that_is_dropped(ros_domain, server, client, begun, record):
+def test_an_executor_that_is_dropped(ros_domain, server, client, begun):
     with robot(ros_domain, "single", spin=False) as made:
         made.executor.create_task(Answers().of(begun))
         made.executor.spin_once(timeout_sec=1.0)
@@ -300,16 +300,16 @@ def test_an_executor_that_is_dropped(ros_domain, server, client, begun, record):
         gc.collect()
         server.wait_for("canceled", goal_id=str(begun.goal_id))
         begun.outcome(BOUND)
-    record(Form(RCLPY, "the executor is dropped while a callback waits"), "yes", "cancelled")
+    record(RCLPY, "the executor is dropped while a callback waits", "yes", "cancelled")
 
 
-def test_a_node_that_is_destroyed(ros_domain, server, client, begun, record):
+def test_a_node_that_is_destroyed(ros_domain, server, client, begun):
     with robot(ros_domain, "single") as made:
         answers = waiting(made, begun)
         made.node.destroy_node()
         seen = reached(server, client, begun)
         assert isinstance(answers.one(), concurrent.futures.CancelledError)
-    record(Form(RCLPY, "`node.destroy_node()` while a callback waits"), "yes", seen)
+    record(RCLPY, "`node.destroy_node()` while a callback waits", "yes", seen)
 
 
 def test_servers_and_feedback_are_awaited(ros_domain, action_server, make_client):
@@ -361,15 +361,19 @@ def test_a_loop_of_asyncio_inside_a_callback(ros_domain, client):
 # --- nothing that could wait -------------------------------------------------------------------
 
 
-def test_a_future_that_is_driven_by_hand(server, client, begun, record):
+def test_a_future_that_is_driven_by_hand(server, client, begun):
     with pytest.raises(RuntimeError, match="nothing runs this coroutine"):
         begun.send(None)
     begun.outcome(BOUND)
-    form = Form(NOWHERE, "`future.send(None)` by hand, without a loop")
-    record(form, "no: `RuntimeError`", reached(server, client, begun).partition(",")[0])
+    record(
+        NOWHERE,
+        "`future.send(None)` by hand, without a loop",
+        "no: `RuntimeError`",
+        reached(server, client, begun).partition(",")[0],
+    )
 
 
-def test_a_coroutine_that_is_driven_by_hand(server, client, record):
+def test_a_coroutine_that_is_driven_by_hand(server, client):
     future = client.call_async(LONG)
     server.wait_for("executing")
 
@@ -382,8 +386,12 @@ def test_a_coroutine_that_is_driven_by_hand(server, client, record):
     with suppress(RuntimeError):
         coroutine.close()
     future.outcome(BOUND)
-    form = Form(NOWHERE, "a coroutine driven by hand")
-    record(form, "no: `RuntimeError`", reached(server, client, future).partition(",")[0])
+    record(
+        NOWHERE,
+        "a coroutine driven by hand",
+        "no: `RuntimeError`",
+        reached(server, client, future).partition(",")[0],
+    )
 
 
 def test_waiting_for_a_server_by_hand(client):

@@ -1,17 +1,12 @@
-"""Each way to give up on a goal in a tree, in each phase of the goal: what reached the server.
-
-To write the page anew, run these tests with `ACTIONKIT_WRITE_INTERRUPTING=1` in the environment and
-with `-n 0`.
-"""
+"""Each way to give up on a goal in a tree, in each phase of the goal: what reached the server."""
 
 from __future__ import annotations
 
 import gc
-import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import py_trees
@@ -23,33 +18,45 @@ from actionkit.servers import Server
 from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour
 from tests.conftest import Script
-from tests.trees import interrupting as page
+from tests.tables import Page
 from tests.trees.conftest import BOUND, Place, fate
 
-WRITING = os.environ.get("ACTIONKIT_WRITE_INTERRUPTING") == "1"
+NOBODY = "no server is there"
+UNANSWERED = "sent, not answered"
+RUNNING = "executing"
+REFUSING = "executing, the server refuses to cancel"
+ENDED = "ended, not ticked since"
+PHASES = (NOBODY, UNANSWERED, RUNNING, REFUSING, ENDED)
+
+SELECTOR = "A selector turns to a child of higher priority"
+TIMEOUT = "The time of a `Timeout` decorator is up"
+GUARD = "The condition of an `EternalGuard` fails"
+ONE = "Another child ends a `Parallel` with `SuccessOnOne`"
+STOP = "`root.stop(Status.INVALID)`"
+SHUTDOWN = "`tree.shutdown()`"
+DROPPED = "The tree is dropped without `shutdown()`"
+CTRL_C = "Ctrl-C in a program that ticks"
+SIGTERM = "SIGTERM in a program that ticks, with `cancel_on_signals()`"
+EVENTS = (SELECTOR, TIMEOUT, GUARD, ONE, STOP, SHUTDOWN, DROPPED)
+PROGRAMS = (CTRL_C, SIGTERM)
+PAGE = Page(
+    "interrupting-a-tree.md",
+    {event: [(phase,) for phase in PHASES] for event in EVENTS}
+    | {event: [(RUNNING,)] for event in PROGRAMS},
+)
+
 SCRIPTS = {
-    page.UNANSWERED: ["gate", "accept", "never"],
-    page.RUNNING: ["accept", "never"],
-    page.REFUSING: ["refuse_cancel", "accept", "gate", "succeed"],
-    page.ENDED: ["accept", "gate", "succeed"],
+    UNANSWERED: ["gate", "accept", "never"],
+    RUNNING: ["accept", "never"],
+    REFUSING: ["refuse_cancel", "accept", "gate", "succeed"],
+    ENDED: ["accept", "gate", "succeed"],
 }
-ACTIONS = {phase: f"phase_{number}" for number, phase in enumerate(page.PHASES)}
+ACTIONS = {phase: f"phase_{number}" for number, phase in enumerate(PHASES)}
 
 
-@pytest.fixture(scope="module")
-def record() -> Iterator[Callable[[page.Row], None]]:
-    """Take a row: it is the one that is written."""
-    rows: list[page.Row] = []
-    known = page.PATH.read_text() if page.PATH.exists() else ""
-
-    def take(row: page.Row) -> None:
-        rows.append(row)
-        if not WRITING:
-            assert page.read(known).get((row.event, row.phase)) == row.line
-
-    yield take
-    if WRITING:
-        page.PATH.write_text(page.render(rows, known))
+def record(event: str, phase: str, reached: str, ended: str, new_run: str) -> None:
+    """Compare a row with the page."""
+    PAGE.record(event, {(phase,): (reached, ended, new_run)})
 
 
 class Always(py_trees.behaviour.Behaviour):
@@ -127,12 +134,12 @@ def shutdown(leaf: Any) -> tuple[Any, Interrupt]:
 
 
 TREES = {
-    page.SELECTOR: selector,
-    page.TIMEOUT: timeout,
-    page.GUARD: guard,
-    page.ONE: parallel,
-    page.STOP: stop,
-    page.SHUTDOWN: shutdown,
+    SELECTOR: selector,
+    TIMEOUT: timeout,
+    GUARD: guard,
+    ONE: parallel,
+    STOP: stop,
+    SHUTDOWN: shutdown,
 }
 
 
@@ -143,12 +150,12 @@ def reach(phase: str, root: Any, leaf: Any, server: Server | None) -> None:
     goal_id = str(leaf.future.goal_id)
     if server is None:
         return
-    if phase == page.UNANSWERED:
+    if phase == UNANSWERED:
         server.wait_for("goal_received", goal_id=goal_id)
     else:
         server.wait_for("executing", goal_id=goal_id)
         tick_until(root, lambda: leaf.future.known_to_run, BOUND)
-    if phase == page.ENDED:
+    if phase == ENDED:
         server.release(1)
         assert leaf.future.outcome(BOUND).ok
         assert leaf.status is Status.RUNNING
@@ -158,15 +165,15 @@ def reached(phase: str, server: Server | None, goal_id: str) -> tuple[str, str]:
     """Let the server do what it does of its own, and return what reached it and how it ended."""
     if server is None:
         return "nothing", "-"
-    if phase in (page.UNANSWERED, page.REFUSING):
+    if phase in (UNANSWERED, REFUSING):
         server.wait_for("cancel_requested", goal_id=goal_id)
         server.release(1)
-    end = "succeeded" if phase in (page.REFUSING, page.ENDED) else "canceled"
+    end = "succeeded" if phase in (REFUSING, ENDED) else "canceled"
     server.wait_for(end, goal_id=goal_id)
     seen = fate(server, goal_id)
     words = ["the goal"] if "goal_received" in seen else []
     if "cancel_requested" in seen:
-        words.append("the cancel" if phase != page.REFUSING else "the cancel, which is refused")
+        words.append("the cancel" if phase != REFUSING else "the cancel, which is refused")
     return "; ".join(words), end  # a cancel that was repeated may come after it
 
 
@@ -175,8 +182,8 @@ def serve(phase: str, place: Place) -> Server | None:
 
 
 @pytest.mark.parametrize("event", TREES)
-def test_a_tree_that_gives_up(event: str, place: Place, record: Callable[[page.Row], None]) -> None:
-    for phase in page.PHASES:
+def test_a_tree_that_gives_up(event: str, place: Place) -> None:
+    for phase in PHASES:
         server, action = serve(phase, place), ACTIONS[phase]
         leaf = ActionBehaviour("leaf", place.client(action), {"order": 1})
         root, interrupt = TREES[event](leaf)
@@ -184,9 +191,9 @@ def test_a_tree_that_gives_up(event: str, place: Place, record: Callable[[page.R
         first, goal_id = leaf.future, str(leaf.future.goal_id)
         interrupt()
         root.parent = leaf.parent = None  # the leaf goes on alone
-        if event == page.SHUTDOWN:
+        if event == SHUTDOWN:
             leaf.stop(Status.INVALID)  # py_trees leaves the statuses as they are
-        if phase != page.ENDED:
+        if phase != ENDED:
             assert leaf.status is Status.INVALID
             leaf.tick_once()
         what, ended = reached(phase, server, goal_id)
@@ -199,16 +206,16 @@ def test_a_tree_that_gives_up(event: str, place: Place, record: Callable[[page.R
             assert over.monotonic < again.monotonic
             new_run = "after its end"
         leaf.future.cancel()
-        if phase in (page.UNANSWERED, page.REFUSING, page.ENDED) and server is not None:
+        if phase in (UNANSWERED, REFUSING, ENDED) and server is not None:
             server.release(1)
         if server is not None:
-            until = "canceled" if phase in (page.UNANSWERED, page.RUNNING) else "executing"
+            until = "canceled" if phase in (UNANSWERED, RUNNING) else "executing"
             server.wait_for(until, goal_id=str(leaf.future.goal_id))
-        record(page.Row(event, phase, what, ended, new_run))  # last, as it may raise
+        record(event, phase, what, ended, new_run)  # last, as it may raise
 
 
-def test_a_tree_that_is_dropped(place: Place, record: Callable[[page.Row], None]) -> None:
-    for phase in page.PHASES:
+def test_a_tree_that_is_dropped(place: Place) -> None:
+    for phase in PHASES:
         server, action = serve(phase, place), ACTIONS[phase]
         leaf: Any = ActionBehaviour(
             "leaf", (Fibonacci, action), {"order": 1}, server_timeout=BOUND if server else 0.0
@@ -229,7 +236,7 @@ def test_a_tree_that_is_dropped(place: Place, record: Callable[[page.Row], None]
         if server is None:
             assert future.outcome(BOUND).attempts <= 1
             assert future.known_to_run is False
-        record(page.Row(page.DROPPED, phase, what, ended, "-"))
+        record(DROPPED, phase, what, ended, "-")
 
 
 PROGRAM = """
@@ -251,13 +258,13 @@ while True:
 """
 
 
-@pytest.mark.parametrize("event", page.PROGRAMS)
-def test_a_program_that_ticks(event: str, place: Place, record: Callable[[page.Row], None]) -> None:
-    server = serve(page.RUNNING, place)
+@pytest.mark.parametrize("event", PROGRAMS)
+def test_a_program_that_ticks(event: str, place: Place) -> None:
+    server = serve(RUNNING, place)
     assert server is not None
-    number = signal.SIGINT if event == page.CTRL_C else signal.SIGTERM
+    number = signal.SIGINT if event == CTRL_C else signal.SIGTERM
     program = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, ACTIONS[page.RUNNING], number.name],
+        [sys.executable, "-c", PROGRAM, ACTIONS[RUNNING], number.name],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
@@ -269,13 +276,9 @@ def test_a_program_that_ticks(event: str, place: Place, record: Callable[[page.R
     finally:
         program.kill()
         program.communicate()
-    what, ended = reached(page.RUNNING, server, goal_id)
-    record(page.Row(event, page.RUNNING, what, ended, "-"))
+    what, ended = reached(RUNNING, server, goal_id)
+    record(event, RUNNING, what, ended, "-")
 
 
-@pytest.mark.skipif(WRITING, reason="it is being written")
 def test_every_row_is_there() -> None:
-    rows = set(page.read(page.PATH.read_text()))
-    assert rows == {(event, phase) for event in page.EVENTS for phase in page.PHASES} | {
-        (event, page.RUNNING) for event in page.PROGRAMS
-    }
+    PAGE.check()
