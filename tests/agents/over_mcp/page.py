@@ -1,9 +1,9 @@
-"""What docs/agents-faults.md says around its tables, and which rows there have to be."""
+"""The tables of docs/agents-faults.md: which rows there have to be, and how a test records one."""
 
 from __future__ import annotations
 
 from tests.agents.over_mcp.lab import WAYS
-from tests.agents.over_mcp.table import PATH, Case, Row, render
+from tests.tables import Page
 
 GIVEN_UP = "The agent gives up"
 OUTCOME = "The goal does not come out"
@@ -12,42 +12,6 @@ ASKED = "A human is asked first"
 HELD = "A human stops the robot"
 ENDED = "The process is told to end"
 HTTP_ONLY = "Over HTTP only"
-
-INTRO = """
-# Agents' faults, and what comes of them
-
-This page is written by the tests in `tests/agents/over_mcp/`, which do what it tells of with real
-action servers, real processes and the clients of the MCP Python SDK, over both transports and in
-both eras of the protocol, and fail where it is no longer so
-(`ACTIONKIT_WRITE_AGENTS=1 pytest -n 0 tests/agents/over_mcp` writes it anew). How to set it up is
-told in [An MCP server for the robot](mcp.md).
-
-- **over**: the transport and the version of the protocol.
-- **what reached the action server**: all goals that it was sent, and how each ended there.
-- **what the agent was told**: the `status` of the tool's result, and whether trying again makes
-  sense. A call that was cancelled is never answered, by the protocol; after "then" is what the
-  tool `goals` said of it.
-- **`actionkit mcp`**: what became of the process. Times are bounds that no run may exceed.
-"""
-
-GROUPS = {
-    GIVEN_UP: """
-While a goal runs, the agent cancels its request, stops waiting, leaves, or is no more. In every way
-the action server is told to cancel.""",
-    OUTCOME: """
-The tool's result says what happened, in a form that a program can read.""",
-    REFUSED: """
-Nothing of this is sent, whatever the model or the client thinks of the tool's schema.""",
-    ASKED: """
-The tool has `confirm = "always"`: the client shows a question to its user (elicitation).""",
-    HELD: """
-With `actionkit stop`, in any terminal of the ROS domain.""",
-    ENDED: """
-While a goal runs. Hosts close standard input, send SIGTERM after 2 seconds, and SIGKILL after 2
-more.""",
-    HTTP_ONLY: """
-Who may come in, and connections that are dead.""",
-}
 
 EVERY = tuple(str(way) for way in WAYS)
 STDIO = EVERY[:2]
@@ -120,21 +84,26 @@ FAULTS: dict[str, dict[str, tuple[str, ...]]] = {
 }
 
 
-def cases() -> list[Case]:
-    """All rows that there have to be, in order."""
-    return [
-        Case(group, fault, over)
+PAGE = Page(
+    "agents-faults.md",
+    {
+        group: [(fault, over) for fault, ways in faults.items() for over in ways]
         for group, faults in FAULTS.items()
-        for fault, ways in faults.items()
-        for over in ways
-    ]
+    },
+)
 
 
-def write(rows: list[Row]) -> str:
-    """Write the page where every row is there; return what became of it."""
-    by_case = {row.case: row for row in rows}
-    missing = [case for case in cases() if case not in by_case]
-    if missing:
-        return f"not written; {len(missing)} rows are missing, such as {missing[0]}"
-    PATH.write_text(render(INTRO, GROUPS, [by_case[case] for case in cases()]), "utf-8")
-    return f"written, {len(by_case)} rows"
+def record(
+    group: str, fault: str, over: object, reached: str, told: str, process: str = "serves on"
+) -> None:
+    """Compare a row with the page.
+
+    Args:
+        group: The table.
+        fault: What was done.
+        over: How the agent talks to the robot.
+        reached: What reached the action server.
+        told: What the agent was told.
+        process: What happened to the process that serves.
+    """
+    PAGE.record(group, {(fault, str(over)): (reached, told, process)})

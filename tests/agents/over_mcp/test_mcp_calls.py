@@ -48,7 +48,7 @@ async def what_goals_tells(connected: Agent) -> str:
 
 
 @each_way
-def test_calls_that_come_to_nothing(robot: Robot, way: Way, connect: Connect, record) -> None:
+def test_calls_that_come_to_nothing(robot: Robot, way: Way, connect: Connect) -> None:
     counting = robot.server("fibonacci", period=0.02)
     patrolling = robot.server("never_finishes")
     scripted = robot.server("scripted", script=[[{"feedback": 1}, {"abort": [7]}], ["reject"]] * 4)
@@ -70,13 +70,15 @@ def test_calls_that_come_to_nothing(robot: Robot, way: Way, connect: Connect, re
                     group.start_soon(cancel)
                     await connected.call("patrol", {})
             told = await what_goals_tells(connected)
-            record(page.GIVEN_UP, "the request is cancelled", way, await watch.summary(), told)
+            page.record(page.GIVEN_UP, "the request is cancelled", way, await watch.summary(), told)
 
             watch = Watch(patrolling)
             with pytest.raises(MCPError, match="timed out"):
                 await connected.call("patrol", {}, read_timeout_seconds=0.5)
             told = await what_goals_tells(connected)
-            record(page.GIVEN_UP, "the client's read timeout", way, await watch.summary(), told)
+            page.record(
+                page.GIVEN_UP, "the client's read timeout", way, await watch.summary(), told
+            )
 
             for server, fault, tool, arguments in (
                 (scripted, "the server aborts the goal", "script", {"order": 1}),
@@ -86,7 +88,7 @@ def test_calls_that_come_to_nothing(robot: Robot, way: Way, connect: Connect, re
             ):
                 watch = Watch(server)
                 told = await connected.told(tool, arguments)
-                record(page.OUTCOME, fault, way, await watch.summary(), told)
+                page.record(page.OUTCOME, fault, way, await watch.summary(), told)
 
             watch = Watch(counting)
             for fault, tool, arguments in (
@@ -96,7 +98,7 @@ def test_calls_that_come_to_nothing(robot: Robot, way: Way, connect: Connect, re
                 ("an unknown tool", "fly", {}),
             ):
                 told = await connected.told(tool, arguments)
-                record(page.REFUSED, fault, way, await watch.summary(), told)
+                page.record(page.REFUSED, fault, way, await watch.summary(), told)
 
             watch = Watch(patrolling)
             async with anyio.create_task_group() as group:
@@ -107,7 +109,7 @@ def test_calls_that_come_to_nothing(robot: Robot, way: Way, connect: Connect, re
                 assert len(watch.received) == 2
                 reached = "nothing"
                 fault = "a third goal, where two at a time are allowed"
-                record(page.REFUSED, fault, way, reached, told)
+                page.record(page.REFUSED, fault, way, reached, told)
                 group.cancel_scope.cancel()
             assert await watch.summary() == "a goal, canceled; a goal, canceled"
 
@@ -130,7 +132,9 @@ def test_calls_that_come_to_nothing(robot: Robot, way: Way, connect: Connect, re
         assert ended == (way.transport == "stdio")
         process = "ends, < 2 s" if ended else "serves on"
         fault = "the client closes the connection"
-        record(page.GIVEN_UP, fault, way, await watch.summary(), "nothing: it is gone", process)
+        page.record(
+            page.GIVEN_UP, fault, way, await watch.summary(), "nothing: it is gone", process
+        )
 
     asyncio.run(scenario())
 
@@ -159,7 +163,7 @@ class Human:
 
 
 @each_way
-def test_a_human_is_asked_first(robot: Robot, way: Way, connect: Connect, record) -> None:
+def test_a_human_is_asked_first(robot: Robot, way: Way, connect: Connect) -> None:
     counting = robot.server("fibonacci", period=0.02)
 
     async def scenario() -> None:
@@ -173,7 +177,7 @@ def test_a_human_is_asked_first(robot: Robot, way: Way, connect: Connect, record
             ):
                 watch = Watch(counting)
                 told = await connected.told("ask", {"order": 3})
-                record(page.ASKED, fault, way, await watch.summary(), told)
+                page.record(page.ASKED, fault, way, await watch.summary(), told)
             assert len(human.asked) == 4
             assert "3" in human.asked[0]
 
@@ -187,11 +191,11 @@ def test_a_human_is_asked_first(robot: Robot, way: Way, connect: Connect, record
             assert "refused" in told
             told = "no answer"
             fault = "the client gives up while the human thinks"
-            record(page.ASKED, fault, way, await watch.summary(), told)
+            page.record(page.ASKED, fault, way, await watch.summary(), told)
 
             told = await connected.told("ask", {"order": 41})
             fault = "the arguments are outside of their limits"
-            record(page.ASKED, fault, way, await watch.summary(), told)
+            page.record(page.ASKED, fault, way, await watch.summary(), told)
             assert len(human.asked) == 5  # nobody was bothered with it
 
             if way.mode == "auto":
@@ -199,7 +203,7 @@ def test_a_human_is_asked_first(robot: Robot, way: Way, connect: Connect, record
         async with connect() as connected:
             watch = Watch(counting)
             told = await connected.told("ask", {"order": 3})
-            record(page.ASKED, "the client cannot ask", way, await watch.summary(), told)
+            page.record(page.ASKED, "the client cannot ask", way, await watch.summary(), told)
 
     async def take_liberties(connected: Agent) -> None:
         """Send what an honest client does not."""
@@ -221,7 +225,7 @@ def test_a_human_is_asked_first(robot: Robot, way: Way, connect: Connect, record
                 told = "the question" if isinstance(result, t.InputRequiredResult) else "?"
             except MCPError as error:
                 told = f"error {error.code}: {error}"
-            record(page.ASKED, fault, way, await watch.summary(), told)
+            page.record(page.ASKED, fault, way, await watch.summary(), told)
 
         await tried("the client sends the same approval again", order, given)
         second = await call("ask", order, allow_input_required=True)

@@ -55,7 +55,7 @@ def mcp_below(pid: int) -> int | None:
 
 
 @each_way
-def test_the_client_is_killed(robot: Robot, way: Way, record, request) -> None:
+def test_the_client_is_killed(robot: Robot, way: Way, request) -> None:
     patrolling = robot.server("never_finishes")
     watch = Watch(patrolling)
     command, *words_ = robot.words()
@@ -82,7 +82,7 @@ def test_the_client_is_killed(robot: Robot, way: Way, record, request) -> None:
         serving.close()
         process = "ends, < 2 s"
     assert serving is not http or not serving.is_gone()
-    record(page.GIVEN_UP, "the client is killed (SIGKILL)", way, reached, GONE, process)
+    page.record(page.GIVEN_UP, "the client is killed (SIGKILL)", way, reached, GONE, process)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_the_client_is_killed(robot: Robot, way: Way, record, request) -> None:
         pytest.param(signal.SIGHUP, STDIO, marks=pytest.mark.long),
     ],
 )
-def test_a_signal(robot: Robot, number: signal.Signals, way: Way, record) -> None:
+def test_a_signal(robot: Robot, number: signal.Signals, way: Way) -> None:
     patrolling = robot.server("never_finishes")
 
     async def scenario() -> None:
@@ -113,13 +113,13 @@ def test_a_signal(robot: Robot, number: signal.Signals, way: Way, record) -> Non
             assert took < SOON
             process = f"ends with {code}, < 2 s"
             fault = number.name
-            record(page.ENDED, fault, way.transport, await watch.summary(), told, process)
+            page.record(page.ENDED, fault, way.transport, await watch.summary(), told, process)
 
     asyncio.run(scenario())
 
 
 @pytest.mark.long
-def test_the_process_is_killed(robot: Robot, record) -> None:
+def test_the_process_is_killed(robot: Robot) -> None:
     patrolling = robot.server("never_finishes")
     other = HttpServing(robot)
 
@@ -133,7 +133,7 @@ def test_the_process_is_killed(robot: Robot, record) -> None:
                 await calling
         reached = await watch.summary(patience=1.0)
         told = "error: the connection is closed"
-        record(page.ENDED, "SIGKILL", "HTTP", reached, told, "is gone")
+        page.record(page.ENDED, "SIGKILL", "HTTP", reached, told, "is gone")
 
     asyncio.run(scenario())
     other.close()
@@ -154,18 +154,18 @@ def deaf(robot: Robot) -> Iterator[tuple[Host, Watch]]:
 
 
 @pytest.mark.long
-def test_a_host_that_reads_nothing_hangs_up(deaf: tuple[Host, Watch], record) -> None:
+def test_a_host_that_reads_nothing_hangs_up(deaf: tuple[Host, Watch]) -> None:
     host, watch = deaf
     wait_until_blocked(host)
     host.hang_up()
     assert seconds_until_gone(host.serving) < SOON
     process = f"ends with {host.code()}, < 2 s"
     fault = "the host reads nothing, and closes standard input"
-    record(page.GIVEN_UP, fault, "stdio", asyncio.run(watch.summary()), "nothing", process)
+    page.record(page.GIVEN_UP, fault, "stdio", asyncio.run(watch.summary()), "nothing", process)
 
 
 @pytest.mark.long
-def test_a_host_whose_child_keeps_our_input(robot: Robot, record) -> None:
+def test_a_host_whose_child_keeps_our_input(robot: Robot) -> None:
     watch = Watch(robot.server("never_finishes"))
     with Host(robot, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST") as host:
         host.call("patrol")  # which says nothing more, so no write would tell
@@ -176,18 +176,18 @@ def test_a_host_whose_child_keeps_our_input(robot: Robot, record) -> None:
         process = f"ends with {host.code()}, < 2 s"
     fault = "the host is killed, and a child of it keeps standard input open"
     reached = asyncio.run(watch.summary())
-    record(page.GIVEN_UP, fault, "stdio", reached, "nothing: it is gone", process)
+    page.record(page.GIVEN_UP, fault, "stdio", reached, "nothing: it is gone", process)
 
 
 @pytest.mark.long
-def test_a_host_that_reads_nothing_sends_sigterm(deaf: tuple[Host, Watch], record) -> None:
+def test_a_host_that_reads_nothing_sends_sigterm(deaf: tuple[Host, Watch]) -> None:
     host, watch = deaf
     wait_until_blocked(host)
     host.serving.signal(signal.SIGTERM)
     assert seconds_until_gone(host.serving) < SOON
     process = f"ends with {host.code()}, < 2 s"
     fault = "SIGTERM, and the host reads nothing"
-    record(page.ENDED, fault, "stdio", asyncio.run(watch.summary()), "nothing", process)
+    page.record(page.ENDED, fault, "stdio", asyncio.run(watch.summary()), "nothing", process)
 
 
 def wait_until_blocked(host: Host) -> None:
@@ -217,7 +217,7 @@ GoalRecord.over = over_and_hang
 
 
 @pytest.mark.long
-def test_the_event_loop_hangs(robot: Robot, record) -> None:
+def test_the_event_loop_hangs(robot: Robot) -> None:
     watch = Watch(robot.server("never_finishes"))
     with Host(robot, before=_HANGING, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST") as host:
         host.call("patrol")
@@ -230,11 +230,11 @@ def test_the_event_loop_hangs(robot: Robot, record) -> None:
         assert seconds_until_gone(host.serving) < AT_LAST
         process = f"ends with {host.code()}, < 4 s"
     fault = "SIGTERM, and the event loop hangs"
-    record(page.ENDED, fault, "stdio", reached, "nothing", process)
+    page.record(page.ENDED, fault, "stdio", reached, "nothing", process)
 
 
 @pytest.mark.long
-def test_the_action_server_does_not_answer(robot: Robot, record) -> None:
+def test_the_action_server_does_not_answer(robot: Robot) -> None:
     patrolling = robot.server("never_finishes")
 
     async def scenario() -> None:
@@ -253,13 +253,13 @@ def test_the_action_server_does_not_answer(robot: Robot, record) -> None:
             assert took < AT_LAST
         fault = "SIGTERM, and the action server does not answer (SIGSTOP)"
         process = f"ends with {code}, < 4 s; another goes on cancelling"
-        record(page.ENDED, fault, "stdio", await watch.summary(), told, process)
+        page.record(page.ENDED, fault, "stdio", await watch.summary(), told, process)
 
     asyncio.run(scenario())
 
 
 @pytest.mark.long
-def test_the_host_hangs_up_and_the_action_server_does_not_answer(robot: Robot, record) -> None:
+def test_the_host_hangs_up_and_the_action_server_does_not_answer(robot: Robot) -> None:
     patrolling = robot.server("never_finishes")
     watch = Watch(patrolling)
     with Host(robot, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST") as host:
@@ -275,11 +275,11 @@ def test_the_host_hangs_up_and_the_action_server_does_not_answer(robot: Robot, r
         process = f"ends with {host.code()}, < 4 s; another goes on cancelling"
     reached = asyncio.run(watch.summary())
     fault = "standard input is closed, and the action server does not answer"
-    record(page.ENDED, fault, "stdio", reached, "nothing: it is gone", process)
+    page.record(page.ENDED, fault, "stdio", reached, "nothing: it is gone", process)
 
 
 @pytest.mark.long  # the middleware takes 20 s to notice that the process is dead
-def test_a_server_that_is_killed(robot: Robot, http: HttpServing, record) -> None:
+def test_a_server_that_is_killed(robot: Robot, http: HttpServing) -> None:
     mortal = robot.server("scripted", script=[["accept", {"feedback": 1}, "never"]])
 
     async def scenario() -> None:
@@ -290,12 +290,12 @@ def test_a_server_that_is_killed(robot: Robot, http: HttpServing, record) -> Non
             mortal.kill()
             told = await calling
             fault = "the server is killed (SIGKILL)"
-            record(page.OUTCOME, fault, "HTTP", await watch.summary(patience=0.1), told)
+            page.record(page.OUTCOME, fault, "HTTP", await watch.summary(patience=0.1), told)
 
     asyncio.run(scenario())
 
 
-def test_a_server_that_refuses_to_cancel(robot: Robot, http: HttpServing, record) -> None:
+def test_a_server_that_refuses_to_cancel(robot: Robot, http: HttpServing) -> None:
     stubborn = robot.server("refuses_cancel", period=0.1)
 
     async def scenario() -> None:
@@ -309,6 +309,6 @@ def test_a_server_that_refuses_to_cancel(robot: Robot, http: HttpServing, record
             running = latest["may_still_run"]
             told = f"no answer; then `{latest['status']}`" + (", may still run" if running else "")
             fault = "the request is cancelled, and the server refuses to cancel"
-            record(page.OUTCOME, fault, "HTTP", await watch.summary(), told)
+            page.record(page.OUTCOME, fault, "HTTP", await watch.summary(), told)
 
     asyncio.run(scenario())

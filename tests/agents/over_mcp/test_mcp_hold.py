@@ -38,7 +38,7 @@ async def stop(robot: Robot, *words: str) -> str:
 
 
 @pytest.mark.usefixtures("human")
-def test_a_human_stops_the_robot(robot: Robot, http: HttpServing, record) -> None:
+def test_a_human_stops_the_robot(robot: Robot, http: HttpServing) -> None:
     patrolling = robot.server("never_finishes")
     counting = robot.server("fibonacci")
 
@@ -64,7 +64,7 @@ def test_a_human_stops_the_robot(robot: Robot, http: HttpServing, record) -> Non
                     if e.goal_id == ids[number] and e.event in ("canceled", "succeeded", "aborted")
                 }
                 fault = "`actionkit stop` while a goal runs"
-                record(page.HELD, fault, way, f"a goal, {end}", await calls[number])
+                page.record(page.HELD, fault, way, f"a goal, {end}", await calls[number])
 
             for way, connected in by_way:
                 fault = "the next call, under the hold"
@@ -80,6 +80,6 @@ def test_a_human_stops_the_robot(robot: Robot, http: HttpServing, record) -> Non
     async def tried(fault: str, way: object, connected: Agent) -> None:
         watch = Watch(counting)
         told = await connected.told("count", {"order": 2})
-        record(page.HELD, fault, way, await watch.summary(), told)
+        page.record(page.HELD, fault, way, await watch.summary(), told)
 
     asyncio.run(scenario())

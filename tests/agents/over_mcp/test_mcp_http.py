@@ -73,7 +73,7 @@ async def open_session(client: httpx2.AsyncClient, url: str) -> str:
 
 @pytest.mark.parametrize("way", HTTP, ids=str)
 def test_a_client_that_is_gone_before_its_call_begins(
-    robot: Robot, http: HttpServing, way: Way, record
+    robot: Robot, http: HttpServing, way: Way
 ) -> None:
     watch = Watch(robot.server("never_finishes"))
     place = urlsplit(http.url).netloc
@@ -102,12 +102,12 @@ def test_a_client_that_is_gone_before_its_call_begins(
                 assert len(later.received) == 1
             await later.until("canceled")
         fault = "the client is gone before its call begins"
-        record(page.HTTP_ONLY, fault, way, "nothing", "nothing: it is gone")
+        page.record(page.HTTP_ONLY, fault, way, "nothing", "nothing: it is gone")
 
     asyncio.run(scenario())
 
 
-def test_a_client_that_ends_its_session(robot: Robot, http: HttpServing, record) -> None:
+def test_a_client_that_ends_its_session(robot: Robot, http: HttpServing) -> None:
     watch = Watch(robot.server("never_finishes"))
 
     async def scenario() -> None:
@@ -120,12 +120,12 @@ def test_a_client_that_ends_its_session(robot: Robot, http: HttpServing, record)
             reached = await watch.summary()
             assert (await calling).text.strip() == ""
         fault = "the client ends its session (DELETE)"
-        record(page.HTTP_ONLY, fault, HTTP[0], reached, "no answer")
+        page.record(page.HTTP_ONLY, fault, HTTP[0], reached, "no answer")
 
     asyncio.run(scenario())
 
 
-def test_who_may_come_in(robot: Robot, record) -> None:
+def test_who_may_come_in(robot: Robot) -> None:
     watch = Watch(robot.server("fibonacci", period=0.02))
     with contextlib.closing(
         HttpServing(robot, "--allow-host", "robot.test", **{TOKEN_VARIABLE: TOKEN})
@@ -143,7 +143,7 @@ def test_who_may_come_in(robot: Robot, record) -> None:
                 wrong = {**known, "Authorization": f"Bearer {TOKEN}x"}
                 assert await told(**HEADERS) == await told(**wrong) == "401"
                 fault = "no token, or a wrong one"
-                record(page.HTTP_ONLY, fault, "HTTP", await watch.summary(), "HTTP status 401")
+                page.record(page.HTTP_ONLY, fault, "HTTP", await watch.summary(), "HTTP status 401")
                 for fault, header, text, allowed in (
                     ("another `Host` (DNS rebinding)", "Host", "evil.test", "robot.test:80"),
                     (
@@ -155,7 +155,7 @@ def test_who_may_come_in(robot: Robot, record) -> None:
                 ):
                     status = await told(**known, **{header: text})
                     reached = await watch.summary()
-                    record(page.HTTP_ONLY, fault, "HTTP", reached, f"HTTP status {status}")
+                    page.record(page.HTTP_ONLY, fault, "HTTP", reached, f"HTTP status {status}")
                     # It comes in, and is told that it has opened no session.
                     assert await told(**known, **{header: allowed}) == "400"
             with_token = httpx2.AsyncClient(
@@ -181,7 +181,7 @@ def cable() -> Iterator[network.Network]:
 
 
 @pytest.mark.long
-def test_the_network_is_cut(robot: Robot, cable: network.Network, record) -> None:
+def test_the_network_is_cut(robot: Robot, cable: network.Network) -> None:
     """TCP would tell of it after a quarter of an hour, or never."""
     here, there = cable.first, cable.second
     with here.inside(), contextlib.ExitStack() as stack:
@@ -213,7 +213,7 @@ def test_the_network_is_cut(robot: Robot, cable: network.Network, record) -> Non
             assert time.monotonic() - began < 20.0
             cable.mend()
             fault = "the network between client and server is cut"
-            record(page.HTTP_ONLY, fault, way, reached, "nothing: it is gone")
+            page.record(page.HTTP_ONLY, fault, way, reached, "nothing: it is gone")
 
 
 def robot_server_here(robot: Robot, stack: contextlib.ExitStack):

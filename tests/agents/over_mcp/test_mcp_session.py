@@ -10,8 +10,8 @@ from typing import Any
 
 import mcp.types as t
 
-from tests.agents.over_mcp.conftest import WRITING
 from tests.agents.over_mcp.lab import WAYS, Robot, Watch, agent
+from tests.tables import WRITING
 
 PAGE = Path(__file__).parents[3] / "docs" / "mcp.md"
 BLOCK = re.compile(r"(<!-- session -->\n```text\n)(.*?)(```\n<!-- end -->)", re.S)

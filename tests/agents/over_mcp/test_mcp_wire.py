@@ -44,7 +44,7 @@ def call(arguments: str, number: int = 90) -> str:
     return f'{{"jsonrpc":"2.0","id":{number},"method":"tools/call","params":{params}}}'
 
 
-def test_stdout_is_the_protocols(robot: Robot, record) -> None:
+def test_stdout_is_the_protocols(robot: Robot) -> None:
     """With no more in the environment than hosts pass on, and whatever the host sends."""
     watch = Watch(robot.server("fibonacci", period=0.02))
     with Host(robot, before=_NOISE, RCUTILS_LOGGING_USE_STDOUT="1") as host:
@@ -63,7 +63,7 @@ def test_stdout_is_the_protocols(robot: Robot, record) -> None:
             host.send_line(call(arguments))
             error = host.answer(90)["error"]
             text = f"error {error['code']}: {error['message']}"
-            record(page.REFUSED, fault, "stdio", asyncio.run(watch.summary()), text)
+            page.record(page.REFUSED, fault, "stdio", asyncio.run(watch.summary()), text)
         assert all(json.loads(line)["jsonrpc"] == "2.0" for line in host.lines)
         host.hang_up()
         assert host.process.stdout is not None
@@ -71,7 +71,7 @@ def test_stdout_is_the_protocols(robot: Robot, record) -> None:
         assert host.code() == 0
 
 
-def test_messages_over_http_that_cannot_be_read(robot: Robot, http: HttpServing, record) -> None:
+def test_messages_over_http_that_cannot_be_read(robot: Robot, http: HttpServing) -> None:
     watch = Watch(robot.server("fibonacci", period=0.02))
     headers = {
         "Content-Type": "application/json",
@@ -87,7 +87,7 @@ def test_messages_over_http_that_cannot_be_read(robot: Robot, http: HttpServing,
             ):
                 answer = await client.post(http.url, content=call(arguments))
                 told = f"HTTP status {answer.status_code}"
-                record(page.REFUSED, fault, "HTTP", await watch.summary(), told)
+                page.record(page.REFUSED, fault, "HTTP", await watch.summary(), told)
         async with agent(robot, WAYS[3], http) as connected:
             assert await connected.told("count", {"order": 3}) == "`succeeded`"
 
