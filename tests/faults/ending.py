@@ -1,13 +1,11 @@
-"""The table of docs/ending.md: programs, what ends them, how the rows are written and read."""
+"""Programs that are told to end, and what ends them, as in docs/faults.md."""
 
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
-PATH = Path(__file__).parents[2] / "docs" / "ending.md"
+from tests.tables import Key
 
 SCRIPT = "A script, in `call`"
 ASYNCIO = "asyncio, in `await`"
@@ -105,9 +103,9 @@ class Case:
         return (self.program, self.what) == (MULTI, DESTROY)
 
     @property
-    def cells(self) -> str:
-        """The first cells of its row."""
-        return f"| {self.what} | {'yes' if self.handled else 'no'} |"
+    def key(self) -> tuple[str, str]:
+        """Of its row."""
+        return self.what, "yes" if self.handled else "no"
 
     @property
     def source(self) -> str:
@@ -126,11 +124,12 @@ class Row:
     code: int | None
 
     @property
-    def line(self) -> str:
+    def cells(self) -> tuple[str, str]:
+        """How it is written."""
         code = "it goes on" if self.code is None else str(self.code)
         if self.code is not None and self.code < 0:
             code = f"{128 - self.code} ({self.code})"
-        return f"{self.case.cells} {self.reached} | {code} |"
+        return self.reached, code
 
 
 def cases(program: str) -> list[Case]:
@@ -144,59 +143,7 @@ def cases(program: str) -> list[Case]:
     return found + [Case(program, what, handled=False) for what in bare]
 
 
-EXPLAINED = {
-    SCRIPT: "No `rclpy.init()`, no node.",
-    ASYNCIO: "`asyncio.run(main())`, no `rclpy.init()`, no node.",
-    SINGLE: "`rclpy.init()`; the client is made with `node=`.",
-    MULTI: "The same; other callbacks run meanwhile.",
-    SPIN: "The same.",
-    BESIDE: "The same; the call waits in the main thread.",
+TABLES: dict[str, list[Key]] = {
+    program: [case.key for case in cases(program)] for program in PROGRAMS
 }
-INTRO = """
-# How a program ends, and what reaches the server
-
-This page is written by `tests/faults/test_ending.py`, which does what it tells of with real
-programs, signals and servers, and fails where it is no longer so
-(`ACTIONKIT_WRITE_ENDING=1 pytest -n 0 tests/faults/test_ending.py` writes it anew). What to do
-about it is told in [Losing the server](losing-the-server.md#when-your-own-process-ends).
-
-Each program has one goal running, and is told to end. The server's own journal says what reached
-it.
-
-- **handled**: whether the program has called `cancel_on_signals()` at its start, before
-  `rclpy.init()`; with SIGINT as its argument where that was ignored before, as it is in a program
-  that a shell script starts in the background.
-- **reached the server**: "the cancel" means also that the goal ended, before the program did.
-- **exit code**: as a shell shows it, and in brackets that of Python's `subprocess`. 1 is the error
-  of the call, `ClientClosedError` or `CancelledError`, that nothing in these programs catches.
-  Where a signal comes between two steps of an executor, rclpy itself fails ("failed to initialize
-  wait set: the given context is not valid"), and the program ends with 1: one in hundreds, which
-  was tried again here.
-
-Each of them is gone within `Timeouts.cancel` and a second, and most at once.
-"""
-_HEAD = "| what ends it | handled | reached the server | exit code |\n|---|---|---|---|"
-
-
-def render(rows: Iterable[Row], text: str) -> str:
-    """The page with new rows in place of its old ones; what was not tried anew stays."""
-    found = {row.case: row.line for row in rows}
-    parts = [INTRO.strip()]
-    for program, explanation in EXPLAINED.items():
-        lines = []
-        for case in cases(program):
-            old = (x for x in section(program, text).splitlines() if x.startswith(case.cells))
-            lines.append(found.get(case) or next(old, ""))
-        lines = [line for line in lines if line]
-        parts.append(f"## {program}\n\n{explanation}\n\n" + "\n".join([_HEAD, *lines]))
-    return "\n\n".join(parts) + "\n"
-
-
-def is_written(row: Row, text: str) -> bool:
-    """Whether the page has this row."""
-    return row.line in section(row.case.program, text).splitlines()
-
-
-def section(program: str, text: str) -> str:
-    """What the page says of a program."""
-    return text.partition(f"## {program}\n")[2].partition("\n## ")[0]
+"""The keys of the rows of each program."""

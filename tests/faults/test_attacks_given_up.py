@@ -16,8 +16,9 @@ from actionkit.servers import Server
 from tests.conftest import NEVER
 from tests.faults import attacks
 from tests.faults.attacks import Attack, Row
-from tests.faults.conftest import WRITING_ATTACKS
 from tests.faults.crowd import CODES, Crowd, drain, endings, untold, wrong
+from tests.faults.page import attacked
+from tests.tables import WRITING
 
 pytestmark = pytest.mark.long
 
@@ -69,14 +70,14 @@ def give_up(way: str, n: int, server: Server, start: Callable[..., Crowd]) -> Ro
     return row
 
 
-@pytest.mark.timeout(600 if WRITING_ATTACKS else 120)
+@pytest.mark.timeout(600 if WRITING else 120)
 @pytest.mark.parametrize(
     "n", [n if n < 500 else pytest.param(n, marks=pytest.mark.heavy) for n in attacks.SIZES]
 )
 @pytest.mark.parametrize("way", attacks.WAYS)
-def test_attack_many_goals_are_given_up_on(way, n, action_server, crowd, attacked):
-    if not WRITING_ATTACKS and (way, n) not in attacks.ALWAYS:
-        pytest.skip("only when docs/attacks.md is written")
+def test_attack_many_goals_are_given_up_on(way, n, action_server, crowd):
+    if not WRITING and (way, n) not in attacks.ALWAYS:
+        pytest.skip("only when docs/faults.md is written")
     server = action_server("never_finishes", journal="goals")
     row = give_up(way, n, server, crowd)
     if way == "deadline":
@@ -85,7 +86,7 @@ def test_attack_many_goals_are_given_up_on(way, n, action_server, crowd, attacke
 
 
 @pytest.mark.timeout(240)
-def test_attack_ten_processes_are_interrupted_together(action_server, crowd, attacked):
+def test_attack_ten_processes_are_interrupted_together(action_server, crowd):
     server = action_server("never_finishes", journal="goals")
     with ThreadPoolExecutor(10) as starters:  # each waits until its program sees the server
         crowds = list(starters.map(lambda _: crowd("ctrl_c", 60), range(10)))
@@ -99,7 +100,7 @@ def test_attack_ten_processes_are_interrupted_together(action_server, crowd, att
     attacked(judged(attack, server, crowds, began))
 
 
-def test_attack_each_ctrl_c_ends_a_wait(action_server, crowd, attacked):
+def test_attack_each_ctrl_c_ends_a_wait(action_server, crowd):
     server = action_server("slow_cancel", gate=1, journal="goals")
     one = crowd("ctrl_c", 100, cancel=60.0)
     one.fill(server)
@@ -120,7 +121,7 @@ def test_attack_each_ctrl_c_ends_a_wait(action_server, crowd, attacked):
 
 
 @pytest.mark.parametrize("way", attacks.DEAF_WAYS)
-def test_attack_a_server_that_does_not_answer(way, action_server, crowd, attacked):
+def test_attack_a_server_that_does_not_answer(way, action_server, crowd):
     server = action_server("never_finishes", journal="goals")
     one = crowd(way, 100, log=way == "close")
     one.fill(server)

@@ -14,9 +14,11 @@ from actionkit import Timeouts
 from tests.conftest import Script
 from tests.faults import attacks, network
 from tests.faults.attacks import Row
-from tests.faults.conftest import WRITING_ATTACKS, Field
+from tests.faults.conftest import Field
 from tests.faults.crowd import drain, endings
 from tests.faults.lab import Seen
+from tests.faults.page import attacked
+from tests.tables import WRITING
 
 pytestmark = pytest.mark.long
 
@@ -47,11 +49,11 @@ def plain_client(field: Field, n: int) -> Script:
     return script
 
 
-@pytest.mark.timeout(1500 if WRITING_ATTACKS else 230)
+@pytest.mark.timeout(1500 if WRITING else 230)
 @pytest.mark.parametrize(("percent", "n"), _ALWAYS + _WRITTEN)
-def test_attack_packets_are_lost(percent, n, field, attacked):
-    if not WRITING_ATTACKS and (percent, n) not in _ALWAYS:
-        pytest.skip("only when docs/attacks.md is written")
+def test_attack_packets_are_lost(percent, n, field):
+    if not WRITING and (percent, n) not in _ALWAYS:
+        pytest.skip("only when docs/faults.md is written")
     network.skip_where_nothing_can_be_lost(field.cable)
     server = field.serve("fibonacci", journal="goals")
     # Of its own: one server's queue of ten requests is too short for the bursts of both.

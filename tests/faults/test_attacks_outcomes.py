@@ -17,6 +17,7 @@ from actionkit import DeadlineExceededError, Outcome, RetryPolicy, Timeouts, Ver
 from tests.faults import attacks
 from tests.faults.attacks import Row
 from tests.faults.crowd import drain, endings
+from tests.faults.page import attacked
 
 pytestmark = pytest.mark.long
 
@@ -67,7 +68,7 @@ def problem(outcome: Outcome[Any], deadline: float, end: tuple[str, float], resu
 
 @pytest.mark.timeout(150)
 @pytest.mark.parametrize("kind", attacks.RACES)
-def test_attack_deadlines_near_the_ends_of_goals(kind, action_server, make_client, attacked):
+def test_attack_deadlines_near_the_ends_of_goals(kind, action_server, make_client):
     scene = SERVERS[kind]
     server = action_server(scene.name, period=0.05, journal="goals", **scene.options)
     client = make_client(timeouts=Timeouts(cancel=_GRACE), retry=RetryPolicy.none())
@@ -115,7 +116,7 @@ def failure(outcome: Outcome[Any]) -> Verdict:
 
 
 @pytest.mark.parametrize("n", attacks.BLOCKED)
-def test_attack_a_judge_behind_blocked_callbacks(n, action_server, make_client, attacked, blocker):
+def test_attack_a_judge_behind_blocked_callbacks(n, action_server, make_client, blocker):
     server = action_server("fibonacci", journal="goals")
     client = make_client(retry=RetryPolicy.none(), timeouts=Timeouts(accept=30.0))
     reached = threading.Semaphore(0)
@@ -127,11 +128,11 @@ def test_attack_a_judge_behind_blocked_callbacks(n, action_server, make_client, 
     for _ in range(n):
         client.call_async({"order": 3}, block)
     assert all(reached.acquire(timeout=20) for _ in range(8))  # as many as threads there are
-    judge(attacks.blocked("callbacks", n), [client] * n, server, attacked)
+    judge(attacks.blocked("callbacks", n), [client] * n, server)
 
 
 @pytest.mark.parametrize("n", attacks.BLOCKED)
-def test_attack_a_judge_behind_blocked_logs(n, action_server, make_client, attacked, blocker):
+def test_attack_a_judge_behind_blocked_logs(n, action_server, make_client, blocker):
     server = action_server("fibonacci", journal="goals")
     clients = [
         make_client(retry=RetryPolicy.none(), timeouts=Timeouts(accept=30.0)) for _ in range(n)
@@ -149,14 +150,14 @@ def test_attack_a_judge_behind_blocked_logs(n, action_server, make_client, attac
         for client in clients:
             client.call_async({"order": 3})
         server.wait_for("succeeded", count=n, timeout=30)
-        judge(attacks.blocked("handlers", n), clients, server, attacked)
+        judge(attacks.blocked("handlers", n), clients, server)
     finally:
         blocker.set()
         log.removeHandler(handler)
         log.setLevel(logging.NOTSET)
 
 
-def judge(attack: attacks.Attack, clients: list[Any], server: Any, attacked: Any) -> None:
+def judge(attack: attacks.Attack, clients: list[Any], server: Any) -> None:
     """Make a call with each client, whose result is to be judged a failure."""
     futures = [
         client.call_async({"order": 3}, timeout=_DEADLINE, classify=failure) for client in clients

@@ -1,10 +1,9 @@
-"""Programs that are told to end leave no goal running (C2.6), and docs/ending.md says how."""
+"""Programs that are told to end leave no goal running (C2.6), and docs/faults.md says how."""
 
 from __future__ import annotations
 
 import itertools
 import os
-import re
 import subprocess
 import sys
 import time
@@ -15,8 +14,8 @@ import pytest
 from actionkit.servers import Server
 from tests.conftest import RCLPYS_RACE
 from tests.faults import ending
-from tests.faults.conftest import WRITING_ENDING
 from tests.faults.ending import CANCEL, IGNORED, KILL, NOTHING, SHUTDOWN, Case, Row
+from tests.faults.page import ended
 
 BOUND = 3.0
 """Seconds: `Timeouts.cancel`, and one."""
@@ -86,30 +85,9 @@ def end_once(case: Case, server: Server, goals: int) -> tuple[Row, str]:
 
 @pytest.mark.long
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("program", ending.EXPLAINED)
-def test_what_reaches_the_server_when_a_program_ends(program, action_server, ended):
+@pytest.mark.parametrize("program", ending.PROGRAMS)
+def test_what_reaches_the_server_when_a_program_ends(program, action_server):
     server = action_server("never_finishes")
     goals = itertools.count(1)
     for case in ending.cases(program):
         ended(end(case, server, goals))
-
-
-@pytest.mark.skipif(WRITING_ENDING, reason="docs/ending.md is being written")
-def test_the_page_of_endings_has_a_row_for_each_and_no_other():
-    text = ending.PATH.read_text()
-    for program in ending.EXPLAINED:
-        section = ending.section(program, text)
-        written = re.findall(r"^\| (.+?) \| (yes|no) \|", section, re.MULTILINE)
-        assert written == [
-            (case.what, "yes" if case.handled else "no") for case in ending.cases(program)
-        ]
-    assert text.startswith(ending.INTRO.strip())
-
-
-def test_a_row_that_is_not_so_is_found():
-    row = Row(Case(ending.SCRIPT, "SIGTERM", handled=True), CANCEL, -15)
-    text = ending.render([row], "")
-    assert ending.render([], text) == text
-    assert ending.is_written(row, text)
-    assert not ending.is_written(Row(row.case, NOTHING, -15), text)
-    assert not ending.is_written(Row(row.case, CANCEL, 1), text)

@@ -15,7 +15,7 @@ from tests.faults.table import Case, Row
 pytestmark = pytest.mark.long
 
 
-def test_two_servers_on_one_name(action_server, make_caller, record):
+def test_two_servers_on_one_name(action_server, make_caller):
     server = action_server("twins", gate=1)
     caller = make_caller()
     assert caller.client.wait_for_server(10)
@@ -38,11 +38,11 @@ def test_two_servers_on_one_name(action_server, make_caller, record):
                 left=len(settle(server)),
             )
         )
-    record(rows)
+    page.record(rows)
     assert not caller.close()
 
 
-def test_another_type_takes_the_name(action_server, make_caller, ros_domain, record):
+def test_another_type_takes_the_name(action_server, make_caller, ros_domain):
     lab = Lab(
         action_server("scripted", script=scripts(page.OTHER_PHASES)),
         make_caller(replace(TIMEOUTS, server=30.0)),
@@ -59,5 +59,5 @@ def test_another_type_takes_the_name(action_server, make_caller, ros_domain, rec
     assert "attempt 2 sent nothing" in seen[f"{ACCEPTED}/server_gone"].text
     lab.server.restart()
     lab.still_works()
-    record(lab.rows(page.OTHER_TYPE, struck, seen))
+    page.record(lab.rows(page.OTHER_TYPE, struck, seen))
     lab.close()

@@ -50,7 +50,7 @@ def test_nothing_gets_through_a_cable_that_is_cut(field):
 
 
 @pytest.mark.parametrize("fault", [page.OUTAGE, page.LONG_OUTAGE])
-def test_an_outage(fault, field, record):
+def test_an_outage(fault, field):
     short = fault == page.OUTAGE
     server = field.serve("scripted", script=scripts(page.OUTAGE_PHASES))
     caller = field.caller(TIMEOUTS if short else replace(TIMEOUTS, server=30.0))
@@ -68,22 +68,22 @@ def test_an_outage(fault, field, record):
     lab.see_stopped(BEFORE_ACCEPT)
     seen = lab.seen()
     lab.still_works()
-    record(lab.rows(fault, struck, seen))
+    page.record(lab.rows(fault, struck, seen))
     # The long outage swallows what resend="always" sends meanwhile.
     lab.close(watches=not short)
 
 
-def test_goals_are_given_up_on_during_an_outage(field, record):
+def test_goals_are_given_up_on_during_an_outage(field):
     server = field.serve("scripted", script=NEVER_END)
     caller = field.caller()
     cable = field.cable
-    record(give_up(page.GIVEN_UP_OUTAGE, server, caller, cable.cut, cable.mend))
+    page.record(give_up(page.GIVEN_UP_OUTAGE, server, caller, cable.cut, cable.mend))
     assert not caller.close()
 
 
 @pytest.mark.timeout(170)
 @pytest.mark.parametrize("_", range(REPEAT))
-def test_a_third_of_all_packets_is_lost(_, field, record, monkeypatch):
+def test_a_third_of_all_packets_is_lost(_, field, monkeypatch):
     network.skip_where_nothing_can_be_lost(field.cable)
     profiles = Path(__file__).parent / "heartbeats.xml"
     monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(profiles))
@@ -101,7 +101,7 @@ def test_a_third_of_all_packets_is_lost(_, field, record, monkeypatch):
     left = settle(server)
     goals = [set(one.goals) for one in seen]
     events = server.events
-    record(
+    page.record(
         [
             Row(
                 Case(page.LOSS, page.MANY, "confirmed_stopped"),

@@ -45,7 +45,7 @@ def make_lab(action_server, make_caller):
         (page.TERM_RESTART, "terminate", True),
     ],
 )
-def test_a_server_that_ends(fault, end, back, make_lab, record):
+def test_a_server_that_ends(fault, end, back, make_lab):
     patient = replace(TIMEOUTS, accept=40.0)
     lab = make_lab(patient if fault == page.KILL_RESTART else TIMEOUTS)
     struck = time.monotonic()
@@ -56,12 +56,12 @@ def test_a_server_that_ends(fault, end, back, make_lab, record):
     if not back:
         lab.server.restart()
     lab.still_works()
-    record(lab.rows(fault, struck, seen))
+    page.record(lab.rows(fault, struck, seen))
     lab.close()
 
 
 @pytest.mark.parametrize(("fault", "liveness"), [(page.STOP, None), (page.STOP_LIVENESS, 1.0)])
-def test_a_server_that_is_stopped_for_a_while(fault, liveness, make_lab, record):
+def test_a_server_that_is_stopped_for_a_while(fault, liveness, make_lab):
     lab = make_lab(replace(TIMEOUTS, liveness=liveness))
     struck = time.monotonic()
     lab.server.pause()
@@ -75,13 +75,13 @@ def test_a_server_that_is_stopped_for_a_while(fault, liveness, make_lab, record)
     lab.see_stopped(BEFORE_ACCEPT)
     seen = lab.seen()
     lab.still_works()
-    record(lab.rows(fault, struck, seen))
+    page.record(lab.rows(fault, struck, seen))
     lab.close()
 
 
-def test_goals_are_given_up_on_while_their_server_is_stopped(action_server, make_caller, record):
+def test_goals_are_given_up_on_while_their_server_is_stopped(action_server, make_caller):
     server = action_server("scripted", script=NEVER_END)
     caller = make_caller()
     assert caller.client.wait_for_server(10)
-    record(give_up(page.GIVEN_UP_STOPPED, server, caller, server.pause, server.resume))
+    page.record(give_up(page.GIVEN_UP_STOPPED, server, caller, server.pause, server.resume))
     assert not caller.close()

@@ -18,11 +18,13 @@ from pathlib import Path
 import click
 
 from tests.faults import attacks, network
+from tests.faults.page import PAGE
 from tests.soak import plan
 from tests.soak.place import Place, places
 from tests.soak.processes import Worker
 from tests.soak.report import Totals
 from tests.soak.rounds import Result, Round
+from tests.tables import Seconds
 
 _ROOT = Path(__file__).parents[2]
 _STUCK = 300.0
@@ -43,7 +45,9 @@ _STUCK = 300.0
     default=_ROOT / "build" / "soak.json",
     help="Where the report goes.",
 )
-@click.option("--write-docs", is_flag=True, help="Put a good result into docs/attacks.md.")
+@click.option(
+    "--write-docs", is_flag=True, help="Put a good result of an hour into docs/faults.md."
+)
 def main(
     minutes: float,
     seed: int | None,
@@ -54,6 +58,8 @@ def main(
     write_docs: bool,
 ) -> None:
     """Try to make ActionKit break its promises, and count what is broken."""
+    if write_docs and f"{minutes:g} minutes" != attacks.SOAK_TIME:
+        raise click.UsageError(f"docs/faults.md tells of {attacks.SOAK_TIME}")
     totals = Totals(random.randrange(10_000) if seed is None else seed)
     problem = "asked for" if no_network else network.why_not()
     click.echo(f"seed {totals.seed}" + (f"; no network: {problem}" if problem else ""))
@@ -79,7 +85,7 @@ def main(
     totals.write(out)
     click.echo(totals.text)
     if write_docs and totals.good:
-        _write_docs(totals, minutes)
+        _write_docs(totals)
     sys.exit(0 if totals.good else 1)
 
 
@@ -97,13 +103,9 @@ def _round(todo: plan.Plan, place: Place, workers: dict[str, Worker], directory:
     return result
 
 
-def _write_docs(totals: Totals, minutes: float) -> None:
-    attack = attacks.Attack(attacks.SOAK, f"{minutes:g} minutes", attacks.calls(totals.calls))
-    row = attacks.Row(attack, left=0, wrong=0, delay=max(0.0, totals.late))
-    text = attacks.PATH.read_text()
-    # Only the last soak stays.
-    kept = [line for line in text.splitlines(keepends=True) if " minutes | " not in line]
-    attacks.PATH.write_text(attacks.merge([row], "".join(kept)))
+def _write_docs(totals: Totals) -> None:
+    cells = (attacks.calls(totals.calls), 0, 0, Seconds(max(0.0, totals.late)))
+    PAGE.write(attacks.SOAK, {(attacks.SOAK_TIME,): cells})
 
 
 if __name__ == "__main__":
