@@ -2,38 +2,54 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from typing import Any
+
 import pytest
 
-from actionkit import CancelReport, Client, GoalFuture
+from actionkit import CancelReport, Client, GoalFuture, servers
 from actionkit.servers import Server
+from actionkit.testing import isolated_domain
 
 CONFIRMED = "cancelled, and confirmed before the wait ended"
 CANCELLED = "cancelled"
 NOTHING = "nothing: the goal goes on"
 
 
-@pytest.fixture
-def server(action_server) -> Server:
-    """A server whose goals last 0.3 s for each number."""
-    return action_server("fibonacci", period=0.3)
-
-
 QUICK, LONG = {"order": 1}, {"order": 100}
 
 
+@pytest.fixture(scope="module")
+def ros_domain() -> Iterator[int]:
+    """Return the id of a ROS domain that a module has for itself, as its servers are kept."""
+    with isolated_domain() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
+        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        yield domain
+
+
+@pytest.fixture(scope="module")
+def server(ros_domain: int) -> Iterator[Server]:
+    """A server whose goals last 0.3 s for each number. The tests of a module share it."""
+    with servers.start(
+        "fibonacci", action_name="shared", domain_id=ros_domain, period=0.3
+    ) as started:
+        yield started
+
+
 @pytest.fixture
-def client(server, make_client) -> Client:
+def client(server: Server, make_client: Callable[..., Client[Any, Any, Any]]) -> Client:
     """A client that knows the server."""
-    client = make_client()
+    client = make_client(name="shared")
     assert client.wait_for_server(20)
     return client
 
 
 @pytest.fixture
-def begun(server, client) -> GoalFuture:
+def begun(server: Server, client: Client) -> GoalFuture:
     """A goal that runs for longer than any test."""
     future = client.call_async(LONG)
-    server.wait_for("executing")
+    server.wait_for("executing", goal_id=str(future.goal_id))
     return future
 
 

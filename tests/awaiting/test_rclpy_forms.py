@@ -375,7 +375,7 @@ def test_a_future_that_is_driven_by_hand(server, client, begun):
 
 def test_a_coroutine_that_is_driven_by_hand(server, client):
     future = client.call_async(LONG)
-    server.wait_for("executing")
+    server.wait_for("executing", goal_id=str(future.goal_id))
 
     async def wait() -> Any:
         return await future

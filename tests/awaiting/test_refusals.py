@@ -89,13 +89,14 @@ def test_a_failure_that_nobody_looked_at_is_logged(action_server, make_client, n
 
 
 def test_what_the_user_ended_is_no_failure(server, client, never_asked):
-    client.call_async(LONG)
-    client.call_async(LONG)
-    server.wait_for("executing", count=2)
+    goals = [str(client.call_async(LONG).goal_id) for _ in range(2)]
+    for goal in goals:
+        server.wait_for("executing", goal_id=goal)
     client.cancel_all()
-    server.wait_for("canceled", count=2)
-    client.call_async(LONG)
-    server.wait_for("executing", count=3)
+    for goal in goals:
+        server.wait_for("canceled", goal_id=goal)
+    last = str(client.call_async(LONG).goal_id)
+    server.wait_for("executing", goal_id=last)
     client.close()
     with pytest.raises(ClientClosedError):
         client.call_async(QUICK)
