@@ -17,8 +17,12 @@ class Case:
 
 
 _OUTAGE = "Network outage, longer than the lease"
+_LIVENESS = "SIGSTOP, SIGCONT, with liveness"
 VARIES = {
     Case("SIGSTOP, SIGCONT", "before accept", "always"),
+    Case(_LIVENESS, "executing, no feedback", "always"),
+    Case(_LIVENESS, "during feedback", "always"),
+    Case(_LIVENESS, "before accept", "always"),
     Case(_OUTAGE, "executing, no feedback", "always"),
     Case(_OUTAGE, "during feedback", "always"),
 }
