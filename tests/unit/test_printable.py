@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit._model.printable import on_one_line, printable
+from actionkit._model.printable import full_stop, on_one_line, printable
 
 
 @pytest.mark.parametrize(
@@ -32,6 +32,11 @@ def test_what_would_control_a_terminal_is_escaped(text: str, expected: str) -> N
 
 def test_on_one_line() -> None:
     assert on_one_line("two\n\tlines\x1b") == r"two\n\tlines\u001b"
+
+
+@pytest.mark.parametrize("said", ["no", "No.", "never!", "why?", "it ends in a stop..."])
+def test_what_others_say_is_a_sentence_of_its_own(said: str) -> None:
+    assert full_stop(said) == {"no": "no."}.get(said, said)
 
 
 ANY = st.text(st.characters())
