@@ -2,133 +2,104 @@
 
 from __future__ import annotations
 
-import io
-import json
+import ast
 import logging
-import uuid
+import re
 from collections.abc import Callable
-from types import SimpleNamespace
-from typing import Any
+from pathlib import Path
 
-import click
 import pytest
 from rich.console import Console
-from test_msgs.action import NestedMessage
-from test_msgs.msg import BasicTypes
+from test_msgs.action import Fibonacci
 
-from actionkit import GoalAbortedError, GoalEvent, GoalState, Outcome, Timeline
-from actionkit.cli import _app, _demo_screen, _options, _watch_screens
+from actionkit import cli
+from actionkit.cli import _options, _reports, _watch_screens
+from actionkit.cli._demo_screen import DemoScreen
 from actionkit.cli._exits import Exit
-from actionkit.cli._findings import note
 from actionkit.cli._goal_board import Board
 from actionkit.cli._live import LiveReport
-from actionkit.cli._problems import Problem
-from actionkit.cli._reports import JsonReport, Report, TextReport
-from actionkit.cli.doctor import _show as show_finding
-from actionkit.cli.info import _show as show_ends
+from actionkit.cli._say import say
+from tests.cli.conftest import FIBONACCI, World
 
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\x9b31m\x7f\r\u202e\ud800"
+"""Sets the title, clears the screen, turns the text round; and half a character."""
 ESCAPED = r"\u001b]0;owned\u0007\u001b[2J\u009b31m\u007f\r\u202e\ud800"
-OWNED = r"\u001b]0;owned"
-GOAL = uuid.UUID(int=7)
+CONTROLS = set(HOSTILE) - set(ESCAPED)
 
 
-def told(capsys: pytest.CaptureFixture[str]) -> str:
-    """Return what was written, which nothing in it disturbs."""
+def drawn_table() -> None:
+    board = Board()
+    board.take((HOSTILE,), 0.0)
+    Console(width=400).print(_watch_screens.TableScreen("/a")._drawn(board, 1.0))
+
+
+def log() -> None:
+    handler = logging.StreamHandler()
+    handler.setFormatter(_options._Printable("%(message)s"))
+    handler.handle(logging.LogRecord("actionkit", logging.DEBUG, "", 0, "%s", (HOSTILE,), None))
+
+
+WAYS_OUT = {
+    "_say": ["click.echo"],
+    "_live": ["Console"],
+    "_demo_screen": ["Console"],
+    "_watch_screens": ["Console"],
+    "_options": ["logging.StreamHandler"],
+}
+"""Where the command line writes texts, and by what."""
+OWN_WORDS = {
+    "__init__": ["print"],
+    "_calling": ["print"],
+    "_demo_steps": ["print"] * 9,  # which is handed to each step, and is `DemoScreen.said`
+    "_keeper": ["print"],
+    "_signals": ["os.write"] * 2,
+    "timeline": ["sys.stdout.write"],  # a picture: test_picture.py
+}
+"""Where it writes nothing that others wrote."""
+WRITES = re.compile(
+    r"(click\.)?(echo\w*|secho|style_and_echo)|print|sys\.std(out|err)\.write\w*|os\.write"
+    r"|([\w.]+\.)?(Console|StreamHandler)|traceback\.print_\w+"
+)
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda: say(HOSTILE),
+        lambda: say(HOSTILE, err=True, label="ours"),
+        lambda: LiveReport(Fibonacci.Goal(), bar=False).out(HOSTILE),
+        lambda: DemoScreen(Console(width=400, markup=False)).failure(HOSTILE),
+        drawn_table,
+        log,
+    ],
+    ids=["say", "error", "live", "demo", "watch", "log"],
+)
+def test_a_text_cannot_control_the_terminal(
+    write: Callable[[], object], capsys: pytest.CaptureFixture[str]
+) -> None:
+    write()
     captured = capsys.readouterr()
     text = captured.out + captured.err
+    assert text.count(ESCAPED) == 1
+    assert not CONTROLS & set(text)
     text.encode()
-    assert not set(text) & set(HOSTILE.replace("owned", "").replace("[2J", "")) - set("]0;31m")
-    return text
 
 
-def aborted() -> Outcome[Any]:
-    error = GoalAbortedError(f"The server said: {HOSTILE}")
-    return Outcome(GoalState.ABORTED, None, error, 1, Timeline(), GOAL, None)
+def test_there_is_no_other_way_out() -> None:
+    found = {}
+    for path in Path(cli.__file__).parent.rglob("*.py"):
+        tree = ast.parse(path.read_text("utf-8"))
+        calls = (ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call))
+        if writes := [call for call in calls if WRITES.fullmatch(call)]:
+            found[path.stem] = writes
+    assert found == WAYS_OUT | OWN_WORDS
 
 
-def a_call(report: Report) -> None:
-    report.event(GoalEvent(GOAL, 1, GoalState.ACCEPTED, 1.0, 1.0))
-    report.event(GoalEvent(GOAL, 1, GoalState.EXECUTING, 1.0, 1.0, HOSTILE, True))
-    report.event(GoalEvent(GOAL, 1, GoalState.RETRYING, 1.0, 1.0, HOSTILE))
-    report.finished(aborted(), Exit.ABORTED)
-
-
-@pytest.mark.parametrize(
-    "make", [TextReport, lambda goal: LiveReport(goal, bar=False)], ids=["text", "terminal"]
-)
-def test_a_call(make: Callable[[Any], Report], capsys: pytest.CaptureFixture[str]) -> None:
-    a_call(make(NestedMessage.Goal()))
-    assert told(capsys).count(ESCAPED) == 3
-
-
-def test_a_call_as_json(capsys: pytest.CaptureFixture[str]) -> None:
-    a_call(JsonReport(NestedMessage.Goal(), HOSTILE, HOSTILE))
-    lines = [json.loads(line) for line in told(capsys).splitlines()]
-    assert [line.get("detail") for line in lines[:3]] == ["", HOSTILE, HOSTILE]
-    assert lines[-1]["error"] == str(aborted().error)
-
-
-def test_feedback(capsys: pytest.CaptureFixture[str]) -> None:
-    feedback = NestedMessage.Feedback(nested_field=BasicTypes(char_value=0x1B))
-    report = JsonReport(NestedMessage.Goal(), HOSTILE, HOSTILE)
-    report.event(GoalEvent(GOAL, 1, GoalState.EXECUTING, 1.0, 1.0))
-    for each in (TextReport(None), report):
-        each.feedback(feedback, 1, 1.0)
-    assert "char_value" in told(capsys)
-
-
-@pytest.mark.parametrize(
-    "screen", [_watch_screens.TextScreen(), _watch_screens.JsonScreen(HOSTILE, str)]
-)
-def test_watched_servers(screen: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    board = Board()
-    board.take((HOSTILE,), 0.0)
-    screen.servers(board)
-    assert ESCAPED in told(capsys)
-
-
-def test_watched_servers_on_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    table = _watch_screens.TableScreen(HOSTILE)
-    board = Board()
-    board.take((HOSTILE,), 0.0)
-    console = Console(width=400)
-    console.print(table._drawn(board, 1.0))
-    assert told(capsys).count(ESCAPED) == 2
-
-
-def test_findings_and_ends(capsys: pytest.CaptureFixture[str]) -> None:
-    show_finding(note("server", HOSTILE, HOSTILE), as_json=False)
-    show_ends("servers", (SimpleNamespace(node=HOSTILE, action_type=HOSTILE),), False, True)  # type: ignore[arg-type]
-    assert told(capsys).count(r"\u001b[2J") == 4
-
-
-def test_the_demo(capsys: pytest.CaptureFixture[str]) -> None:
-    _demo_screen.DemoScreen(Console(width=200, markup=False)).failure(HOSTILE)
-    assert r"\u001b[2J" in told(capsys)
-
-
-@pytest.mark.parametrize(
-    "error",
-    [Problem(Exit.FAILED, HOSTILE), click.UsageError(HOSTILE), ZeroDivisionError(HOSTILE)],
-    ids=lambda error: type(error).__name__,
-)
-def test_errors(
-    error: Exception, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def fail(*_: object, **__: object) -> None:
-        raise error
-
-    monkeypatch.setattr(_app.app, "main", fail)
-    assert _app.run([]) != 0
-    assert told(capsys).count(OWNED) == 1
-    monkeypatch.setattr(_app, "debugging", lambda: True)
-    assert _app.run([]) != 0
-    assert told(capsys).count(OWNED) == 2  # with the traceback
-
-
-def test_the_log() -> None:
-    handler = logging.StreamHandler(io.StringIO())
-    handler.setFormatter(_options._Printable("%(message)s"))
-    record = logging.LogRecord("actionkit", logging.DEBUG, "", 0, "%s", (HOSTILE,), None)
-    assert handler.format(record) == ESCAPED
+def test_a_call_whose_messages_are_hostile(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    world.server("fibonacci")
+    # No installed action has a field of text.
+    monkeypatch.setattr(_reports, "as_yaml", lambda _: HOSTILE)
+    done = world.run("call", "fibonacci", FIBONACCI, "{order: 3}")
+    assert done.code == Exit.OK
+    assert done.out.count(ESCAPED) == 2  # the goal and its result
+    assert not CONTROLS & set(done.out + done.err)
