@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
 import pytest
 
@@ -118,23 +118,36 @@ def test_a_stuck_handler_blocks_nobody_and_what_it_misses_is_counted(
     assert said[4:] == ["6 messages of ActionKit's were left out: a log handler was blocked"]
 
 
+@contextmanager
+def filtered_by(decide: Callable[[logging.LogRecord], bool]) -> Iterator[None]:
+    LOGGER.addFilter(decide)
+    try:
+        yield
+    finally:
+        LOGGER.removeFilter(decide)
+
+
+@pytest.mark.parametrize("raising", [handled_by, filtered_by], ids=["handler", "filter"])
 @pytest.mark.parametrize("log", [diagnostics.log_later, diagnostics.log_here])
-def test_what_a_handler_raises_goes_to_standard_error(
-    log: Callable[..., None], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_what_a_handler_or_a_filter_raises_goes_to_standard_error(
+    log: Callable[..., None],
+    raising: Callable[..., AbstractContextManager[None]],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     seen: list[str] = []
 
-    def emit(record: logging.LogRecord) -> None:
+    def raises(record: logging.LogRecord) -> bool:
         seen.append(record.getMessage())
-        raise SystemExit("from the handler")
+        raise SystemExit("from the user")
 
-    with handled_by(emit):
+    with raising(raises):
         for number in range(2):
             log(logging.WARNING, "%d", number)
         assert diagnostics.flush(soon())
         err = capsys.readouterr().err
         assert err.count("--- a handler or filter of the logger 'actionkit' raised ---") == 2
-        assert "SystemExit: from the handler" in err
+        assert "SystemExit: from the user" in err
         monkeypatch.setattr(logging, "raiseExceptions", False)  # `logging`'s own switch for it
         log(logging.WARNING, "2")
         assert diagnostics.flush(soon())
