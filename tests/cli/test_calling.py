@@ -26,16 +26,9 @@ def test_an_end_is_told_after_the_feedback_that_came_before_it() -> None:
     calling._catch_up(0.5)
     assert told == [GoalState.SENT]
     calling._catch_up(9.0)
-    calling._catch_up(9.0)
     assert told == [GoalState.SENT, GoalState.ACCEPTED]
     calling._catch_up(9.0, ended=True)
     assert told == list(states)
-    # An attempt that failed is no end of the call.
-    events.append(GoalEvent(uuid.UUID(int=1), 1, GoalState.RETRYING, 3.0, 0.0))
-    again = Calling(cast(Any, None), cast(Any, report), echo=True, progress=None)
-    again._future = calling._future
-    again._catch_up(9.0)
-    assert told[-1] is GoalState.RETRYING
 
 
 def test_two_signals_of_one_press_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
