@@ -29,7 +29,6 @@ else:
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 COLCON = os.environ.get("ACTIONKIT_COLCON") or shutil.which("colcon")
-SITE = f"lib/python{sys.version_info[0]}.{sys.version_info[1]}/site-packages"
 
 KEYS = {
     "click": "python3-click",

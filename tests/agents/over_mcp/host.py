@@ -11,7 +11,6 @@ from typing import IO, Any
 
 from tests.agents.over_mcp.lab import PATIENCE, Robot, Serving
 
-MODERN = "2026-07-28"
 _HELLO = {
     "protocolVersion": "2025-11-25",
     "capabilities": {},

@@ -14,7 +14,6 @@ ENDED = "The process is told to end"
 HTTP_ONLY = "Over HTTP only"
 
 EVERY = tuple(str(way) for way in WAYS)
-STDIO = EVERY[:2]
 HTTP = EVERY[2:]
 ANY_HTTP = ("HTTP",)
 ANY_STDIO = ("stdio",)
