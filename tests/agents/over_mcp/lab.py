@@ -33,6 +33,13 @@ from tests.waiting import until_in_loop
 PATIENCE = 40.0
 """Seconds; bounds a wait that only a bug makes long."""
 ENDS = ("rejected", "succeeded", "canceled", "aborted")
+HOLDS_SOON_KNOWN = """
+from contextlib import suppress
+with suppress(ImportError):
+    import actionkit._ros.holds.view as holds
+    holds.SETTLE = 0.5
+"""
+"""For 4 s a process listens for holds of other computers before it calls; here there are none."""
 
 CONFIG = """
 [tools.count]
@@ -121,6 +128,7 @@ class Robot:
     file: Path
     stack: ExitStack
     servers: dict[str, Server] = field(default_factory=dict)
+    holds_soon_known: bool = True
 
     def server(self, name: str, **options: Any) -> Server:
         """Return the server, on the action of its name; started where it does not run."""
@@ -140,7 +148,8 @@ class Robot:
 
     def words(self, *more: str, before: str = "") -> list[str]:
         """The command; `before` is code to run first, in the same process."""
-        code = f"{before}\nfrom actionkit.cli import main; main()"
+        soon = HOLDS_SOON_KNOWN if self.holds_soon_known else ""
+        code = f"{before}\n{soon}\nfrom actionkit.cli import main; main()"
         domain = ("--domain-id", str(self.domain))
         return [sys.executable, "-c", code, "mcp", str(self.file), *domain, *more]
 

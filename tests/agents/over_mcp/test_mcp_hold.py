@@ -16,6 +16,13 @@ from tests.conftest import without_noise
 from tests.holding import end_keepers
 
 
+@pytest.fixture(scope="module")
+def robot(robot: Robot) -> Robot:
+    """Let processes listen for holds as long as they do for users: that is tested here."""
+    robot.holds_soon_known = False
+    return robot
+
+
 @pytest.fixture
 def human(robot: Robot) -> Iterator[None]:
     """Leave no hold behind."""
