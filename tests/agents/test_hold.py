@@ -204,9 +204,10 @@ def test_a_disk_that_hangs_lets_no_goal_through(
         hanging, go_on = threading.Event(), threading.Event()
         stack.callback(go_on.set)
 
-        def write(*_: object) -> None:
-            hanging.set()
-            go_on.wait(LONG)
+        def write(_: object, state: HoldState) -> None:
+            if state:  # before the hold comes, everybody writes that there is none
+                hanging.set()
+                go_on.wait(LONG)
 
         monkeypatch.setattr(views.HoldFiles, "write", write)
         told = threading.Event()

@@ -111,9 +111,11 @@ def test_nor_other_goals_of_the_same_client_for_ever(action_server, make_client,
 
 
 def test_blocked_done_callbacks_hold_up_nobody(action_server, make_client, stuck):
-    server = action_server("fibonacci", period=0.02, gate=1)
+    # Up to two seconds pass until the last of them count as blocked and are replaced. Feedback that
+    # has not been handed over by the result is left out, so a goal has to take longer than that.
+    server = action_server("fibonacci", period=0.6, gate=1)
     client = make_client()
-    future = client.call_async({"order": 5}, timeout=60)
+    future = client.call_async({"order": 1}, timeout=60)
     server.wait_for("executing")
     for _ in range(20):
         future.add_done_callback(stuck)
