@@ -44,6 +44,7 @@ def points(shared: Path, tmp_path: Path) -> Path:
     return write_package(tmp_path / "points", {"msg/Point.msg": POINTS}, version="0.1.0")
 
 
+@pytest.mark.long
 def test_only_what_changed_is_built(shared: Path, tmp_path: Path) -> None:
     sources, out = tmp_path / "sources", tmp_path / "out"
     points = write_package(sources / "zz_points", {"msg/Point.msg": POINTS})
@@ -65,6 +66,7 @@ def test_only_what_changed_is_built(shared: Path, tmp_path: Path) -> None:
     assert built(sources, "-o", out) == ["zz_points: unchanged,", "lines: built"]
 
 
+@pytest.mark.long
 def test_packages_that_were_built_elsewhere(points: Path, tmp_path: Path) -> None:
     there, here = tmp_path / "over, there", tmp_path / "here"
     # Behind a link, the way up leads elsewhere.
@@ -137,6 +139,7 @@ def test_a_folder_is_replaced_in_one_step(tmp_path: Path, monkeypatch: pytest.Mo
     assert (place / "file").read_text() == "new"
 
 
+@pytest.mark.long
 def test_what_cannot_be_compiled_or_loaded_changes_nothing(points: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     built(points, "-o", out)
@@ -157,6 +160,7 @@ def test_what_cannot_be_compiled_or_loaded_changes_nothing(points: Path, tmp_pat
 # --- installed -------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_installed_listed_and_uninstalled(points: Path, python: str) -> None:
     env = environment()
     env.pop("PIP_QUIET", None)  # it is to tell what is installed

@@ -85,6 +85,7 @@ def test_the_gate_lets_through_in_order_and_can_be_closed(
     server.wait_for("canceled", goal_id=goal_id)
 
 
+@pytest.mark.long
 @pytest.mark.heavy
 def test_five_hundred_goals_run_at_once(action_server: Any, driver: Driver) -> None:
     server = action_server("fibonacci", gate=1, feedback=0, journal="goals")

@@ -90,7 +90,11 @@ def project(interfaces: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize("check", [mypy, pyright], ids=lambda check: check.__name__)
+@pytest.mark.parametrize(
+    "check",
+    [pytest.param(mypy, marks=pytest.mark.long), pyright],
+    ids=lambda check: check.__name__,
+)
 def test_right_code_is_clean_and_wrong_code_refused(check: object, project: Path) -> None:
     assert callable(check)
     pytest.importorskip(check.__name__)
