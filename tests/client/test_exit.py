@@ -180,16 +180,6 @@ def test_a_failure_that_nobody_looked_at_is_told_when_the_interpreter_drops_it(
     assert len(err.splitlines()) == told
 
 
-def test_exit_by_an_exception_prints_just_that(action_server, run_script):
-    server = action_server("fibonacci", period=0.05)
-    source = HEAD + MOMENTS["while it runs"] + "\nraise ValueError('mine')"
-    code, out, err = run_script(source).finish(timeout=15)
-    assert (code, out) == (1, "")
-    assert err.count("Traceback") == 1
-    assert err.endswith("ValueError: mine\n")
-    assert runs_nothing(server)
-
-
 def test_a_silent_server_does_not_hold_up_the_exit(action_server, run_script):
     server = action_server("silent")
     script = run_script(

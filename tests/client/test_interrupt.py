@@ -84,9 +84,7 @@ with ExitStack() as stack:
 )
 
 
-@pytest.mark.parametrize(
-    ("number", "clients"), [(signal.SIGINT, 1), (signal.SIGINT, 4), (signal.SIGTERM, 4)]
-)
+@pytest.mark.parametrize(("number", "clients"), [(signal.SIGINT, 4), (signal.SIGTERM, 4)])
 def test_old_goals_are_cancelled_after_rclpys_handler_shut_down(
     number, clients, action_server, run_script
 ):

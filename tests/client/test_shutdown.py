@@ -62,29 +62,6 @@ def test_the_end_of_the_users_node_ends_its_calls(end, action_server, ros_domain
             client.wait_for_server(10)
 
 
-@pytest.mark.parametrize("spin", ["single", "multi", "rclpy.spin"])
-def test_a_call_in_a_callback_ends_with_the_context(spin, action_server, ros_domain):
-    server = action_server("never_finishes")
-    ended = threading.Event()
-    errors = []
-
-    def call() -> None:
-        timer.cancel()
-        try:
-            client.call({"order": 1})
-        except ClientClosedError as error:
-            errors.append(error)
-        ended.set()
-
-    with user_node(ros_domain) as node, Client(Fibonacci, "fibonacci", node=node) as client:
-        timer = node.create_timer(0.01, call)
-        with spinning(node, spin):
-            server.wait_for("executing")
-            node.context.shutdown()
-            assert ended.wait(10)
-    assert [error.cancel for error in errors] == [CancelReport.CONFIRMED]
-
-
 def test_a_client_without_a_node_does_not_depend_on_the_users_context(make_client, action_server):
     server = action_server("fibonacci", gate=1)
     client = make_client()

@@ -1,75 +1,109 @@
-"""Programs that are told to end, and what ends them, as in docs/faults.md."""
+"""Programs as users write them, and what ends them, as in docs/faults.md."""
 
 from __future__ import annotations
 
-import signal
 from dataclasses import dataclass
 
 from tests.tables import Key
 
-SCRIPT = "A script, in `call`"
-ASYNCIO = "asyncio, in `await`"
-SINGLE = "A node, SingleThreadedExecutor; `call` in a callback"
-MULTI = "A node, MultiThreadedExecutor; `call` in a callback"
-SPIN = "A node, `rclpy.spin`; `call` in a callback"
-BESIDE = "A node that a thread spins; `call` in the main thread"
+SCRIPT = "A script"
+INIT = "A script with `rclpy.init()`"
+SPIN = "A node that the main thread spins"
+BESIDE = "A node that a thread spins"
+MULTI = "A node in a MultiThreadedExecutor"
+COROUTINE = "A coroutine in an rclpy executor"
+ASYNCIO = "asyncio"
+POOL = "A pool of threads"
+CHILD = "A child process of `multiprocessing`"
+TREE = "A behaviour tree"
 
-TERM, HUP, INT = signal.SIGTERM, signal.SIGHUP, signal.SIGINT
-SHUTDOWN, DESTROY, KILL = "`rclpy.shutdown()`", "`node.destroy_node()`", "SIGKILL"
+SIGINT, SIGTERM, SIGHUP, SIGKILL = "SIGINT", "SIGTERM", "SIGHUP", "SIGKILL"
+TWICE = "SIGINT twice"
 IGNORED = "SIGINT, ignored before"
+SILENT = "SIGINT while the server is silent"
+RAISES = "an exception in the main thread"
+RETURNS = "the end of the main thread"
+SHUTDOWN, DESTROY = "`rclpy.shutdown()`", "`node.destroy_node()`"
+CLOSE = "`client.close()` in another thread"
 
-CANCEL, NOTHING = "the cancel", "nothing: **the goal runs on**"
+CANCEL = "the cancel"
+NOTHING = "nothing: **the goal runs on**"
+WARNED = "nothing; a warning says so"
 
-#: How each program goes about it; `Q` holds the signals for `cancel_on_signals`, if any.
+AGES = (0.1, 1.5, 3.0, 12.0)
+"""Seconds that a goal has run when its program is ended: before and after its status is read."""
+
+#: What they begin with. The driver gives the action's name, a number for the goal, how the program
+#: ends, and whether it calls `cancel_on_signals`.
 HEAD = """
-import asyncio, signal, sys, threading
+import asyncio, os, signal, sys, threading
 import rclpy
-from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from actionkit import Client, Timeouts, cancel_on_signals
 from test_msgs.action import Fibonacci
 
-def say(feedback):
-    print("running", flush=True)
-
-def do_as_told():
-    for line in sys.stdin:
-        rclpy.shutdown() if line == "shutdown\\n" else node.destroy_node()
-
+NAME, GOAL, END, HANDLED = sys.argv[1], {"order": int(sys.argv[2])}, sys.argv[3], sys.argv[4]
 # The middleware may take seconds to see a server that many programs before have left by a signal.
 PATIENT = Timeouts(server=60)
-if Q is not None:
-    cancel_on_signals(*Q)
+told = threading.Event()
+client = node = None
+if HANDLED:
+    cancel_on_signals(*([signal.SIGINT] if "ignored" in END else []))
+
+def listen():
+    threading.Thread(target=do_as_told, daemon=True).start()
+
+def do_as_told():
+    os.read(0, 1)
+    told.set()
+    if "shutdown" in END:
+        rclpy.shutdown()
+    elif "destroy" in END:
+        node.destroy_node()
+    elif "close" in END:
+        client.close()
+
+def main_ends():
+    return "main thread" in END
+
+def end_main():
+    if "exception" in END:
+        raise ValueError("mine")
+
+def run():
+    if not main_ends():
+        client.call(GOAL)
+        return
+    client.call_async(GOAL)
+    told.wait()
+    end_main()
 """
 NODE = """
+listen()
 rclpy.init()
 node = rclpy.create_node("users")
-threading.Thread(target=do_as_told, daemon=True).start()
-client = Client(Fibonacci, "fibonacci", node=node, timeouts=PATIENT)
+client = Client(Fibonacci, NAME, node=node, timeouts=PATIENT)
 """
 CALLBACK = (
     NODE
     + """
 def on_timer():
     timer.cancel()
-    client.call({"order": 1}, on_feedback=say)
+    client.call(GOAL)
 timer = node.create_timer(0.01, on_timer)
 """
 )
 PROGRAMS = {
     SCRIPT: """
-with Client(Fibonacci, "fibonacci", timeouts=PATIENT) as client:
-    client.call({"order": 1}, on_feedback=say)
+listen()
+client = Client(Fibonacci, NAME, timeouts=PATIENT)
+run()
 """,
-    ASYNCIO: """
-async def main():
-    async with Client(Fibonacci, "fibonacci", timeouts=PATIENT) as client:
-        await client.call_async({"order": 1}, say)
-asyncio.run(main())
+    INIT: """
+listen()
+rclpy.init()
+client = Client(Fibonacci, NAME, timeouts=PATIENT)
+run()
 """,
-    SINGLE: CALLBACK
-    + "executor = SingleThreadedExecutor()\nexecutor.add_node(node)\nexecutor.spin()",
-    MULTI: CALLBACK
-    + "executor = MultiThreadedExecutor(2)\nexecutor.add_node(node)\nexecutor.spin()",
     SPIN: CALLBACK + "rclpy.spin(node)",
     BESIDE: NODE
     + """
@@ -79,9 +113,75 @@ def spin():
     except rclpy.executors.ExternalShutdownException:
         pass
 threading.Thread(target=spin, daemon=True).start()
-client.call({"order": 1}, on_feedback=say)
+run()
+""",
+    MULTI: CALLBACK
+    + """
+executor = rclpy.executors.MultiThreadedExecutor(2)
+executor.add_node(node)
+executor.spin()
+""",
+    COROUTINE: NODE
+    + """
+async def on_timer():
+    timer.cancel()
+    await client.call_async(GOAL)
+timer = node.create_timer(0.01, on_timer)
+if main_ends():
+    while not told.is_set():
+        rclpy.spin_once(node, timeout_sec=0.1)
+    end_main()
+else:
+    rclpy.spin(node)
+""",
+    ASYNCIO: """
+listen()
+async def main():
+    global client
+    async with Client(Fibonacci, NAME, timeouts=PATIENT) as client:
+        future = client.call_async(GOAL)
+        if main_ends():
+            await asyncio.to_thread(told.wait)
+            end_main()
+        else:
+            await future
+asyncio.run(main())
+""",
+    POOL: """
+from concurrent.futures import ThreadPoolExecutor
+listen()
+with Client(Fibonacci, NAME, timeouts=PATIENT) as client, ThreadPoolExecutor(2) as pool:
+    pool.submit(client.call, GOAL).result()
+""",
+    CHILD: """
+import multiprocessing
+def work():
+    global client
+    listen()
+    with Client(Fibonacci, NAME, timeouts=PATIENT) as client:
+        run()
+if __name__ == "__main__":
+    child = multiprocessing.get_context("spawn").Process(target=work)
+    child.start()
+    child.join()
+    sys.exit(child.exitcode)
+""",
+    TREE: """
+import py_trees
+from actionkit.trees import ActionBehaviour
+listen()
+client = Client(Fibonacci, NAME, timeouts=PATIENT)
+tree = py_trees.trees.BehaviourTree(ActionBehaviour("count", client, GOAL, server_timeout=60))
+tree.setup(timeout=60)
+try:
+    while not told.wait(0.05):
+        tree.tick()
+    end_main()
+finally:
+    tree.shutdown()
 """,
 }
+_WITH_ROS = (INIT, SPIN, BESIDE, MULTI, COROUTINE)
 
 
 @dataclass(frozen=True)
@@ -90,29 +190,22 @@ class Case:
 
     program: str
     what: str
-    handled: bool
-
-    @property
-    def number(self) -> signal.Signals | None:
-        """The signal that is sent; `None` where the program is told to do it."""
-        return signal.Signals[self.what.split(",")[0]] if self.what.startswith("SIG") else None
+    handled: bool = False
 
     @property
     def goes_on(self) -> bool:
-        """Whether the program does not end: nothing tells a MultiThreadedExecutor."""
-        return (self.program, self.what) == (MULTI, DESTROY)
+        """Whether the program does not end: nothing tells an executor, or a pool of threads."""
+        return (self.program, self.what) in ((POOL, SIGINT), (MULTI, DESTROY), (MULTI, CLOSE))
 
     @property
     def key(self) -> tuple[str, str]:
         """Of its row."""
-        return self.what, "yes" if self.handled else "no"
+        return "yes" if self.handled else "no", self.what
 
     @property
-    def source(self) -> str:
-        numbers = "None"
-        if self.handled:
-            numbers = f"[{int(INT)}]" if self.what == IGNORED else "[]"
-        return f"Q = {numbers}\n{HEAD}{PROGRAMS[self.program]}"
+    def name(self) -> str:
+        """For the test."""
+        return f"{self.program}, {self.what}{', handled' if self.handled else ''}".replace("`", "")
 
 
 @dataclass(frozen=True)
@@ -132,18 +225,36 @@ class Row:
         return self.reached, code
 
 
-def cases(program: str) -> list[Case]:
-    """What is done to a program, in the order of the page."""
-    has_node = program not in (SCRIPT, ASYNCIO)
-    found = [Case(program, what, handled=True) for what in ("SIGTERM", "SIGHUP", "SIGINT", IGNORED)]
-    if has_node:
-        bare = ("SIGTERM", "SIGINT", IGNORED, SHUTDOWN, DESTROY)
-    else:
-        bare = ("SIGINT", "SIGTERM", KILL)
-    return found + [Case(program, what, handled=False) for what in bare]
+def _cases(program: str) -> list[Case]:
+    """What ends a program, in the order of the page."""
+    has_ros, has_node = program in _WITH_ROS, program in _WITH_ROS[1:]
+    main_is_free = program not in (SPIN, MULTI, POOL)
+    bare = [SIGINT, TWICE, SIGTERM, SIGHUP] + [SILENT] * (program != POOL)
+    bare += [IGNORED] * has_ros + [SIGKILL] * (program == SCRIPT)
+    bare += [RAISES, RETURNS] * main_is_free
+    bare += [SHUTDOWN] * has_ros + [DESTROY] * has_node + [CLOSE] * (program != TREE)
+    handled = [Case(program, what, handled=True) for what in (SIGTERM, SIGHUP, SIGINT, IGNORED)]
+    return handled + [Case(program, what) for what in bare]
 
+
+CASES = [case for program in PROGRAMS for case in _cases(program)]
+BY_DEFAULT = {
+    Case(SCRIPT, SILENT): 1.5,
+    Case(SCRIPT, RETURNS): 0.1,
+    Case(INIT, SIGINT): 3.0,
+    Case(SPIN, SHUTDOWN): 1.5,
+    Case(BESIDE, SIGTERM): 3.0,
+    Case(MULTI, DESTROY): 0.1,
+    Case(COROUTINE, RAISES): 1.5,
+    Case(ASYNCIO, SIGHUP, handled=True): 1.5,
+    Case(ASYNCIO, CLOSE): 0.1,
+    Case(POOL, SIGTERM, handled=True): 1.5,
+    Case(CHILD, SIGINT): 1.5,
+    Case(TREE, TWICE): 1.5,
+}
+"""Each program and each kind of end once, at one age; the rest takes long."""
 
 TABLES: dict[str, list[Key]] = {
-    program: [case.key for case in cases(program)] for program in PROGRAMS
+    program: [case.key for case in CASES if case.program == program] for program in PROGRAMS
 }
 """The keys of the rows of each program."""
