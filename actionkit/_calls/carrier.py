@@ -140,6 +140,15 @@ class PortCarrier:
         """Whether any goal may be confirmed soon to run no more: a server in sight may have it."""
         return any(each.goal.may_run for each in list(self._attempts))
 
+    def given_up_at(self, orphans_at: float) -> float:
+        """Return when the last of the goals that may be running was given up on.
+
+        Args:
+            orphans_at: The same for goals that another server took, of which it is not noted.
+        """
+        times = [a.goal.cancelled_at for a in list(self._attempts) if a.goal.facts.may_run]
+        return max([*times, orphans_at] if self.port.link.orphans.confirmed else times, default=0.0)
+
     # --- the end ---------------------------------------------------------------------------
 
     def close_calls(self) -> None:

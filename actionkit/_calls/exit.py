@@ -7,7 +7,7 @@ import os
 import time
 import uuid
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 
 from actionkit._calls import signals
 from actionkit._calls.left_running import warn_of_goals_left
@@ -37,45 +37,67 @@ _inherited: list[Session] = []
 def close_all() -> None:
     """End everything at the interpreter's exit, within a bound and without a word (C1.10).
 
-    Only goals that may still be running are warned of, and callbacks that did not finish.
+    Only goals that may still be running are warned of, and callbacks that did not finish. Ctrl-C
+    ends the waits; everything is freed all the same.
     """
     sessions = list(open_sessions)
+    hurry = any(session.was_interrupted for session in sessions)
+    hurry = _is_interrupted(partial(_await_cancellations, sessions, hurry)) or hurry
+    if _is_interrupted(partial(_free, sessions)):
+        _is_interrupted(partial(_free, sessions))  # it takes less time than a crash costs
+    if not hurry:
+        grace = max((session.cancel_grace for session in sessions), default=0.0)
+        until = time.monotonic() + _in_hand.patience(grace)
+        _is_interrupted(partial(_in_hand.finish_all, until))
+    _in_hand.end_all()
+    observers_until = time.monotonic() + OBSERVERS_TIMEOUT
+    _is_interrupted(partial(observer_queue.flush_all, observers_until))
+    _is_interrupted(partial(_diagnostics.flush, time.monotonic() + OBSERVERS_TIMEOUT))
+
+
+def _is_interrupted(step: Callable[[], object]) -> bool:
+    """Take a step of the exit; return whether a human does not want to wait for it."""
+    try:
+        step()
+    except KeyboardInterrupt:
+        return True
+    return False
+
+
+def _await_cancellations(sessions: list[Session], hurry: bool) -> None:
     grace = max((s.cancel_grace for s in sessions), default=0.0) + MARGIN
-    if any(session.was_interrupted for session in sessions):
+    if hurry:
         grace = 0.0
     began = time.monotonic()
-    try:
-        for session in sessions:
-            session.close_calls()
-        futures = [future for session in sessions for future in session.futures()]
-        await_ends(futures, grace)
-        for session in sessions:
-            session.end_grace()
-        for session in sessions:
-            session.release_and_wait()
-        _await_freed(sessions, began, grace)
-        warn_of_goals_left(_left_running(sessions))
-        for session in sessions:
-            session.free()
-        # The middleware's own exit handlers crash under a thread that still uses it.
-        runtimes.join_ending(FREEING_TIMEOUT)
-        if not any(session.was_interrupted for session in sessions):
-            longest = max((session.cancel_grace for session in sessions), default=0.0)
-            _in_hand.finish_all(time.monotonic() + _in_hand.patience(longest))
-        _in_hand.end_all()
-        observer_queue.flush_all(time.monotonic() + OBSERVERS_TIMEOUT)
-        _diagnostics.flush(time.monotonic() + OBSERVERS_TIMEOUT)
-    except KeyboardInterrupt:  # a human who does not want to wait for it
-        warn_of_goals_left(_left_running(sessions))
-        _in_hand.end_all()
-        _diagnostics.flush(time.monotonic() + OBSERVERS_TIMEOUT)
+    for session in sessions:
+        session.close_calls()
+    futures = [future for session in sessions for future in session.futures()]
+    await_ends(futures, grace)
+    for session in sessions:
+        session.end_grace()
+    for session in sessions:
+        session.release_and_wait()
+    _await_freed(sessions, began, grace)
+
+
+def _free(sessions: list[Session]) -> None:
+    """Free everything: the middleware's own exit handlers abort where anything is left."""
+    warn_of_goals_left(_left_running(sessions))
+    for session in sessions:
+        session.free()
+    # They also crash under a thread that still uses it.
+    runtimes.join_ending(FREEING_TIMEOUT)
 
 
 def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
-    """Wait until all ports are freed, for as long as servers go on confirming cancellations."""
+    """Wait until all ports are freed, for as long as servers go on confirming cancellations.
+
+    Where a caller has waited in vain for a goal's cancellation before, it is not waited for again.
+    """
     while True:
         confirmed_at = max((session.confirmed_at for session in sessions), default=began)
-        until = min(max(began, confirmed_at), began + LONGEST_GRACE) + grace
+        given_up_at = max((session.given_up_at(began) for session in sessions), default=began)
+        until = max(given_up_at, min(confirmed_at, began + LONGEST_GRACE)) + grace
         if time.monotonic() >= until or all(s.await_freed(until) for s in sessions):
             return
 

@@ -303,6 +303,10 @@ class Session:
         for carrier in self._carriers:
             carrier.call_soon(carrier.release)
 
+    def given_up_at(self, orphans_at: float) -> float:
+        """Return when the last goal was given up on that may be running; see `PortCarrier`."""
+        return max((carrier.given_up_at(orphans_at) for carrier in self._carriers), default=0.0)
+
     @property
     def confirmed_at(self) -> float:
         """Monotonic time at which a server last answered a cancel request."""

@@ -63,7 +63,7 @@ class CancellableGoal(GoalRecord):
 
     def _give_up(self, why: CancelReason, now: float) -> list[fx.Effect]:
         self._phase = PHASE[self.stage]
-        self.cancel_reason, self._cancelled_at = why, now
+        self.cancel_reason, self.cancelled_at = why, now
         effects = self._stop_resending()
         if not self.in_flight:
             if why is CancelReason.DEADLINE and self._phase == "server":
@@ -148,7 +148,7 @@ class CancellableGoal(GoalRecord):
         if self._refused_reason is None or self._unwanted:
             return []
         self.cancel_reason, self._refused_reason = self._refused_reason, None
-        self._cancelled_at = now
+        self.cancelled_at = now
         return [fx.Disarm(fx.Timer.STALL), fx.Arm(fx.Timer.CANCEL, now + self._timeouts.cancel)]
 
     # --- how it ends -----------------------------------------------------------------------
@@ -157,7 +157,7 @@ class CancellableGoal(GoalRecord):
         """The time to confirm a cancellation is up, unless the server is still at others."""
         later = min(
             others_confirmed_at + self._timeouts.cancel,
-            self._cancelled_at + self._timeouts.cancel + LONGEST_GRACE,
+            self.cancelled_at + self._timeouts.cancel + LONGEST_GRACE,
             math.inf if self._deadline is None else self._deadline + self._timeouts.cancel,
         )
         answered = self._unknown_to_server  # it had its turn, and would gain nothing by waiting

@@ -48,7 +48,7 @@ class GoalRecord:
         self._terminal_seen: GoalState | None = None
         self._ended_first = False  # it was seen before the caller gave up
         self._reask_after = FIRST_REASK
-        self._cancelled_at = 0.0
+        self.cancelled_at = 0.0
         self._cancel_reply = CancelReply.NONE
         self._refusal_told = False
         self._refused_at = 0.0  # when it refused once

@@ -196,6 +196,27 @@ def test_a_silent_server_does_not_hold_up_the_exit(action_server, run_script):
     assert "1 goal MAY STILL BE RUNNING" in err  # it may be accepted yet (C2.8)
 
 
+IN_THE_USERS_CONTEXT = """
+import rclpy
+rclpy.init()
+client = Client(Fibonacci, 'fibonacci', node=rclpy.create_node('users'))
+"""
+
+
+@pytest.mark.parametrize("make", ["client = Client(Fibonacci, 'fibonacci')", IN_THE_USERS_CONTEXT])
+def test_ctrl_c_ends_the_wait_and_crashes_nothing(make, action_server, run_script):
+    server = action_server("ignores_cancel", period=60)
+    script = run_script(f"{HEAD}{make}\nclient.call_async({{'order': 3}})\nsys.stdin.readline()")
+    goal = server.wait_for("executing")[0].goal_id
+    script.process.stdin.close()
+    server.wait_for("cancel_requested", goal_id=goal)
+    script.process.send_signal(signal.SIGINT)
+    code, out, err = script.finish(timeout=15)
+    assert (code, out) == (0, "")
+    assert err.count("\n") == 1
+    assert "1 goal MAY STILL BE RUNNING" in err
+
+
 STOPPED = """
 client = Client(
     Fibonacci, 'fibonacci', timeouts=Timeouts(cancel=0.5, liveness=0.5), retry=RetryPolicy.none()

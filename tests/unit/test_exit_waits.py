@@ -1,0 +1,37 @@
+"""The interpreter's exit waits once for each cancellation, and no more (C2.5)."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, cast
+
+import pytest
+
+from actionkit._calls import exit as _exit
+
+GRACE = 0.5
+
+
+class FakeSession:
+    """One with goals that are not confirmed; it takes note until when it is waited for."""
+
+    confirmed_at = 0.0
+
+    def __init__(self, given_up_at: float) -> None:
+        self._given_up_at = given_up_at
+        self.waited_until: list[float] = []
+
+    def given_up_at(self, orphans_at: float) -> float:
+        return self._given_up_at
+
+    def await_freed(self, until: float) -> bool:
+        self.waited_until.append(until)
+        return True
+
+
+@pytest.mark.parametrize("ago", [0.0, 100.0])
+def test_goals_that_were_waited_for_in_vain_are_not_waited_for_again(ago: float) -> None:
+    began = time.monotonic()
+    session = FakeSession(began - ago)
+    _exit._await_freed(cast(Any, [session]), began, GRACE)
+    assert session.waited_until == ([] if ago else [began + GRACE])
