@@ -27,6 +27,7 @@ from unique_identifier_msgs.msg import UUID
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.entities import Entities
 from actionkit._ros.joining import joining
+from actionkit._ros.names import ActionNames
 from actionkit._ros.native import Waiter
 from actionkit._ros.wire import feedback_alone, feedback_goal_id
 from benchmarks.variant import PATIENCE, OnFeedback, Variant
@@ -48,7 +49,7 @@ class Floor(Variant):
         self._entities = Entities(
             self.node,
             _IMPL,
-            f"/{name}",
+            ActionNames.of(f"/{name}"),
             on_goal=self._on_goal,
             on_result=self._on_result,
             on_cancel=lambda seq, response: None,
