@@ -110,6 +110,7 @@ def _add_facts(error: errors.ActionKitError, ending: Ending, call: ErrorContext)
     if isinstance(error, errors.DeadlineExceededError):
         error.phase = ending.phase
         error.late_result = ending.result
+        error.status = ending.ended_as
     elif isinstance(error, errors.ActionTypeMismatchError):
         error.expected = call.type_name
         error.served = ending.served
@@ -144,7 +145,8 @@ def _cancel_sentence(ending: Ending, call: ErrorContext) -> str:
         return f" It had ended as {ending.ended_as}, and only its result is missing."
     if ending.own_cancel is CancelReport.CONFIRMED:
         if ending.status is GoalState.SUCCEEDED:
-            return " It succeeded while it was being cancelled: its result is in `late_result`."
+            when = "before that" if ending.ended_first else "while it was being cancelled"
+            return f" It succeeded {when}: its result came late, and is in `late_result`."
         if ending.ended_as is not GoalState.CANCELED:
             return f" It ended as {ending.ended_as} all the same, and runs no more."
         return " It was cancelled on the server, which confirmed that it runs no more."
@@ -263,11 +265,12 @@ def _result_lost(ending: Ending, call: ErrorContext) -> str:
 
 def _deadline(ending: Ending, call: ErrorContext) -> str:
     if ending.phase == "cancel" and ending.own_cancel is CancelReport.CONFIRMED:
-        first = "had ended" if ending.ended_first else "has ended"
+        became = f"was cancelled by its caller and ended as {ending.ended_as}"
+        if ending.ended_first:
+            became = f"had ended as {ending.ended_as} when its caller cancelled it"
         return (
-            f"{_what(call)} was cancelled by its caller and {first} on the server as"
-            f" {ending.ended_as}, but its result did not come within {call.timeouts.cancel:g} s. It"
-            " runs no more."
+            f"{_what(call)} {became}; its result did not come within {call.timeouts.cancel:g} s."
+            " It runs no more."
         )
     if ending.ended_first and ending.result is None:
         return (

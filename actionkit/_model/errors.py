@@ -201,10 +201,13 @@ class DeadlineExceededError(ActionKitError, TimeoutError):
             (between two attempts) or `"cancel"` (for a cancellation to be confirmed).
         cancel: What became of the goal: `CONFIRMED`, `REFUSED`, `UNKNOWN` or `NOT_NEEDED`.
         late_result: The result, where the goal succeeded while it was being cancelled.
+        status: The terminal state of the goal where the server told it, else `None`. `SUCCEEDED`
+            without a `late_result`: the goal succeeded, and only its result did not come.
     """
 
     phase: str = ""
     late_result: Any = None
+    status: GoalState | None = None
 
 
 class RetriesExhaustedError(ActionKitError):

@@ -71,9 +71,18 @@ _OF_ERRORS = (
 )
 
 
+def ended_without_result(outcome: Outcome[Any]) -> str | None:
+    """Return how a goal ended by itself whose result did not come, or `None`."""
+    status = getattr(outcome.error, "status", None)
+    late = getattr(outcome.error, "late_result", None)
+    return str(status) if status in ("SUCCEEDED", "ABORTED") and late is None else None
+
+
 def exit_of(outcome: Outcome[Any]) -> Exit:
     """Return the exit code for a call that nobody interrupted."""
     if outcome.error is None:
         return Exit.OK
+    if ended_without_result(outcome) is not None:
+        return Exit.RESULT_LOST  # whichever limit ended the wait for it
     names = [cls.__name__ for cls in type(outcome.error).__mro__]
     return next((code for name, code in _OF_ERRORS if name in names), Exit.FAILED)

@@ -11,7 +11,7 @@ from actionkit._messages.convert import to_plain
 from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit._observers.json_schema import event_line, outcome_line
 from actionkit._observers.protocol import CallInfo
-from actionkit.cli._exits import Exit
+from actionkit.cli._exits import Exit, ended_without_result
 from actionkit.cli._plain import as_yaml
 from actionkit.cli._say import say
 
@@ -65,6 +65,8 @@ def became(outcome: Outcome[Any]) -> str:
     """Return a sentence about what became of a goal that was interrupted."""
     if outcome.status in (GoalState.SUCCEEDED, GoalState.ABORTED):
         return f"Too late to cancel: the goal had ended as {outcome.status}."
+    if (ended_as := ended_without_result(outcome)) is not None:
+        return f"Too late to cancel: the goal had ended as {ended_as}. Its result did not come."
     report = outcome.cancel or getattr(outcome.error, "cancel", None)
     if report is None:
         report = (

@@ -86,6 +86,13 @@ SCENES = {
         words=("--result-timeout", "1"),
         says="result cannot be had",
     ),
+    "result-late": Scene(
+        Exit.RESULT_LOST,
+        "no_result",
+        "{order: 3}",
+        words=("--timeout", "4", "--cancel-timeout", "0.5"),
+        says="ended as SUCCEEDED; its result did not come within 4 s",
+    ),
     "no-answer": Scene(
         Exit.NO_ANSWER, "silent", words=("--accept-timeout", "0.5"), says="neither accepted nor"
     ),
@@ -112,6 +119,14 @@ SCENES = {
     ),
     "interrupted": Scene(
         Exit.INTERRUPTED, "never_finishes", says="Goal canceled: CONFIRMED", act=interrupt
+    ),
+    "interrupted-ended": Scene(
+        Exit.INTERRUPTED,
+        "no_result",
+        "{order: 3}",
+        words=("--cancel-timeout", "2"),
+        says="Too late to cancel: the goal had ended as SUCCEEDED. Its result did not come.",
+        act=interrupt,
     ),
     "interrupted-refused": Scene(
         Exit.INTERRUPTED,
@@ -186,6 +201,8 @@ def assert_came_to(name: str, server: Server, goal: str) -> None:
     elif name == "interrupted-refused":
         server.wait_for("cancel_refused", goal_id=goal)
         assert goal in server.running()
+    elif name == "interrupted-ended":
+        server.wait_for("succeeded", goal_id=goal)
     elif name == "interrupted-unanswered":
         assert goal in server.running()
         server.resume()

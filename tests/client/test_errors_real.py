@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 import time
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +14,15 @@ from test_msgs.action import Fibonacci, NestedMessage
 
 import actionkit as ak
 from actionkit import CancelReport, GoalState, RetryPolicy, Timeouts
-from tests.conftest import FORMS, NEVER, ask, runs_nothing
+from tests.conftest import (
+    FORMS,
+    NEVER,
+    all_is_logged,
+    ask,
+    cancels,
+    is_accepted,
+    runs_nothing,
+)
 
 
 @dataclass
@@ -88,15 +97,6 @@ SCENARIOS = {
         timeouts=Timeouts(result=1.0),
         timeout=None,
         status=GoalState.LOST,
-    ),
-    "no result until the deadline": Scenario(
-        "no_result",
-        ak.DeadlineExceededError,
-        "runs no more",
-        timeouts=Timeouts(cancel=0.5),
-        timeout=3.0,
-        status=GoalState.TIMED_OUT,
-        cancel=CancelReport.CONFIRMED,
     ),
     "deadline while executing": Scenario(
         "never_finishes",
@@ -209,6 +209,43 @@ def test_an_expired_result_is_lost_not_empty(action_server, make_client):
     assert isinstance(lost, ak.ResultLostError)
     assert lost.status in (None, GoalState.SUCCEEDED)  # the status topic may still show it
     assert "result_timeout" in str(lost)
+
+
+def test_a_server_is_said_to_be_lost_when_it_was(action_server, make_client):
+    server = action_server("never_finishes")
+    client = make_client(timeouts=Timeouts(server=1), retry=RetryPolicy(resend="server_gone"))
+    future = client.call_async({"order": 3})
+    server.wait_for("executing")
+    server.terminate()
+    error = future.exception(30)
+    assert isinstance(error, ak.ServerLostError)
+    (lost,) = [event for event in error.timeline if event.state is GoalState.LOST]
+    after = lost.monotonic - error.timeline[0].monotonic
+    assert f"was lost {after:.1f} s into the call" in str(error)
+    assert error.elapsed > after + 1  # another attempt waited for a server in vain
+
+
+@pytest.mark.parametrize("how", ["deadline", "cancel", "close"])
+def test_a_goal_that_ended_without_a_result_is_told_as_such(how, action_server, make_client, capfd):
+    server = action_server("no_result")
+    client = make_client(timeouts=Timeouts(cancel=0.5), retry=RetryPolicy(resend="always"))
+    future = client.call_async({"order": 3}, timeout=4.0 if how == "deadline" else None)
+    assert is_accepted(future)
+    while future.known_to_run:  # until the test's limit
+        NEVER.wait(0.01)
+    if how == "cancel":
+        future.cancel()
+    elif how == "close":
+        client.close()
+    error = future.exception(20)
+    assert "ended as SUCCEEDED" in str(error)
+    assert not re.search("was cancelled|STILL", str(error))
+    assert error.cancel is CancelReport.CONFIRMED
+    assert getattr(error, "status", None) is (None if how == "close" else GoalState.SUCCEEDED)
+    client.close()
+    assert all_is_logged()
+    assert "STILL" not in capfd.readouterr().err
+    assert (cancels(server), server.count("accepted")) == ([], 1)
 
 
 def test_the_results_of_failures_are_kept(action_server, make_client):

@@ -44,7 +44,11 @@ OWN_FACTS: dict[str, dict[str, Any]] = {
     "GoalCanceledError": {"result": Fibonacci.Result(sequence=[3])},
     "ResultLostError": {"status": GoalState.ABORTED},
     "ClassifyError": {"result": Fibonacci.Result(sequence=[4])},
-    "DeadlineExceededError": {"phase": "accept", "late_result": Fibonacci.Result()},
+    "DeadlineExceededError": {
+        "phase": "accept",
+        "late_result": Fibonacci.Result(),
+        "status": GoalState.SUCCEEDED,
+    },
 }
 
 
