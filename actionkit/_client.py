@@ -158,7 +158,9 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 When they are up, the goal is cancelled, which the server has `timeouts.cancel`
                 seconds to confirm: `timeout=1.0` and a silent server take 3 s with the defaults.
                 `None` means no limit; left out, `timeouts.total` counts; with 0 nothing is sent.
-            on_feedback: Called with each feedback message, in order, on another thread.
+            on_feedback: Called with each feedback message that comes before the result, in order,
+                on another thread. What a slow one has not been given 0.05 s after the result came
+                is left out, and a warning tells how much.
             retry: In place of the client's policy.
             classify: In place of the client's.
 
@@ -201,8 +203,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         Args:
             goal: The action's goal message, or a mapping of its field names. One that does
                 not fit fails the future with an `InvalidGoalError`.
-            on_feedback: Called with each feedback message, in order: a plain function on
-                another thread, a coroutine function on the event loop of the caller.
+            on_feedback: As for `call`; a coroutine function runs on the event loop of the caller.
             timeout: As for `call`.
             retry: In place of the client's policy.
             classify: In place of the client's.
@@ -323,6 +324,10 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         Returns within `timeouts.cancel` seconds of the server's latest confirmation and a second
         (many goals are cancelled a few at a time), and 60 s later at most. A warning names goals
         that may still be running then; they are asked to cancel for a little longer.
+
+        Callbacks that are due or running are finished first, for which there are 5 s more, or
+        `timeouts.cancel` if that is longer. Ctrl-C ends that wait, too. A warning names those that
+        have not returned by then, and none begins afterwards.
         """
         self._finalizer.detach()
         self._session.close()

@@ -303,7 +303,7 @@ class Call:
         ending = self.machine.ending
         assert ending is not None
         self.state = ending.status
-        self._record.end_feedback()
+        self._record.end_feedback(ending, client_closes=self.machine.closing == CLIENT_CLOSED)
         outcome = self._record.outcome(ending, self.goal_id, self.machine.attempts)
         self._record.tell_outcome(outcome)
         self._carrier.finished(self)  # first: who sees the end sees it counted out (C1.11)

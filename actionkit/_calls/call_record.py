@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.explain import ErrorContext, explain
+from actionkit._calls.feedback import log_left_out
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.request import Request
@@ -24,8 +25,8 @@ from actionkit._threads.clock import TimerHandle
 from actionkit._threads.function_runner import Clock
 
 _LAST_FEEDBACK_GRACE = 0.05
-"""Seconds that a result waits for its feedback callbacks: enough for quick ones, and too short to
-be noticed. Slow callbacks do not delay the result (C1.8)."""
+"""Seconds that a result waits for the feedback that came before it to be handed over. Quick
+callbacks need less even on a busy machine, and a slow one delays no result (C1.8)."""
 _WITH_RESULT = {End.SUCCEEDED, End.ABORTED, End.CANCELED_BY_OTHER}
 
 
@@ -107,14 +108,22 @@ class CallRecord:
         self._grace = clock, clock.call_at(time.monotonic() + _LAST_FEEDBACK_GRACE, then)
         callbacks.finish(lambda: clock.call_soon(then))
 
-    def end_feedback(self) -> None:
-        """End the streams of feedback, and drop what callbacks have not been given so far."""
+    def end_feedback(self, ending: Ending, *, client_closes: bool) -> None:
+        """End the streams of feedback; callbacks get nothing after a result (C1.8).
+
+        Where the client closes and there is no result, they get all that came, and the closing
+        waits for that (C1.10).
+        """
         if self._grace is not None:
             clock, timer = self._grace
             clock.cancel_timer(timer)
             self._grace = None
-        if self._request.callbacks is not None:
-            self._request.callbacks.close()
+        callbacks, has_result = self._request.callbacks, ending.end in _WITH_RESULT
+        if callbacks is not None and (has_result or not client_closes):
+            left_out = callbacks.close()
+            if left_out and has_result:
+                name = self._action.action_name
+                log_left_out(callbacks, name, left_out, "the result has come")
         self.tape.end()
 
     def outcome(self, ending: Ending, goal_id: uuid.UUID, attempts: int) -> Outcome[Any]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from actionkit._messages.lazy import UndecodableError
 from actionkit._threads.blocked import Label
-from actionkit._threads.diagnostics import log_here
+from actionkit._threads.diagnostics import log_here, log_later
 from actionkit._threads.event_loop import running_loop, running_task
 from actionkit._threads.in_hand import InHand
 from actionkit._threads.pool import Pool, in_callback
@@ -35,8 +35,10 @@ is some seconds of feedback: older messages say nothing of what the robot does n
 class Callbacks(Protocol):
     """Hands feedback to a callback of the user's, in order."""
 
+    label: Label
+    """What the log calls the callback."""
     errors: int
-    """How many times the callback has raised."""
+    """How many times it has raised."""
 
     def put(self, *decodes: Callable[[], Any]) -> None:
         """Queue messages."""
@@ -44,8 +46,8 @@ class Callbacks(Protocol):
     def finish(self, then: Callable[[], None]) -> None:
         """Call `then` once, when what is queued was handed over."""
 
-    def close(self) -> None:
-        """Hand over nothing more."""
+    def close(self) -> int:
+        """Hand over nothing more; return how many messages were waiting."""
 
 
 class ThreadCallbacks:
@@ -55,8 +57,8 @@ class ThreadCallbacks:
         self.errors = 0
         self._function = function
         self._action_name = action_name
-        label = Label("on_feedback", function, "the further feedback of its goal")
-        self._queue = SerialQueue(pool, label, KEPT)
+        self.label = Label("on_feedback", function, "the further feedback of its goal")
+        self._queue = SerialQueue(pool, self.label, KEPT)
         self.finish = self._queue.finish
         self.close = self._queue.close
 
@@ -82,10 +84,10 @@ class LoopCallbacks:
         function: Callable[[Any], Any],
         action_name: str,
         loop: asyncio.AbstractEventLoop,
-        pool: Pool | None = None,
+        pool: Pool,
     ) -> None:
-        self._dues = (Pool(action_name) if pool is None else pool).dues
-        self._label = Label("on_feedback", function, "the further feedback of its goal")
+        self.label = Label("on_feedback", function, "the further feedback of its goal")
+        self._dues = pool.dues
         self._thread = threading.get_ident()
         self._due: InHand | None = None
         self.errors = 0
@@ -118,11 +120,13 @@ class LoopCallbacks:
             else:
                 self._end()
 
-    def close(self) -> None:
-        """Hand over nothing more."""
+    def close(self) -> int:
+        """Hand over nothing more; return how many messages were waiting."""
         self._closed = True
+        waiting = len(self._messages)
         self._messages.clear()
         self._finishes.clear()
+        return waiting
 
     def _run(self) -> None:
         self._begin_being_due()
@@ -139,8 +143,7 @@ class LoopCallbacks:
         self._release()
 
     def _begin_being_due(self) -> None:
-        self._due = self._dues.begin(self._label, thread=self._thread)
-        self._due.where = self._loop.is_running
+        self._due = self._dues.begin(self.label, thread=self._thread, runs=self._loop.is_running)
 
     def _release(self) -> None:
         due, self._due = self._due, None
@@ -167,6 +170,7 @@ class LoopCallbacks:
             except asyncio.CancelledError:
                 if _is_being_cancelled():
                     self._closed = True  # the loop is shutting down
+                    self._tell_that_cut_off()
                     self._end()
                     raise
                 self._failed()
@@ -176,6 +180,9 @@ class LoopCallbacks:
     def _next(self) -> Callable[[], Any] | None:
         """Return the next message to hand over; `None` where the task is to end."""
         while True:
+            if self._dues.ended and self._messages:
+                log_left_out(self, self._action_name, len(self._messages), "the client is closed")
+                self._messages.clear()
             for decode in taken_from(self._messages):
                 return decode
             self._call_finishes()
@@ -189,6 +196,28 @@ class LoopCallbacks:
     def _failed(self) -> None:
         self.errors += 1
         _log_error(self._action_name)
+
+    def _tell_that_cut_off(self) -> None:
+        log_later(
+            logging.WARNING,
+            "%s of action %r was cancelled before it returned, as when its event loop ends: close"
+            " the client before that, as `async with` does",
+            str(self.label),
+            self._action_name,
+        )
+
+
+def log_left_out(callbacks: Callbacks, action_name: str, messages: int, because: str) -> None:
+    """Tell in the log that a callback has missed feedback."""
+    log_later(
+        logging.WARNING,
+        "%s of action %r was not given the last %d feedback messages, because %s. Let it return"
+        " sooner, or read future.feedback()",
+        str(callbacks.label),
+        action_name,
+        messages,
+        because,
+    )
 
 
 def _log_error(action_name: str) -> None:

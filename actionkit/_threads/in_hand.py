@@ -30,20 +30,25 @@ def patience(cancel_grace: float) -> float:
 class InHand:
     """Work that is due or running."""
 
-    __slots__ = ("label", "thread", "where", "work")
+    __slots__ = ("_runs", "label", "thread", "work")
 
-    def __init__(self, label: Label, work: Work | None, thread: int | None) -> None:
+    def __init__(
+        self,
+        label: Label,
+        work: Work | None,
+        thread: int | None = None,
+        runs: Callable[[], bool] | None = None,
+    ) -> None:
         self.label = label
         self.work = work
         self.thread = thread
         """The thread that runs it, once one does. It cannot wait for itself."""
-        self.where: Callable[[], bool] | None = None
-        """Whether what is to run it, other than a thread of the pool, goes on running."""
+        self._runs = runs
 
     @property
     def can_go_on(self) -> bool:
-        """Whether there is anything that may still run it."""
-        return self.where is None or self.where()
+        """Whether what runs it goes on: an event loop may have ended, a thread has not."""
+        return self._runs is None or self._runs()
 
 
 class Dues:
@@ -71,9 +76,22 @@ class Dues:
         """Whether nothing begins here any more."""
         return self._ended or (self._awaited and _exit.begun)
 
-    def begin(self, label: Label, work: Work | None = None, thread: int | None = None) -> InHand:
-        """Note that something is due, which `finish` waits for until `done`."""
-        due = InHand(label, work, thread)
+    def begin(
+        self,
+        label: Label,
+        work: Work | None = None,
+        thread: int | None = None,
+        runs: Callable[[], bool] | None = None,
+    ) -> InHand:
+        """Note that something is due, which `finish` waits for until `done`.
+
+        Args:
+            label: What the log calls it.
+            work: What a thread of the pool is to run.
+            thread: Else the thread of the event loop that runs it.
+            runs: Whether that loop is running.
+        """
+        due = InHand(label, work, thread, runs)
         self._in_hand[due] = None
         self._note_busy()
         return due
@@ -109,33 +127,42 @@ class Dues:
         self._wake()  # others may wait for the callback that waits here
         try:
             while self._awaited_here():
-                rested = Flag()
-                self._rests.append(rested.set)
                 if run_one is not None and run_one():
                     continue
-                left = until - time.monotonic()
+                rested = Flag()
+                self._rests.append(rested.set)
+                left = max(0.0, until - time.monotonic())
                 # It may have come to rest just before.
-                if self._awaited_here() and (left <= 0 or not rested.wait(left)):
+                if self._awaited_here() and not rested.wait(left):
                     return not self._awaited_here()
             return True
         finally:
             self._finishing.remove(threading.get_ident())
 
-    def end(self) -> None:
-        """Let nothing begin any more, and name in the log what did not finish."""
+    def end(self, *, at_exit: bool = False) -> None:
+        """Let nothing begin any more, and name in the log what did not finish.
+
+        Args:
+            at_exit: Whether the interpreter ends. Else what runs on the calling thread goes on.
+        """
         if not self._ended:
             self._ended = True
             _busy.pop(self, None)
-            self.warn(self._awaited_here())
+            self.warn(list(self._in_hand) if at_exit else self._unfinished())
 
-    def _awaited_here(self) -> list[InHand]:
-        """What the calling thread can wait for: a callback not for those that wait here, too."""
+    def _unfinished(self) -> list[InHand]:
+        """What is in hand, less callbacks that close the client themselves."""
         here, in_hand = threading.get_ident(), list(self._in_hand)
         called_back = any(due.thread == here for due in in_hand)
-        waiting = {here, *self._finishing} if called_back else {here}
-        return [due for due in in_hand if due.thread not in waiting and due.can_go_on]
+        closing = {here, *self._finishing} if called_back else {here}
+        return [due for due in in_hand if due.thread not in closing or not due.can_go_on]
+
+    def _awaited_here(self) -> list[InHand]:
+        """What the calling thread can wait for."""
+        return [due for due in self._unfinished() if due.can_go_on]
 
     def warn(self, left: list[InHand]) -> None:
+        """Name in the log what did not finish."""
         for due in left:
             began = "has not begun" if due.thread is None else "has not returned"
             log_later(
@@ -169,7 +196,7 @@ def end_all() -> None:
     """At the interpreter's exit: let no callback begin any more, and name what did not finish."""
     _exit.begun = True
     for dues in list(_busy):
-        dues.end()
+        dues.end(at_exit=True)
 
 
 def after_fork() -> None:

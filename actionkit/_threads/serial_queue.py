@@ -57,12 +57,18 @@ class SerialQueue:
         if self._closed or not self._scheduled:
             self._call_finishes()
 
-    def close(self) -> None:
-        """Run no more jobs. One that is running goes on, but `finish` does not wait for it."""
+    def close(self) -> int:
+        """Run no more jobs. One that is running goes on, but `finish` does not wait for it.
+
+        Returns:
+            How many jobs were waiting.
+        """
         with self._lock:
             self._closed = True
+            waiting = len(self._jobs)
             self._jobs.clear()
         self._call_finishes()
+        return waiting
 
     def step(self) -> bool:
         """Run the next job, unless another thread runs them; return whether to call again."""

@@ -93,47 +93,6 @@ def test_exit(moment, code, action_server, run_script):
     assert runs_nothing(server)
 
 
-SAVING = """
-import os, time
-def save(future):
-    os.write(1, b'begun ')
-    time.sleep(0.3)
-    os.write(1, b'saved')
-"""
-CLOSINGS = {
-    "at the exit": """
-client = Client(Fibonacci, 'fibonacci')
-future = client.call_async({'order': 2}, timeout=60); future.add_done_callback(save)
-future.result()
-""",
-    "with a goal in flight": """
-client = Client(Fibonacci, 'fibonacci'); client.wait_for_server(10)
-future = client.call_async({'order': 90}, timeout=60); future.add_done_callback(save)
-time.sleep(0.3)
-""",
-    "at the closing": """
-with Client(Fibonacci, 'fibonacci') as client:
-    future = client.call_async({'order': 2}, timeout=60); future.add_done_callback(save)
-    future.result()
-os._exit(0)
-""",
-    "the client is dropped": """
-def call():
-    future = Client(Fibonacci, 'fibonacci').call_async({'order': 2}, timeout=60)
-    future.add_done_callback(save)
-    future.result()
-call()
-""",
-}
-
-
-@pytest.mark.parametrize("closing", CLOSINGS)
-def test_callbacks_that_are_due_are_finished(closing, action_server, run_script):
-    action_server("fibonacci", period=0.05)
-    exits = run_script(HEAD + SAVING + CLOSINGS[closing])
-    assert exits.finish(timeout=15) == (0, "begun saved", "")
-
-
 BLOCKED = """
 client = Client(Fibonacci, 'fibonacci')
 running = threading.Event()

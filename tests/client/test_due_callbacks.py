@@ -1,0 +1,207 @@
+"""Callbacks that are due when a client closes, or the program ends, are finished (C1.8, C1.10)."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from tests.conftest import runs_nothing
+
+HEAD = """
+import asyncio, atexit, os, sys, threading, time
+from actionkit import Client
+from test_msgs.action import Fibonacci
+def say(*words):
+    os.write(1, (' '.join(map(str, words)) + '\\n').encode())
+"""
+SAVING = """
+def save(future):
+    say('begun')
+    time.sleep(0.3)
+    say('saved')
+def call(client, order=2):
+    future = client.call_async({'order': order}, timeout=60)
+    future.add_done_callback(save)
+    return future
+"""
+DONE = {
+    "at the exit": "client = Client(Fibonacci, 'fibonacci'); call(client).result()",
+    "with a goal in flight": """
+client = Client(Fibonacci, 'fibonacci'); client.wait_for_server(10)
+running = threading.Event()
+future = client.call_async({'order': 90}, lambda feedback: running.set(), timeout=60)
+future.add_done_callback(save)
+running.wait(10)
+""",
+    "at the closing": """
+with Client(Fibonacci, 'fibonacci') as client:
+    call(client).result()
+os._exit(0)
+""",
+    "the client is dropped": """
+def main():
+    call(Client(Fibonacci, 'fibonacci')).result()
+main()
+""",
+    "at the end of async with": """
+async def main():
+    async with Client(Fibonacci, 'fibonacci') as client:
+        await call(client)
+    os._exit(0)
+asyncio.run(main())
+""",
+    "after the event loop": """
+async def main():
+    global client
+    client = Client(Fibonacci, 'fibonacci')
+    await call(client)
+asyncio.run(main())
+""",
+}
+
+
+@pytest.mark.parametrize("end", DONE)
+def test_a_done_callback_is_finished(end, action_server, run_script):
+    action_server("fibonacci", period=0.05)
+    exits = run_script(HEAD + SAVING + DONE[end])
+    assert exits.finish(timeout=15) == (0, "begun\nsaved\n", "")
+
+
+# --- feedback ----------------------------------------------------------------------------------
+
+SHOWING = """
+def show(feedback):
+    time.sleep(0.2)
+    say(len(feedback.sequence))
+async def show_async(feedback):
+    await asyncio.sleep(0.2)
+    say(len(feedback.sequence))
+def call(client, on_feedback):
+    global future
+    future = client.call_async({'order': 7}, on_feedback, timeout=60)
+    return future
+def is_last(feedback):
+    return len(feedback.sequence) == 8
+"""
+FEEDBACK = {
+    "at the closing": """
+with Client(Fibonacci, 'fibonacci') as client:
+    any(map(is_last, call(client, show).feedback()))
+say('closed')
+time.sleep(0.5)
+os._exit(0)
+""",
+    "at the exit": """
+atexit.register(say, 'closed')  # is called last
+client = Client(Fibonacci, 'fibonacci')
+any(map(is_last, call(client, show).feedback()))
+""",
+    "at the end of async with": """
+async def main():
+    async with Client(Fibonacci, 'fibonacci') as client:
+        async for feedback in call(client, show_async).feedback():
+            if is_last(feedback):
+                break
+    say('closed')
+    await asyncio.sleep(0.5)
+asyncio.run(main())
+""",
+}
+
+
+@pytest.mark.parametrize("end", FEEDBACK)
+def test_feedback_that_has_come_is_handed_over(end, action_server, run_script):
+    server = action_server("fibonacci", period=0.01, gate=1)
+    code, out, err = run_script(HEAD + SHOWING + FEEDBACK[end]).finish(timeout=20)
+    assert (code, err) == (0, "")
+    *lengths, closed = out.split()
+    # The first may be missing, as servers are found one after the other.
+    assert lengths == [str(length) for length in range(int(lengths[0]), 9)]
+    assert len(lengths) > 3
+    assert closed == "closed"
+    assert runs_nothing(server)
+
+
+BURST = """
+def show(feedback):
+    say('begun')
+    time.sleep(0.2)
+client = Client(Fibonacci, 'fibonacci')
+future = client.call_async({'order': 5}, show, timeout=60)
+count = future.outcome().feedback_count
+say('result', count)
+time.sleep(0.5)
+"""
+
+
+def test_a_slow_callback_gets_nothing_after_the_result_and_the_log_tells(action_server, run_script):
+    action_server("fibonacci")  # which sends all its feedback within a millisecond
+    code, out, err = run_script(HEAD + BURST).finish(timeout=20)
+    *begun, result, count = out.split()
+    assert (code, result) == (0, "result")
+    left_out = int(count) - len(begun)
+    told = (
+        f"on_feedback __main__.show of action '/fibonacci' was not given the last {left_out} feed"
+    )
+    assert left_out > 0
+    assert told in err
+
+
+CUT_OFF = {
+    "with a running loop": (
+        """
+async def main():
+    client = Client(Fibonacci, 'fibonacci')
+    call(client)
+    await begun.wait()
+asyncio.run(main())
+""",
+        "was cancelled before it returned",
+    ),
+    "with a loop that is never closed": (
+        """
+async def main():
+    client = Client(Fibonacci, 'fibonacci')
+    call(client)
+    await begun.wait()
+asyncio.new_event_loop().run_until_complete(main())
+""",
+        "has not returned",
+    ),
+    "with a client that is closed in its loop": (
+        """
+async def main():
+    client = Client(Fibonacci, 'fibonacci')
+    call(client)
+    await begun.wait()
+    client.close()
+asyncio.run(main())
+""",
+        "was cancelled before it returned",
+    ),
+}
+HANGING = """
+begun = asyncio.Event()
+async def hang(feedback):
+    begun.set()
+    await asyncio.sleep(60)
+def call(client):
+    global future
+    future = client.call_async({'order': 90}, hang, timeout=60)
+"""
+
+
+@pytest.mark.parametrize("end", CUT_OFF)
+def test_a_coroutine_that_its_loop_leaves_is_named_and_not_waited_for(
+    end, action_server, run_script
+):
+    server = action_server("fibonacci", period=0.01)
+    source, told = CUT_OFF[end]
+    script = run_script(HEAD + HANGING + source + "say(time.monotonic())")
+    ended_at = float(script.line())
+    code, out, err = script.finish(timeout=20)
+    assert time.monotonic() - ended_at < 4  # it would be 5 s
+    assert (code, out) == (0, "")
+    assert err.count(f"on_feedback __main__.hang of action '/fibonacci' {told}") == 1
+    assert runs_nothing(server)
