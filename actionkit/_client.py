@@ -350,4 +350,8 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
         traceback: TracebackType | None,
     ) -> None:
         """Close the client without blocking what runs this coroutine."""
-        await finished_in_thread(self.close)
+        try:
+            await finished_in_thread(self.close)
+        except BaseException:  # above all where Ctrl-C has cancelled the task
+            self._session.callbacks.dues.hurry()
+            raise

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from actionkit._messages.lazy import UndecodableError
 from actionkit._threads.blocked import Label
-from actionkit._threads.diagnostics import log_here, log_later
+from actionkit._threads.diagnostics import is_interrupt, log_here, log_later
 from actionkit._threads.event_loop import running_loop, running_task
 from actionkit._threads.in_hand import InHand
 from actionkit._threads.pool import Pool, in_callback
@@ -71,7 +71,9 @@ class ThreadCallbacks:
             self._function(decode())
         except UndecodableError:
             return
-        except BaseException:  # noqa: BLE001  further feedback is handed over all the same (C1.8)
+        except BaseException as error:  # further feedback is handed over all the same (C1.8)
+            if is_interrupt(error):
+                raise  # it ends the wait of the exit
             self.errors += 1
             _log_error(self._action_name)
 

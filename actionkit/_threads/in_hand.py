@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from actionkit._threads.blocked import Label, Work
 from actionkit._threads.diagnostics import log_later
-from actionkit._threads.waiting import Flag, in_signal_handler, taken_from
+from actionkit._threads.waiting import Flag, in_signal_handler, interrupted_at, taken_from
 
 _PATIENCE = 5.0
 """Seconds that closing and the interpreter's exit wait for callbacks: enough to save a result, and
@@ -64,6 +64,7 @@ class Dues:
         self._owner = owner
         self._awaited = awaited
         self._ended = False
+        self._hurried = False
         self._in_hand: dict[InHand, None] = {}
         self._rests: deque[Callable[[], None]] = deque()
         self._finishing: list[int] = []  # the threads that wait in `finish`
@@ -131,13 +132,18 @@ class Dues:
                     continue
                 rested = Flag()
                 self._rests.append(rested.set)
-                left = max(0.0, until - time.monotonic())
+                left = 0.0 if self._hurried else max(0.0, until - time.monotonic())
                 # It may have come to rest just before.
                 if self._awaited_here() and not rested.wait(left):
                     return not self._awaited_here()
             return True
         finally:
             self._finishing.remove(threading.get_ident())
+
+    def hurry(self) -> None:
+        """Have `finish` wait no longer, because who waits for the closing was interrupted."""
+        self._hurried = True
+        self._wake()
 
     def end(self, *, at_exit: bool = False) -> None:
         """Let nothing begin any more, and name in the log what did not finish.
@@ -188,8 +194,15 @@ _busy: dict[Dues, None] = {}
 
 def finish_all(until: float) -> None:
     """At the interpreter's exit: wait for the callbacks of all clients."""
-    for dues in list(_busy):
-        dues.finish(until, dues.run_one)
+    if not _busy:
+        return
+    try:
+        with interrupted_at(until):
+            for dues in list(_busy):
+                dues.finish(until, dues.run_one)
+    except KeyboardInterrupt:
+        if time.monotonic() < until:
+            raise  # a human's
 
 
 def end_all() -> None:

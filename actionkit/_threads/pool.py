@@ -78,6 +78,7 @@ class Pool:
         self._threads = 0
         self._blocked = 0
         self._free = 0  # threads that wait for work, less work that waits for a thread
+        self._lacks_threads = False
         self._warned_of_limit = False
 
     def submit(self, job: Job, label: Label) -> str:
@@ -100,7 +101,7 @@ class Pool:
             As `submit`.
         """
         if self.dues.ended:
-            self.dues.warn([InHand(work.label, work, None)])
+            self.dues.warn([InHand(work.label, work)])
             return ""
         due = self.dues.begin(work.label, work)
         with self._lock:
@@ -133,27 +134,30 @@ class Pool:
             threading.Thread(target=self._work, name=self._name, daemon=True).start()
         except RuntimeError as error:
             # No more threads; from Python 3.12 on there are none at the interpreter's exit. The
-            # work waits for one that is there. What rests on it must not break on it.
+            # work waits for one that is there, or for the exit. What rests on it must not break.
             with self._lock:
+                self._lacks_threads = True
                 self._threads -= 1
                 self._free -= 1
             return str(error)
         return ""
 
     def _run_one_here(self) -> bool:
-        """At the interpreter's exit: run what no thread takes on this one."""
-        if self._threads:
-            return False
+        """At the interpreter's exit: run on this thread what waits for one that cannot start."""
+        with self._lock:
+            if not self._lacks_threads or self._free >= 0:
+                return False
+            self._free += 1
         try:
             due = self._waiting.get_nowait()
-        except queue.Empty:
+        except queue.Empty:  # a thread was quicker
+            with self._lock:
+                self._free -= 1
             return False
         due.thread = threading.get_ident()
-        try:
-            while due.work is not None and due.work.step():
-                pass
-        finally:
-            self.dues.done(due)
+        while due.work is not None and due.work.step():
+            pass
+        self.dues.done(due)
         return True
 
     # --- on a thread of the pool -----------------------------------------------------------

@@ -139,6 +139,25 @@ def in_signal_handler() -> bool:
     return False
 
 
+@contextlib.contextmanager
+def interrupted_at(until: float) -> Iterator[None]:
+    """Interrupt the block just after that monotonic time, as Ctrl-C does. In the main thread.
+
+    By SIGALRM: where the program uses that itself, nothing interrupts.
+    """
+    in_use = signal.getsignal(signal.SIGALRM) is not signal.SIG_DFL
+    if in_use or any(signal.getitimer(signal.ITIMER_REAL)):
+        yield
+        return
+    signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, max(0.0, until - time.monotonic()) + 0.1)
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+
+
 def wake_future(loop: asyncio.AbstractEventLoop, future: asyncio.Future[None]) -> None:
     """Complete `future` from another thread, whatever has become of its loop (R11)."""
     try:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import signal
 import time
 
 import pytest
 
-from tests.conftest import runs_nothing
+from tests.conftest import NEVER, runs_nothing
 
 HEAD = """
 import asyncio, atexit, os, sys, threading, time
@@ -205,3 +206,79 @@ def test_a_coroutine_that_its_loop_leaves_is_named_and_not_waited_for(
     assert (code, out) == (0, "")
     assert err.count(f"on_feedback __main__.hang of action '/fibonacci' {told}") == 1
     assert runs_nothing(server)
+
+
+# --- the end of the wait -------------------------------------------------------------------------
+
+BLOCKED = """
+def block(future):
+    say('begun')
+    threading.Event().wait()
+def call(client):
+    future = client.call_async({'order': 2}, timeout=60)
+    future.add_done_callback(block)
+    return future
+def refuse(thread):  # as from Python 3.12 on at the exit
+    raise RuntimeError("can't create new thread at interpreter shutdown")
+"""
+AT_EXIT = """
+client = Client(Fibonacci, 'fibonacci')
+future = client.call_async({'order': 90}, timeout=60)
+future.add_done_callback(block)
+sys.stdin.readline()
+if NO_THREADS:
+    atexit.register(setattr, threading.Thread, 'start', refuse)
+"""
+
+
+@pytest.mark.parametrize("no_threads", [False, True])
+def test_one_that_does_not_return_is_named_and_left(no_threads, action_server, run_script):
+    server = action_server("fibonacci", period=0.05)
+    script = run_script(HEAD + BLOCKED + AT_EXIT.replace("NO_THREADS", str(no_threads)))
+    server.wait_for("executing")
+    code, out, err = script.finish(timeout=25)
+    assert (code, out) == (0, "begun\n")
+    assert err.count("done callback __main__.block of action '/fibonacci' has not returned") == 1
+    assert runs_nothing(server)
+
+
+INTERRUPTED = {
+    "at the closing": """
+with Client(Fibonacci, 'fibonacci') as client:
+    call(client).result()
+""",
+    "at the end of async with": """
+async def main():
+    async with Client(Fibonacci, 'fibonacci') as client:
+        await call(client)
+asyncio.run(main())
+""",
+    "at the exit": """
+client = Client(Fibonacci, 'fibonacci')
+call(client).result()
+sys.exit(4)
+""",
+    "at the exit without threads": """
+client = Client(Fibonacci, 'fibonacci')
+future = client.call_async({'order': 90}, timeout=60)
+future.add_done_callback(block)
+client.wait_for_server()
+atexit.register(setattr, threading.Thread, 'start', refuse)
+sys.exit(4)
+""",
+}
+
+
+@pytest.mark.parametrize("end", INTERRUPTED)
+def test_ctrl_c_ends_the_wait(end, action_server, run_script):
+    action_server("fibonacci")
+    script = run_script(HEAD + BLOCKED + INTERRUPTED[end])
+    assert script.line() == "begun"
+    NEVER.wait(0.5)  # by then it waits for the callback
+    began = time.monotonic()
+    script.process.send_signal(signal.SIGINT)
+    code, _, err = script.finish(timeout=20)
+    assert time.monotonic() - began < 4  # it would be 5 s
+    assert err.count("done callback __main__.block of action '/fibonacci' has not returned") == 1
+    # As Python's own: what waits in `atexit` keeps the exit code.
+    assert code == (4 if "exit" in end else -signal.SIGINT)

@@ -93,25 +93,6 @@ def test_exit(moment, code, action_server, run_script):
     assert runs_nothing(server)
 
 
-BLOCKED = """
-client = Client(Fibonacci, 'fibonacci')
-running = threading.Event()
-def block(feedback):
-    running.set()
-    threading.Event().wait()
-future = client.call_async({'order': 90}, on_feedback=block)
-assert running.wait(10)
-"""
-
-
-def test_one_that_does_not_return_is_named_and_left(action_server, run_script):
-    server = action_server("fibonacci", period=0.05)
-    code, out, err = run_script(HEAD + BLOCKED).finish(timeout=25)
-    assert (code, out) == (0, "")
-    assert "on_feedback __main__.block of action '/fibonacci' has not returned" in err
-    assert runs_nothing(server)
-
-
 UNSEEN = """
 future = Client(Fibonacci, 'nobody').call_async({'order': 2}, timeout=0.1)
 concurrent.futures.wait([future])
