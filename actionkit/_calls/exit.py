@@ -49,9 +49,9 @@ def close_all() -> None:
         grace = max((session.cancel_grace for session in sessions), default=0.0)
         until = time.monotonic() + _in_hand.patience(grace)
         _is_interrupted(partial(_in_hand.finish_all, until))
-    _in_hand.end_all()
     observers_until = time.monotonic() + OBSERVERS_TIMEOUT
     _is_interrupted(partial(observer_queue.flush_all, observers_until))
+    _in_hand.end_all()  # observers are handed nothing after it either
     _is_interrupted(partial(_diagnostics.flush, time.monotonic() + OBSERVERS_TIMEOUT))
 
 

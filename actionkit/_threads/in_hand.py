@@ -59,7 +59,7 @@ class Dues:
 
         Args:
             owner: The name of the client's action, for the log.
-            awaited: Whether the interpreter's exit waits for it, and lets nothing begin then.
+            awaited: Whether the interpreter's exit waits for it.
         """
         self._owner = owner
         self._awaited = awaited
@@ -75,7 +75,7 @@ class Dues:
     @property
     def ended(self) -> bool:
         """Whether nothing begins here any more."""
-        return self._ended or (self._awaited and _exit.begun)
+        return self._ended or _exit.begun
 
     def begin(
         self,
@@ -169,7 +169,7 @@ class Dues:
 
     def warn(self, left: list[InHand]) -> None:
         """Name in the log what did not finish."""
-        for due in left:
+        for due in left if self._awaited else []:
             began = "has not begun" if due.thread is None else "has not returned"
             log_later(
                 logging.WARNING,

@@ -62,7 +62,7 @@ class Pool:
             limit: How many there are at most in any case.
             idle: Seconds that a thread waits for more work before it ends.
             watched: Whether a thread that is blocked is replaced, and named in the log.
-            awaited: Whether the interpreter's exit waits for its work, and lets none begin then.
+            awaited: Whether the interpreter's exit waits for its work.
         """
         self._owner = owner
         self._name = name
@@ -102,7 +102,7 @@ class Pool:
         """
         if self.dues.ended:
             self.dues.warn([InHand(work.label, work)])
-            return ""
+            return "its client is closed"
         due = self.dues.begin(work.label, work)
         with self._lock:
             self._free -= 1

@@ -282,3 +282,29 @@ def test_ctrl_c_ends_the_wait(end, action_server, run_script):
     assert err.count("done callback __main__.block of action '/fibonacci' has not returned") == 1
     # As Python's own: what waits in `atexit` keeps the exit code.
     assert code == (4 if "exit" in end else -signal.SIGINT)
+
+
+LATE = """
+class Slow:
+    def on_event(self, event, call):
+        time.sleep(0.4)
+        say('observer')
+def after():
+    say('exit')
+    time.sleep(1.5)
+"""
+
+
+def test_nothing_begins_after_the_exit(action_server, run_script):
+    action_server("fibonacci")
+    source = """
+atexit.register(after)  # is called last
+client = Client(Fibonacci, 'fibonacci', observers=[Slow()])
+for _ in range(5):
+    client.call({'order': 2}, 10)
+"""
+    code, out, _ = run_script(HEAD + LATE + source).finish(timeout=20)
+    assert code == 0
+    assert "observer" in out
+    # The one that was running then returns, and no other begins.
+    assert out.split()[-3:] in (["observer", "exit", "observer"], ["observer", "observer", "exit"])
