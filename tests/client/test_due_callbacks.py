@@ -308,3 +308,32 @@ for _ in range(5):
     assert "observer" in out
     # The one that was running then returns, and no other begins.
     assert out.split()[-3:] in (["observer", "exit", "observer"], ["observer", "observer", "exit"])
+
+
+FORKED = """
+begun = threading.Event()
+def slow(future):
+    begun.set()
+    time.sleep(1)
+    say('finished in', os.getpid())
+client = Client(Fibonacci, 'fibonacci')
+future = client.call_async({'order': 2}, timeout=60)
+future.add_done_callback(slow)
+begun.wait()
+if (child := os.fork()) == 0:
+    client.close()
+    atexit._run_exitfuncs()
+    os._exit(9)  # rclpy itself crashes in a forked child's sys.exit
+began = time.monotonic()
+assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+assert time.monotonic() - began < 0.8
+say(os.getpid())
+"""
+
+
+def test_the_child_of_a_fork_waits_for_no_callback_of_its_parent(action_server, run_script):
+    action_server("fibonacci")
+    code, out, err = run_script(HEAD + FORKED).finish(timeout=20)
+    assert (code, err) == (0, "")
+    parent, finished = out.splitlines()
+    assert finished == f"finished in {parent}"
