@@ -11,10 +11,13 @@ from tests.conftest import NEVER, runs_nothing
 
 HEAD = """
 import asyncio, atexit, os, sys, threading, time
-from actionkit import Client
+from actionkit import Client, Timeouts
 from test_msgs.action import Fibonacci
 def say(*words):
     os.write(1, (' '.join(map(str, words)) + '\\n').encode())
+def new_client(**options):
+    # On a busy machine a server may be seen late, and what a script waits for would never come.
+    return Client(Fibonacci, 'fibonacci', timeouts=Timeouts(server=60), **options)
 """
 SAVING = """
 def save(future):
@@ -27,27 +30,27 @@ def call(client, order=2):
     return future
 """
 DONE = {
-    "at the exit": "client = Client(Fibonacci, 'fibonacci'); call(client).result()",
+    "at the exit": "client = new_client(); call(client).result()",
     "with a goal in flight": """
-client = Client(Fibonacci, 'fibonacci'); client.wait_for_server(10)
+client = new_client(); client.wait_for_server(10)
 running = threading.Event()
 future = client.call_async({'order': 90}, lambda feedback: running.set(), timeout=60)
 future.add_done_callback(save)
 running.wait(10)
 """,
     "at the closing": """
-with Client(Fibonacci, 'fibonacci') as client:
+with new_client() as client:
     call(client).result()
 os._exit(0)
 """,
     "the client is dropped": """
 def main():
-    call(Client(Fibonacci, 'fibonacci')).result()
+    call(new_client()).result()
 main()
 """,
     "at the end of async with": """
 async def main():
-    async with Client(Fibonacci, 'fibonacci') as client:
+    async with new_client() as client:
         await call(client)
     os._exit(0)
 asyncio.run(main())
@@ -55,7 +58,7 @@ asyncio.run(main())
     "after the event loop": """
 async def main():
     global client
-    client = Client(Fibonacci, 'fibonacci')
+    client = new_client()
     await call(client)
 asyncio.run(main())
 """,
@@ -87,7 +90,7 @@ def is_last(feedback):
 """
 FEEDBACK = {
     "at the closing": """
-with Client(Fibonacci, 'fibonacci') as client:
+with new_client() as client:
     any(map(is_last, call(client, show).feedback()))
 say('closed')
 time.sleep(0.5)
@@ -95,12 +98,12 @@ os._exit(0)
 """,
     "at the exit": """
 atexit.register(say, 'closed')  # is called last
-client = Client(Fibonacci, 'fibonacci')
+client = new_client()
 any(map(is_last, call(client, show).feedback()))
 """,
     "at the end of async with": """
 async def main():
-    async with Client(Fibonacci, 'fibonacci') as client:
+    async with new_client() as client:
         async for feedback in call(client, show_async).feedback():
             if is_last(feedback):
                 break
@@ -128,7 +131,7 @@ BURST = """
 def show(feedback):
     say('begun')
     time.sleep(0.2)
-client = Client(Fibonacci, 'fibonacci')
+client = new_client()
 future = client.call_async({'order': 5}, show, timeout=60)
 count = future.outcome().feedback_count
 say('result', count)
@@ -153,7 +156,7 @@ CUT_OFF = {
     "with a running loop": (
         """
 async def main():
-    client = Client(Fibonacci, 'fibonacci')
+    client = new_client()
     call(client)
     await begun.wait()
 asyncio.run(main())
@@ -163,7 +166,7 @@ asyncio.run(main())
     "with a loop that is never closed": (
         """
 async def main():
-    client = Client(Fibonacci, 'fibonacci')
+    client = new_client()
     call(client)
     await begun.wait()
 asyncio.new_event_loop().run_until_complete(main())
@@ -173,7 +176,7 @@ asyncio.new_event_loop().run_until_complete(main())
     "with a client that is closed in its loop": (
         """
 async def main():
-    client = Client(Fibonacci, 'fibonacci')
+    client = new_client()
     call(client)
     await begun.wait()
     client.close()
@@ -222,7 +225,7 @@ def refuse(thread):  # as from Python 3.12 on at the exit
     raise RuntimeError("can't create new thread at interpreter shutdown")
 """
 AT_EXIT = """
-client = Client(Fibonacci, 'fibonacci')
+client = new_client()
 future = client.call_async({'order': 90}, timeout=60)
 future.add_done_callback(block)
 sys.stdin.readline()
@@ -244,22 +247,22 @@ def test_one_that_does_not_return_is_named_and_left(no_threads, action_server, r
 
 INTERRUPTED = {
     "at the closing": """
-with Client(Fibonacci, 'fibonacci') as client:
+with new_client() as client:
     call(client).result()
 """,
     "at the end of async with": """
 async def main():
-    async with Client(Fibonacci, 'fibonacci') as client:
+    async with new_client() as client:
         await call(client)
 asyncio.run(main())
 """,
     "at the exit": """
-client = Client(Fibonacci, 'fibonacci')
+client = new_client()
 call(client).result()
 sys.exit(4)
 """,
     "at the exit without threads": """
-client = Client(Fibonacci, 'fibonacci')
+client = new_client()
 future = client.call_async({'order': 90}, timeout=60)
 future.add_done_callback(block)
 client.wait_for_server()
@@ -299,7 +302,7 @@ def test_nothing_begins_after_the_exit(action_server, run_script):
     action_server("fibonacci")
     source = """
 atexit.register(after)  # is called last
-client = Client(Fibonacci, 'fibonacci', observers=[Slow()])
+client = new_client(observers=[Slow()])
 for _ in range(5):
     client.call({'order': 2}, 10)
 """
@@ -316,7 +319,7 @@ def slow(future):
     begun.set()
     time.sleep(1)
     say('finished in', os.getpid())
-client = Client(Fibonacci, 'fibonacci')
+client = new_client()
 future = client.call_async({'order': 2}, timeout=60)
 future.add_done_callback(slow)
 begun.wait()
