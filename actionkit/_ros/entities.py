@@ -78,7 +78,7 @@ class Entities:
             self.destroy()
             raise
 
-    def make_anew(self, node: Node) -> None:
+    def recreate(self, node: Node) -> None:
         """Make others on another node after `destroy`; the sources are about these from now on.
 
         Raises:

@@ -230,7 +230,7 @@ class Link:
         return bool(self._listeners or self._outbox or self.monitor.waiting)
 
     def hears(self, since: float) -> bool:
-        """Whether anything has come from a server since then; if not, ask what all answer."""
+        """Whether a server has sent anything since then; if not, ask what every server answers."""
         if self.liveness.heard_at <= since and self.readiness.count:
             self._requests.probe()
         return self.liveness.heard_at > since
@@ -248,8 +248,8 @@ class Link:
         self._entities.destroy()
 
     def enter(self, node: Node) -> None:
-        """Make the entities anew on the node that has replaced the earlier one."""
-        self._entities.make_anew(node)
+        """Create the entities again, on the node that has replaced the earlier one."""
+        self._entities.recreate(node)
         self._status.enter()
 
     # --- what the port asks for ------------------------------------------------------------

@@ -141,7 +141,7 @@ class ResponseSource(Source):
 
     def use(self, client: ServiceClient) -> None:
         """Be about this service client from now on."""
-        self._before = self._latest  # its numbers begin anew; what was sent before keeps its own
+        self._before = self._latest  # its own numbers start at 1 again; here they go on
         self._handle = client.handle
         self._type = client.srv_type.Response
 

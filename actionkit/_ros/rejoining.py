@@ -100,10 +100,10 @@ class Rejoining:
 
     def _rejoin(self) -> None:
         self._tries += 1
-        self.make_anew()
+        self.replace_node()
 
-    def make_anew(self) -> None:
-        """Replace the node, and make the entities of all clients anew on it."""
+    def replace_node(self) -> None:
+        """Replace the node, and create the entities of all clients again on it."""
         for link in self.links:
             link.leave()
         try:

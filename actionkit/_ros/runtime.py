@@ -109,7 +109,7 @@ class Runtime:
             self,
             self.rejoining.links,
             can_leave=lambda: self._can_leave(len(self.rejoining.links)),
-            make_anew=self.rejoining.make_anew,
+            replace_node=self.rejoining.replace_node,
         )
         self._on_last = on_last
         self._started = Flag()
@@ -298,7 +298,7 @@ class Runtime:
             self.rejoining.joined(time.monotonic() - began, time.thread_time() - worked)
 
     def _renew_node(self) -> Node:
-        leave_graph(self.node, alone=True)
+        leave_graph(self.node, alone=not self._is_guest)
         self._make_node()
         return self.node
 

@@ -1,14 +1,16 @@
-"""Notices that this process itself stood still, and takes care of what the middleware made of it.
+"""Notices that this process did not run for a while, and that the middleware misunderstood that.
 
-A process that is stopped (a debugger, `docker pause`) or whose computer sleeps announces itself to
-nobody and reads no announcement. After 20 s the others drop it, and the first thing that Fast DDS
-tells here when it goes on is that the servers are gone: its leases ran out in the same moment. The
-same servers, with the same ids, are back with their next announcement, 0.1 to 3 s later. So what
-was concluded from the pause is not believed at once (`monitor.stood_still`).
+A process that is stopped (a debugger, `docker pause`), or whose computer sleeps, announces itself
+to nobody and reads no announcement. After 20 s the others drop it. When it goes on, Fast DDS says
+first that the servers are gone, because its own leases ran out in the same moment. The same
+servers, with the same ids, are back with their next announcement, 0.1 to 3 s later. So a loss is
+not believed at once (`monitor.stood_still`).
 
-The other side has dropped this process as well, and may not find all of it again: then nothing that
-it sends arrives here, though all is in sight. So the servers are asked what every live server
-answers. Where nothing is heard of any, the node is made anew, as `rejoining` does.
+The servers have dropped this process, too. If its own lease of them did not run out, as it read
+their announcements first, then they find its publishers again, but not its subscriptions: nothing
+that they send arrives here any more, although they are in sight. (Seen where an entity was made in
+the second before the stop.) Only another participant is heard again. So the servers are asked what
+every live server answers, and if nobody answers, the node is replaced, as `rejoining` does.
 """
 
 from __future__ import annotations
@@ -24,19 +26,21 @@ from actionkit._threads.diagnostics import log_later
 _LOOK = 2.0
 """Seconds between two looks at the clock, while goals are in flight."""
 NOTICED = 5.0
-"""Seconds between two looks that are taken for a standstill. A busy machine delays a thread by
-less, and no lease of the middleware runs out in less."""
+"""Seconds between two looks that count as a standstill. A busy machine delays a thread by less, and
+no lease of the middleware runs out in less."""
 BELIEVED_AFTER = 8.0
 """Seconds after a standstill in which no server counts as gone: two announcements of Fast DDS, and
 some more for a discovery in which a packet is lost."""
 _SETTLED = 1.0
-"""Seconds in which what had come before, and waited in a socket, is read: it proves nothing."""
+"""Seconds in which answers prove nothing: they may have waited in a socket meanwhile."""
 _ASKED_AGAIN = 0.5
-"""Seconds between two questions whether anybody is heard."""
+"""Seconds between two questions whether a server answers."""
 _QUESTIONS = 6
-"""After so many without an answer, 3 s, the node is taken for deaf. A server that is busy for so
-long is silent as well; then the node is made anew in vain, and nothing is lost by it."""
-_TRIES = 3
+"""After so many without an answer, 3 s, the node is replaced, once for each standstill. A server
+that is busy for so long does not answer either; then that is in vain, and nothing is lost by it."""
+FOUND_WITHIN = 5.0
+"""Seconds in which a new node finds the servers: one announcement may be missed. So the loss of a
+server is told 8.5 s after a standstill, where the node could be replaced at once."""
 
 
 class Link(Protocol):
@@ -50,10 +54,10 @@ class Link(Protocol):
         """Believe no loss of a server before that time."""
 
     def ask_about_goals(self) -> None:
-        """Ask for what may have been lost meanwhile."""
+        """Ask for results, which may have been lost meanwhile."""
 
     def hears(self, since: float) -> bool:
-        """Whether anything has come from a server since then; if not, ask what all answer."""
+        """Whether a server has sent anything since then; if not, ask what every server answers."""
         ...
 
 
@@ -66,7 +70,7 @@ class Standstill:
         links: Iterable[Link],
         *,
         can_leave: Callable[[], bool],
-        make_anew: Callable[[], None],
+        replace_node: Callable[[], None],
         clock: Callable[[], float] = lambda: time.clock_gettime(time.CLOCK_BOOTTIME),
     ) -> None:
         """Do nothing until `watch` is called.
@@ -74,20 +78,18 @@ class Standstill:
         Args:
             timers: The clock and timers of the thread.
             links: Whose entities are on the node.
-            can_leave: Whether the node can be replaced just now.
-            make_anew: Replaces it, with the entities of all links.
+            can_leave: Whether the node can be replaced now.
+            replace_node: Replaces it, with the entities of all links.
             clock: Seconds that go on while the computer sleeps.
         """
         self._timers = timers
         self._links = links
         self._can_leave = can_leave
-        self._make_anew = make_anew
+        self._replace_node = replace_node
         self._clock = clock
         self._looked_at: float | None = None
-        """When `turn` was last called; `None` while nobody watches."""
-        self._number = 0  # of the latest standstill
-        self._since = 0.0
-        self._tries = 0
+        """When the clock was last looked at; `None` while nothing is in flight."""
+        self._since = 0.0  # the end of the latest standstill
 
     def watch(self) -> None:
         """Look at the clock now and then, until nothing is in flight."""
@@ -96,15 +98,16 @@ class Standstill:
             self._look_later()
 
     def turn(self) -> None:
-        """Handle that the thread has waited, and has read nothing so far of what came."""
+        """Look at the clock after the thread has waited, before it reads what has come."""
         if self._looked_at is None:
             return
         before, self._looked_at = self._looked_at, self._clock()
         if self._looked_at - before > NOTICED:
-            self._tries = 0
-            text = "this process stood still for %.0f s: its servers are looked for again"
+            text = "this process did not run for %.0f s: it looks for its servers again"
             log_later(logging.INFO, text, self._looked_at - before)
-            self._begin()
+            self._since = self._timers.now()
+            self._believe_no_loss(BELIEVED_AFTER)
+            self._ask_later(self._since, _QUESTIONS)
 
     def _look_later(self) -> None:
         self._timers.call_at(self._timers.now() + _LOOK, self._look)
@@ -115,36 +118,31 @@ class Standstill:
         else:
             self._looked_at = None
 
-    def _begin(self) -> None:
-        """Doubt what the middleware tells, and find out whether anybody is heard."""
-        self._number += 1
-        self._since = self._timers.now()
+    def _believe_no_loss(self, seconds: float) -> None:
         for link in self._links:
-            link.stood_still(self._since + BELIEVED_AFTER)
-        self._ask_later(self._number, _QUESTIONS)
+            link.stood_still(self._timers.now() + seconds)
 
-    def _ask_later(self, number: int, left: int) -> None:
+    def _ask_later(self, since: float, left: int) -> None:
         at = self._timers.now() + _ASKED_AGAIN
-        self._timers.call_at(at, lambda: self._ask(number, left))
+        self._timers.call_at(at, lambda: self._ask(since, left))
 
-    def _ask(self, number: int, left: int) -> None:
-        if number != self._number:
+    def _ask(self, since: float, left: int) -> None:
+        if since != self._since:
             return  # it stood still again
-        since = self._since + _SETTLED
-        heard = [link.hears(since) for link in self._links if link.is_busy()]  # all are to ask
+        # A list, so that all of them ask.
+        heard = [link.hears(since + _SETTLED) for link in self._links if link.is_busy()]
         if all(heard):
             for link in self._links:
                 link.ask_about_goals()
         elif left:
-            self._ask_later(number, left - 1)
-        elif self._tries < _TRIES and not self._can_leave():
-            self._ask_later(number, 0)  # somebody else uses the node just now
-        elif self._tries < _TRIES:
-            self._tries += 1
+            self._ask_later(since, left - 1)
+        elif not self._can_leave():
+            self._ask_later(since, 0)  # somebody else is using the node
+        else:
             log_later(
                 logging.WARNING,
-                "nothing was heard from a server since this process stood still: ActionKit's node"
-                " is made anew, and its goals are followed on",
+                "no server has answered since this process stood still: ActionKit replaces its"
+                " node, and goes on following its goals",
             )
-            self._make_anew()
-            self._begin()
+            self._replace_node()
+            self._believe_no_loss(FOUND_WITHIN)

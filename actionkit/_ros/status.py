@@ -79,7 +79,7 @@ class StatusWatch:
         self.stop()
 
     def enter(self) -> None:
-        """Subscribe anew on the node that has replaced the earlier one, if that was so before."""
+        """Subscribe on the node that has replaced the earlier one, if there was a subscription."""
         if self._left:
             self.start()
 

@@ -596,7 +596,7 @@ def test_one_that_was_replaced_during_a_standstill_is_gone(world: World) -> None
     assert goal.lost == ["its action server is gone"]
 
 
-def test_the_same_servers_come_into_view_of_a_node_that_was_made_anew(world: World) -> None:
+def test_a_node_that_was_replaced_discovers_the_same_servers(world: World) -> None:
     world.serve(b"a")
     goal, ready = world.sent(), world.ready
     world.monitor.stood_still(world.clock.time + 8.0)

@@ -105,9 +105,6 @@ def test_every_number_names_tests_that_exist() -> None:
 
 # --- a run without --long holds each of them -----------------------------------------------------
 
-LONG_ALONE = {"C5.4": "networks that fail and come back: each test takes a minute, and needs root"}
-"""Promises of which no test of the default tier has a real server, and why."""
-
 
 def is_long(path: Path, function: str) -> bool:
     """Whether the marker `long` is on all of a test, or on its file; not on some parameters."""
@@ -132,7 +129,7 @@ def test_each_promise_has_a_test_of_the_default_tier_with_a_real_server() -> Non
             continue
         if all(is_long(ROOT / "tests" / file, function) for file, function in of_servers):
             without.add(number)
-    assert without == set(LONG_ALONE)
+    assert without == set()
 
 
 # --- users see none ----------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""A process that stood still doubts what the middleware tells, and hears again (contract C5.4)."""
+"""A process that stood still believes no loss at once, and hears its servers again (C5.4)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from clock import Clock
 
 from actionkit._ros.native import ResponseSource
-from actionkit._ros.standstill import BELIEVED_AFTER, NOTICED, Standstill
+from actionkit._ros.standstill import BELIEVED_AFTER, FOUND_WITHIN, NOTICED, Standstill
 
 LOOK = 2.0
 
@@ -20,21 +20,22 @@ class Thread(Clock):
     def __init__(self) -> None:
         super().__init__()
         self.busy = True
+        self.slept = 0.0
         self.held_until = 0.0
         self.heard_at = self.answers_at = float("inf")
-        self.asked_about_goals = self.made_anew = 0
+        self.asked_about_goals = self.replaced = 0
         self.can_leave = True
         self.standstill = Standstill(
             self,
             [self],
             can_leave=lambda: self.can_leave,
-            make_anew=self._make_anew,
-            clock=self.now,
+            replace_node=self._replace_node,
+            clock=lambda: self.now() + self.slept,
         )
         self.standstill.watch()
 
-    def _make_anew(self) -> None:
-        self.made_anew += 1
+    def _replace_node(self) -> None:
+        self.replaced += 1
 
     def run(self, seconds: float) -> None:
         for _ in range(round(10 * seconds)):
@@ -58,7 +59,7 @@ class Thread(Clock):
         self.asked_about_goals += 1
 
 
-def test_whoever_stood_still_believes_no_loss_for_a_while_and_asks_about_its_goals() -> None:
+def test_no_loss_is_believed_for_a_while_and_results_are_asked_for() -> None:
     thread = Thread()
     thread.run(10.0)
     assert thread.held_until == 0.0
@@ -66,33 +67,54 @@ def test_whoever_stood_still_believes_no_loss_for_a_while_and_asks_about_its_goa
     assert thread.held_until == thread.now() + BELIEVED_AFTER
     thread.run(BELIEVED_AFTER)
     assert thread.asked_about_goals == 1
-    assert thread.made_anew == 0
+    assert thread.replaced == 0
 
 
-def test_one_that_hears_nothing_is_made_anew_a_few_times() -> None:
+def test_where_no_server_answers_the_node_is_replaced_once() -> None:
     thread = Thread()
     thread.heard_at = thread.now()
     thread.stand_still(25.0)
-    thread.run(3.0)
-    assert thread.made_anew == 0
-    thread.run(1.0)
-    assert thread.made_anew == 1
-    assert thread.held_until > thread.now()
+    ended = thread.now()
+    thread.run(3.4)
+    assert thread.replaced == 0
+    thread.run(0.2)
+    assert thread.replaced == 1
+    assert thread.held_until == pytest.approx(ended + 3.5 + FOUND_WITHIN)
     thread.run(60.0)
-    assert thread.made_anew == 3
-    assert thread.asked_about_goals == 0
+    assert thread.replaced == 1
+    thread.stand_still(25.0)
+    thread.run(4.0)
+    assert thread.replaced == 2
 
 
-def test_what_waited_in_a_socket_is_no_sign_that_anybody_is_heard() -> None:
+def test_an_answer_that_waited_in_a_socket_proves_nothing() -> None:
     thread = Thread()
     thread.stand_still(25.0)
     thread.heard_at = thread.now() + 0.5
     thread.run(4.0)
-    assert thread.made_anew == 1
-    thread.heard_at = thread.now() + 1.5
+    assert thread.replaced == 1
+    assert thread.asked_about_goals == 0
+
+
+def test_a_computer_that_slept_is_noticed_although_monotonic_time_stood_still() -> None:
+    thread = Thread()
+    thread.run(1.0)
+    thread.slept = 3600.0
+    thread.run(0.1)
+    assert thread.held_until == thread.now() + BELIEVED_AFTER
+
+
+def test_a_second_standstill_starts_the_questions_again() -> None:
+    thread = Thread()
+    thread.heard_at = thread.now()
+    thread.stand_still(25.0)
+    thread.run(3.0)
+    thread.stand_still(25.0)
+    thread.run(3.0)
+    assert thread.replaced == 0
+    thread.heard_at = thread.now()
     thread.run(4.0)
-    assert thread.made_anew == 1
-    assert thread.asked_about_goals == 1
+    assert (thread.replaced, thread.asked_about_goals) == (0, 1)
 
 
 @pytest.mark.parametrize("seconds", [0.5, NOTICED - LOOK])
@@ -118,13 +140,13 @@ def test_a_node_that_cannot_be_replaced_just_now_is_replaced_later() -> None:
     thread.can_leave, thread.heard_at = False, 0.0
     thread.stand_still(25.0)
     thread.run(10.0)
-    assert thread.made_anew == 0
+    assert thread.replaced == 0
     thread.can_leave = True
     thread.run(1.0)
-    assert thread.made_anew == 1
+    assert thread.replaced == 1
 
 
-def test_nobody_goes_on_asking_for_goals_that_are_over() -> None:
+def test_the_questions_end_with_the_goals() -> None:
     thread = Thread()
     thread.can_leave, thread.heard_at = False, 0.0
     thread.stand_still(25.0)
@@ -153,7 +175,7 @@ class FakeService:
         return SimpleNamespace(request_id=number), "response"
 
 
-def test_requests_keep_their_numbers_when_their_entity_is_made_anew() -> None:
+def test_requests_keep_their_numbers_when_their_entity_is_replaced() -> None:
     answered: list[int] = []
     before: Any = FakeService()
     after: Any = FakeService()

@@ -68,7 +68,7 @@ class Liveness:
             self._silent = False
             self._on_return()
 
-    def begin_anew(self) -> None:
+    def start_over(self) -> None:
         """Count the silence from now on: this process itself did not listen."""
         self.heard_at = self._timers.now()
 

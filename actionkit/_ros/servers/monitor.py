@@ -180,13 +180,13 @@ class ServerMonitor:
     # --- after this process itself stood still ---------------------------------------------
 
     def stood_still(self, until: float) -> None:
-        """Take no server for gone before that time, and later only if it is still out of sight."""
-        self.liveness.begin_anew()
+        """Believe before that time that no server is gone; then, that those out of sight are."""
+        self.liveness.start_over()
         self._held_until = until
         self._timers.call_at(until, self._end_hold)
 
     def leave(self) -> None:
-        """Handle that the node is made anew: whoever is there comes into view again."""
+        """Handle that the node is replaced: the servers that are there will be discovered again."""
         self._doubted |= self.readiness.servers
         self.readiness.leave()
         self._way_back.stop()

@@ -156,7 +156,7 @@ class ServerReadiness:
             self._compare_later(_FIRST_STEP)
 
     def leave(self) -> None:
-        """Handle that the node is made anew: whoever is there comes into view again."""
+        """Handle that the node is replaced: the servers that are there will be discovered again."""
         self.state = State.ABSENT
         self.count = 0
         self.servers = self._outdated = frozenset()
