@@ -160,7 +160,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 `None` means no limit; left out, `timeouts.total` counts; with 0 nothing is sent.
             on_feedback: Called with each feedback message that comes before the result, in order,
                 on another thread. What a slow one has not been given 0.05 s after the result came
-                is left out, and a warning tells how much.
+                is left out, and the log says how much, at level INFO.
             retry: In place of the client's policy.
             classify: In place of the client's.
 

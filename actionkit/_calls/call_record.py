@@ -5,6 +5,7 @@ All of it happens on the communication thread, but for the making.
 
 from __future__ import annotations
 
+import logging
 import time
 import uuid
 from collections.abc import Callable
@@ -123,7 +124,8 @@ class CallRecord:
             left_out = callbacks.close()
             if left_out and has_result:
                 name = self._action.action_name
-                log_left_out(callbacks, name, left_out, "the result has come")
+                # No warning: most callbacks only show the progress, which is over.
+                log_left_out(logging.INFO, callbacks, name, left_out, "the result has come")
         self.tape.end()
 
     def outcome(self, ending: Ending, goal_id: uuid.UUID, attempts: int) -> Outcome[Any]:

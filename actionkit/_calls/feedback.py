@@ -183,7 +183,8 @@ class LoopCallbacks:
         """Return the next message to hand over; `None` where the task is to end."""
         while True:
             if self._dues.ended and self._messages:
-                log_left_out(self, self._action_name, len(self._messages), "the client is closed")
+                left_out, because = len(self._messages), "the client is closed"
+                log_left_out(logging.WARNING, self, self._action_name, left_out, because)
                 self._messages.clear()
             for decode in taken_from(self._messages):
                 return decode
@@ -209,10 +210,12 @@ class LoopCallbacks:
         )
 
 
-def log_left_out(callbacks: Callbacks, action_name: str, messages: int, because: str) -> None:
+def log_left_out(
+    level: int, callbacks: Callbacks, action_name: str, messages: int, because: str
+) -> None:
     """Tell in the log that a callback has missed feedback."""
     log_later(
-        logging.WARNING,
+        level,
         "%s of action %r was not given the last %d feedback messages, because %s. Let it return"
         " sooner, or read future.feedback()",
         str(callbacks.label),

@@ -235,7 +235,8 @@ class Waiter:
         self._signal_handle = self._signal_guard.handle
         self.signalled = False
         """Whether rclpy's signal handler has run during the last wait."""
-        self._room = -1  # for so many sources of each kind
+        self.room = -1
+        """How many sources of each kind there is room for."""
         self._wait_set: Any = None
 
     def wake(self) -> None:
@@ -263,7 +264,8 @@ class Waiter:
         Returns:
             The sources that are ready.
         """
-        self.make_room(len(sources))
+        if len(sources) > self.room:
+            self.make_room(len(sources))
         wait_set = self._wait_set
         wait_set.clear_entities()
         wait_set.add_guard_condition(self._guard_handle)
@@ -287,10 +289,8 @@ class Waiter:
         A wait set cannot be made in a context that was shut down, and a cancel after Ctrl-C adds a
         source then (R10). Making one also costs more than waiting on a sparse one.
         """
-        if sources <= self._room:
-            return
         self._release_wait_set()
-        self._room = room = 2 * sources + SOURCES_OF_A_CLIENT
+        self.room = room = 2 * sources + SOURCES_OF_A_CLIENT
         # Subscriptions, guard conditions, timers, clients, services, events.
         self._wait_set = rclpy_implementation.WaitSet(
             room, 2, 0, room, 0, room, self._context.handle

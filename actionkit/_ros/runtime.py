@@ -329,7 +329,9 @@ class Runtime:
             timeout = max(0.0, next_due - time.monotonic())
         if self._waited_for is None:
             self._waited_for = tuple(self._sources)
-            self._waiter.make_room(SOURCES_OF_A_CLIENT * len(self.rejoining.links))
+            room = SOURCES_OF_A_CLIENT * len(self.rejoining.links)
+            if room > self._waiter.room:
+                self._waiter.make_room(room)
         ready = self._waiter.wait(self._waited_for, timeout)
         self.standstill.turn()  # before what came of it is read
         for source in ready:

@@ -18,6 +18,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Protocol
 
 from actionkit._threads.clock import Timers
@@ -41,6 +42,7 @@ that is busy for so long does not answer either; then that is in vain, and nothi
 FOUND_WITHIN = 5.0
 """Seconds in which a new node finds the servers: one announcement may be missed. So the loss of a
 server is told 8.5 s after a standstill, where the node could be replaced at once."""
+_boot_time = partial(time.clock_gettime, time.CLOCK_BOOTTIME)
 
 
 class Link(Protocol):
@@ -71,7 +73,7 @@ class Standstill:
         *,
         can_leave: Callable[[], bool],
         replace_node: Callable[[], None],
-        clock: Callable[[], float] = lambda: time.clock_gettime(time.CLOCK_BOOTTIME),
+        clock: Callable[[], float] = _boot_time,
     ) -> None:
         """Do nothing until `watch` is called.
 

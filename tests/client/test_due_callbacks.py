@@ -131,6 +131,8 @@ BURST = """
 def show(feedback):
     say('begun')
     time.sleep(0.2)
+import logging
+logging.basicConfig(level=logging.INFO)
 client = new_client()
 future = client.call_async({'order': 5}, show, timeout=60)
 count = future.outcome().feedback_count

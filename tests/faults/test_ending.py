@@ -145,7 +145,8 @@ def _reached(case: Case, server: Server, goal: str) -> str:
         server.resume()
         return WARNED
     try:
-        server.wait_for("canceled", goal_id=goal, timeout=2)
+        # A node that is destroyed is noticed by a look once a second.
+        server.wait_for("canceled", goal_id=goal, timeout=8 if case.goes_on else 2)
     except TimeoutError:
         assert goal in server.running()
         return NOTHING
