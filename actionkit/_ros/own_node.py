@@ -47,10 +47,10 @@ def make_node(name: str, context: Context) -> Node:
         return _node(name, context, use_global_arguments=False)
 
 
-def resolve_without_node(node: Node, action_name: str) -> ActionNames:
-    """Return the names that an action has by the ROS arguments that our node's context was given.
+def resolve_without_node(context: Context, node: Node, action_name: str) -> ActionNames:
+    """Return the names that an action has by the ROS arguments that a context was given.
 
-    Only a node has such rules, so there is one for a millisecond.
+    Only a node has such rules, so there is one for a millisecond, called after our own.
 
     Raises:
         ValueError: It is no valid action name.
@@ -58,7 +58,7 @@ def resolve_without_node(node: Node, action_name: str) -> ActionNames:
     name = f"{node.get_name()}_names"
     # A launch file's __node is meant for the user's node: two nodes of one name confuse every tool.
     rename = ["--ros-args", "-r", f"__node:={name}"]
-    resolver = _node(name, node.context, use_global_arguments=True, cli_args=rename)
+    resolver = _node(name, context, use_global_arguments=True, cli_args=rename)
     try:
         return resolve(resolver, action_name)
     finally:

@@ -180,7 +180,8 @@ class Port:
         self.runtime.names_in_use.append((name, type_name))
 
     def _resolve(self, action_name: str) -> ActionNames:
-        return self.runtime.run(lambda: resolve_without_node(self.runtime.node, action_name))
+        runtime = self.runtime
+        return runtime.run(lambda: resolve_without_node(runtime.context, runtime.node, action_name))
 
     def _undo(self) -> None:
         """Free what the constructor has made before it failed."""

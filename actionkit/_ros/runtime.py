@@ -5,6 +5,8 @@ not spun here, and no function of the user's is called.
 
 The node is in the user's own context where there is one, so that domain, discovery, security and
 the middleware's settings are the user's, and so is the participant. Else the context is ours, too.
+So it becomes after a standstill, if servers do not find the participant's subscriptions any more:
+the user's other nodes keep that participant.
 
 A user's context may be shut down at any time, by `rclpy.shutdown()` or by the signal handler of
 `rclpy.init()`, which does it to every context of the process (R10). The entities that were made
@@ -33,6 +35,7 @@ from actionkit._ros.native import (
     SOURCES_OF_A_CLIENT,
     Source,
     Waiter,
+    domain_of,
     is_up,
     on_shutdown,
     shut_down,
@@ -62,12 +65,19 @@ _numbers = itertools.count(1)
 class Runtime:
     """One communication thread with its node."""
 
-    def __init__(self, place: Context | int | None, on_last: Callable[[Runtime], None]) -> None:
+    def __init__(
+        self,
+        place: Context | int | None,
+        on_last: Callable[[Runtime], None],
+        *,
+        apart: bool = False,
+    ) -> None:
         """Start the thread.
 
         Args:
             place: As for `runtimes.acquire`.
             on_last: Called on the thread when its last user is removed, and before it ends.
+            apart: Whether to have a participant of our own, also beside a context of the user's.
 
         Raises:
             Exception: Whatever rclpy raises where the context or node cannot be made.
@@ -88,9 +98,13 @@ class Runtime:
         self.was_shut_down = False
         """Whether they were called, or are being called."""
         self._pid = os.getpid()
-        self._is_guest = isinstance(place, Context)  # of the user, whose other nodes are there
-        self._domain_id = None if isinstance(place, Context) else place
         self.context = place if isinstance(place, Context) else Context()
+        """With which all ends."""
+        self._domain_id = domain_of(place) if isinstance(place, Context) else place
+        self._own_context: Context | None = self.context
+        """Where the node is; `None` if it is in the user's context, beside the user's nodes."""
+        if isinstance(place, Context):
+            self._own_context = Context() if apart else None
         self._inbox: deque[Callable[[], None]] = deque()
         self._sources: dict[Source, None] = {}
         self._waited_for: tuple[Source, ...] | None = None  # the same; `None` after a change
@@ -139,6 +153,11 @@ class Runtime:
             and not self._stopping
             and is_up(self.context)
         )
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether the node is in a context of ours, and not in the one with which all ends."""
+        return self._own_context not in (None, self.context)
 
     @property
     def in_thread(self) -> bool:
@@ -273,8 +292,8 @@ class Runtime:
         self._ended.set()
 
     def _open(self) -> None:
-        if not self._is_guest:
-            start(self.context, self._domain_id)
+        if self._own_context is not None:
+            start(self._own_context, self._domain_id)
         try:
             self._waiter = Waiter(self.context)
             self._make_node()
@@ -287,18 +306,22 @@ class Runtime:
         self.call_soon(self._look_at_context)
 
     def _leave_context(self) -> None:
-        if not self._is_guest:
-            shut_down(self.context)
-            self.context.destroy()
+        if self._own_context is not None:
+            shut_down(self._own_context)
+            self._own_context.destroy()
 
     def _make_node(self) -> None:
         began, worked = time.monotonic(), time.thread_time()
-        self.node = make_node(self._node_name, self.context)
-        if not self._is_guest:  # else its participant stays, whatever becomes of our node
+        self.node = make_node(self._node_name, self._own_context or self.context)
+        if self._own_context is not None:  # else the participant is the user's, and stays
             self.rejoining.joined(time.monotonic() - began, time.thread_time() - worked)
 
     def _renew_node(self) -> Node:
-        leave_graph(self.node, alone=not self._is_guest)
+        leave_graph(self.node, alone=self._own_context is not None)
+        if self._own_context is None:
+            context = Context()
+            start(context, self._domain_id)
+            self._own_context = context
         self._make_node()
         return self.node
 
@@ -365,5 +388,5 @@ class Runtime:
             self._empty_inbox()
         self._waiter.destroy()
         # In a context that is down nothing new is discovered for anybody.
-        leave_graph(self.node, alone=not self._is_guest or not is_up(self.context))
+        leave_graph(self.node, alone=self._own_context is not None or not is_up(self.context))
         self._leave_context()

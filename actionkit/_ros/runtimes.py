@@ -36,6 +36,8 @@ class _Registry:
         """
         self.by_place: dict[Place, Runtime] = {}
         self.ending: WeakSet[Runtime] = WeakSet()
+        self.unheard: WeakSet[Context] = WeakSet()
+        """Contexts of the user's whose participants some servers do not find any more."""
 
     def forget(self, runtime: Runtime) -> None:
         """Remove a runtime that is ending. Called on its thread, while it is still usable."""
@@ -43,6 +45,8 @@ class _Registry:
             if known is runtime:
                 del self.by_place[place]
         self.ending.add(runtime)
+        if runtime.is_apart:
+            self.unheard.add(runtime.context)
 
 
 _registry = _Registry()
@@ -77,7 +81,9 @@ def _usable_runtime(place: Context | int | None) -> Runtime:
         runtime = _registry.by_place.get(key)
         if runtime is None or not runtime.usable:
             # A signal handler may get here too; then two are started, which does no harm.
-            runtime = _registry.by_place[key] = Runtime(place, _registry.forget)
+            runtime = _registry.by_place[key] = Runtime(
+                place, _registry.forget, apart=place in _registry.unheard
+            )
         return runtime
     finally:
         if turn:

@@ -20,18 +20,23 @@ _SHORT_LEASE = Path(__file__).parent / "short_lease.xml"
 _AGES = (0.5, 1.5, 3.0)
 """Of goals, in seconds, when their programs are stopped. After 1 s a client subscribes to the
 status: what it has made just before the stop is what servers may not find again."""
-_CLIENTS = ("new", "old")
+_CLIENTS = ("new", "old", "old, of a node")
 _PERIOD = 0.1
 _REMAINING = 5.0
 """Seconds that the goals take after that."""
 _PROGRAM = """
 import sys
+import rclpy
 from actionkit import Client
 from test_msgs.action import Fibonacci
 
-age, order = sys.argv[1], int(sys.argv[2])
-client = Client(Fibonacci, "fibonacci")
-if age == "old":
+kind, order = sys.argv[1], int(sys.argv[2])
+node = None
+if kind.endswith("of a node"):
+    rclpy.init()
+    node = rclpy.create_node("users")
+client = Client(Fibonacci, "fibonacci", node=node)
+if kind.startswith("old"):
     client.call({"order": 0})
 print("ready", flush=True)
 sys.stdin.readline()
@@ -42,10 +47,13 @@ error = future.exception(60)
 print("ended as", type(error).__name__, flush=True)
 for _ in range(2):
     client.call({"order": 0}, timeout=20)
-with Client(Fibonacci, "fibonacci") as another:
+with Client(Fibonacci, "fibonacci", node=node) as another:
+    another.call({"order": 0}, timeout=20)
+client.close()
+with Client(Fibonacci, "fibonacci", node=node) as another:
     another.call({"order": 0}, timeout=20)
 """
-_CALLS_AFTERWARDS = 3
+_CALLS_AFTERWARDS = 4
 _BUSY_SERVER = """
 import logging, sys
 logging.basicConfig(stream=sys.stdout, format="%(message)s")
@@ -89,7 +97,7 @@ def tell(program):
 @pytest.mark.parametrize(
     ("seconds", "profile", "ages"),
     [
-        pytest.param(5.5, _SHORT_LEASE, _AGES[:2], id="short lease"),
+        pytest.param(5.5, _SHORT_LEASE, _AGES[1:2], id="short lease"),
         pytest.param(25.0, None, _AGES, id="usual lease", marks=pytest.mark.long),
     ],
 )
@@ -123,7 +131,7 @@ def test_goals_go_on_when_their_programs_were_stopped(
     )
     assert runs_nothing(server)
     server.sync()
-    calls = len(programs) * (1 + _CALLS_AFTERWARDS) + len(ages)  # those of old clients before
+    calls = len(programs) * (1 + _CALLS_AFTERWARDS) + 2 * len(ages)  # old clients call before
     assert server.count("executing") == calls
 
 
@@ -171,3 +179,31 @@ def test_a_server_that_was_busy_all_the_time_has_lost_nothing(
     assert code == 0, (out, err)
     server.sync()
     assert server.count("executing") == 2
+
+
+def test_a_participant_of_our_own_keeps_the_names_and_the_end_of_the_users_context(
+    action_server, run_script
+):
+    """As after a standstill, if servers do not find the user's participant any more."""
+    server = action_server("never_finishes", action_name="another_name")
+    program = run_script(
+        """
+import rclpy
+from actionkit import Client
+from actionkit._ros import runtimes
+from test_msgs.action import Fibonacci
+
+rclpy.init(args=["--ros-args", "-r", "fibonacci:=another_name"])
+runtimes._registry.unheard.add(rclpy.get_default_context())
+client = Client(Fibonacci, "fibonacci")
+future = client.call_async({"order": 1})
+input()
+rclpy.shutdown()
+print(future.outcome(20).status, flush=True)
+"""
+    )
+    server.wait_for("executing")
+    tell(program)
+    assert program.line() == "CANCELED"
+    assert runs_nothing(server)
+    assert program.finish() == (0, "", "")

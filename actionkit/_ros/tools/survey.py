@@ -76,7 +76,7 @@ class Survey:
         """
         check_name(name, has_node=False)
         node = self.runtime.node
-        return self.runtime.run(lambda: resolve_without_node(node, name)).action
+        return self.runtime.run(lambda: resolve_without_node(node.context, node, name)).action
 
     def actions(self) -> dict[str, ActionSeen]:
         """Return every action in sight at this moment, by name, sorted."""
