@@ -105,6 +105,7 @@ class Link:
             has_waiters=lambda: self.monitor.waiting > 0,
         )
         runtime.rejoining.links[self] = None
+        runtime.standstill.watch()
 
     # --- what goals ask for ----------------------------------------------------------------
 
@@ -230,10 +231,16 @@ class Link:
         return bool(self._listeners or self._outbox or self.monitor.waiting)
 
     def hears(self, since: float) -> bool:
-        """Whether a server has sent anything since then; if not, ask what every server answers."""
-        if self.liveness.heard_at <= since and self.readiness.count:
-            self._requests.probe()
-        return self.liveness.heard_at > since
+        """Whether a server has sent anything since then, or none is there that anybody wants.
+
+        If not, ask what every server answers.
+        """
+        if self.liveness.heard_at > since:
+            return True
+        if self.readiness.count == 0:
+            return not self.is_busy()
+        self._requests.probe()
+        return False
 
     def has_seen_servers(self) -> bool:
         """Whether a server of any type has been in view; nothing is sent before."""

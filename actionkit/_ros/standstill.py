@@ -25,7 +25,8 @@ from actionkit._threads.clock import Timers
 from actionkit._threads.diagnostics import log_later
 
 _LOOK = 2.0
-"""Seconds between two looks at the clock, while goals are in flight."""
+"""Seconds between two looks at the clock, while goals are in flight and for so long after that:
+the subscription to the status goes with the last goal, which the servers may miss as well."""
 NOTICED = 5.0
 """Seconds between two looks that count as a standstill. A busy machine delays a thread by less, and
 no lease of the middleware runs out in less."""
@@ -59,12 +60,15 @@ class Link(Protocol):
         """Ask for results, which may have been lost meanwhile."""
 
     def hears(self, since: float) -> bool:
-        """Whether a server has sent anything since then; if not, ask what every server answers."""
+        """Whether a server has sent anything since then, or none is there that anybody wants.
+
+        If not, ask what every server answers.
+        """
         ...
 
 
 class Standstill:
-    """Looks at the clock while goals are in flight. On the communication thread only."""
+    """Looks at the clock while goals are in flight, or were. On the communication thread only."""
 
     def __init__(
         self,
@@ -90,11 +94,13 @@ class Standstill:
         self._replace_node = replace_node
         self._clock = clock
         self._looked_at: float | None = None
-        """When the clock was last looked at; `None` while nothing is in flight."""
+        """When the clock was last looked at; `None` while nobody does."""
+        self._was_busy = False
         self._since = 0.0  # the end of the latest standstill
 
     def watch(self) -> None:
-        """Look at the clock now and then, until nothing is in flight."""
+        """Look at the clock now and then, until nothing has been in flight for a while."""
+        self._was_busy = True
         if self._looked_at is None:
             self._looked_at = self._clock()
             self._look_later()
@@ -115,7 +121,8 @@ class Standstill:
         self._timers.call_at(self._timers.now() + _LOOK, self._look)
 
     def _look(self) -> None:
-        if any(link.is_busy() for link in self._links):
+        before, self._was_busy = self._was_busy, any(link.is_busy() for link in self._links)
+        if before or self._was_busy:
             self._look_later()
         else:
             self._looked_at = None
@@ -132,14 +139,15 @@ class Standstill:
         if since != self._since:
             return  # it stood still again
         # A list, so that all of them ask.
-        heard = [link.hears(since + _SETTLED) for link in self._links if link.is_busy()]
+        heard = [link.hears(since + _SETTLED) for link in self._links]
         if all(heard):
             for link in self._links:
                 link.ask_about_goals()
         elif left:
             self._ask_later(since, left - 1)
-        elif not self._can_leave():
-            self._ask_later(since, 0)  # somebody else is using the node
+        elif not self._can_leave():  # somebody else is using the node
+            if self._looked_at is not None:
+                self._ask_later(since, 0)
         else:
             log_later(
                 logging.WARNING,

@@ -123,6 +123,7 @@ class World(CommunicationThread):
         self.node = SimpleNamespace(get_publishers_info_by_topic=self._publishers)
         self.windows: dict[type, Any] = {}
         self.rejoining = SimpleNamespace(links={})
+        self.standstill = SimpleNamespace(watch=lambda: None)
         self.link: Any = Link(  # type: ignore[arg-type]
             self, Fibonacci, TYPE, ActionNames.of("/fibonacci")
         )

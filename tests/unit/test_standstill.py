@@ -129,10 +129,22 @@ def test_a_busy_machine_is_no_standstill(seconds: float) -> None:
 def test_nobody_looks_at_the_clock_while_nothing_is_in_flight() -> None:
     thread = Thread()
     thread.busy = False
-    thread.run(2 * LOOK)
+    thread.run(3 * LOOK)
     assert thread.queue.next_due() is None
     thread.stand_still(25.0)
     assert thread.held_until == 0.0
+
+
+def test_a_standstill_just_after_the_last_goal_is_noticed() -> None:
+    thread = Thread()
+    thread.run(LOOK - 0.5)
+    thread.busy = False  # and so it is at the next look
+    thread.run(1.0)
+    thread.stand_still(25.0)
+    assert thread.held_until > 0.0
+    thread.heard_at = 0.0
+    thread.run(4.0)
+    assert thread.replaced == 1
 
 
 def test_a_node_that_cannot_be_replaced_just_now_is_replaced_later() -> None:
@@ -152,7 +164,7 @@ def test_the_questions_end_with_the_goals() -> None:
     thread.stand_still(25.0)
     thread.run(10.0)
     thread.busy = False
-    thread.run(2 * LOOK)
+    thread.run(4 * LOOK)
     assert thread.queue.next_due() is None
 
 
