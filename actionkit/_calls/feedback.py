@@ -48,6 +48,7 @@ class Callbacks(Protocol):
 
     def close(self) -> int:
         """Hand over nothing more; return how many messages were waiting."""
+        ...
 
 
 class ThreadCallbacks:
