@@ -163,7 +163,7 @@ def test_a_second_try_that_fails_ends_the_calls_with_its_error(make_client, monk
 def test_the_switch_leaves_one_node(make_client, monkeypatch):
     monkeypatch.setenv(SWITCH, "0")
     client = make_client()
-    assert runtime_of(client).run(lambda: len(runtime_of(client).timers)) == 0
+    assert runtime_of(client).run(lambda: runtime_of(client).rejoining._looks) == 0
     assert tries(client) == 0
 
 
