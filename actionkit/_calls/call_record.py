@@ -112,7 +112,7 @@ class CallRecord:
     def end_feedback(self, ending: Ending, *, client_closes: bool) -> None:
         """End the streams of feedback; callbacks get nothing after a result (C1.8).
 
-        Where the client closes and there is no result, they get all that came, and the closing
+        If the client closes before there is a result, they get everything that came, and `close`
         waits for that (C1.10).
         """
         if self._grace is not None:

@@ -144,7 +144,7 @@ class PortCarrier:
         """Return when the last of the goals that may be running was given up on.
 
         Args:
-            orphans_at: The same for goals that another server took, of which it is not noted.
+            orphans_at: What to take for the goals that another server has: nobody notes it.
         """
         times = [a.goal.cancelled_at for a in list(self._attempts) if a.goal.facts.may_run]
         return max([*times, orphans_at] if self.port.link.orphans.confirmed else times, default=0.0)

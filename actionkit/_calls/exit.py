@@ -44,7 +44,7 @@ def close_all() -> None:
     hurry = any(session.was_interrupted for session in sessions)
     hurry = _is_interrupted(partial(_await_cancellations, sessions, hurry)) or hurry
     if _is_interrupted(partial(_free, sessions)):
-        _is_interrupted(partial(_free, sessions))  # it takes less time than a crash costs
+        _is_interrupted(partial(_free, sessions, at_once=True))  # it takes milliseconds then
     if not hurry:
         grace = max((session.cancel_grace for session in sessions), default=0.0)
         until = time.monotonic() + _in_hand.patience(grace)
@@ -80,13 +80,20 @@ def _await_cancellations(sessions: list[Session], hurry: bool) -> None:
     _await_freed(sessions, began, grace)
 
 
-def _free(sessions: list[Session]) -> None:
-    """Free everything: the middleware's own exit handlers abort where anything is left."""
-    warn_of_goals_left(_left_running(sessions))
+def _free(sessions: list[Session], *, at_once: bool = False) -> None:
+    """Free everything: the middleware's own exit handlers abort where anything is left.
+
+    Args:
+        sessions: What to free.
+        at_once: As for `runtimes.join_ending`.
+    """
+    for session in sessions:
+        session.close_calls()  # again: Ctrl-C may have come before
+    warn_of_goals_left(_give_up_waiting(sessions))
     for session in sessions:
         session.free()
     # They also crash under a thread that still uses it.
-    runtimes.join_ending(FREEING_TIMEOUT)
+    runtimes.join_ending(FREEING_TIMEOUT, at_once=at_once)
 
 
 def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
@@ -122,11 +129,11 @@ def cancel_goals(hurry: Callable[[], bool]) -> None:
                 break
             Flag().wait(_LOOK)
     finally:
-        warn_of_goals_left([left for session in sessions for left in session.give_up_waiting()])
+        warn_of_goals_left(_give_up_waiting(sessions))
 
 
-def _left_running(sessions: list[Session]) -> list[tuple[str, uuid.UUID]]:
-    return [(session.action_name, goal) for session in sessions for goal in session.running()]
+def _give_up_waiting(sessions: list[Session]) -> list[tuple[str, uuid.UUID]]:
+    return [left for session in sessions for left in session.give_up_waiting()]
 
 
 def forget_inherited() -> None:

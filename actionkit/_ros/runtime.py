@@ -270,6 +270,11 @@ class Runtime:
         """
         self._keep_until = max(self._keep_until, at)
 
+    def keep_no_longer(self) -> None:
+        """Undo `keep_until`. From any thread."""
+        self._keep_until = 0.0
+        self._waiter.wake()
+
     def _main(self) -> None:
         try:
             self._open()

@@ -95,10 +95,17 @@ def release(runtime: Runtime, user: object) -> None:
     runtime.run(partial(runtime.remove_user, user))
 
 
-def join_ending(timeout: float) -> None:
-    """Wait for the threads that were told to end, those that keep their node included."""
+def join_ending(timeout: float, *, at_once: bool = False) -> None:
+    """Wait for the threads that were told to end, those that keep their node included.
+
+    Args:
+        timeout: Seconds.
+        at_once: Whether they keep it no longer: a human does not want to wait for that.
+    """
     until = time.monotonic() + timeout
     for runtime in list(_registry.ending):
+        if at_once:
+            runtime.keep_no_longer()
         runtime.join(until - time.monotonic())
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import signal
 import textwrap
+import time
 from pathlib import Path
 
 import pytest
@@ -155,6 +156,22 @@ def test_ctrl_c_ends_the_wait_and_crashes_nothing(make, action_server, run_scrip
     assert (code, out) == (0, "")
     assert err.count("\n") == 1
     assert "1 goal MAY STILL BE RUNNING" in err
+
+
+def test_ctrl_c_ends_the_wait_for_the_middleware(action_server, run_script):
+    server = action_server("never_finishes")
+    script = run_script(f"{HEAD}client = Client(Fibonacci, 'fibonacci')\n{LONG}")
+    assert script.line() == "runs"
+    server.pause()
+    began = time.monotonic()
+    script.process.send_signal(signal.SIGINT)
+    while "MAY STILL BE RUNNING" not in script.process.stderr.readline():
+        pass  # the traceback
+    script.process.send_signal(signal.SIGINT)
+    code, out, err = script.finish(timeout=15)
+    # The node would be kept for 4 s after the cancel that nobody answered.
+    assert time.monotonic() - began < 4
+    assert (code, out, err) == (-signal.SIGINT, "", "")
 
 
 STOPPED = """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import sys
 import threading
 import time
@@ -165,6 +166,35 @@ def test_the_switch_leaves_one_node(make_client, monkeypatch):
     client = make_client()
     assert runtime_of(client).run(lambda: runtime_of(client).rejoining._looks) == 0
     assert tries(client) == 0
+
+
+REPLACED = """
+import threading, rclpy
+from actionkit import Client, Timeouts
+from test_msgs.action import Fibonacci
+rclpy.init()
+node = rclpy.create_node("users")
+client = Client(Fibonacci, "fibonacci", node=node, timeouts=Timeouts(server=60))
+assert client.wait_for_server(60)
+runtime = client._session.port.runtime
+runtime.run(runtime.rejoining.replace_node)
+assert runtime.is_apart
+grown_old = threading.Timer(2.0, print, ["old"], {"flush": True})
+client.call({"order": 1}, on_feedback=lambda feedback: grown_old.start())
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_goal_of_a_node_apart_ends_with_the_users_context(number, action_server, run_script):
+    """After a standstill our node may be in a context of ours (C2.5, C5.4)."""
+    server = action_server("never_finishes")
+    script = run_script(REPLACED)
+    assert script.line() == "old"
+    script.process.send_signal(number)
+    code, _, err = script.finish()
+    assert code == (-number if number is signal.SIGINT else 1), err
+    assert "died" not in err
+    assert len(server.wait_for("canceled")) == 1
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="what Linux can do")
