@@ -13,6 +13,10 @@ HEAD = """
 import asyncio, atexit, os, sys, threading, time
 from actionkit import Client, Timeouts
 from test_msgs.action import Fibonacci
+def await_threads():  # they end when there is nothing left to call
+    for thread in threading.enumerate():
+        if thread.name == 'actionkit-callbacks':
+            thread.join()
 def say(*words):
     os.write(1, (' '.join(map(str, words)) + '\\n').encode())
 def new_client(**options):
@@ -22,7 +26,7 @@ def new_client(**options):
 SAVING = """
 def save(future):
     say('begun')
-    time.sleep(0.3)
+    time.sleep(0.3)  # it takes a while
     say('saved')
 def call(client, order=2):
     future = client.call_async({'order': order}, timeout=60)
@@ -93,7 +97,7 @@ FEEDBACK = {
 with new_client() as client:
     any(map(is_last, call(client, show).feedback()))
 say('closed')
-time.sleep(0.5)
+await_threads()
 os._exit(0)
 """,
     "at the exit": """
@@ -108,7 +112,7 @@ async def main():
             if is_last(feedback):
                 break
     say('closed')
-    await asyncio.sleep(0.5)
+    await asyncio.gather(*asyncio.all_tasks() - {asyncio.current_task()})
 asyncio.run(main())
 """,
 }
@@ -137,7 +141,7 @@ client = new_client()
 future = client.call_async({'order': 5}, show, timeout=60)
 count = future.outcome().feedback_count
 say('result', count)
-time.sleep(0.5)
+await_threads()
 """
 
 
