@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import sys
 
 from rclpy.context import Context
 from rclpy.node import Node
@@ -14,24 +14,25 @@ from actionkit._ros.names import ActionNames, resolve
 from actionkit._ros.native import node_is_destroyed
 
 
-def start(context: Context, domain_id: int | None) -> None:
+def start(context: Context, domain_id: int) -> None:
     """Initialise a context of ours, with the ROS arguments of the process.
 
     Args:
         context: The context.
-        domain_id: Its ROS domain; `None` leaves it to rcl to read the environment.
+        domain_id: Its ROS domain.
 
     Raises:
-        ValueError: rcl does not take the environment, or the arguments.
+        ValueError: rcl does not take the arguments.
     """
     try:
         context.init(None, initialize_logging=False, domain_id=domain_id)
-    except RuntimeError as error:
-        domain = os.environ.get("ROS_DOMAIN_ID", "") if domain_id is None else domain_id
-        reason = str(error).rsplit(", at ", 1)[0]
+    except (RuntimeError, UnicodeError) as error:
+        text = str(error).rsplit(", at ", 1)[0]
+        reason = "one is not UTF-8" if isinstance(error, UnicodeError) else text
         raise ValueError(
-            f"ROS cannot be started with ROS_DOMAIN_ID={domain!r} and the ROS arguments of the"
-            f" process: {reason}"
+            f"ROS cannot be started with the arguments of this process, sys.argv={sys.argv!r}:"
+            f" {reason}. Correct them, or call rclpy.init(args=[...]) first, with those that are"
+            " meant for ROS"
         ) from error
 
 

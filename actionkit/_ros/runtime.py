@@ -67,7 +67,7 @@ class Runtime:
 
     def __init__(
         self,
-        place: Context | int | None,
+        place: Context | int,
         on_last: Callable[[Runtime], None],
         *,
         apart: bool = False,
@@ -75,7 +75,7 @@ class Runtime:
         """Start the thread.
 
         Args:
-            place: As for `runtimes.acquire`.
+            place: A context of the user's, or a ROS domain: then the context is ours.
             on_last: Called on the thread when its last user is removed, and before it ends.
             apart: Whether to have a participant of our own, also beside a context of the user's.
 

@@ -7,7 +7,6 @@ needs a runtime and the thread of a runtime that is ending (see `docs/architectu
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from functools import partial
@@ -16,10 +15,11 @@ from weakref import WeakSet
 
 from rclpy.context import Context
 
+from actionkit._model.domain import environment_domain
 from actionkit._ros.runtime import Runtime
 
-Place: TypeAlias = "Context | int | str"
-"""A context of the user's, a ROS domain, or how the environment names one."""
+Place: TypeAlias = "Context | int"
+"""A context of the user's, or a ROS domain."""
 _TURN = 2.0
 """Seconds to wait for another thread that starts a runtime, many times as long as that takes. After
 that a second one is started, which does no harm."""
@@ -62,7 +62,11 @@ def acquire(place: Context | int | None, user: object) -> Runtime:
         place: A context of the user's that is up. Or a ROS domain, or `None` for the one that the
             environment names: that is in a context of our own.
         user: Whoever calls `release` with it later; the runtime lives at least until then.
+
+    Raises:
+        ValueError: The environment names no domain, or rcl refuses the arguments of the process.
     """
+    place = environment_domain() if place is None else place
     while True:
         runtime = _usable_runtime(place)
         try:
@@ -73,15 +77,13 @@ def acquire(place: Context | int | None, user: object) -> Runtime:
             raise
 
 
-def _usable_runtime(place: Context | int | None) -> Runtime:
-    # What the text of the environment means is for rcl to say.
-    key: Place = os.environ.get("ROS_DOMAIN_ID", "") if place is None else place
+def _usable_runtime(place: Place) -> Runtime:
     turn = _registry.starting.acquire(timeout=_TURN)
     try:
-        runtime = _registry.by_place.get(key)
+        runtime = _registry.by_place.get(place)
         if runtime is None or not runtime.usable:
             # A signal handler may get here too; then two are started, which does no harm.
-            runtime = _registry.by_place[key] = Runtime(
+            runtime = _registry.by_place[place] = Runtime(
                 place, _registry.forget, apart=place in _registry.unheard
             )
         return runtime
@@ -107,18 +109,6 @@ def join_ending(timeout: float, *, at_once: bool = False) -> None:
         if at_once:
             runtime.keep_no_longer()
         runtime.join(until - time.monotonic())
-
-
-def environment_domain() -> int:
-    """Return the ROS domain that the environment names.
-
-    Raises:
-        ValueError: `ROS_DOMAIN_ID` is no whole number.
-    """
-    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
-    if not text.isdigit():
-        raise ValueError(f"ROS_DOMAIN_ID={text!r} in the environment must be a whole number")
-    return int(text)
 
 
 def forget_inherited() -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-import os
 import threading
 from collections.abc import Callable
 from typing import Any
 
 from actionkit import Client, RetryPolicy
+from actionkit._model.domain import environment_domain
 from actionkit.agents._config import ActionConfig, Config
 from actionkit.agents._goals import Goals
 from actionkit.agents._hold import HoldListener
@@ -101,18 +101,6 @@ class Clients:
         if hold is not None:
             _close(hold)
         self.node.close()
-
-
-def environment_domain() -> int:
-    """Return the ROS domain that the environment names.
-
-    Raises:
-        ValueError: `ROS_DOMAIN_ID` is no whole number.
-    """
-    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
-    if not text.isdigit():
-        raise ValueError(f"ROS_DOMAIN_ID={text!r} in the environment must be a whole number")
-    return int(text)
 
 
 def _close(one: Any) -> None:

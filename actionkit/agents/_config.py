@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from os import PathLike, fspath
 from typing import Any
 
+from actionkit._model.domain import LAST_DOMAIN
 from actionkit._model.settings import MOST
 from actionkit.agents._config_fields import read_fields
 from actionkit.agents._interfaces import interface_class
@@ -21,7 +22,6 @@ GOALS = "goals"
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 """What the APIs of language models take as the name of a tool."""
 _ROS_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
-_LAST_DOMAIN = 232
 _TIMEOUT = 60.0
 _RETRIES = 2
 _MAX_SIZE = 768
@@ -135,7 +135,7 @@ def read_config(config: object, source: str = "configuration") -> Config:
     """
     read = Reader(source)
     table = read.table("", config, ("domain_id", "tools", "topics"))
-    domain_id = read.whole("domain_id", table.get("domain_id"), 0, _LAST_DOMAIN)
+    domain_id = read.whole("domain_id", table.get("domain_id"), 0, LAST_DOMAIN)
     actions = [
         action
         for name, one in read.tables("tools", table.get("tools"))
@@ -166,7 +166,7 @@ def check_domain(domain_id: object) -> int | None:
         ConfigError: It is none.
     """
     read = Reader("arguments")
-    checked = read.whole("domain_id", domain_id, 0, _LAST_DOMAIN)
+    checked = read.whole("domain_id", domain_id, 0, LAST_DOMAIN)
     read.raise_problems()
     return checked
 

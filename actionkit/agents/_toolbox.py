@@ -10,8 +10,9 @@ from typing import Any
 
 from typing_extensions import Self
 
+from actionkit._model.domain import environment_domain
 from actionkit._model.field_errors import shown
-from actionkit.agents._clients import Clients, environment_domain
+from actionkit.agents._clients import Clients
 from actionkit.agents._config import GOALS, Config, check_domain, read_config, read_file
 from actionkit.agents._goal_call import GoalCalls
 from actionkit.agents._goals import Goals

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from actionkit._model.domain import LAST_DOMAIN, domain_of_text
 from actionkit.cli._findings import Finding, note, ok, problem
 
 _RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 _SAFE = 101
 """The ports of higher domains reach into those that Linux gives to any program."""
-_MOST = 232
-"""The highest domain whose ports are below 65536."""
 _PROFILES = (
     "FASTDDS_DEFAULT_PROFILES_FILE",
     "FASTRTPS_DEFAULT_PROFILES_FILE",
@@ -21,7 +20,7 @@ _PROFILES = (
 
 def settings(environment: Mapping[str, str]) -> Iterator[Finding]:
     """Yield findings about domain, discovery and middleware settings."""
-    yield _domain(environment.get("ROS_DOMAIN_ID", "").strip())
+    yield _domain(environment.get("ROS_DOMAIN_ID", ""))
     yield from _range(environment)
     if peers := environment.get("ROS_STATIC_PEERS", ""):
         yield note(
@@ -42,13 +41,21 @@ def settings(environment: Mapping[str, str]) -> Iterator[Finding]:
 def _domain(text: str) -> Finding:
     if not text:
         return ok("ROS_DOMAIN_ID", "not set: domain 0")
-    if not text.isdigit() or int(text) > _MOST:
+    try:
+        domain = domain_of_text(text)
+    except ValueError:
         return problem(
             "ROS_DOMAIN_ID",
-            f"{text!r} is no domain: a whole number from 0 to {_MOST} is one.",
+            f"{text!r} is no domain: a whole number from 0 to {LAST_DOMAIN} is one.",
             f"export ROS_DOMAIN_ID=0, or whichever is that of the server; best up to {_SAFE}.",
         )
-    if int(text) > _SAFE:
+    if text != str(domain):
+        return note(
+            "ROS_DOMAIN_ID",
+            f"{text!r} is read as domain {domain}.",
+            f"export ROS_DOMAIN_ID={domain} if you mean that; that of the server must be the same.",
+        )
+    if domain > _SAFE:
         return note(
             "ROS_DOMAIN_ID",
             f"{text}: the network ports of domains above {_SAFE} may be taken by any program.",

@@ -12,6 +12,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from actionkit._model.domain import environment_domain
 from actionkit._ros.holds.state import Hold, HoldState, encode
 from actionkit._ros.holds.words import since
 from actionkit.cli._exits import Exit
@@ -79,7 +80,7 @@ def _write_file(state: HoldState) -> None:
     from actionkit._ros.holds.files import HoldFiles
 
     with contextlib.suppress(OSError, ValueError):  # the second defence; the view says it again
-        HoldFiles(int(os.environ.get("ROS_DOMAIN_ID", "").strip() or "0")).write(state)
+        HoldFiles(environment_domain()).write(state)
 
 
 def agents_told(view: HoldView) -> tuple[list[str], list[str]]:

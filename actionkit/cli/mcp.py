@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from actionkit._model.domain import LAST_DOMAIN
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option
 from actionkit.cli._problems import Problem, import_ros
@@ -48,7 +49,7 @@ cancelled then. The exit code is 23 where one may still be running."""
 )
 @click.option(
     "--domain-id",
-    type=click.IntRange(0, 232),
+    type=click.IntRange(0, LAST_DOMAIN),
     help="The ROS domain; else the one in FILE, else the environment's.",
 )
 @debug_option

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from actionkit._model.domain import LAST_DOMAIN
 from actionkit._observers.json_schema import note_line
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, SECONDS, complete_names, debug_option, json_option
@@ -71,7 +72,7 @@ def _set_domain(ctx: click.Context, param: click.Parameter, value: int | None) -
 )
 @click.option(
     "--domain-id",
-    type=click.IntRange(0, 232),
+    type=click.IntRange(0, LAST_DOMAIN),
     expose_value=False,
     callback=_set_domain,
     help="The ROS domain, in place of the environment's.",

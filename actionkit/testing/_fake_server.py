@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal
 from typing_extensions import Self
 
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
+from actionkit._model.domain import LAST_DOMAIN
 from actionkit._model.missing import cannot_import
 from actionkit._model.settings import check_seconds
 from actionkit.servers._events import EventNotSeenError, Journal, ServerEvent
@@ -28,8 +29,6 @@ _log = logging.getLogger(__name__)
 _numbers = itertools.count(1)
 _STOP_TIMEOUT = 3.0
 """Seconds for functions of the user's to return; all else ends in milliseconds."""
-_MOST_DOMAINS = 232
-"""The highest domain that has ports of its own."""
 
 
 class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
@@ -99,8 +98,8 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         if domain_id is not None:
             if isinstance(domain_id, bool) or not isinstance(domain_id, int):
                 raise TypeError(f"domain_id={domain_id!r} must be an int, or None")
-            if not 0 <= domain_id <= _MOST_DOMAINS:
-                raise ValueError(f"domain_id={domain_id!r} must be 0 to {_MOST_DOMAINS}")
+            if not 0 <= domain_id <= LAST_DOMAIN:
+                raise ValueError(f"domain_id={domain_id!r} must be 0 to {LAST_DOMAIN}")
         settings: dict[str, Any] = {
             "accept": accept,
             "feedback": feedback,

@@ -1,4 +1,4 @@
-"""`node=`: names as that node's, and calls from inside its callbacks (C1.1, C1.2)."""
+"""`node=`: its context, and calls from inside its callbacks (C1.1, C1.2)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
-from test_msgs.action import Fibonacci, NestedMessage
+from test_msgs.action import Fibonacci
 from test_msgs.srv import Empty
 
 from actionkit import Client
@@ -106,112 +106,6 @@ def test_calls_from_callbacks_and_threads(spin, where, action_server, ros_domain
     assert feedbacks > 0
 
 
-def test_names_resolve_as_the_nodes_would(action_server, ros_domain):
-    for args, namespace, name, full in [
-        ((), "", "fib", "/fib"),
-        ((), "/ns", "fib", "/ns/fib"),
-        ((), "/ns", "/fib", "/fib"),
-        ((), "/ns", "~/fib", "/ns/users/fib"),
-        (("-r", "fib:=/moved/fib"), "/ns", "fib", "/moved/fib"),
-        (("-r", "__ns:=/other"), "/ns", "fib", "/other/fib"),
-        (("-r", "__node:=renamed"), "/ns", "~/fib", "/ns/renamed/fib"),
-    ]:
-        with (
-            user_node(ros_domain, *args, namespace=namespace) as node,
-            Client(Fibonacci, name, node=node) as client,
-        ):
-            assert client.action_name == full
-            # Nothing was added to the user's node.
-            assert list(node.clients) == list(node.subscriptions) == []
-
-
-def test_a_remapped_name_reaches_its_server(action_server, ros_domain):
-    server = action_server("fibonacci", action_name="/moved/fib")
-    with (
-        user_node(ros_domain, "-r", "fib:=/moved/fib", namespace="/ns") as node,
-        Client(Fibonacci, "fib", node=node) as client,
-    ):
-        assert client.call({"order": 2}, 10)
-    assert len(server.wait_for("succeeded")) == 1
-
-
-FIVE = ("send_goal", "get_result", "cancel_goal", "feedback", "status")
-
-
-def rules(source: str, target: str) -> list[str]:
-    """Return the arguments that send an action's hidden names elsewhere."""
-    pairs = (("-r", f"{source}/_action/{end}:={target}/_action/{end}") for end in FIVE)
-    return [argument for pair in pairs for argument in pair]
-
-
-@pytest.mark.parametrize(
-    ("of_context", "of_node", "full"),
-    [
-        (rules("arm", "left/arm"), None, "/ns/left/arm"),
-        (rules("users:arm", "/left"), None, "/left"),
-        (rules("other:arm", "/left"), None, "/ns/arm"),
-        ([], rules("arm", "/left"), "/left"),
-        (rules("arm", "/left"), rules("arm", "/right"), "/right"),
-        (rules("arm", "/left"), rules("arm", "arm"), "/ns/arm"),
-        (rules("/ns/arm", "/left") + rules("/left", "/right"), None, "/left"),
-        (["-r", "arm:=/left", *rules("arm", "/right")], None, "/right"),
-        (["-r", "arm:=/left"], None, "/left"),
-    ],
-)
-def test_the_nodes_rules_for_the_five_names_count(of_context, of_node, full, ros_domain):
-    cli = ["--ros-args", *of_node] if of_node else None
-    with user_node(ros_domain, *of_context) as other:
-        node = Node("users", context=other.context, namespace="/ns", cli_args=cli)
-        with Client(Fibonacci, "arm", node=node) as client:
-            assert client.action_name == full
-            assert {c.srv_name for c in client._session.port.runtime.node.clients} == {
-                f"{full}/_action/{end}" for end in FIVE[:3]
-            }
-        node.destroy_node()
-
-
-def test_rules_of_the_process_that_the_node_does_not_have_do_not_count(action_server, run_script):
-    server = action_server("fibonacci", action_name="/arm")
-    script = run_script(
-        "import rclpy\n"
-        "from actionkit import Client\n"
-        "from test_msgs.action import Fibonacci\n"
-        "rclpy.init(args=[])\n"
-        "with Client(Fibonacci, 'arm', node=rclpy.create_node('planner')) as client:\n"
-        "    print(client.action_name, client.call({'order': 1}, 10).sequence)\n",
-        *("--ros-args", *rules("arm", "/left")),
-    )
-    assert script.finish()[:2] == (0, "/arm array('i', [0, 1])\n")
-    assert len(server.wait_for("succeeded")) == 1
-
-
-def test_one_name_and_two_types_on_nodes_with_rules_are_two_actions(ros_domain):
-    with user_node(ros_domain) as left:
-        arguments = ["--ros-args", *rules("arm", "/right")]
-        right = Node("right", context=left.context, cli_args=arguments)
-        with (
-            Client(Fibonacci, "arm", node=left) as one,
-            Client(NestedMessage, "arm", node=right) as two,
-        ):
-            assert (one.action_name, two.action_name) == ("/arm", "/right")
-        right.destroy_node()
-
-
-@pytest.mark.parametrize("name", ["a//b", "arm!", "a b", "a" * 227, "~/arm", "{node}/arm"])
-def test_a_refused_name_without_a_node_ends_nothing_else(name, run_script):
-    script = run_script(
-        "from actionkit import Client\n"
-        "from test_msgs.action import Fibonacci\n"
-        "try:\n"
-        f"    Client(Fibonacci, {name!r})\n"
-        "except ValueError as error:\n"
-        "    print(error)\n",
-    )
-    code, output, errors = script.finish()
-    assert (code, errors) == (0, "")
-    assert output.startswith(f"action_name={name!r} is ")
-
-
 def test_our_node_is_in_the_context_of_the_users(ros_domain):
     with (
         user_node(ros_domain) as one,
@@ -246,15 +140,21 @@ def test_the_domain_is_that_of_the_nodes_context(action_server, ros_domain, monk
         assert client.call({"order": 2}, 10)
 
 
-def test_the_arguments_of_the_process_count_without_a_node(action_server, run_script):
+def test_without_a_node_the_arguments_of_init_count_then_those_of_the_process(
+    action_server, run_script
+):
     action_server("fibonacci", action_name="/robot/fibonacci")
     script = run_script(
+        "import rclpy\n"
         "from actionkit import Client\n"
         "from test_msgs.action import Fibonacci\n"
+        "rclpy.init(args=['--ros-args', '-r', '__ns:=/ns'])\n"
+        "print(Client(Fibonacci, 'fib').action_name)\n"
+        "rclpy.shutdown()\n"
         "with Client(Fibonacci, 'fib') as client:\n"
         "    print(client.action_name, client.call({'order': 1}, 10).sequence)\n",
         *("--ros-args", "-r", "__ns:=/robot", "-r", "fib:=fibonacci", "-r", "__node:=mine"),
     )
     code, out, err = script.finish()
     assert (code, err) == (0, "")
-    assert out.startswith("/robot/fibonacci array")
+    assert out.startswith("/ns/fib\n/robot/fibonacci array")

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from actionkit._ros import runtimes
+from actionkit._model.domain import environment_domain
 from actionkit._ros.holds import state as states
 from actionkit._ros.holds.files import HoldFiles
 from actionkit._ros.holds.ours import who_we_are
@@ -198,7 +198,7 @@ class HoldView:
             if self._files is None:
                 domain_id = self._domain_id
                 if domain_id is None:
-                    domain_id = runtimes.environment_domain()
+                    domain_id = environment_domain()
                 self._files = HoldFiles(domain_id)
             state = self._files.read()
         except (OSError, ValueError) as error:

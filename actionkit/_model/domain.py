@@ -1,0 +1,44 @@
+"""The ROS domain that the environment names, as rcl reads it."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import os
+
+VARIABLE = "ROS_DOMAIN_ID"
+LAST_DOMAIN = 232
+"""The ports of higher domains do not exist; Fast DDS ends the process there."""
+_OF_RCL = 2**64 - 1
+"""Means the default to rcl: domain 0."""
+
+
+def environment_domain() -> int:
+    """Return the ROS domain that the environment names; 0 where it names none.
+
+    Raises:
+        ValueError: It names none that there is.
+    """
+    return domain_of_text(os.environ.get(VARIABLE, ""))
+
+
+def domain_of_text(text: str) -> int:
+    """Return the domain that rcl takes a text of the environment for, as `010` for 8.
+
+    It reads as much as is a number for C, and nothing is said about the rest.
+
+    Raises:
+        ValueError: There is no such domain.
+    """
+    rest = ctypes.c_char_p()
+    read = ctypes.CDLL(None, use_errno=True).strtoul
+    read.restype, read.argtypes = ctypes.c_ulong, [ctypes.c_char_p, ctypes.c_void_p, ctypes.c_int]
+    ctypes.set_errno(0)
+    domain: int = read(os.fsencode(text), ctypes.byref(rest), 0)
+    no_number = (domain == 0 and rest.value) or ctypes.get_errno() == errno.ERANGE
+    if no_number or LAST_DOMAIN < domain != _OF_RCL:
+        raise ValueError(
+            f"{VARIABLE}={text!r} in the environment names no ROS domain: set it to a whole number"
+            f" from 0 to {LAST_DOMAIN}, best up to 101"
+        )
+    return domain % _OF_RCL
