@@ -123,7 +123,10 @@ class PortCarrier:
     def graph_snapshot(self) -> GraphSnapshot:
         """Return what the graph shows now, for an error's text."""
         return GraphSnapshot(
-            self.port.actions(), self.port.identity.domain_id, self.port.middleware()
+            self.port.actions(),
+            self.port.identity.domain_id,
+            self.port.middleware(),
+            self.port.best_effort(),
         )
 
     def finished(self, call: Call) -> None:

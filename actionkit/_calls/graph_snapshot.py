@@ -15,11 +15,13 @@ class GraphSnapshot:
         actions: Every served action name with its types; `None` where the graph is gone.
         domain_id: The ROS domain in use.
         middleware: The middleware in use.
+        best_effort: Which of this action's services and topics a server has as best-effort ones.
     """
 
     actions: dict[str, tuple[str, ...]] | None
     domain_id: int
     middleware: str
+    best_effort: tuple[str, ...] = ()
 
 
 def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
@@ -27,6 +29,12 @@ def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
     parts = []
     actions = graph.actions or {}
     if type_name in actions.get(action_name, ()):
+        if graph.best_effort:
+            return (
+                "A server of this name and type is visible, but best-effort for"
+                f" {_and(graph.best_effort)}. It is not connected with clients, which are reliable."
+                " Make it reliable, too: its QoS profiles are so by default."
+            )
         return (
             "A server of this name and type is visible, but has not answered this client yet: it"
             " is just starting, or this machine or the server is too busy. Allow it more time."
@@ -52,6 +60,10 @@ def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
         f"{graph.domain_id}, {graph.middleware})."
     )
     return " ".join(parts)
+
+
+def _and(words: tuple[str, ...]) -> str:
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 def _listed(names: list[str], actions: dict[str, tuple[str, ...]] | None = None) -> str:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rclpy.node import Node
+from rclpy.qos import ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.utilities import get_rmw_implementation_identifier
+
+from actionkit._ros.names import ActionNames
 
 _FEEDBACK = "/_action/feedback"
 _FEEDBACK_TYPE = "_FeedbackMessage"
@@ -70,6 +73,30 @@ def all_actions(node: Node) -> dict[str, tuple[str, ...]]:
         if types:
             found[name] = tuple(sorted(types))
     return found
+
+
+def best_effort(node: Node, names: ActionNames) -> tuple[str, ...]:
+    """Return which of an action's services and topics are offered best-effort, so never to us.
+
+    Raises:
+        RCLError: The node's context was shut down.
+    """
+    topics = {
+        # The middleware's own name of the topic for the answers.
+        "send_goal": f"rr{names.send_goal}Reply",
+        "get_result": f"rr{names.get_result}Reply",
+        "cancel_goal": f"rr{names.cancel_goal}Reply",
+        "feedback": f"rt{names.feedback}",
+    }
+    offered = {
+        end: node.get_publishers_info_by_topic(topic, no_mangle=True)
+        for end, topic in topics.items()
+    }
+    return tuple(
+        end
+        for end, infos in offered.items()
+        if any(info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for info in infos)
+    )
 
 
 def middleware() -> str:

@@ -198,6 +198,13 @@ class Port:
         except (RCLError, InvalidHandle):
             return None
 
+    def best_effort(self) -> tuple[str, ...]:
+        """Return which of the action's services and topics are offered best-effort."""
+        try:
+            return graph.best_effort(self.runtime.node, self._names)
+        except (RCLError, InvalidHandle):
+            return ()
+
     def middleware(self) -> str:
         """Return the name of the middleware in use."""
         return graph.middleware()

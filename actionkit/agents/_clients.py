@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import logging
 import threading
 from collections.abc import Callable
@@ -22,7 +23,7 @@ class Clients:
 
     Attributes:
         closed: Whether `close` was called.
-        node: The toolbox's own node, for its topics, and for its clients where it names a domain.
+        node: The toolbox's own node, for its topics, and for clients that need one.
     """
 
     def __init__(self, config: Config, domain_id: int | None, goals: Goals) -> None:
@@ -68,10 +69,9 @@ class Clients:
         """
         with self._lock:
             self._check()
-            # Only a node can tell a client of a domain other than the environment's.
-            elsewhere = self._domain_id not in (None, environment_domain())
-            node = self.node.open() if elsewhere else None
             client, made_with = self._clients.get(tool.name, (None, None))
+            with_node = self._needs_node() if client is None else made_with is not None
+            node = self.node.open() if with_node else None
             if client is None or made_with is not node:
                 client = Client(
                     tool.cls,
@@ -82,6 +82,15 @@ class Clients:
                 )
                 self._clients[tool.name] = client, node
             return client
+
+    def _needs_node(self) -> bool:
+        """Whether a client without a node would be in another domain than the human's stop.
+
+        Or would end with the context of `rclpy.init()`, which is none of a toolbox's business.
+        """
+        native = importlib.import_module("actionkit._ros.native")
+        elsewhere = self._domain_id not in (None, environment_domain())
+        return elsewhere or native.default_context_is_up()
 
     def _check(self) -> None:
         if self.closed:

@@ -8,6 +8,7 @@ import threading
 from typing import Any
 
 import pytest
+import rclpy
 
 from actionkit.agents import Progress, Toolbox
 from actionkit.testing import isolated_domain
@@ -179,22 +180,33 @@ def test_two_calls_that_are_the_same_are_two_goals(
     assert server.count("goal_received") == 2
 
 
-def test_another_domain_than_the_environments(
+@pytest.mark.parametrize("elsewhere", ["the environment", "rclpy.init()"])
+def test_its_domain_is_not_that_of(
+    elsewhere: str,
     action_server: ActionServerFactory,
     hold: FakeHold,
     ros_domain: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    action_server("fibonacci")
+    server = action_server("fibonacci")
+    # The toolbox is told its domain only where the environment names another one.
+    told = ros_domain if elsewhere == "the environment" else None
 
-    async def main() -> None:
-        async with Toolbox.from_config({"tools": {"fib": FIBONACCI}}, domain_id=ros_domain) as box:
+    async def main(other: int) -> None:
+        async with Toolbox.from_config({"tools": {"fib": FIBONACCI}}, domain_id=told) as box:
             assert box.domain_id == ros_domain
+            if told is None:
+                rclpy.init(args=[], domain_id=other)
+            assert (await box.call("fib", {"order": 1})).value["status"] == "succeeded"
+            # The context of others does not end what the toolbox does.
+            rclpy.try_shutdown()
             assert (await box.call("fib", {"order": 1})).value["status"] == "succeeded"
 
     with isolated_domain() as other:
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(other))
-        asyncio.run(main())
+        if told is not None:
+            monkeypatch.setenv("ROS_DOMAIN_ID", str(other))
+        asyncio.run(main(other))
+    assert server.count("succeeded") == 2
 
 
 def test_the_limit_of_goals_holds_also_for_calls_at_the_same_moment(

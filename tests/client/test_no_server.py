@@ -8,10 +8,14 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from rclpy.action import ActionServer
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from test_msgs.action import Fibonacci
 
 import actionkit as ak
 from actionkit import CancelReport, GoalState, RetryBudget, RetryPolicy, Timeouts, Verdict
 from actionkit.testing import EventLog
+from tests.client.test_node import user_node
 from tests.conftest import FORMS, NEVER, ask
 
 EAGER = RetryPolicy(attempts=5, initial=0.0, jitter=0.0)
@@ -82,6 +86,22 @@ def test_a_server_that_has_not_answered_so_far_is_told_of(action_server, make_cl
         server.resume()
     assert "is visible, but has not answered" in str(caught.value)
     assert "No action server" not in str(caught.value)
+
+
+def test_a_best_effort_server_is_told_of(ros_domain, make_client):
+    profile = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    with user_node(ros_domain) as node:
+        profiles = {"goal_service_qos_profile": profile, "feedback_pub_qos_profile": profile}
+        server = ActionServer(node, Fibonacci, "fibonacci", lambda _: None, **profiles)
+        client = make_client()
+        until = time.monotonic() + 20
+        while not client._session.port.actions():
+            assert time.monotonic() < until
+            NEVER.wait(0.01)
+        with pytest.raises(ak.ServerUnavailableError) as caught:
+            client.call({"order": 3}, timeout=0.2)
+        server.destroy()
+    assert "is visible, but best-effort for send_goal and feedback. It is not" in str(caught.value)
 
 
 def test_a_cancel_ends_the_wait_for_a_server(make_client):

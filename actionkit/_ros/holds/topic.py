@@ -57,13 +57,11 @@ class Speaker:
 class HoldTopic:
     """One process's ends of the topic, on the node's runtime that its clients share."""
 
-    def __init__(
-        self, domain_id: int | None, on_text: Callable[[str], None], *, speaks: bool
-    ) -> None:
+    def __init__(self, domain_id: int, on_text: Callable[[str], None], *, speaks: bool) -> None:
         """Join the topic.
 
         Args:
-            domain_id: The ROS domain; `None` takes the environment's.
+            domain_id: The ROS domain.
             on_text: Called with the text of each message, on the communication thread.
             speaks: Whether `say` will be called. Others wait for the first words of whoever speaks.
 
@@ -85,11 +83,6 @@ class HoldTopic:
     def usable(self) -> bool:
         """Whether messages still come, and the graph can be asked."""
         return self._runtime.usable
-
-    @property
-    def domain_id(self) -> int:
-        """The ROS domain."""
-        return int(self._runtime.context.get_domain_id())
 
     def say(self, text: str) -> None:
         """Publish a message, in place of the one before. Returns at once."""

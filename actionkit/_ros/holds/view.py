@@ -196,10 +196,7 @@ class HoldView:
         """Add what the files tell; return what was wrong with them."""
         try:
             if self._files is None:
-                domain_id = self._domain_id
-                if domain_id is None:
-                    domain_id = environment_domain()
-                self._files = HoldFiles(domain_id)
+                self._files = HoldFiles(self._domain())
             state = self._files.read()
         except (OSError, ValueError) as error:
             return f"{type(error).__name__}: {error}"
@@ -207,6 +204,12 @@ class HoldView:
             with self._lock:
                 self._state = states.merged(self._state, state)
         return ""
+
+    def _domain(self) -> int:
+        """Return the domain: the same for topic and files, also if the environment changes."""
+        if self._domain_id is None:
+            self._domain_id = environment_domain()
+        return self._domain_id
 
     def _in_sight(self, node: str) -> bool:
         return node in self._speakers
@@ -254,7 +257,7 @@ class HoldView:
             self._leave()
         now = _uptime()
         if self._topic is None:
-            self._topic = HoldTopic(self._domain_id, self._on_text, speaks=self._speaks)
+            self._topic = HoldTopic(self._domain(), self._on_text, speaks=self._speaks)
             self._joined = now = _uptime()
         elif now - self._looked > _GAP:
             # We were away: what came meanwhile may have been lost, and others may have lost us.
