@@ -99,7 +99,6 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
             lambda: port.Port(action_type, action_name, node), on_close, timeouts.cancel, checked
         )
         self._action_type: Any = action_type  # pyright knows no properties of a class object
-        self._identity = self._session.port.identity
         self._pool = self._session.callbacks
         self._function_pool = function_pool(self.action_name)
         # A client that is dropped without close() must not keep a thread, or goals, alive.
@@ -108,12 +107,12 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
 
     def __repr__(self) -> str:
         state = " closed" if self._session.closed else ""
-        return f"<Client {self.action_name!r} ({self._identity.type_name}){state}>"
+        return f"<Client {self.action_name!r} ({self._session.identity.type_name}){state}>"
 
     @property
     def action_name(self) -> str:
         """The fully qualified name of the action."""
-        return str(self._identity.action_name)
+        return str(self._session.identity.action_name)
 
     @property
     def closed(self) -> bool:

@@ -67,7 +67,7 @@ class Session:
         self._pid = os.getpid()
         self._closed = False
         self._carriers = Carriers(open_port, self._on_freed, abandon=on_close == "abandon")
-        identity = next(iter(self._carriers)).port.identity
+        identity = self.identity = next(iter(self._carriers)).port.identity
         self.action_name = identity.action_name
         self._dispatcher = ObserverDispatcher(
             observers,

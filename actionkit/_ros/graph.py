@@ -10,8 +10,12 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from actionkit._ros.names import ActionNames
+from actionkit._ros.native import RCLError
 
 _FEEDBACK = "/_action/feedback"
+_OF_EVERY_NODE = "/parameter_events"
+_PARTICIPANT = 12
+"""Bytes of an endpoint's id that tell its DDS participant."""
 _FEEDBACK_TYPE = "_FeedbackMessage"
 
 
@@ -97,6 +101,21 @@ def best_effort(node: Node, names: ActionNames) -> tuple[str, ...]:
         for end, infos in offered.items()
         if any(info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for info in infos)
     )
+
+
+def is_last(node: Node) -> bool:
+    """Return whether nobody else wants to discover anything in a node's context.
+
+    No other node is there, or the context was shut down: then nothing is discovered any more.
+    """
+    try:
+        # Every node of rclpy has one of these; and the ids of one participant begin alike.
+        infos = node.get_publishers_info_by_topic(_OF_EVERY_NODE)
+    except RCLError:
+        return True
+    nodes = [(info.node_name, bytes(info.endpoint_gid[:_PARTICIPANT])) for info in infos]
+    ours = {participant for name, participant in nodes if name == node.get_name()}
+    return not any(participant in ours for name, participant in nodes if name != node.get_name())
 
 
 def middleware() -> str:

@@ -288,13 +288,16 @@ class Waiter:
 
         A wait set cannot be made in a context that was shut down, and a cancel after Ctrl-C adds a
         source then (R10). Making one also costs more than waiting on a sparse one.
+
+        Raises:
+            RCLError: The context was shut down.
         """
-        self._release_wait_set()
-        self.room = room = 2 * sources + SOURCES_OF_A_CLIENT
         # Subscriptions, guard conditions, timers, clients, services, events.
-        self._wait_set = rclpy_implementation.WaitSet(
-            room, 2, 0, room, 0, room, self._context.handle
+        made = rclpy_implementation.WaitSet(
+            sources, 2, 0, sources, 0, sources, self._context.handle
         )
+        self._release_wait_set()
+        self._wait_set, self.room = made, sources
 
     def _release_wait_set(self) -> None:
         if self._wait_set is not None:

@@ -9,6 +9,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from actionkit._ros.discovery import stop_listening
+from actionkit._ros.graph import is_last
 from actionkit._ros.joining import joining
 from actionkit._ros.names import ActionNames, resolve
 from actionkit._ros.native import node_is_destroyed
@@ -66,16 +67,11 @@ def resolve_without_node(context: Context, node: Node, action_name: str) -> Acti
         resolver.destroy_node()
 
 
-def leave_graph(node: Node, *, alone: bool) -> None:
-    """Destroy our node of a context, unless that was done; its entities were before.
-
-    Args:
-        node: The node.
-        alone: Whether nobody else wants to discover anything in the context: the nodes of one
-            context share what listens for it.
-    """
+def leave_graph(node: Node) -> None:
+    """Destroy our node, unless that was done; its entities were before."""
     if not node_is_destroyed(node):
-        if alone:
+        # The nodes of one context share what listens. It goes with the last of them.
+        if is_last(node):
             stop_listening(node)
         node.destroy_node()
 

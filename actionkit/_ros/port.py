@@ -6,7 +6,8 @@ A port outlives its client until no goal is left that may still have to be cance
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rclpy.context import Context
@@ -44,15 +45,17 @@ class Port:
 
         Raises:
             TypeError: A wrong type of argument.
-            ValueError: A bad name, or the process already uses the name with another type.
-                Nothing is left of what was made for it.
+            ValueError: A bad name, arguments of the process that ROS refuses, or a node or context
+                that cannot be used any more.
+            ActionTypeMismatchError: The process already uses the name with another type.
+
+        Nothing is left of what was made for it then.
         """
         type_name = type_name_of(action_type)
         if node is not None and not isinstance(node, Node):
             raise TypeError(f"node={node!r} must be an rclpy node")
         name = check_name(action_name, has_node=node is not None)
         names = None if node is None else resolve(node, name)
-        self.runtime = runtimes.acquire(_users_context(node), self)
         self.freed = Flag()
         """Set when the entities are destroyed and the runtime is released."""
         self._failure_callback: Callable[[BaseException], None] | None = None
@@ -61,21 +64,24 @@ class Port:
         self.server_waits: set[Flag] = set()
         """What is set when the port is freed. On the communication thread, as the next."""
         self.waits_ended = False
-        try:
-            self._names = names or self._resolve(name)
-            self.identity = Identity(
-                action_name=self._names.action,
-                type_name=type_name,
-                domain_id=domain_of(self.runtime.context),
-                label="" if node is None else node.get_fully_qualified_name(),
-            )
-            self.runtime.run(lambda: self._open(action_type))
-        except BaseException:  # also for a Ctrl-C: nothing is left behind
-            self.runtime.call_soon(self._undo)
-            # The middleware's exit handlers crash under a thread that still uses it.
-            self.freed.wait(_UNDONE_WITHIN)
-            self.runtime.join_if_stopping(_UNDONE_WITHIN)
-            raise
+        context = _users_context(node)
+        with _told_if_down(context):
+            self.runtime = runtimes.acquire(context, self)
+            try:
+                self._names = names or self._resolve(name)
+                self.identity = Identity(
+                    action_name=self._names.action,
+                    type_name=type_name,
+                    domain_id=domain_of(self.runtime.context),
+                    label="" if node is None else node.get_fully_qualified_name(),
+                )
+                self.runtime.run(lambda: self._open(action_type))
+            except BaseException:  # also for a Ctrl-C: nothing is left behind
+                self.runtime.call_soon(self._undo)
+                # The middleware's exit handlers crash under a thread that still uses it.
+                self.freed.wait(_UNDONE_WITHIN)
+                self.runtime.join_if_stopping(_UNDONE_WITHIN)
+                raise
         self._feedback_type: Any = action_type.Feedback
 
     # --- from any thread -------------------------------------------------------------------
@@ -176,6 +182,7 @@ class Port:
             )
             error.expected, error.served = type_name, (str(used),)
             raise error
+        self.runtime.expect_client()
         self.link = Link(self.runtime, action_type, type_name, self._names)
         self.runtime.names_in_use.append((name, type_name))
 
@@ -236,6 +243,19 @@ def _users_context(node: Node | None) -> Context | None:
     if not is_up(node.context):
         raise ValueError(f"the ROS context of node={node!r} was shut down: give one that is in use")
     return node.context
+
+
+@contextmanager
+def _told_if_down(context: Context | None) -> Iterator[None]:
+    """Say so where something cannot be made because a user's context was shut down just now."""
+    try:
+        yield
+    except (RCLError, InvalidHandle) as error:
+        if context is None or is_up(context):
+            raise
+        raise ValueError(
+            "the ROS context was shut down while the client was made: make it before that"
+        ) from error
 
 
 class ServerWait:

@@ -244,6 +244,16 @@ class Runtime:
             window = self._windows[kind, action_name] = kind()
         return cast(_W, window)
 
+    def expect_client(self) -> None:
+        """Make what one more client needs, and what cannot be made when the context is down.
+
+        Raises:
+            RCLError: It is down.
+        """
+        clients = len(self.rejoining.links) + 1
+        if SOURCES_OF_A_CLIENT * clients > self._waiter.room:
+            self._waiter.make_room(2 * SOURCES_OF_A_CLIENT * clients)
+
     now = staticmethod(time.monotonic)
     """Monotonic seconds. Simulated time does not matter here (R23)."""
 
@@ -322,7 +332,7 @@ class Runtime:
             self.rejoining.joined(time.monotonic() - began, time.thread_time() - worked)
 
     def _renew_node(self) -> Node:
-        leave_graph(self.node, alone=self._own_context is not None)
+        leave_graph(self.node)
         if self._own_context is None:
             context = Context()
             start(context, self._domain_id)
@@ -357,9 +367,6 @@ class Runtime:
             timeout = max(0.0, next_due - time.monotonic())
         if self._waited_for is None:
             self._waited_for = tuple(self._sources)
-            room = SOURCES_OF_A_CLIENT * len(self.rejoining.links)
-            if room > self._waiter.room:
-                self._waiter.make_room(room)
         ready = self._waiter.wait(self._waited_for, timeout)
         self.standstill.turn()  # before what came of it is read
         for source in ready:
@@ -392,6 +399,5 @@ class Runtime:
             self._waiter.wait((), left)
             self._empty_inbox()
         self._waiter.destroy()
-        # In a context that is down nothing new is discovered for anybody.
-        leave_graph(self.node, alone=self._own_context is not None or not is_up(self.context))
+        leave_graph(self.node)
         self._leave_context()

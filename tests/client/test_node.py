@@ -16,10 +16,11 @@ from rclpy.node import Node
 from test_msgs.action import Fibonacci
 from test_msgs.srv import Empty
 
-from actionkit import Client
+from actionkit import Client, ClientClosedError
+from actionkit._ros import own_node, port, runtimes
 from actionkit._ros.discovery import stop_listening
 from actionkit.testing import EventLog
-from tests.conftest import until_shutdown
+from tests.conftest import all_is_logged, until_shutdown
 
 
 @contextmanager
@@ -131,6 +132,58 @@ def assert_sees(node: Node, other: Node) -> None:
     while other.get_name() not in node.get_node_names():
         assert time.monotonic() < until
         time.sleep(0.02)
+
+
+def test_only_the_last_node_of_a_context_stops_listening(ros_domain, monkeypatch):
+    """Else the user's nodes would discover nobody any more; and Fast DDS may hang (see there)."""
+    stopped: list[str] = []
+    monkeypatch.setattr(own_node, "stop_listening", lambda node: stopped.append(node.get_name()))
+    with user_node(ros_domain) as users:
+        for is_last in (False, True):
+            with Client(Fibonacci, "fibonacci", node=users) as client:
+                runtime = client._session.port.runtime
+                name = runtime.node.get_name()
+                if is_last:
+                    users.destroy_node()
+            runtime.join(20)
+            assert stopped == [name] * is_last
+
+
+@pytest.mark.parametrize(
+    ("where", "name"), [(runtimes, "acquire"), (runtimes.Runtime, "expect_client"), (port, "Link")]
+)
+def test_a_context_that_is_shut_down_while_a_client_is_made(
+    where, name, ros_domain, monkeypatch, caplog
+):
+    step = getattr(where, name)
+    with user_node(ros_domain) as node:
+
+        def after_shutdown(*args: object) -> object:
+            node.context.shutdown()
+            return step(*args)
+
+        monkeypatch.setattr(where, name, after_shutdown)
+        with pytest.raises(ValueError, match="was shut down while the client was made: make it"):
+            Client(Fibonacci, "fibonacci", node=node)
+    assert all_is_logged()
+    assert not caplog.records  # the communication thread has not died
+
+
+def test_a_context_that_is_shut_down_when_a_client_is_just_made(ros_domain, monkeypatch, caplog):
+    step = port.Link
+    with user_node(ros_domain) as node:
+
+        def before_shutdown(*args: object) -> object:
+            link = step(*args)
+            node.context.shutdown()
+            return link
+
+        monkeypatch.setattr(port, "Link", before_shutdown)
+        client = Client(Fibonacci, "fibonacci", node=node)
+        with client, pytest.raises(ClientClosedError, match="context of its client's node was"):
+            client.call({"order": 1})
+    assert all_is_logged()
+    assert not caplog.records  # the communication thread has not died: all was made before
 
 
 def test_the_domain_is_that_of_the_nodes_context(action_server, ros_domain, monkeypatch):

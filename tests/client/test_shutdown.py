@@ -11,6 +11,7 @@ import signal
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 import rclpy
@@ -19,9 +20,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from test_msgs.action import Fibonacci
 
-from actionkit import CancelReport, Client, ClientClosedError, Rosout, cancel_on_signals
+from actionkit import CancelReport, Client, ClientClosedError, GoalState, Rosout, cancel_on_signals
 from actionkit._calls import session, signals
 from actionkit._ros.discovery import stop_listening
+from actionkit.testing import EventLog
 from tests.client.test_node import spinning, user_node
 from tests.conftest import NEVER, is_accepted, runs_nothing, without_noise
 
@@ -98,12 +100,14 @@ def test_nothing_piles_up_in_a_node_that_has_many_clients(ros_domain):
 
 
 def test_rosout_is_quiet_when_the_context_is_gone(action_server, ros_domain, capfd):
-    server = action_server("never_finishes")
+    action_server("never_finishes")
     with user_node(ros_domain) as node:
-        observers = [Rosout(node)]
+        # The second hears of each event when the first has told of it.
+        told: EventLog[GoalState] = EventLog()
+        observers = [Rosout(node), SimpleNamespace(on_event=lambda event, _: told(event.state))]
         with Client(Fibonacci, "fibonacci", observers=observers) as client:
             future = client.call_async({"order": 2})
-            server.wait_for("executing")
+            told.wait_for(lambda state: state is GoalState.EXECUTING)
             node.context.shutdown()
             future.cancel()
             assert future.outcome(10).cancel is CancelReport.CONFIRMED
