@@ -193,6 +193,35 @@ def test_the_domain_is_that_of_the_nodes_context(action_server, ros_domain, monk
         assert client.call({"order": 2}, 10)
 
 
+ONE_PARTICIPANT = """
+<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <participant profile_name="fixed" is_default_profile="true">
+    <rtps><prefix>72.61.73.70.66.61.72.6d.74.65.73.74</prefix></rtps>
+  </participant>
+</profiles>
+"""
+
+
+def test_a_profile_that_allows_one_participant(action_server, run_script, tmp_path, monkeypatch):
+    """A second one in the process would have the same id; Fast DDS refuses it, and crashes."""
+    action_server("fibonacci")
+    profile = tmp_path / "profile.xml"
+    profile.write_text(ONE_PARTICIPANT, "utf-8")
+    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(profile))
+    script = run_script(
+        "import rclpy\n"
+        "from actionkit import Client\n"
+        "from test_msgs.action import Fibonacci\n"
+        "rclpy.init()\n"
+        "node = rclpy.create_node('planner')\n"
+        "with Client(Fibonacci, 'fibonacci', node=node) as client:\n"
+        "    print(client.call({'order': 1}, 10).sequence)\n"
+        "node.destroy_node()\n"
+        "rclpy.shutdown()\n"
+    )
+    assert script.finish() == (0, "array('i', [0, 1])\n", "")
+
+
 def test_without_a_node_the_arguments_of_init_count_then_those_of_the_process(
     action_server, run_script
 ):
