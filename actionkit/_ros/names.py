@@ -9,6 +9,7 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rclpy.exceptions import (
@@ -143,18 +144,37 @@ def resolve(node: Node, action_name: str) -> ActionNames:
         action_name: A name that was checked.
 
     Raises:
-        ValueError: It is no valid action name, or the node was destroyed.
+        ValueError: It is no valid action name, or one of the five is none after remapping; or the
+            node was destroyed.
     """
-    service, topic = node.resolve_service_name, node.resolve_topic_name
+
+    def told(resolver: Callable[[str], str]) -> Callable[[str], str]:
+        return partial(_resolved, resolver, action_name)
+
+    service, topic = told(node.resolve_service_name), told(node.resolve_topic_name)
     try:
-        expanded = topic(action_name, only_expand=True)
+        expanded = told(partial(node.resolve_topic_name, only_expand=True))(action_name)
         names = ActionNames.of(expanded, service, topic)
         if names == ActionNames.of(expanded):
             names = ActionNames.of(topic(action_name), service, topic)
-    except (InvalidTopicNameException, InvalidServiceNameException, RCLError) as error:
-        # "failed to resolve name: the reason, at file.c:1"
-        reason = str(error).split(": ", 1)[-1].rsplit(", at ", 1)[0]
-        raise ValueError(f"action_name={action_name!r} is no valid ROS name: {reason}") from error
     except InvalidHandle as error:
         raise ValueError(f"node={node!r} was destroyed: give one that is in use") from error
     return names
+
+
+def _resolved(resolver: Callable[[str], str], action_name: str, name: str) -> str:
+    """Return one name, resolved.
+
+    Raises:
+        ValueError: It is no valid name, or becomes none by remapping.
+    """
+    try:
+        return resolver(name)
+    except (InvalidTopicNameException, InvalidServiceNameException, RCLError) as error:
+        # "failed to resolve name: the reason, at file.c:1"
+        reason = str(error).split(": ", 1)[-1].rsplit(", at ", 1)[0]
+        reason = reason.replace("'255U - 8U'", "247 characters")
+        which = f"action_name={action_name!r}"
+        if name != action_name:
+            which += f" cannot be used: its {name!r}, or what that is remapped to,"
+        raise ValueError(f"{which} is no valid ROS name: {reason}") from error

@@ -285,15 +285,18 @@ def test_one_name_and_two_types_on_nodes_with_rules_are_two_actions(ros_domain):
         right.destroy_node()
 
 
-REFUSED = ("", "/", "a//b", "arm/", "arm!", "a b", "1arm", "{robot}/arm", "a" * 227)
-"""The last is one of which only the longest of the five names is too long."""
+LONG_NAME = "a" * 227
+"""Only the longest of its five names is too long."""
+REFUSED = ("", "/", "a//b", "arm/", "arm!", "a b", "1arm", "{robot}/arm", LONG_NAME)
 
 
 def test_a_refused_name_is_told(ros_domain):
     with planner(Case([], init=[]), ros_domain) as node:
         for name, given in itertools.product(REFUSED, (node, None)):
-            with pytest.raises(ValueError, match=re.escape(f"action_name={name!r} is no valid")):
+            with pytest.raises(ValueError, match=" is no valid ROS name: ") as caught:
                 Client(Fibonacci, name, node=given)
+            assert str(caught.value).startswith(f"action_name={name!r}")
+            assert ("/_action/cancel_goal" in str(caught.value)) == (name == LONG_NAME)
     for name in ("~/arm", "{node}/arm"):
         with pytest.raises(ValueError, match=re.escape(f"{name!r} is a name below a node, and")):
             Client(Fibonacci, name)
