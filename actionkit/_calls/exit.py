@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import sys
 import time
 import uuid
 from collections.abc import Callable
@@ -30,6 +31,8 @@ from actionkit._threads.waiting import Flag
 _LOOK = 0.02
 """Seconds between looks whether goals still run, while a process that was told to end waits for
 that: too short to notice, and too long to keep a processor busy."""
+_BEFORE_OTHERS = 1000
+"""Those of `multiprocessing` itself have up to 100."""
 _inherited: list[Session] = []
 """The sessions of the parent process, kept for ever: freed here, they would break the parent's."""
 
@@ -147,9 +150,24 @@ def forget_inherited() -> None:
     _diagnostics.after_fork()
 
 
-@cache
 def arm() -> None:
-    """Register them for this process, once."""
+    """Register them for this process. Harmless if repeated."""
+    _arm_once()
+    process = sys.modules.get("multiprocessing.process")
+    if process is not None and process.parent_process() is not None:
+        _arm_child(os.getpid())
+
+
+@cache
+def _arm_once() -> None:
     signals.cancel_goals = cancel_goals
     atexit.register(close_all)
     os.register_at_fork(after_in_child=forget_inherited)
+
+
+@cache
+def _arm_child(_: int) -> None:
+    """Do so for a child of `multiprocessing`, which ends without the functions of `atexit`."""
+    from multiprocessing import util
+
+    util.Finalize(None, close_all, exitpriority=_BEFORE_OTHERS)

@@ -94,6 +94,62 @@ def test_exit(moment, code, action_server, run_script):
     assert runs_nothing(server)
 
 
+WORKERS = """
+import multiprocessing, sys
+from concurrent.futures import ProcessPoolExecutor
+from actionkit import Client
+from test_msgs.action import Fibonacci
+
+def work(end):
+    global client
+    client = Client(Fibonacci, "fibonacci")
+    future = client.call_async({"order": 1})
+    while not future.known_to_run:
+        pass
+    if end == "raises":
+        raise RuntimeError("mine")
+    if end == "exits":
+        sys.exit(3)
+
+def main(how, end):
+    context = multiprocessing.get_context(how)
+    if end == "ends with its pool":
+        with ProcessPoolExecutor(1, context) as pool:
+            sys.exit(pool.submit(work, end).result())
+    child = context.Process(target=work, args=(end,))
+    child.start()
+    child.join()
+    sys.exit(child.exitcode)
+"""
+CODES_OF_CHILDREN = {"returns": 0, "raises": 1, "exits": 3, "ends with its pool": 0}
+BY_DEFAULT = (("fork", "raises"), ("forkserver", "exits"), ("fork", "ends with its pool"))
+
+
+@pytest.mark.parametrize(
+    ("how", "end"),
+    [
+        pytest.param(how, end, marks=() if (how, end) in BY_DEFAULT else pytest.mark.long)
+        for how in ("fork", "forkserver", "spawn")
+        for end in CODES_OF_CHILDREN
+    ],
+)
+def test_a_child_of_multiprocessing(how, end, action_server, tmp_path, run_script):
+    """It ends without the functions of `atexit`, but for spawned ones."""
+    server = action_server("never_finishes")
+    (tmp_path / "workers.py").write_text(WORKERS, "utf-8")
+    script = run_script(
+        "import sys; sys.path.append(sys.argv[3]); import workers; workers.main(*sys.argv[1:3])",
+        how,
+        end,
+        str(tmp_path),
+    )
+    code, _, err = script.finish(30)
+    assert code == CODES_OF_CHILDREN[end], err
+    assert "MAY STILL" not in err
+    assert len(server.wait_for("accepted")) == 1
+    assert runs_nothing(server)
+
+
 UNSEEN = """
 future = Client(Fibonacci, 'nobody').call_async({'order': 2}, timeout=0.1)
 concurrent.futures.wait([future])
