@@ -77,8 +77,11 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
 
         Raises:
             TypeError: An argument of the wrong type, `action_type` and `node` included.
-            ValueError: A bad name or `on_close`, or the same observer twice.
+            ValueError: A bad name or `on_close`, or the same observer twice; a node that was
+                destroyed, or whose context was shut down; arguments of the process, or a
+                `ROS_DOMAIN_ID`, that ROS refuses.
             ImportError: rclpy is not importable.
+            RuntimeError: gevent has replaced Python's threads.
             ActionTypeMismatchError: This process already uses the name with another type.
         """
         refuse_misplaced(action_type, action_name, misplaced, unknown)

@@ -1,7 +1,7 @@
 """A program with PyQt does not crash at its end, while callbacks emit signals (C1.10).
 
 Skipped where PyQt6 is not found: `.ci/run` installs it into a folder of its own, and names that in
-ACTIONKIT_QT.
+ACTIONKIT_BESIDE.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ import os
 
 import pytest
 
-QT = os.environ.get("ACTIONKIT_QT", "")
+BESIDE = os.environ.get("ACTIONKIT_BESIDE", "")
 PROGRAM = """
 import os, sys, time
-sys.path.append(os.environ.get("ACTIONKIT_QT", ""))
+sys.path.append(os.environ.get("ACTIONKIT_BESIDE", ""))
 from PyQt6.QtCore import QCoreApplication, QObject, QTimer, pyqtSignal
 from actionkit import Client, Timeouts
 from test_msgs.action import Fibonacci
@@ -48,7 +48,7 @@ AT_A_TIME = 3
 
 
 @pytest.mark.long
-@pytest.mark.skipif(not QT and not importlib.util.find_spec("PyQt6"), reason="needs PyQt6")
+@pytest.mark.skipif(not BESIDE and not importlib.util.find_spec("PyQt6"), reason="needs PyQt6")
 @pytest.mark.parametrize("end", ["quits", "ends"])
 def test_no_crash_at_the_end(end, action_server, run_script):
     action_server("fibonacci", period=0.02)
