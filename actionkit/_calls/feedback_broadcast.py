@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import weakref
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator
 from typing import Generic
@@ -23,7 +24,8 @@ class FeedbackBroadcast(Generic[FeedbackT]):
     def __init__(self) -> None:
         self.count = 0
         self._latest: tuple[int, Callable[[], FeedbackT]] | None = None
-        self._streams: list[FeedbackStream[FeedbackT]] = []
+        self._streams: list[weakref.ref[FeedbackStream[FeedbackT]]] = []
+        """Not held: whoever leaves its loop early tells nobody, but lets go of its reader."""
         self._ended = False
 
     def put(self, *decodes: Callable[[], FeedbackT]) -> None:
@@ -32,13 +34,13 @@ class FeedbackBroadcast(Generic[FeedbackT]):
         self.count += len(decodes)
         # Before the streams: a stream that is added too late for the loop begins with this one.
         self._latest = (self.count, decodes[-1])
-        for stream in list(self._streams):
+        for stream in self._readers():
             stream._put(enumerate(decodes, first))
 
     def end(self) -> None:
         """End all streams: no more messages will come."""
         self._ended = True
-        for stream in list(self._streams):
+        for stream in self._readers():
             stream._end()
         self._streams.clear()
 
@@ -54,13 +56,21 @@ class FeedbackBroadcast(Generic[FeedbackT]):
     def stream(self) -> FeedbackStream[FeedbackT]:
         """Return a reader of what comes from now on, beginning with the newest so far."""
         stream: FeedbackStream[FeedbackT] = FeedbackStream()
-        self._streams.append(stream)
+        self._streams.append(weakref.ref(stream, self._forget))
         latest = self._latest
         if latest is not None:
             stream._put([latest])  # `put` may have added it already: readers look at its number
         if self._ended:
             stream._end()
         return stream
+
+    def _readers(self) -> list[FeedbackStream[FeedbackT]]:
+        streams = [reference() for reference in list(self._streams)]
+        return [stream for stream in streams if stream is not None]
+
+    def _forget(self, reference: weakref.ref[FeedbackStream[FeedbackT]]) -> None:
+        with contextlib.suppress(ValueError):  # the goal has ended
+            self._streams.remove(reference)
 
 
 class FeedbackStream(Generic[FeedbackT]):

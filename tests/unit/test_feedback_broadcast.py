@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import threading
 from collections.abc import Callable
 
@@ -54,6 +55,22 @@ def test_the_latest_and_the_count() -> None:
     broadcast = broadcast_of(1, 2)
     broadcast.end()
     assert (broadcast.latest, broadcast.count) == (2, 2)
+
+
+def test_readers_that_are_left_early_are_let_go() -> None:
+    broadcast = broadcast_of(1)
+
+    async def leave() -> None:
+        async for _ in broadcast.stream():
+            break
+
+    for _ in broadcast.stream():
+        break
+    asyncio.run(leave())
+    gc.collect()
+    assert broadcast._streams == []
+    broadcast.put(message(2))
+    broadcast.end()
 
 
 def test_readers_get_what_comes_from_the_newest_so_far_until_the_end() -> None:
