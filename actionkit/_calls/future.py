@@ -11,7 +11,7 @@ from collections.abc import Callable, Coroutine, Generator
 from functools import partial
 from typing import Any, Generic, cast
 
-from typing_extensions import Never
+from typing_extensions import Never, Self
 
 from actionkit._calls.awaiting import Awaiters
 from actionkit._calls.call_view import CallIsOver, CallView
@@ -80,6 +80,12 @@ class GoalFuture(
 
     def __repr__(self) -> str:
         return f"<GoalFuture {self.goal_id} {self.state}{' done' if self.done() else ''}>"
+
+    def __copy__(self) -> Self:
+        return self  # the call is one: a copy would never hear of its end
+
+    def __deepcopy__(self, _: dict[int, Any]) -> Self:
+        return self
 
     # --- waiting ---------------------------------------------------------------------------
 

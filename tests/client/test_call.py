@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import copy
 import uuid
 
 import pytest
@@ -76,6 +77,8 @@ def test_the_stdlib_waits_for_it(action_server, make_client):
     done, pending = concurrent.futures.wait(futures, timeout=10)
     assert not pending
     assert {len(f.result().sequence) for f in done} == {2, 3, 4, 5, 6}
+    # A copy of one, alone or in what is copied, is the same: a real copy would never end.
+    assert (copy.copy(futures[0]), copy.deepcopy(futures)) == (futures[0], futures)
     again = [client.call_async({"order": order}) for order in range(1, 6)]
     assert len(list(concurrent.futures.as_completed(again, timeout=10))) == 5
 
