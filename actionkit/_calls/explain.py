@@ -177,6 +177,12 @@ def _no_server(ending: Ending, call: ErrorContext) -> str:
 def _type_mismatch(ending: Ending, call: ErrorContext) -> str:
     # An earlier attempt may have met a server of the right type.
     nothing = "nothing was sent" if call.attempts < 2 else f"attempt {call.attempts} sent nothing"
+    versions = [served for served in ending.served if served.startswith(f"{call.type_name} (")]
+    if versions:
+        return (
+            f"Action {call.action_name!r} is served with another version of the type:"
+            f" {', '.join(versions)}; {nothing}. Build both sides from the same .action file."
+        )
     return (
         f"Action {call.action_name!r} is served as {', '.join(ending.served)}, but this client"
         f" was made for {call.type_name}; {nothing}. Use the served type, or the name of"

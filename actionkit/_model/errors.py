@@ -148,7 +148,8 @@ class ActionTypeMismatchError(PermanentError):
 
     Attributes:
         expected: The type of this client, such as `test_msgs/action/Fibonacci`.
-        served: The types that the graph shows for the name.
+        served: The types that the graph shows for the name; where one is another version of
+            `expected`, with the type hashes of both.
     """
 
     expected: str = ""

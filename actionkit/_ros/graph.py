@@ -13,6 +13,8 @@ from actionkit._ros.names import ActionNames
 from actionkit._ros.native import RCLError
 
 _FEEDBACK = "/_action/feedback"
+_KNOWN_HASH = 1
+"""The version of a type hash (RIHS01); other middleware, and older versions, tell none."""
 _OF_EVERY_NODE = "/parameter_events"
 _PARTICIPANT = 12
 """Bytes of an endpoint's id that tell its DDS participant."""
@@ -32,6 +34,31 @@ class Endpoint:
     gid: bytes
     action_type: str
     node: str
+
+
+@dataclass(frozen=True)
+class Versions:
+    """The type hashes of one part of an action.
+
+    Attributes:
+        end: `"goal"`, `"result"` or `"feedback"`.
+        servers: Those of its servers, such as `RIHS01_dfe7...`.
+        clients: Those of its clients.
+    """
+
+    end: str
+    servers: tuple[str, ...]
+    clients: tuple[str, ...]
+
+    def __str__(self) -> str:
+        sides = {"server": self.servers, "client": self.clients}
+        told = (f"{side} {' and '.join(hashes)}" for side, hashes in sides.items() if hashes)
+        return f"{self.end}: {', '.join(told)}"
+
+    @property
+    def differ(self) -> bool:
+        """Whether one side would misread what another one sends."""
+        return bool(self.servers) and len({*self.servers, *self.clients}) > 1
 
 
 def feedback_topic(action_name: str) -> str:
@@ -101,6 +128,39 @@ def best_effort(node: Node, names: ActionNames) -> tuple[str, ...]:
         for end, infos in offered.items()
         if any(info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for info in infos)
     )
+
+
+def versions(node: Node, names: ActionNames, of_client: str | None = None) -> list[Versions]:
+    """Return the type hashes of an action's servers and clients.
+
+    Empty ones where the middleware tells none.
+
+    Args:
+        node: Asks the graph.
+        names: The names of the action.
+        of_client: The name of the node whose clients are meant; `None` means all.
+
+    Raises:
+        RCLError: The node's context was shut down.
+    """
+    readers, writers = node.get_subscriptions_info_by_topic, node.get_publishers_info_by_topic
+    ends = (
+        # The middleware's own names of the topics for requests and answers.
+        ("goal", f"rq{names.send_goal}Request", readers, writers),
+        ("result", f"rr{names.get_result}Reply", writers, readers),
+        ("feedback", f"rt{names.feedback}", writers, readers),
+    )
+    found = []
+    for end, topic, of_servers, of_clients in ends:
+        servers, clients = of_servers(topic, no_mangle=True), of_clients(topic, no_mangle=True)
+        ours = [info for info in clients if of_client in (None, info.node_name)]
+        found.append(Versions(end, _hashes(servers), _hashes(ours)))
+    return found
+
+
+def _hashes(infos: list[TopicEndpointInfo]) -> tuple[str, ...]:
+    hashes = [info.topic_type_hash for info in infos]
+    return tuple(sorted({str(each) for each in hashes if each.version == _KNOWN_HASH}))
 
 
 def is_last(node: Node) -> bool:

@@ -41,7 +41,7 @@ def actions_in_sight(survey: Survey, name: str | None, wait: float) -> Iterator[
     )
     served = {key: action for key, action in actions.items() if action.servers}
     if name is None:
-        yield from _all(served)
+        yield from _all(survey, served)
         return
     action = served.get(name)
     if action is None:
@@ -49,13 +49,13 @@ def actions_in_sight(survey: Survey, name: str | None, wait: float) -> Iterator[
         return
     seconds = survey.first_seen.get(name, 0.0)
     yield ok("discovery", f"a server of {name} was seen after {seconds * 1000:.0f} ms")
-    yield from _one(action)
+    yield from _one(survey, action)
     from actionkit._ros.tools.roundtrip import measure
 
     yield from round_trip_findings(name, len(action.servers), measure(name, _ROUND_TRIP))
 
 
-def _all(served: dict[str, ActionSeen]) -> Iterator[Finding]:
+def _all(survey: Survey, served: dict[str, ActionSeen]) -> Iterator[Finding]:
     if not served:
         yield problem(
             "servers",
@@ -66,7 +66,7 @@ def _all(served: dict[str, ActionSeen]) -> Iterator[Finding]:
         )
         return
     for action in list(served.values())[:_LISTED]:
-        yield from _one(action)
+        yield from _one(survey, action)
     if len(served) > _LISTED:
         yield ok("servers", f"and {len(served) - _LISTED} more; `actionkit list` shows all")
 
@@ -82,7 +82,7 @@ def _missing(name: str, actions: dict[str, ActionSeen], domain: int) -> Finding:
     )
 
 
-def _one(action: ActionSeen) -> Iterator[Finding]:
+def _one(survey: Survey, action: ActionSeen) -> Iterator[Finding]:
     name, types = action.name, action.types
     yield ok("server", f"{name} [{', '.join(types)}] by {_nodes(action.servers)}")
     if len(types) > 1:
@@ -105,6 +105,13 @@ def _one(action: ActionSeen) -> Iterator[Finding]:
             f"{name} is served as {', '.join(types)}, but clients ask for {', '.join(wrong)}.",
             "Those clients wait for ever: give them the served type, or another name.",
         )
+    for versions in survey.versions(name):
+        if versions.differ:
+            yield problem(
+                "type",
+                f"{name} has two versions of its {versions}.",
+                "Build both sides from the same .action file: each misreads what the other sends.",
+            )
     for kind in types:
         package = kind.split("/", 1)[0]
         if importlib.util.find_spec(package) is None:

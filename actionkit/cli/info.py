@@ -40,6 +40,7 @@ def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool
             least=wait,
             enough=lambda seen: full in seen and bool(seen[full].servers),
         )
+        versions = [each for each in survey.versions(full) if each.servers or each.clients]
     action = actions.get(full)
     servers = action.servers if action else ()
     clients = action.clients if action else ()
@@ -50,6 +51,10 @@ def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool
                     "name": full,
                     "clients": [{"node": e.node, "type": e.action_type} for e in clients],
                     "servers": [{"node": e.node, "type": e.action_type} for e in servers],
+                    "type_hashes": {
+                        each.end: {"servers": each.servers, "clients": each.clients}
+                        for each in versions
+                    },
                 }
             )
         )
@@ -57,6 +62,9 @@ def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool
         say(f"Action: {full}")
         _show("clients", clients, count, show_types)
         _show("servers", servers, count, show_types)
+        for each in versions:
+            if each.differ:
+                say(f"Two versions of the {each}")
     if not servers:
         say(f"Error: {nothing_there(full, actions)}", err=True)
         return Exit.NO_SERVER

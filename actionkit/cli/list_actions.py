@@ -29,6 +29,7 @@ def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -
     """List the actions that have a server or a client."""
     with open_survey() as survey:
         actions = survey.settled(least=wait, most=_MOST)
+        torn = {name for name in actions if any(v.differ for v in survey.versions(name))}
     if as_json:
         for action in actions.values():
             say(
@@ -38,6 +39,7 @@ def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -
                         "types": action.types,
                         "servers": [end.node for end in action.servers],
                         "clients": [end.node for end in action.clients],
+                        "versions_differ": action.name in torn,
                     }
                 )
             )
@@ -46,5 +48,6 @@ def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -
     else:
         for action in actions.values():
             types = f" [{', '.join(action.types)}]" if show_types else ""
-            say(f"{action.name}{types}")
+            warning = " (in two versions: see `actionkit info`)" if action.name in torn else ""
+            say(f"{action.name}{types}{warning}")
     return Exit.OK

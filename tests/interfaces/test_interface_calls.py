@@ -12,7 +12,7 @@ import pytest
 
 from actionkit import servers
 from tests.conftest import Script
-from tests.interfaces.conftest import SHIPPED, actionkit, environment, run_python
+from tests.interfaces.conftest import SHIPPED, actionkit, environment, run_python, write_package
 
 FIBONACCI = """
 import sys, test_msgs
@@ -206,3 +206,66 @@ def test_a_server_without_the_package_says_how_to_get_it(ros_domain: int) -> Non
             domain_id=ros_domain,
             action_type="actionkit_interfaces/action/Countdown",
         )
+
+
+# --- two versions of a type ------------------------------------------------------------------
+
+OTHER_VERSION = """
+import subprocess, sys
+from actionkit import ActionTypeMismatchError, Client
+from test_msgs.action import Fibonacci
+with Client(Fibonacci, "fibonacci") as client:
+    for _ in range(2):  # also when it is known
+        try:
+            print(client.call(Fibonacci.Goal(order=5), timeout=30.0))
+        except ActionTypeMismatchError as error:
+            print(error)
+            assert len(error.served) == 1
+    assert not client.server_is_ready()
+    for words in sys.argv[1:]:
+        command = [sys.executable, "-m", "actionkit", *words.split()]
+        print(subprocess.run(command, capture_output=True, text=True).stdout)
+"""
+TOLD_BY = {
+    "list --wait 4": "/fibonacci (in two versions: see `actionkit info`)",
+    "info /fibonacci --wait 4": "Two versions of the result: server RIHS01_",
+    "doctor /fibonacci --wait 4": "/fibonacci has two versions of its result: server RIHS01_",
+}
+"""What each command says of the version that has another result."""
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize(
+    ("end", "fields"),
+    [
+        pytest.param(
+            "goal", ("int64 order", "int32[] sequence", "int32[] sequence"), marks=pytest.mark.long
+        ),
+        ("result", ("int32 order", "int16[] sequence", "int32[] sequence")),
+        pytest.param(
+            "feedback", ("int32 order", "int32[] sequence", "int8 more"), marks=pytest.mark.long
+        ),
+    ],
+)
+def test_nothing_is_sent_to_a_server_with_another_version(
+    end: str, fields: tuple[str, ...], tmp_path: Path, ros_domain: int
+) -> None:
+    text = "\n---\n".join(fields) + "\n"
+    write_package(tmp_path / "src" / "test_msgs", {"action/Fibonacci.action": text})
+    built = tmp_path / "built"
+    done = actionkit("interfaces", "build", tmp_path / "src", "--shadow", "-o", built)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with servers.start("fibonacci", domain_id=ros_domain) as server:
+        env = environment(built, ROS_DOMAIN_ID=str(ros_domain))
+        words = TOLD_BY if end == "result" else ()
+        first, again, commands = run_python(OTHER_VERSION, *words, env=env).split("\n", 2)
+        server.sync()
+        assert server.count("goal_received") == 0
+    assert first == again
+    assert first.startswith(
+        "Action '/fibonacci' is served with another version of the type:"
+        f" test_msgs/action/Fibonacci ({end}: server RIHS01_"
+    )
+    assert first.endswith("; nothing was sent. Build both sides from the same .action file.")
+    if words:
+        assert all(told in " ".join(commands.split()) for told in TOLD_BY.values()), commands

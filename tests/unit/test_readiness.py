@@ -23,6 +23,7 @@ class World:
         self.clock = Clock()
         self.graph: list[Endpoint] | None = []
         self.services = True
+        self.versions: tuple[str, ...] = ()
         self.told: list[object] = []
         self.probes: list[float] = []
         self.looks = self.completed = 0
@@ -30,6 +31,7 @@ class World:
             self.clock,
             list_servers=self._list,
             services_ready=lambda: self.services,
+            other_versions=lambda: self.versions,
             probe=lambda: self.probes.append(self.clock.time),
             on_ready=lambda: self.told.append("ready"),
             on_change=self._changed,
@@ -317,6 +319,33 @@ def test_another_type_is_told_once_a_second_while_somebody_waits(world: World) -
     waiting = True
     world.readiness.look(lambda: waiting)
     assert len(world.news()) == 1
+
+
+VERSIONS = ("goal RIHS01_1, here RIHS01_2",)
+OTHER_VERSION = ("mismatch", (f"{OURS} (goal RIHS01_1, here RIHS01_2)",))
+
+
+def test_a_server_with_another_version_of_the_type_is_never_ready(world: World) -> None:
+    world.versions = VERSIONS
+    world.match(A)
+    assert world.news() == [OTHER_VERSION]
+    world.readiness.look(lambda: True)  # somebody who comes later is told at once
+    assert world.news() == [OTHER_VERSION]
+    world.clock.advance(5.0)
+    assert set(world.news()) == {OTHER_VERSION}
+    world.readiness.answered()
+    assert not world.probes
+    assert not world.readiness.ready
+    world.versions = ()  # it was replaced
+    world.clock.advance(1.0 + HEAD_START + PATIENCE)
+    assert world.news() == ["ready"]
+
+
+def test_one_with_another_version_beside_the_right_one_gets_no_goals(ready: World) -> None:
+    ready.versions = VERSIONS
+    ready.match(A, B)
+    assert ready.news() == [OTHER_VERSION]
+    assert not ready.readiness.ready
 
 
 def test_our_own_type_among_others_is_no_mismatch(world: World) -> None:

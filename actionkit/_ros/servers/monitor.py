@@ -104,6 +104,7 @@ class ServerMonitor:
             self._timers,
             list_servers=self._list_servers,
             services_ready=self._services_ready,
+            other_versions=self._other_versions,
             probe=probe,
             on_ready=self._on_ready,
             on_change=self._on_change,
@@ -238,6 +239,14 @@ class ServerMonitor:
             return self._entities.services_ready()
         except (RCLError, InvalidHandle):
             return self.readiness.count > 0
+
+    def _other_versions(self) -> tuple[str, ...]:
+        try:
+            node = self._runtime.node
+            seen = graph.versions(node, self._names, of_client=node.get_name())
+            return tuple(str(each) for each in seen if each.differ)
+        except (RCLError, InvalidHandle):
+            return ()
 
     # --- who is told -----------------------------------------------------------------------
 

@@ -69,6 +69,7 @@ class ServerReadiness:
         *,
         list_servers: Callable[[], list[Endpoint] | None],
         services_ready: Callable[[], bool],
+        other_versions: Callable[[], tuple[str, ...]],
         probe: Callable[[], object],
         on_ready: Callable[[], None],
         on_change: Callable[[frozenset[bytes], frozenset[bytes]], None],
@@ -83,10 +84,13 @@ class ServerReadiness:
             list_servers: The servers that the graph shows, of any type; `None` where the
                 graph cannot be asked.
             services_ready: Whether the endpoints of the action's services are matched.
+            other_versions: Returns what a server has in another version than this side, with the
+                type hashes of both.
             probe: Asks what every live server answers; `answered` is to be called then.
             on_ready: Called when goals can be sent, again for each new server.
             on_change: Called with the ids of servers that have come, and of those that are gone.
-            on_mismatch: Called with the types served, where none of them is `action_type`.
+            on_mismatch: Called with the types served, where none of them is `action_type`, or where
+                one is another version of it.
             on_complete: Called when a server's services are seen; `known` may be called then.
             action_type: The type of this side.
         """
@@ -98,12 +102,15 @@ class ServerReadiness:
         self._timers = timers
         self._list_servers = list_servers
         self._services_ready = services_ready
+        self._other_versions = other_versions
         self._probe = probe
         self._on_ready = on_ready
         self._on_change = on_change
         self._on_mismatch = on_mismatch
         self._on_complete = on_complete
         self._action_type = action_type
+        self._versions: tuple[str, ...] = ()
+        """What a server has in another version: it would misread a goal, or we its answer."""
         self._outdated: frozenset[bytes] = frozenset()
         """The servers that the graph shows as long as it does not show one that has come."""
         self._outdated_until = 0.0
@@ -173,7 +180,7 @@ class ServerReadiness:
 
     def answered(self) -> None:
         """Handle that a probe was answered."""
-        if self.state is State.SETTLING:
+        if self.state is State.SETTLING and not self._versions:
             self._become_ready()
 
     def look(self, wanted: Callable[[], bool]) -> None:
@@ -189,6 +196,7 @@ class ServerReadiness:
         two processes is lost, with Fast DDS it takes 3 s until the next.
         """
         if self.state is not State.ABSENT:
+            self._tell_versions()
             return
         types = {server.action_type for server in self._list_servers() or ()}
         if types and self._action_type not in types:
@@ -199,16 +207,19 @@ class ServerReadiness:
         self._closed = True
 
     def _look(self, wanted: Callable[[], bool]) -> None:
-        if self._closed or self.state is not State.ABSENT or not wanted():
+        if self._closed or not wanted():
             self._looking = False
             return
         self.look_again()
+        if self.state is not State.ABSENT:
+            self._looking = False
+            return
         self._timers.call_at(self._timers.now() + _GRAPH_PERIOD, lambda: self._look(wanted))
 
     def _begin_settling(self) -> None:
         self.state = State.SETTLING
         self._settling_since = self._timers.now()
-        self._services_since, self._probed = None, False
+        self._services_since, self._probed, self._versions = None, False, ()
         self._settle(self._settling_since, _FIRST_STEP)
 
     def _compare(self) -> None:
@@ -260,6 +271,11 @@ class ServerReadiness:
             slowest = _SETTLING_STEP if now - since < _SETTLING else _LAST_STEP
             self._timers.call_at(now + step, lambda: self._settle(since, min(2 * step, slowest)))
             return
+        self._versions = self._other_versions()
+        if self._versions:
+            self._tell_versions()
+            self._timers.call_at(now + step, lambda: self._settle(since, min(2 * step, _LAST_STEP)))
+            return
         if self._services_since is None:
             self._services_since = now
             self._timers.call_at(now + _HEAD_START, lambda: self._end_head_start(since))
@@ -274,6 +290,10 @@ class ServerReadiness:
         self._probe()
         following = min(2 * step, _SETTLING_STEP)
         self._timers.call_at(min(now + step, ready_at), lambda: self._settle(since, following))
+
+    def _tell_versions(self) -> None:
+        if self.state is State.SETTLING and self._versions:
+            self._on_mismatch((f"{self._action_type} ({'; '.join(self._versions)})",))
 
     def _end_head_start(self, since: float) -> None:
         if not self._probed:

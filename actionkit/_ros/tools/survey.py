@@ -10,7 +10,7 @@ from typing import Any
 from typing_extensions import Self
 
 from actionkit._ros import graph, runtimes
-from actionkit._ros.names import check_name
+from actionkit._ros.names import ActionNames, check_name
 from actionkit._ros.own_node import resolve_without_node
 
 _STEP = 0.05
@@ -93,6 +93,10 @@ class Survey:
             if action.servers:
                 self.first_seen.setdefault(name, time.monotonic() - self.opened)
         return seen
+
+    def versions(self, name: str) -> list[graph.Versions]:
+        """Return the type hashes of an action's servers and clients."""
+        return graph.versions(self.runtime.node, ActionNames.of(name))
 
     def settled(
         self,
