@@ -31,6 +31,7 @@ from weakref import WeakValueDictionary
 from rclpy.context import Context
 from rclpy.node import Node
 
+from actionkit._ros.graph import is_last
 from actionkit._ros.native import (
     SOURCES_OF_A_CLIENT,
     Source,
@@ -115,7 +116,7 @@ class Runtime:
         self._broken: Exception | None = None
         self.rejoining = Rejoining(
             self,
-            can_leave=self._can_leave,
+            can_leave=lambda links: self._can_leave(links) and self._owns_participant,
             renew=self._renew_node,
             on_failure=self._on_rejoin_failure,
         )
@@ -328,12 +329,18 @@ class Runtime:
     def _make_node(self) -> None:
         began, worked = time.monotonic(), time.thread_time()
         self.node = make_node(self._node_name, self._own_context or self.context)
-        if self._own_context is not None:  # else the participant is the user's, and stays
+        if self._owns_participant:
             self.rejoining.joined(time.monotonic() - began, time.thread_time() - worked)
 
+    @property
+    def _owns_participant(self) -> bool:
+        """Whether the participant goes with our node: nodes of the user's would keep it."""
+        return self._own_context is not None or is_last(self.node)
+
     def _renew_node(self) -> Node:
+        goes = self._owns_participant
         leave_graph(self.node)
-        if self._own_context is None:
+        if not goes:
             context = Context()
             start(context, self._domain_id)
             self._own_context = context

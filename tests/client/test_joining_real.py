@@ -11,6 +11,7 @@ import time
 from typing import Any
 
 import pytest
+import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
@@ -117,6 +118,22 @@ def test_in_a_context_of_the_users_there_is_no_second_try(action_server, make_cl
     finally:
         node.destroy_node()
         context.try_shutdown()
+
+
+def test_alone_in_a_context_of_the_users_there_is(action_server, make_client, ros_domain):
+    """A program with `rclpy.init()` and no node of its own: the participant goes with ours."""
+    rclpy.init(args=[], domain_id=ros_domain)
+    try:
+        client = make_client(timeouts=PATIENT)
+        assert runtime_of(client).context is rclpy.get_default_context()
+        called = client.call_async(GOAL, timeout=60)
+        assert has_tried(client, 2)
+        assert not runtime_of(client).is_apart
+        action_server("fibonacci")
+        assert called.result(60)
+        client.close()
+    finally:
+        rclpy.shutdown()
 
 
 def test_no_second_try_once_a_server_was_seen(action_server, make_client):
