@@ -102,9 +102,14 @@ def test_nothing_piles_up_in_a_node_that_has_many_clients(ros_domain):
 def test_rosout_is_quiet_when_the_context_is_gone(action_server, ros_domain, capfd):
     action_server("never_finishes")
     with user_node(ros_domain) as node:
-        # The second hears of each event when the first has told of it.
+        rosout = Rosout(node)
         told: EventLog[GoalState] = EventLog()
-        observers = [Rosout(node), SimpleNamespace(on_event=lambda event, _: told(event.state))]
+
+        def on_event(event, call):
+            rosout.on_event(event, call)
+            told(event.state)
+
+        observers = [SimpleNamespace(on_event=on_event, on_outcome=rosout.on_outcome)]
         with Client(Fibonacci, "fibonacci", observers=observers) as client:
             future = client.call_async({"order": 2})
             told.wait_for(lambda state: state is GoalState.EXECUTING)
