@@ -8,6 +8,7 @@ armed timer may fire at any time; there is one moment after which the call's dea
 from __future__ import annotations
 
 import copy
+import random
 import uuid
 from collections import deque
 from dataclasses import astuple
@@ -28,6 +29,7 @@ NO, UNSEEN, SEEN, ENDED, STOPPED = "-uret"
 does not run it any more."""
 ABSENT, UP, HUNG, DEAD = "aUHD"
 DEADLINE = 1000.0
+LONGEST_WALK = 60
 JUDGED = (fx.End.SUCCEEDED, fx.End.ABORTED, fx.End.REJECTED, fx.End.CANCELED_BY_OTHER)
 TRANSIENT = (fx.End.NO_ACCEPTANCE, fx.End.LOST, fx.End.STALLED)
 
@@ -97,6 +99,7 @@ class World:
         self.settled, self.returns = 0, returns
         self.told_success = False  # a success was told, and nobody has judged it so far
         self.ended_well = False
+        self.waited = False  # for confirmations, as long as there was time, or until it was closed
         self.do(self.m.begin(None))
 
     def copy(self) -> World:
@@ -139,7 +142,7 @@ class World:
         last = m._last and m._last.end
         asked = self.asked and (self.asked.end, self.asked.progress, self.asked.fate)
         flags = (self.grace, self.closed, self.late, m.unwanted, bool(m.closing), self.told_success)
-        rest = (m.attempts, self.pause, self.settled, self.returns, self.ended_well)
+        rest = (m.attempts, self.pause, self.settled, self.returns, self.ended_well, self.waited)
         return m.phase, ended, last, asked, flags, rest, goals, tuple(self.servers)
 
     # --- the driver ------------------------------------------------------------------------
@@ -272,7 +275,7 @@ class World:
                 yield "comes", s
             if state in (UP, HUNG):
                 for key, goal in self.truth.items():
-                    for event in self.at_server(key, goal[s], state == UP):
+                    for event in self.at_server(key, goal[s], True):
                         yield event, (key, s)
 
     def at_server(self, key: uuid.UUID, truth: list[Any], up: bool) -> Any:
@@ -295,7 +298,7 @@ class World:
                 if asked:
                     yield "refuses"
         elif up and does == ENDED:
-            yield from ("tells success", "forgot")
+            yield from ("tells success", "shows success", "forgot")
         if up and does in (NO, STOPPED):
             yield "unknown"
 
@@ -310,6 +313,7 @@ class World:
             attempt, timer = self.number(arg[0]), arg[1]
             attempt.timers -= {timer}
             self.late |= timer is fx.Timer.DEADLINE
+            self.waited |= timer is fx.Timer.CANCEL
             self.apply(attempt, attempt.goal.timer(timer, self.now))
         elif event == "send":
             self.send(self.number(arg))
@@ -322,12 +326,14 @@ class World:
                 self.do(m.stop(fx.End.CANCELLED_BY_CALLER, "why"))
         elif event == "close":
             self.closed, m.closing = True, "closed"
+            self.waited |= arg
             current = m.attempt
             if current is not None:
                 self.apply(current, current.goal.close(self.now, abandon=arg))
             else:
                 self.do(m.stop(fx.End.CLOSED, "why"))
         elif event in ("end grace", "grace"):
+            self.waited = True
             current = m.attempt
             if m.phase is Phase.JUDGING:
                 self.verdict(Verdict.PERMANENT)  # the function was cut short
@@ -367,6 +373,9 @@ class World:
             raise Broken("sent though nobody wants it")
         if self.told_success:
             raise Broken("sent though an earlier goal has succeeded (C4.3)")
+        succeeded = (e.goal.awaits_result_of is GoalState.SUCCEEDED for e in self.attempts)
+        if m._resend != "always" and any(succeeded):
+            raise Broken("sent while the result of an earlier goal may come (C4.3)")
         for key, goal in self.truth.items():
             there = [may_run(*t) for t in goal]
             if key == attempt.goal_id or m._resend == "always" or not any(there):
@@ -410,6 +419,8 @@ class World:
         listener = heard[-1] if heard else None
         goal = listener and listener.goal
         alone = len(self.up) == 1
+        # What comes from one that is out of sight was asked before that.
+        asked_at = now + 9 if s in self.up else now - 9
         tell: Any = None
         if event in ("accepts", "accepts unseen"):
             truth[0] -= 1
@@ -423,14 +434,21 @@ class World:
             tell = goal and (lambda: goal.status(GoalState.EXECUTING, now))
         elif event == "ends unseen":
             truth[1] = ENDED
+        elif event == "shows success":
+            tell = goal and (lambda: goal.status(GoalState.SUCCEEDED, now))
         elif event == "refuses":
             truth[1] = SEEN
             answer = CancelAnswer.REFUSED
-            tell = goal and (lambda: goal.cancel_answered(answer, now, asked_at=now + 9))
+            tell = goal and (lambda: goal.cancel_answered(answer, now, asked_at=asked_at))
         elif event in ("unknown", "forgot"):
             truth[1] = STOPPED if event == "forgot" else truth[1]
             # Where several are in sight, the link tells nobody.
-            tell = goal and alone and (lambda: goal.result(None, None, now, asked_at=now + 9))
+            own = bool(listener and listener.sent_to & self.up)
+            tell = (
+                goal
+                and alone
+                and (lambda: goal.result(None, None, now, asked_at=asked_at, own=own))
+            )
         else:
             truth[1] = STOPPED
             states = {"aborts": GoalState.ABORTED, "is canceled": GoalState.CANCELED}
@@ -453,6 +471,13 @@ class World:
             for key, goal in self.truth.items()
             if any(may_run(*t) for t in goal) and not self.exempt(key)
         }
+        gave_up = ending.phase == "cancel" or ending.end in (
+            fx.End.CANCELLED_BY_CALLER,
+            fx.End.CLOSED,
+        )
+        confirming = any(e.goal.may_run and not e.released for e in self.attempts)
+        if gave_up and confirming and not self.waited:
+            raise Broken("it ended before a server in sight could confirm that all goals stopped")
         if ending.end is fx.End.SUCCEEDED and not self.ended_well:
             raise Broken("a failure became a success")
         if ending.end is fx.End.CANCELLED_BY_CALLER and left:
@@ -545,6 +570,32 @@ def explore(resend: str, attempts: int, servers: int, most: int = 2_000_000) -> 
             if len(parents) >= most:
                 return len(parents), transitions
     return len(parents), transitions
+
+
+def _weight(event: tuple[str, Any]) -> float:
+    """Let a walk be long: what ends a call comes seldom."""
+    name, arg = event
+    if name == "timer":
+        return 0.01 if arg[1] in (fx.Timer.DEADLINE, fx.Timer.SERVER) else 0.3
+    ends = name in ("cancel", "close", "end grace", "grace", "dies")
+    return 0.02 if ends or arg in (Verdict.PERMANENT, Verdict.SUCCESS) else 1.0
+
+
+def hunt(resend: str, attempts: int, servers: int, walks: int, seed: int = 0) -> int:
+    """Walk at random, deeper than all states can be visited; return how many steps it were."""
+    chance, steps = random.Random(seed), 0
+    for _ in range(walks):
+        world, way = World(resend, attempts, servers), []
+        while len(way) < LONGEST_WALK and (events := list(world.events())):
+            ((event, arg),) = chance.choices(events, list(map(_weight, events)))
+            way.append(f"{event} {arg}")
+            steps += 1
+            try:
+                world.happens(event, arg)
+                world.check()
+            except Broken as problem:
+                raise Broken(f"{problem}\n   after: " + "; ".join(way)) from None
+    return steps
 
 
 if __name__ == "__main__":

@@ -1,0 +1,169 @@
+"""Every state of a call and its goals keeps the promises; and the check finds broken code (C2.8).
+
+Some states are visited by default; many more, and those of broken code, with `--long`. All of them:
+`python -m tests.unit.explore_call confirmed_stopped 2 1 9999999`.
+"""
+
+from __future__ import annotations
+
+import inspect
+import textwrap
+from typing import Any
+
+import pytest
+
+from actionkit._calls.machine import CallMachine
+from actionkit._goal.facts import GoalFacts
+from actionkit._goal.machine import Goal
+from tests.unit.explore_call import Broken, explore, hunt
+
+SMALL = 8_000
+"""States, those that are reached soonest."""
+MANY = 60_000
+
+
+@pytest.mark.parametrize("resend", ["never_accepted", "confirmed_stopped", "server_gone", "always"])
+@pytest.mark.parametrize("most", [SMALL, pytest.param(MANY, marks=pytest.mark.long)])
+def test_no_promise_is_broken(resend: str, most: int) -> None:
+    states, transitions = explore(resend, attempts=2, servers=1, most=most)
+    assert transitions > states >= SMALL
+
+
+def broken(cls: type, name: str, old: str, new: str) -> Any:
+    """Return a method of a class with a part of its source replaced."""
+    found = inspect.getattr_static(cls, name)
+    function = found.fget if isinstance(found, property) else found
+    source = textwrap.dedent(inspect.getsource(function))
+    assert source.count(old) == 1, source
+    made: dict[str, Any] = {}
+    exec(source.replace(old, new), function.__globals__, made)
+    return made[name]  # `@property` is part of the source
+
+
+MUTANTS = {
+    "a goal is sent while an earlier one may run": (
+        CallMachine,
+        "may_send",
+        "return all(",
+        "return True or all(",
+    ),
+    "a goal is sent while the server of an earlier one is in sight": (
+        CallMachine,
+        "_allows_another",
+        " and earlier.is_out_of_sight",
+        "",
+    ),
+    "a goal is sent while the result of an earlier one may come": (
+        CallMachine,
+        "_allows_another",
+        "return ended_as is None or",
+        "return True or",
+    ),
+    "only the last attempt is looked at": (
+        CallMachine,
+        "ended",
+        "(*self.earlier, attempt)",
+        "(attempt,)",
+    ),
+    "who cancels waits for no earlier goal": (
+        CallMachine,
+        "_end",
+        " and self.confirming",
+        " and False",
+    ),
+    "the end names no goal that may run": (
+        CallMachine,
+        "_finish",
+        "self.goals.may_run",
+        "()",
+    ),
+    "a late success is not heard": (
+        CallMachine,
+        "late_result",
+        "if attempt not in self.earlier or",
+        "if True or",
+    ),
+    "a call that nobody wants is tried again": (
+        CallMachine,
+        "judged",
+        "if self.unwanted or self.closing:",
+        "if False:",
+    ),
+    "a duplicate's rejection counts": (
+        Goal,
+        "rejected",
+        "if self.facts.noes < self.facts.requests:",
+        "if False:",
+    ),
+    "a late acceptance is not cancelled": (
+        Goal,
+        "accepted",
+        "if self._unwanted:",
+        "if False:",
+    ),
+    "a lost goal counts as stopped": (
+        GoalFacts,
+        "may_run",
+        "return not self.ended and",
+        "return not self.ended and not self.lost and",
+    ),
+    "an unanswered goal counts as stopped": (
+        GoalFacts,
+        "may_run",
+        "(self.accepted or self.noes < self.requests)",
+        "self.accepted",
+    ),
+    "that a server does not know a goal counts as its end": (
+        Goal,
+        "_unknown_so_far",
+        "self._unknown_to_server = True",
+        "self.facts.noes = self.facts.requests",
+    ),
+    "a lost goal is not cancelled when its server is back": (
+        Goal,
+        "_ask_about_lost",
+        "[fx.AskCancel(), ",
+        "[",
+    ),
+    "giving up asks for no cancel": (
+        Goal,
+        "_give_up",
+        "else fx.AskCancel()",
+        "else fx.AskResult()",
+    ),
+    "an abandoned goal is not known to be left": (
+        Goal,
+        "close",
+        "self.lose_touch()",
+        "pass",
+    ),
+}
+
+
+HUNTS = (
+    ("confirmed_stopped", 2, 1),
+    ("server_gone", 3, 1),
+    ("server_gone", 3, 2),
+    ("always", 3, 2),
+)
+"""How goals are sent again, the attempts, and the servers."""
+
+
+@pytest.mark.parametrize("hunting", HUNTS)
+def test_no_promise_is_broken_on_long_ways(hunting: tuple[str, int, int]) -> None:
+    assert hunt(*hunting, walks=300) > 10_000
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("mutant", MUTANTS)
+def test_broken_code_is_found(mutant: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    cls, name, old, new = MUTANTS[mutant]
+    monkeypatch.setattr(cls, name, broken(cls, name, old, new))
+    with pytest.raises(Broken):
+        look_everywhere()
+
+
+def look_everywhere() -> None:
+    explore("confirmed_stopped", attempts=2, servers=1, most=20_000)
+    for hunting in HUNTS:
+        hunt(*hunting, walks=4000)
