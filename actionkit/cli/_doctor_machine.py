@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
 import os
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -18,6 +20,8 @@ _PATIENCE = 30.0
 """Seconds to import rclpy, which takes one, and many times that from a slow disk."""
 _TESTED = ((3, 10), (3, 13))
 """The first and the last version of Python that ActionKit is tested with."""
+_MADE_WITHIN = 2.0
+"""Seconds; it takes microseconds."""
 _PREFIX = "/opt/ros/"
 
 
@@ -51,6 +55,26 @@ def machine(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
             f"is {distro!r}; ActionKit is tested with jazzy.",
             "Source the setup file of ROS 2 Jazzy, or expect differences.",
         )
+
+
+def shared_memory(folder: Path = Path("/dev/shm")) -> Iterator[Finding]:
+    """Yield a finding for each port of Fast DDS on which every process here waits for ever.
+
+    A process that is killed just after it made the file, and before it gave it a size, leaves it
+    so; whoever opens it waits for the one that made it.
+    """
+    for path in sorted(folder.glob("fastrtps_port*")):
+        if not path.name.removeprefix("fastrtps_port").isdigit():
+            continue  # a file for locks, which has no size
+        with contextlib.suppress(FileNotFoundError):  # just now
+            state = path.stat()
+            if state.st_size == 0 and time.time() - state.st_mtime > _MADE_WITHIN:
+                yield problem(
+                    "shared memory",
+                    f"{path} is empty: a process was killed while it made this file. ROS processes"
+                    " that need it wait for ever when they make a node.",
+                    f"rm {path}",
+                )
 
 
 def rclpy_places() -> list[Path]:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import click
 
 from actionkit._messages.json_text import to_json
-from actionkit.cli._doctor_machine import machine
+from actionkit.cli._doctor_machine import machine, shared_memory
 from actionkit.cli._doctor_settings import settings
 from actionkit.cli._exits import Exit
 from actionkit.cli._findings import Finding, problem
@@ -58,6 +58,9 @@ def _findings(name: str | None, wait: float) -> Iterator[Finding]:
     for finding in machine():
         yield finding
         broken = broken or finding.level == "problem"
+    for finding in shared_memory():
+        yield finding
+        broken = True
     for finding in settings(os.environ):
         yield finding
         broken = broken or (finding.level == "problem" and finding.topic == "ROS_DOMAIN_ID")

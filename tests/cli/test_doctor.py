@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +12,7 @@ from typing import Any
 import pytest
 
 from actionkit.cli._doctor_graph import round_trip_findings
-from actionkit.cli._doctor_machine import origin
+from actionkit.cli._doctor_machine import origin, shared_memory
 from actionkit.cli._doctor_settings import settings
 from actionkit.cli._exits import Exit
 from actionkit.cli._findings import Finding, problem
@@ -119,6 +121,20 @@ def test_an_rclpy_that_does_not_work_is_told(
     # The settings are told all the same, and nobody tries to join the graph.
     assert of("ROS_DOMAIN_ID", found)
     assert not of("middleware", found)
+
+
+def test_a_port_that_a_killed_process_left_empty(tmp_path: Path) -> None:
+    for name, content, age in [
+        ("fastrtps_port7006", b"", 10.0),
+        ("fastrtps_port7007", b"", 0.0),  # somebody is making it just now
+        ("fastrtps_port7008", b"made", 10.0),
+        ("fastrtps_port7009_el", b"", 10.0),  # a file for locks
+    ]:
+        (tmp_path / name).write_bytes(content)
+        os.utime(tmp_path / name, (time.time() - age,) * 2)
+    (finding,) = shared_memory(tmp_path)
+    assert (finding.level, finding.topic) == ("problem", "shared memory")
+    assert finding.remedy == f"rm {tmp_path / 'fastrtps_port7006'}"
 
 
 def test_settings_that_keep_everybody_apart_are_problems(empty_world: World) -> None:
