@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from actionkit._goal.facts import GoalFacts
+from actionkit._goal.facts import Fate, GoalFacts
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import GoalState
 
@@ -26,6 +26,11 @@ class GoalsOfCall:
     def may_run(self) -> tuple[uuid.UUID, ...]:
         """The ids of those that may run, oldest first (C2.8)."""
         return tuple(goal.goal_id for goal in self._goals if goal.may_run and goal.goal_id)
+
+    @property
+    def lost(self) -> bool:
+        """Whether each that may run was lost with its server: it is nowhere in sight."""
+        return all(goal.fate is Fate.LOST for goal in self._goals if goal.may_run)
 
     def left(self) -> GoalsOfCall:
         """Return those that may run."""

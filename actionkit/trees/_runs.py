@@ -87,6 +87,18 @@ class Run:
         client_watches = self._client is not None and not self._client.closed
         return known if client_watches or known is False else None
 
+    @property
+    def holds_up(self) -> bool:
+        """Whether nothing may be started beside it.
+
+        A goal that was lost with its server does not: who knows when that is seen again. The client
+        cancels it then.
+        """
+        known, future = self.known_to_run, self.future
+        if known is not None or future is None:
+            return known is not False
+        return not (future.done() and future._call.goals.lost)
+
 
 class Runs:
     """The runs of one leaf of which a goal may be running. It does not hold the leaf."""
@@ -107,13 +119,13 @@ class Runs:
         return run
 
     def before(self, run: Run) -> list[Run]:
-        """Return the other runs of which a goal may be running; those that are over are let go."""
+        """Return the other runs that hold it up; those that do not are let go."""
         others = [each for each in list(self._runs) if each is not run]
         for each in others:
-            if each.known_to_run is False:
+            if not each.holds_up:
                 with suppress(ValueError):  # another thread did the same
                     self._runs.remove(each)
-        return [each for each in others if each.known_to_run is not False]
+        return [each for each in others if each.holds_up]
 
     def give_up(self, runs: Iterable[Run] | None = None) -> None:
         """Cancel the goals of these runs, or of all."""
