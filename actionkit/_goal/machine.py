@@ -18,6 +18,7 @@ from actionkit._goal.stages import (
     END_AFTER,
     FIRST_REASK,
     LAST_RESULT_PAUSE,
+    LAST_UNKNOWN_PAUSE,
     LONG_PAUSE,
     LONGEST_PAUSE,
     LONGEST_RESULT_PAUSE,
@@ -333,6 +334,11 @@ class Goal(CancellableGoal):
         ended = self._terminal_seen is not None
         if ended and self.settled and self._reask_after >= LAST_RESULT_PAUSE:
             return self._over()
+        dropped = self.settled and self.stage is Stage.SENT and self._unknown_to_server
+        if dropped and self._reask_after >= LAST_UNKNOWN_PAUSE:
+            self.lose_touch()
+            self.stage = Stage.OVER
+            return self._release()
         effects: list[fx.Effect] = [fx.WatchStatus()]
         if self._cancel_reply is CancelReply.REFUSED_ONCE and self._refusal_counts:
             effects.append(fx.AskCancel())
@@ -341,5 +347,7 @@ class Goal(CancellableGoal):
             # A goal that merely takes long is seen in the status topic, and not asked about.
             effects.append(fx.AskResult())
         longest = LONGEST_RESULT_PAUSE if ended else LONGEST_PAUSE
+        if dropped:
+            longest = LAST_UNKNOWN_PAUSE
         self._reask_after = min(self._reask_after * 2, longest)
         return [*effects, self._arm_reask(now)]

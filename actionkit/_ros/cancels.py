@@ -26,6 +26,8 @@ of ten processes that cancel at the same time may get no answer in the two secon
 _PAUSES = (0.25, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)
 """Seconds from each request for one goal to the next; the last is repeated. The first few are
 short, because a process that ends waits for only two seconds."""
+_LONGEST_WHERE_UNKNOWN = 300.0
+"""The same where the server has answered each time that it does not know the goal."""
 
 
 class CancelWindow(Window):
@@ -77,6 +79,7 @@ class _Cancellation:
         urgent: Whether its caller has little time left.
         asked_at: When `ask` was last called.
         requests: How many requests were sent since then.
+        unknown: How many of these were answered: the goal is not known.
         outdated: Whether `ask` was called after the request that is unanswered. An answer
             "unknown goal" to that request then says nothing about now.
         timeout: Ends the wait for the answer to a request; `None` while no request is unanswered.
@@ -86,6 +89,7 @@ class _Cancellation:
     urgent: bool
     asked_at: float = 0.0
     requests: int = 0
+    unknown: int = 0
     outdated: bool = False
     timeout: TimerHandle | None = None
     repeat: TimerHandle | None = None
@@ -133,7 +137,7 @@ class CancelQueue:
             cancellation = self._cancellations[key] = _Cancellation(urgent)
         cancellation.urgent |= urgent
         cancellation.asked_at = self._timers.now()
-        cancellation.requests = 0
+        cancellation.requests = cancellation.unknown = 0
         if cancellation.timeout is not None:
             cancellation.outdated = True
         else:
@@ -157,6 +161,7 @@ class CancelQueue:
             if known:
                 self._window.note_progress(self._timers.now())
             self._end_wait(key, cancellation)
+        cancellation.unknown += not known
         refused_before = answer is CancelAnswer.REFUSED and sent_at < cancellation.asked_at
         if known and not refused_before:
             self.stop(key)
@@ -190,6 +195,9 @@ class CancelQueue:
                 now + ANSWERED_WITHIN, partial(self._not_answered, key, cancellation)
             )
             pause = _PAUSES[min(cancellation.requests, len(_PAUSES) - 1)]
+            if cancellation.unknown >= len(_PAUSES):
+                pause *= 2 ** min(cancellation.unknown - len(_PAUSES), 10)
+                pause = min(pause, _LONGEST_WHERE_UNKNOWN)
             cancellation.requests += 1
             cancellation.outdated = False
             cancellation.repeat = self._timers.call_at(

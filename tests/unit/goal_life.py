@@ -380,7 +380,8 @@ class Life:
             over = server.over or self.left_alone or (settled and not server.copies)
             self._require(self.released or not over, "what is over is released")
             # Nobody waits for ever for the result of a goal that ended.
-            forgotten = settled and server.ended
+            dropped = server.denied and goal.facts.left and self.now > 600.0
+            forgotten = settled and (server.ended or dropped)
             self._require(over or forgotten or not self.released, "what may run is watched on")
         if event == "result" and self.told[-1][1] is not None and settled:
             late = before.has_it and self._was_watched(effects)

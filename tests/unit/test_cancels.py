@@ -96,6 +96,18 @@ def test_a_server_that_does_not_know_the_goal_is_asked_again(world: World) -> No
     assert len(world.sent) == 3
 
 
+def test_a_server_that_never_knows_the_goal_is_asked_seldom_at_last(world: World) -> None:
+    queue = world.queue()
+    queue.ask(key(1))
+    for _ in range(3600):
+        if world.sent[-1][0] == world.clock.now():
+            queue.answered(key(1), CancelAnswer.UNKNOWN_GOAL, world.clock.now())
+        world.clock.advance(1.0)
+    assert len(world.sent) < 30  # 128 without that
+    queue.ask(key(1))  # it has it after all
+    assert world.clock.now() == world.sent[-1][0]
+
+
 def test_a_refusal_of_what_was_asked_before_ends_nothing(world: World) -> None:
     """It may have been said while the goal was being accepted, and come seconds later (R12)."""
     queue = world.queue()

@@ -197,6 +197,28 @@ def test_the_server_does_not_answer_and_accepts_after_all() -> None:
     assert life.count(Release) == 1
 
 
+def test_a_goal_whose_request_was_dropped_is_asked_for_less_and_less_and_forgotten() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    life.wait_until(8.0)
+    while not life.count(Release):
+        life.tell("result", None, None)  # the server lives, and does not know it
+        life.wait_until(min(life.timers.values()))
+        assert life.now < 3600.0
+    assert life.now > 600.0
+    assert life.count(AskResult) < 15
+    assert life.goal.facts.may_run  # it is told of as such, and nobody looks after it any more
+    assert life.goal.facts.left
+
+
+def test_a_goal_of_a_silent_server_is_not_forgotten() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    life.wait_until(7200.0)
+    assert life.count(Release) == 0
+    assert AskCancel() in life.see("accepted")
+
+
 @pytest.mark.parametrize("answer", ["cancel", "result"])
 def test_an_unanswered_goal_that_the_server_does_not_know_is_waited_for_no_more(
     answer: str,
