@@ -163,6 +163,10 @@ class Attempt:
         self._apply(self.goal.supersede())
         self._on_out_of_sight(self)
 
+    def forget(self) -> None:
+        """Look after the goal no more, though it may run."""
+        self._apply(self.goal.forget())
+
     def drop(self) -> None:
         """Cancel all timers: the link is gone."""
         self.goal.lose_touch()

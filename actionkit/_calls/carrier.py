@@ -5,6 +5,7 @@ Everything happens on the communication thread, but for the constructor, `begin`
 
 from __future__ import annotations
 
+import logging
 import time
 import uuid
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from actionkit._goal.stages import Stage
 from actionkit._model.settings import Timeouts
 from actionkit._ros.port import Port
 from actionkit._threads.clock import TimerHandle
+from actionkit._threads.diagnostics import log_later
 from actionkit._threads.waiting import Flag
 
 LINGER = 30.0
@@ -31,6 +33,8 @@ tells of that, and nothing polls more often (C7.4)."""
 _CTRL_C_HEARD = 0.6
 """Seconds in which a blocking call hears Ctrl-C (see `_threads.waiting`). It cancels its goal, also
 where the client abandons the others."""
+_MOST = 4096
+"""Goals that may run, from which on the oldest that was lost with its server is forgotten."""
 _DIED = "the communication thread of ActionKit died"
 
 
@@ -53,7 +57,8 @@ class PortCarrier:
         self.released = Flag()
         """Set when `release` has run, and has freed the port if nothing was in flight."""
         self._on_freed = on_freed
-        self._attempts: set[Attempt] = set()
+        self._attempts: dict[Attempt, None] = {}
+        """Those whose goal may run, oldest first."""
         self._releasing = False
         self._linger_timer: TimerHandle | None = None
         self._node_timer: TimerHandle | None = None
@@ -113,7 +118,7 @@ class PortCarrier:
             resent=resent,
             on_out_of_sight=self._out_of_sight,
         )
-        self._attempts.add(made)
+        self._attempts[made] = None
         return made
 
     def server_is_ready(self) -> bool:
@@ -210,8 +215,22 @@ class PortCarrier:
 
     def _out_of_sight(self, attempt: Attempt) -> None:
         if attempt.goal.stage is Stage.OVER:
-            self._attempts.discard(attempt)
+            self._attempts.pop(attempt, None)
+        elif attempt.goal.stage is Stage.LOST and len(self._attempts) > _MOST:
+            self._forget_a_lost_one()
         self._free_if_done()
+
+    def _forget_a_lost_one(self) -> None:
+        oldest = next(each for each in self._attempts if each.goal.stage is Stage.LOST)
+        log_later(
+            logging.WARNING,
+            "goal %s of action %s was lost with its server, and MAY STILL BE RUNNING: more than %d"
+            " goals may run, so it is not cancelled any more if that server is seen again",
+            oldest.goal_id,
+            self.action_name,
+            _MOST,
+        )
+        oldest.forget()
 
     @property
     def _done(self) -> bool:

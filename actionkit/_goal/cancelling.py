@@ -51,6 +51,12 @@ class CancellableGoal(GoalRecord):
             return self._settle(fx.End.CLOSED) + self._release()
         return self._give_up(CancelReason.CLOSED, now)
 
+    def forget(self) -> list[fx.Effect]:
+        """Nobody looks after the goal any more, though it may run."""
+        self.lose_touch()
+        self.stage = Stage.OVER
+        return self._release()
+
     def fail(self, reason: str, error: BaseException, now: float) -> list[fx.Effect]:
         """This side broke: nothing more can be learnt of the goal."""
         self.lose_touch()

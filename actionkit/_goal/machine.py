@@ -336,9 +336,7 @@ class Goal(CancellableGoal):
             return self._over()
         dropped = self.settled and self.stage is Stage.SENT and self._unknown_to_server
         if dropped and self._reask_after >= LAST_UNKNOWN_PAUSE:
-            self.lose_touch()
-            self.stage = Stage.OVER
-            return self._release()
+            return self.forget()
         effects: list[fx.Effect] = [fx.WatchStatus()]
         if self._cancel_reply is CancelReply.REFUSED_ONCE and self._refusal_counts:
             effects.append(fx.AskCancel())

@@ -9,7 +9,8 @@ import pytest
 
 import actionkit as ak
 from actionkit import GoalState, RetryPolicy, Timeouts
-from tests.conftest import NEVER, all_is_logged, runs_nothing
+from actionkit._calls import carrier
+from tests.conftest import NEVER, all_is_logged, is_accepted, runs_nothing
 
 ONCE = RetryPolicy.none()
 _QUESTIONS = 3
@@ -66,6 +67,21 @@ def test_the_last_word_of_a_server_does_not_seem_to_bring_it_back(
     client.close()
     # A goal that still seemed to be on a server would be watched, and keep the thread.
     assert "actionkit" not in own_threads()
+
+
+def test_no_more_lost_goals_are_kept_than_can_be(action_server, make_client, monkeypatch, caplog):
+    monkeypatch.setattr(carrier, "_MOST", 3)
+    server = action_server("never_finishes")
+    client = make_client(retry=RetryPolicy.none())
+    futures = [client.call_async({"order": 1}) for _ in range(6)]
+    assert all(map(is_accepted, futures))
+    server.terminate()
+    assert [type(future.exception(30)) for future in futures] == [ak.ServerLostError] * 6
+    assert client._session.port.table_sizes()["goals"] == 3
+    assert all_is_logged()
+    forgotten = [r.args[0] for r in caplog.records if "it is not cancelled any more" in r.msg]
+    assert len(forgotten) == 3
+    assert {future.known_to_run for future in futures} == {None}  # none is known to have stopped
 
 
 @pytest.mark.long

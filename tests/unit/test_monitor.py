@@ -394,9 +394,9 @@ def test_goals_on_a_server_that_is_back_are_told_so(world: World) -> None:
     world.serve()
     assert not world.monitor.sees_server_of(key)
     world.serve(b"b")
-    assert (goal.ready, world.monitor.sees_server_of(key)) == (1, False)
+    assert (goal.ready, world.monitor.sees_server_of(key)) == (0, False)  # it has never had it
     world.serve(b"a", b"b")
-    assert (goal.ready, world.monitor.sees_server_of(key)) == (2, True)
+    assert (goal.ready, world.monitor.sees_server_of(key)) == (1, True)
 
 
 def test_a_goal_that_is_forgotten_while_others_are_told_is_told_nothing(world: World) -> None:

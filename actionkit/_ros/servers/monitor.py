@@ -267,9 +267,13 @@ class ServerMonitor:
         self._tell_ready()
 
     def tell_sent_goals(self) -> None:
-        """Tell the goals that may be on a server that one is ready."""
-        for listener, _ in self._sent_goals():
-            listener.on_server_ready()
+        """Tell the goals that may be on a server that one is ready.
+
+        Others have nothing to say of those that were lost with a server.
+        """
+        for listener, goal in self._sent_goals():
+            if goal.servers or goal.sent_to & self.readiness.servers:
+                listener.on_server_ready()
 
     def _on_mismatch(self, served: tuple[str, ...]) -> None:
         for listener in list(self._awaiting):
