@@ -158,7 +158,8 @@ class CallMachine:
         self.goal_id = new_id()  # that of the goal which is told of
         self.attempts = 0
         self.attempt: AttemptView | None = None
-        self.earlier: list[AttemptView] = []  # all whose goal may run, but for the one under way
+        # All whose goal may run, or whose result may come, but for the one under way.
+        self.earlier: list[AttemptView] = []
         self.ending: fx.Ending | None = None
         self.cause: BaseException = RejectedByClassifier()  # the last failure, for strategies
         self.unwanted = False  # set by the caller's thread, before it is told by `cancel`
@@ -251,7 +252,12 @@ class CallMachine:
         never_sent = ending.progress is fx.GoalProgress.NEVER_SENT
         if not never_sent or attempt.goal.stage is not Stage.OVER:
             self.previous = attempt
-            self.earlier = [e for e in (*self.earlier, attempt) if e.goal.facts.may_run]
+            # One that has ended by itself counts, too, until its result has come (C4.3).
+            self.earlier = [
+                each
+                for each in (*self.earlier, attempt)
+                if each.goal.facts.may_run or each.goal.awaits_result_of
+            ]
         self.attempt = None
         if ending.end is not fx.End.NO_SERVER:
             return self._judge(ending)

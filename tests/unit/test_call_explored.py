@@ -65,6 +65,12 @@ MUTANTS = {
         "(*self.earlier, attempt)",
         "(attempt,)",
     ),
+    "a goal that has ended is not looked at while its result may come": (
+        CallMachine,
+        "ended",
+        " or each.goal.awaits_result_of",
+        "",
+    ),
     "who cancels waits for no earlier goal": (
         CallMachine,
         "_end",
@@ -167,3 +173,4 @@ def look_everywhere() -> None:
     explore("confirmed_stopped", attempts=2, servers=1, most=20_000)
     for hunting in HUNTS:
         hunt(*hunting, walks=4000)
+    explore("confirmed_stopped", attempts=2, servers=1, most=MANY)
