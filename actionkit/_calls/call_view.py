@@ -28,9 +28,10 @@ class GoalsOfCall:
         return tuple(goal.goal_id for goal in self._goals if goal.may_run and goal.goal_id)
 
     @property
-    def lost(self) -> bool:
-        """Whether each that may run was lost with its server: it is nowhere in sight."""
-        return all(goal.fate is Fate.LOST for goal in self._goals if goal.may_run)
+    def gone(self) -> bool:
+        """Whether each that may run was lost with a server that has left the graph."""
+        may_run = (goal for goal in self._goals if goal.may_run)
+        return all(goal.fate is Fate.LOST and goal.gone for goal in may_run)
 
     def left(self) -> GoalsOfCall:
         """Return those that may run."""

@@ -25,7 +25,7 @@ class FeedbackBroadcast(Generic[FeedbackT]):
         self.count = 0
         self._latest: tuple[int, Callable[[], FeedbackT]] | None = None
         self._streams: list[weakref.ref[FeedbackStream[FeedbackT]]] = []
-        """Not held: whoever leaves its loop early tells nobody, but lets go of its reader."""
+        """Weak, because a loop that is left early tells nobody: its reader is freed then."""
         self._ended = False
 
     def put(self, *decodes: Callable[[], FeedbackT]) -> None:

@@ -158,7 +158,7 @@ class CallMachine:
         self.goal_id = new_id()  # that of the goal which is told of
         self.attempts = 0
         self.attempt: AttemptView | None = None
-        # All whose goal may run, or whose result may come, but for the one under way.
+        # The attempts whose goal may run, or whose result may come; not the one under way.
         self.earlier: list[AttemptView] = []
         self.ending: fx.Ending | None = None
         self.cause: BaseException = RejectedByClassifier()  # the last failure, for strategies

@@ -37,6 +37,8 @@ class GoalFacts:
         accepted: Whether a server has shown that it has it.
         ended: Whether a server has shown that it does not run it any more.
         lost: Whether the server that it was sent to is out of sight.
+        gone: Whether that server had left the graph when the goal was lost, and not only fallen
+            silent, or been taken for one that another has replaced.
         left: Whether nobody looks after it any more.
     """
 
@@ -46,6 +48,7 @@ class GoalFacts:
     accepted: bool = False
     ended: bool = False
     lost: bool = False
+    gone: bool = False
     left: bool = False
 
     @property

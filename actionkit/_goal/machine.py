@@ -268,7 +268,7 @@ class Goal(CancellableGoal):
 
     def _unknown_so_far(self) -> list[fx.Effect]:
         """A live server does not know a goal that it was sent; it may yet (R6)."""
-        self._unknown_to_server = True
+        self._unknown_to_server = self._denied_lately = True
         if self.cancel_reason is CancelReason.UNANSWERED and not self.settled:
             return self._settle_given_up()  # nothing more is to be learnt by waiting
         return []
@@ -334,7 +334,9 @@ class Goal(CancellableGoal):
         ended = self._terminal_seen is not None
         if ended and self.settled and self._reask_after >= LAST_RESULT_PAUSE:
             return self._over()
-        dropped = self.settled and self.stage is Stage.SENT and self._unknown_to_server
+        # A server that has not answered since it was asked last may be busy, and take it yet.
+        dropped = self.settled and self.stage is Stage.SENT and self._denied_lately
+        self._denied_lately = False
         if dropped and self._reask_after >= LAST_UNKNOWN_PAUSE:
             return self.forget()
         effects: list[fx.Effect] = [fx.WatchStatus()]

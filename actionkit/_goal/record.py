@@ -44,6 +44,7 @@ class GoalRecord:
         self._resent = resent
         self.facts = GoalFacts(requests=int(resent))
         self._unknown_to_server = False
+        self._denied_lately = False  # it said so since it was last asked
         self._forgotten_at: float | None = None  # when it first did not know it any more
         self._terminal_seen: GoalState | None = None
         self._ended_first = False  # it was seen before the caller gave up

@@ -18,9 +18,9 @@ LONGEST_PAUSE = 30.0
 LONGEST_RESULT_PAUSE = 4.0
 """The same for a goal that has ended: somebody waits for its result, and the result may expire."""
 LAST_UNKNOWN_PAUSE = 300.0
-"""Pause, in seconds, after which a goal is no longer asked for that was never answered, and that
-its server does not know: the server has dropped the request. That is 14 minutes after the caller
-has gone; a server that answers has read all requests by then."""
+"""Pause, in seconds, after which a goal is forgotten whose request was never answered, while its
+server answers each time that it does not know the goal. The server has dropped the request. That
+is 14 minutes after the caller has gone; a server that answers has read all requests by then."""
 LAST_RESULT_PAUSE = 4.0
 """Pause, in seconds, after which the result of a goal that has ended is no longer asked for when
 its caller has gone. By then it was asked for at least three times."""

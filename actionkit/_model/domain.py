@@ -17,7 +17,7 @@ def environment_domain() -> int:
     """Return the ROS domain that the environment names; 0 where it names none.
 
     Raises:
-        ValueError: It names none that there is.
+        ValueError: Its text is not a ROS domain.
     """
     return domain_of_text(os.environ.get(VARIABLE, ""))
 
@@ -28,7 +28,7 @@ def domain_of_text(text: str) -> int:
     It reads as much as is a number for C, and nothing is said about the rest.
 
     Raises:
-        ValueError: There is no such domain.
+        ValueError: It is not a ROS domain.
     """
     rest = ctypes.c_char_p()
     read = ctypes.CDLL(None, use_errno=True).strtoul
@@ -38,7 +38,7 @@ def domain_of_text(text: str) -> int:
     no_number = (domain == 0 and rest.value) or ctypes.get_errno() == errno.ERANGE
     if no_number or LAST_DOMAIN < domain != _OF_RCL:
         raise ValueError(
-            f"{VARIABLE}={text!r} in the environment names no ROS domain: set it to a whole number"
+            f"{VARIABLE}={text!r} in the environment is not a ROS domain: set it to a whole number"
             f" from 0 to {LAST_DOMAIN}, best up to 101"
         )
     return domain % _OF_RCL

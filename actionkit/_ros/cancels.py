@@ -79,7 +79,7 @@ class _Cancellation:
         urgent: Whether its caller has little time left.
         asked_at: When `ask` was last called.
         requests: How many requests were sent since then.
-        unknown: How many of these were answered: the goal is not known.
+        unknown: How many of the last were answered: the goal is not known.
         outdated: Whether `ask` was called after the request that is unanswered. An answer
             "unknown goal" to that request then says nothing about now.
         timeout: Ends the wait for the answer to a request; `None` while no request is unanswered.
@@ -206,6 +206,7 @@ class CancelQueue:
             self._send(key)
 
     def _not_answered(self, key: bytes, cancellation: _Cancellation) -> None:
+        cancellation.unknown = 0  # it may be busy, and take the goal when it goes on
         self._window.unanswered()
         self._end_wait(key, cancellation)
 

@@ -151,6 +151,10 @@ class Link:
         """Whether a server is there that the goal was sent to."""
         return self.monitor.sees_server_of(listener.goal_id.bytes)
 
+    def server_is_gone(self, listener: GoalListener) -> bool:
+        """Whether no server is in sight that ever may have had the goal."""
+        return self.monitor.server_is_gone(listener.goal_id.bytes)
+
     def ask_result(self, listener: GoalListener, *, supersedes_earlier: bool = False) -> None:
         """Ask for the goal's result.
 

@@ -144,8 +144,8 @@ def resolve(node: Node, action_name: str) -> ActionNames:
         action_name: A name that was checked.
 
     Raises:
-        ValueError: It is no valid action name, or one of the five is none after remapping; or the
-            node was destroyed.
+        ValueError: It is not a valid action name, or one of the five is not valid after remapping;
+            or the node was destroyed.
     """
 
     def told(resolver: Callable[[str], str]) -> Callable[[str], str]:
@@ -166,7 +166,7 @@ def _resolved(resolver: Callable[[str], str], action_name: str, name: str) -> st
     """Return one name, resolved.
 
     Raises:
-        ValueError: It is no valid name, or becomes none by remapping.
+        ValueError: It is not a valid name, or what it is remapped to is not.
     """
     try:
         return resolver(name)
@@ -177,4 +177,4 @@ def _resolved(resolver: Callable[[str], str], action_name: str, name: str) -> st
         which = f"action_name={action_name!r}"
         if name != action_name:
             which += f" cannot be used: its {name!r}, or what that is remapped to,"
-        raise ValueError(f"{which} is no valid ROS name: {reason}") from error
+        raise ValueError(f"{which} is not a valid ROS name: {reason}") from error

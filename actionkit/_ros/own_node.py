@@ -55,7 +55,7 @@ def resolve_without_node(context: Context, node: Node, action_name: str) -> Acti
     Only a node has such rules, so there is one for a millisecond, called after our own.
 
     Raises:
-        ValueError: It is no valid action name.
+        ValueError: It is not a valid action name.
     """
     name = f"{node.get_name()}_names"
     # A launch file's __node is meant for the user's node: two nodes of one name confuse every tool.

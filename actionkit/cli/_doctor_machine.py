@@ -60,8 +60,8 @@ def machine(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
 def shared_memory(folder: Path = Path("/dev/shm")) -> Iterator[Finding]:
     """Yield a finding for each port of Fast DDS on which every process here waits for ever.
 
-    A process that is killed just after it made the file, and before it gave it a size, leaves it
-    so; whoever opens it waits for the one that made it.
+    A process that is killed after it made the file, and before it gave the file a size, leaves it
+    empty. Every other process that opens the file waits for that one.
     """
     for path in sorted(folder.glob("fastrtps_port*")):
         if not path.name.removeprefix("fastrtps_port").isdigit():

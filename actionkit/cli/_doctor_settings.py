@@ -46,7 +46,7 @@ def _domain(text: str) -> Finding:
     except ValueError:
         return problem(
             "ROS_DOMAIN_ID",
-            f"{text!r} is no domain: a whole number from 0 to {LAST_DOMAIN} is one.",
+            f"{text!r} is not a ROS domain, which is a whole number from 0 to {LAST_DOMAIN}.",
             f"export ROS_DOMAIN_ID=0, or whichever is that of the server; best up to {_SAFE}.",
         )
     if text != str(domain):

@@ -61,7 +61,7 @@ def full_name(survey: Survey, name: str) -> str:
     """Return the full name of an action.
 
     Raises:
-        click.BadParameter: It is no valid name.
+        click.BadParameter: It is not a valid name.
     """
     try:
         return survey.resolve(name)

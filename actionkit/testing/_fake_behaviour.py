@@ -38,7 +38,7 @@ def check_name(name: object) -> str:
         validate_topic_name(name)
     except InvalidTopicNameException as error:
         reason = " ".join(str(error).split("\n")[0].split(": ", 1)[-1].split())
-        raise ValueError(f"name={name!r} is no valid ROS name: {reason}") from None
+        raise ValueError(f"name={name!r} is not a valid ROS name: {reason}") from None
     return name
 
 

@@ -91,13 +91,13 @@ class Run:
     def holds_up(self) -> bool:
         """Whether nothing may be started beside it.
 
-        A goal that was lost with its server does not: who knows when that is seen again. The client
-        cancels it then.
+        A goal whose server has left the graph does not: that server may never be seen again, and if
+        it is, the client cancels the goal. A server that is only silent may go on with its goal.
         """
         known, future = self.known_to_run, self.future
         if known is not None or future is None:
             return known is not False
-        return not (future.done() and future._call.goals.lost)
+        return not (future.done() and future._call.goals.gone)
 
 
 class Runs:

@@ -151,7 +151,7 @@ def test_settings_that_keep_everybody_apart_are_problems(empty_world: World) -> 
         ("ROS_DOMAIN_ID", "", "ok", "domain 0", ""),
         ("ROS_DOMAIN_ID", "7", "ok", "7", ""),
         ("ROS_DOMAIN_ID", "150", "note", "above 101", "0 to 101"),
-        ("ROS_DOMAIN_ID", "233", "problem", "no domain", "ROS_DOMAIN_ID=0"),
+        ("ROS_DOMAIN_ID", "233", "problem", "not a ROS domain", "ROS_DOMAIN_ID=0"),
         ("ROS_DOMAIN_ID", "010", "note", "domain 8", "ROS_DOMAIN_ID=8"),
         ("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET", "ok", "SUBNET", ""),
         ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF", "problem", "no node sees", "SUBNET"),

@@ -248,7 +248,7 @@ def test_an_agent_that_hangs_and_ctrl_c(world: World, agent: HoldListener) -> No
         (("/a", "--status"), "not both"),
         (("--domain-id", "233"), "0<=x<=232"),
         (("--timeout", "-1"), "zero or more"),
-        (("not a name",), "no valid ROS name"),
+        (("not a name",), "not a valid ROS name"),
     ],
 )
 def test_wrong_usage_stops_nothing(

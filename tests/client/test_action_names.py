@@ -7,22 +7,21 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import astuple, dataclass
 
 import pytest
 from rclpy.action import ActionClient
 from rclpy.context import Context
-from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from test_msgs.action import Fibonacci, NestedMessage
 
 from actionkit import Client
-from actionkit._ros.discovery import stop_listening
 from actionkit._ros.joining import joining
 from actionkit._ros.native import RCLError
 from actionkit.testing import isolated_domain
+from tests.client.test_node import in_use
 
 SERVICES, TOPICS = ("send_goal", "get_result", "cancel_goal"), ("feedback", "status")
 ROBOTS = ("arm", "left", "left/arm", "right/arm", "ns/arm", "a/b/arm")
@@ -187,13 +186,8 @@ def planner(case: Case, domain: int) -> Iterator[Node]:
             use_global_arguments=case.takes_global,
             start_parameter_services=False,
         )
-    try:
+    with in_use(node):
         yield node
-    finally:
-        with suppress(InvalidHandle):  # the test has destroyed it
-            stop_listening(node)
-            node.destroy_node()
-        context.try_shutdown()
 
 
 def rclpys_names(node: Node, name: str) -> set[str] | type[Exception]:
@@ -293,7 +287,7 @@ REFUSED = ("", "/", "a//b", "arm/", "arm!", "a b", "1arm", "{robot}/arm", LONG_N
 def test_a_refused_name_is_told(ros_domain):
     with planner(Case([], init=[]), ros_domain) as node:
         for name, given in itertools.product(REFUSED, (node, None)):
-            with pytest.raises(ValueError, match=" is no valid ROS name: ") as caught:
+            with pytest.raises(ValueError, match=" is not a valid ROS name: ") as caught:
                 Client(Fibonacci, name, node=given)
             assert str(caught.value).startswith(f"action_name={name!r}")
             assert ("/_action/cancel_goal" in str(caught.value)) == (name == LONG_NAME)

@@ -46,5 +46,5 @@ def test_a_text_means_what_it_means_to_rcl(text, monkeypatch):
 def test_a_domain_without_ports_is_refused(text, monkeypatch):
     """Fast DDS ends the process there."""
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
-    with pytest.raises(ValueError, match="names no ROS domain: set it to a whole number"):
+    with pytest.raises(ValueError, match="is not a ROS domain: set it to a whole number"):
         environment_domain()

@@ -27,14 +27,20 @@ from tests.conftest import all_is_logged, until_shutdown
 def user_node(domain: int, *args: str, namespace: str = "") -> Iterator[Node]:
     context = Context()
     context.init(["--ros-args", *args] if args else [], domain_id=domain)
-    node = Node("users", context=context, namespace=namespace)
+    with in_use(Node("users", context=context, namespace=namespace)) as node:
+        yield node
+
+
+@contextmanager
+def in_use(node: Node) -> Iterator[Node]:
+    """Destroy a node at the end, and shut down its context."""
     try:
         yield node
     finally:
         with suppress(InvalidHandle):  # the test has destroyed it
             stop_listening(node)
             node.destroy_node()
-        context.try_shutdown()
+        node.context.try_shutdown()
 
 
 @contextmanager

@@ -84,6 +84,30 @@ def test_a_goal_that_was_lost_with_its_server_does_not_hold_up_the_next(
     assert lost.known_to_run is None
 
 
+def test_a_goal_of_a_server_that_is_only_silent_holds_up_the_next(
+    place: Place, open_client: MakeClient
+) -> None:
+    server = place.server("mute", script=["accept", "never"])
+    timeouts = Timeouts(server=1.0, liveness=1.0)
+    leaf = ActionBehaviour("a", open_client("mute", timeouts=timeouts), {"order": 1})
+    leaf.tick_once()
+    server.wait_for("executing", goal_id=str(leaf.future.goal_id))
+    lost = leaf.future
+    server.pause()
+    try:
+        tick_until(leaf, Status.FAILURE, BOUND)
+        assert "answered nothing" in leaf.feedback_message
+        leaf.tick_once()
+        assert leaf.future is None
+        tick_until(leaf, Status.FAILURE, BOUND)
+        assert f"{lost.goal_id} of this behaviour MAY STILL BE RUNNING" in leaf.feedback_message
+    finally:
+        server.resume()
+    server.wait_for("canceled", goal_id=str(lost.goal_id))
+    tick_until(leaf, lambda: leaf.future is not None and leaf.future.known_to_run, BOUND)
+    assert server.max_running == 1
+
+
 def test_its_time_includes_the_wait_for_the_earlier_goal(
     place: Place, open_client: MakeClient
 ) -> None:

@@ -131,6 +131,9 @@ class Link:
         goal = self.life.goals.get(listener.goal_id.bytes)
         return goal is not None and goal.server in self.in_sight
 
+    def server_is_gone(self, listener: Attempt) -> bool:
+        return not self.sees_server_of(listener)
+
     def ask_result(self, listener: Attempt, *, supersedes_earlier: bool = False) -> None:
         if listener.goal_id.bytes in self.listeners:
             asked = self.life.goals[listener.goal_id.bytes]

@@ -34,7 +34,15 @@ JUDGED = (fx.End.SUCCEEDED, fx.End.ABORTED, fx.End.REJECTED, fx.End.CANCELED_BY_
 TRANSIENT = (fx.End.NO_ACCEPTANCE, fx.End.LOST, fx.End.STALLED)
 
 
-UNIMPORTANT = ("_timeouts", "_deadline", "_reask_after", "facts", "state", "_phase")
+UNIMPORTANT = (
+    "_timeouts",
+    "_deadline",
+    "_reask_after",
+    "facts",
+    "state",
+    "_phase",
+    "_denied_lately",
+)
 
 
 class Broken(Exception):

@@ -211,6 +211,21 @@ def test_a_goal_whose_request_was_dropped_is_asked_for_less_and_less_and_forgott
     assert life.goal.facts.left
 
 
+def test_a_goal_of_a_server_that_denied_it_and_fell_silent_is_not_forgotten() -> None:
+    """It may be busy, with the request in its queue behind others."""
+    life = Life()
+    life.see(*UNTIL_SENT)
+    life.wait_until(8.0)
+    for _ in range(8):
+        life.tell("result", None, None)
+        life.wait_until(min(life.timers.values()))
+    assert life.now > 300.0
+    life.wait_until(7200.0)
+    assert life.count(Release) == 0
+    assert life.count(AskResult) > 200  # asked as often as ever
+    assert AskCancel() in life.see("accepted")
+
+
 def test_a_goal_of_a_silent_server_is_not_forgotten() -> None:
     life = Life()
     life.see(*UNTIL_SENT)

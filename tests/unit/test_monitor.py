@@ -451,6 +451,9 @@ def test_a_silent_server_with_a_successor_on_a_node_of_its_name_was_restarted(
 ) -> None:
     goal = restart(world, "server_a")
     assert (goal.lost, goal.ready) == (["another server of its name answers"], 1)
+    assert not world.monitor.server_is_gone(goal.goal_id.bytes)  # that is a guess
+    world.serve(b"b")
+    assert world.monitor.server_is_gone(goal.goal_id.bytes)
     # It may not have it any more, though the middleware still shows it.
     assert not world.monitor.sees_server_of(goal.goal_id.bytes)
 

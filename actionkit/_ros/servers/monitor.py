@@ -43,11 +43,13 @@ class _SentGoal:
         sent_at: When the goal was sent.
         servers: The ids of the servers in sight that may have it.
         sent_to: The ids of all servers that may have it or may still take it, in sight or not.
+        given_to: The same, and those that seem to have been replaced by another one.
     """
 
     sent_at: float
     servers: frozenset[bytes]
     sent_to: frozenset[bytes]
+    given_to: frozenset[bytes]
 
 
 class ServerMonitor:
@@ -163,7 +165,7 @@ class ServerMonitor:
     def goal_sent(self, key: bytes) -> None:
         """Note that a goal was sent just now. If it was sent before, only this time counts (R5)."""
         servers = self.readiness.servers
-        self._goals[key] = _SentGoal(self._runtime.now(), servers, servers)
+        self._goals[key] = _SentGoal(self._runtime.now(), servers, servers, servers)
 
     def forget(self, key: bytes) -> None:
         """Free what is held for a sent goal."""
@@ -173,6 +175,11 @@ class ServerMonitor:
         """Whether a server is in sight that the goal was sent to."""
         goal = self._goals.get(key)
         return goal is not None and bool(goal.sent_to & self.readiness.servers)
+
+    def server_is_gone(self, key: bytes) -> bool:
+        """Whether no server is in sight that ever may have had the goal."""
+        goal = self._goals.get(key)
+        return goal is not None and not goal.given_to & self.readiness.servers
 
     def may_be_elsewhere(self, key: bytes) -> bool:
         """Whether a server that does not know the goal may be another than the one that has it."""
@@ -315,9 +322,11 @@ class ServerMonitor:
         if unnamed or goal.sent_at > self._runtime.now() - _IN_SIGHT_WITHIN:
             goal.servers |= came
             goal.sent_to |= came
+            goal.given_to |= came
         if unnamed and not unnamed & self.readiness.servers:
             goal.servers = goal.servers - UNNAMED | self.readiness.servers
             goal.sent_to |= self.readiness.servers
+            goal.given_to = goal.given_to - UNNAMED | self.readiness.servers
 
     def _on_one_answers(self) -> None:
         """Find the goals whose server was replaced: of several servers only one answers."""

@@ -72,7 +72,7 @@ class Survey:
         """Return the full name of an action.
 
         Raises:
-            ValueError: It is no valid name.
+            ValueError: It is not a valid name.
         """
         check_name(name, has_node=False)
         node = self.runtime.node
