@@ -95,17 +95,17 @@ def test_exit(moment, code, action_server, run_script):
 
 
 WORKERS = """
-import multiprocessing, sys
+import multiprocessing, sys, threading
 from concurrent.futures import ProcessPoolExecutor
-from actionkit import Client
+from actionkit import Client, Timeouts
 from test_msgs.action import Fibonacci
 
 def work(end):
     global client
-    client = Client(Fibonacci, "fibonacci")
-    future = client.call_async({"order": 1})
-    while not future.known_to_run:
-        pass
+    client = Client(Fibonacci, "fibonacci", timeouts=Timeouts(server=25))
+    running = threading.Event()
+    client.call_async({"order": 1}, lambda _: running.set())
+    assert running.wait(25)
     if end == "raises":
         raise RuntimeError("mine")
     if end == "exits":
