@@ -80,7 +80,7 @@ MUTANTS = {
     "the end names no goal that may run": (
         CallMachine,
         "_finish",
-        "self.goals.may_run",
+        "self.goals.reports",
         "()",
     ),
     "a late success is not heard": (
@@ -122,7 +122,7 @@ MUTANTS = {
     "that a server does not know a goal counts as its end": (
         Goal,
         "_unknown_so_far",
-        "self._unknown_to_server = True",
+        "self._unknown_to_server = self._denied_lately = True",
         "self.facts.noes = self.facts.requests",
     ),
     "a lost goal is not cancelled when its server is back": (
@@ -158,6 +158,11 @@ HUNTS = (
 @pytest.mark.parametrize("hunting", HUNTS)
 def test_no_promise_is_broken_on_long_ways(hunting: tuple[str, int, int]) -> None:
     assert hunt(*hunting, walks=300) > 10_000
+
+
+@pytest.mark.parametrize("mutant", MUTANTS)
+def test_there_is_such_code_to_break(mutant: str) -> None:
+    assert broken(*MUTANTS[mutant])  # so that a change of the code is noticed without `--long`
 
 
 @pytest.mark.long
