@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 import uuid
+from dataclasses import replace
 from functools import partial
 from typing import Any, ClassVar, Protocol
 
@@ -222,7 +223,8 @@ class Call:
         if ending.end is fx.End.SUCCEEDED and self._request.classify is None:
             self._judged(ending, None, Verdict.SUCCESS)  # most are: no outcome is made for it
         else:
-            outcome = self._record.outcome(ending, self.goal_id, self.machine.attempts)
+            told = replace(ending, goals=self.goals.reports)
+            outcome = self._record.outcome(told, self.goal_id, self.machine.attempts)
             self._judging.begin(ending, outcome, time.monotonic(), self._deadline, self._judged)
 
     def _judged(

@@ -153,6 +153,7 @@ class CallRecord:
             callback_errors=0 if callbacks is None else callbacks.errors,
             feedback_count=self.tape.count,
             elapsed=context.elapsed,
+            goals=ending.goals,
         )
 
     def tell_outcome(self, outcome: Outcome[Any]) -> None:

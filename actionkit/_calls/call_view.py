@@ -7,35 +7,57 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from actionkit._goal.facts import Fate, GoalFacts
+from actionkit._goal.facts import GoalFacts
 from actionkit._model.timeline import Recorder
-from actionkit._model.values import GoalState
+from actionkit._model.values import GoalFate, GoalReport, GoalState
+
+_KEPT = 100
+"""How many goals of a call are kept that run no more, for `Outcome.goals`."""
 
 
 class GoalsOfCall:
-    """The goals that were made for a call and may run. Written by one thread, read by any."""
+    """The goals of a call that were made: each that may run, and the last of the others.
+
+    Written by one thread, read by any.
+    """
 
     def __init__(self, goals: Iterable[GoalFacts] = ()) -> None:
-        self._goals = [goal for goal in goals if goal.may_run]
+        self._goals = list(goals)
 
     def add(self, goal: GoalFacts) -> None:
-        """Take in one that is about to be sent; those that are over are let go."""
-        self._goals = [*(each for each in self.left()._goals if each is not goal), goal]
+        """Take in one that is about to be sent."""
+        over = [each for each in self._goals if not each.may_run]
+        forgotten = [goal, *over[: -(_KEPT - 1)]]
+        goals = [each for each in self._goals if not any(each is one for one in forgotten)]
+        self._goals = [*goals, goal]
+
+    @property
+    def _left(self) -> list[GoalFacts]:
+        return [goal for goal in self._goals if goal.may_run]
+
+    @property
+    def reports(self) -> tuple[GoalReport, ...]:
+        """What is known of each that was sent, oldest first (C2.8)."""
+        return tuple(report for goal in self._goals if (report := goal.report) is not None)
 
     @property
     def may_run(self) -> tuple[uuid.UUID, ...]:
         """The ids of those that may run, oldest first (C2.8)."""
-        return tuple(goal.goal_id for goal in self._goals if goal.may_run and goal.goal_id)
+        return tuple(goal.goal_id for goal in self._left if goal.goal_id)
 
     @property
     def gone(self) -> bool:
         """Whether each that may run was lost with a server that has left the graph."""
-        may_run = (goal for goal in self._goals if goal.may_run)
-        return all(goal.fate is Fate.LOST and goal.gone for goal in may_run)
+        return all(goal.fate is GoalFate.LOST and goal.gone for goal in self._left)
 
     def left(self) -> GoalsOfCall:
         """Return those that may run."""
-        return GoalsOfCall(self._goals)
+        return GoalsOfCall(self._left)
+
+    def tell(self) -> None:
+        """Note that their user has been told of those that may run."""
+        for goal in self._left:
+            goal.told = True
 
     @property
     def known_to_run(self) -> bool | None:

@@ -17,6 +17,7 @@ from actionkit._calls.call import Call
 from actionkit._calls.explain import CLIENT_CLOSED
 from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.signals import is_ending
+from actionkit._goal.facts import GoalFacts
 from actionkit._goal.stages import Stage
 from actionkit._model.settings import Timeouts
 from actionkit._ros.port import Port
@@ -139,9 +140,10 @@ class PortCarrier:
         self.calls.discard(call)
         self._free_if_done()
 
-    def running(self) -> list[uuid.UUID]:
-        """Return the ids of the goals that may be running. From any thread."""
-        return [each.goal_id for each in list(self._attempts) if each.goal.facts.may_run]
+    def untold(self) -> list[GoalFacts]:
+        """Return the goals that may be running, and nobody was told so. From any thread."""
+        goals = [each.goal.facts for each in list(self._attempts)]
+        return [goal for goal in goals if goal.may_run and not goal.told]
 
     @property
     def confirming(self) -> bool:

@@ -58,7 +58,7 @@ class ClassifyRunner:
 
         def answer(verdict: Verdict | Fault | NoAnswer) -> None:
             if isinstance(verdict, NoAnswer):
-                verdict = Fault(f"{label} {verdict.why}")
+                verdict = Fault(f"{label} {verdict.why}", asked=verdict.asked)
             if isinstance(verdict, Fault) and outcome.error is not None and not verdict.impossible:
                 # The goal's own error goes to the caller, and has no room for the traceback. Not
                 # on this thread: the log's handlers are the user's.

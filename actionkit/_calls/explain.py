@@ -17,12 +17,20 @@ from actionkit._goal.effects import End, Ending
 from actionkit._model import errors
 from actionkit._model.printable import full_stop
 from actionkit._model.settings import Timeouts
-from actionkit._model.values import CancelReport, GoalState, Timeline, Verdict
+from actionkit._model.values import CancelReport, GoalFate, GoalState, Timeline, Verdict
 from actionkit._threads.function_runner import LONGEST_ANSWER
 
 CLIENT_CLOSED = "its client was closed"
 """Why most calls end that did not end by themselves; others end when ROS was shut down."""
 _BY_CLASSIFY = (End.REJECTED_BY_CLASSIFIER, End.CLASSIFIER_FAILED)
+_NAMED = 10
+"""How many goals an error names; `Outcome.goals` has all."""
+_WHY_IT_MAY_RUN = {
+    GoalFate.UNANSWERED: "the server has not answered, and may accept it yet",
+    GoalFate.RUNNING: "the server has not said that it ended",
+    GoalFate.LOST: "the server is gone, or silent",
+    GoalFate.LEFT: "nobody looks after it any more",
+}
 _DISCOVERY = 3.0
 """Seconds that a server which runs may take to be seen, on machines with other work."""
 _MORE_TIME = (
@@ -87,11 +95,19 @@ def _exhausted(ending: Ending, call: ErrorContext) -> BaseException:
 def _left_running(text: str, ending: Ending, call: ErrorContext) -> str:
     """Name the goals of the call that may run and that a text does not speak of (C2.8)."""
     told = " STILL " in text and call.goal_id  # it says so of the goal that it is about
-    left = [str(goal_id) for goal_id in ending.may_run if goal_id != told]
-    if not left:
-        return ""
-    which = f"goal {' and goal '.join(left)} of this call"
-    return f" {which[0].upper()}{which[1:]} MAY STILL BE RUNNING."
+    left: dict[str, list[str]] = {}
+    for goal in ending.goals:
+        if goal.fate.may_run and goal.goal_id != told:
+            refused = goal.fate is GoalFate.RUNNING and goal.cancel_refused
+            why = "the server refused to cancel it" if refused else _WHY_IT_MAY_RUN[goal.fate]
+            left.setdefault(why, []).append(f"goal {goal.goal_id}")
+    return "".join(_may_still_run(goals, why) for why, goals in left.items())
+
+
+def _may_still_run(goals: list[str], why: str) -> str:
+    more = f" and {len(goals) - _NAMED} more" if len(goals) > _NAMED else ""
+    which = f"{' and '.join(goals[:_NAMED])}{more} of this call"
+    return f" {which[0].upper()}{which[1:]} MAY STILL BE RUNNING: {why}."
 
 
 def _common(call: ErrorContext) -> dict[str, Any]:
@@ -152,12 +168,20 @@ def _cancel_sentence(ending: Ending, call: ErrorContext) -> str:
         return " It was cancelled on the server, which confirmed that it runs no more."
     if ending.own_cancel is CancelReport.REFUSED:
         return " The server refused to cancel it: IT IS STILL RUNNING."
+    if ending.own_cancel is CancelReport.UNKNOWN and _is_lost(ending, call):
+        return " Its server is gone, or silent: IT MAY STILL BE RUNNING."
     if ending.own_cancel is CancelReport.UNKNOWN:
         return (
             f" The server did not confirm its cancellation within {call.timeouts.cancel:g} s:"
             " IT MAY STILL BE RUNNING."
         )
     return ""
+
+
+def _is_lost(ending: Ending, call: ErrorContext) -> bool:
+    """Whether the server of the goal that this is about is out of sight: it was not waited for."""
+    fates = (goal.fate for goal in ending.goals if goal.goal_id == call.goal_id)
+    return GoalFate.LOST in fates
 
 
 def _no_server(ending: Ending, call: ErrorContext) -> str:
@@ -263,9 +287,9 @@ def _result_lost(ending: Ending, call: ErrorContext) -> str:
     ended = "ended" if ending.ended_as is None else f"ended as {ending.ended_as}"
     return (
         f"{_what(call)} {ended}, but its result cannot be had after {call.elapsed:.1f} s:"
-        f" {ending.lost_because}. Raise the server's result_timeout, look in its log for an error"
-        " after the goal's end, or allow the result more time with timeout= or"
-        " Timeouts(result=...)."
+        f" {ending.lost_because}. Look in the server's log for a restart, or an error after the"
+        " goal's end, raise the server's result_timeout, or allow the result more time with"
+        " timeout= or Timeouts(result=...)."
     )
 
 
@@ -285,10 +309,13 @@ def _deadline(ending: Ending, call: ErrorContext) -> str:
             " server's log for an error after the goal's end, or give the call more time."
         )
     if ending.phase == "cancel":
+        unconfirmed = f"the server did not confirm that within {call.timeouts.cancel:g} s"
+        if _is_lost(ending, call):
+            unconfirmed = "its server is gone, or silent"
         return (
-            f"{_what(call)} was cancelled by its caller, but the server did not confirm that"
-            f" within {call.timeouts.cancel:g} s: IT MAY STILL BE RUNNING. It is cancelled as"
-            " soon as the server answers; stop it by other means if that cannot wait."
+            f"{_what(call)} was cancelled by its caller, but {unconfirmed}: IT MAY STILL BE"
+            " RUNNING. It is cancelled as soon as the server answers; stop it by other means if"
+            " that cannot wait."
         )
     if ending.phase == "server" and call.attempts == 1:
         return (
@@ -327,11 +354,15 @@ def _classifier_failed(ending: Ending, call: ErrorContext) -> str:
             " canceled, or failed without a result, is never a success: let that function return"
             " None for it, or another Verdict."
         )
+    remedy = (
+        "Correct that function: it has to return a Verdict, or None where it has no opinion, in"
+        f" the time that is left to the call, and within {LONGEST_ANSWER:g} s."
+    )
+    if not ending.classifier_fault.asked:
+        remedy = "Start fewer threads in this program, or allow more (see `ulimit -u`)."
     return (
         f"{_what(call)} succeeded on the server, but {happened} So the call does not count as a"
-        " success. The result is in `error.result`. Correct that function: it has to return a"
-        " Verdict, or None where it has no opinion, in the time that is left to the call, and"
-        f" within {LONGEST_ANSWER:g} s."
+        f" success. The result is in `error.result`. {remedy}"
     )
 
 

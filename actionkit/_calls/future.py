@@ -143,7 +143,10 @@ class GoalFuture(
                 f"the goal is still {self.state} after the local wait; it was not cancelled"
             )
         assert self._outcome is not None
-        return self._outcome.error
+        error = self._outcome.error
+        if error is not None:
+            self._call.goals.tell()  # its text names those that may run
+        return error
 
     def done(self) -> bool:
         """Whether the call is over."""

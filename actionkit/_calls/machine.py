@@ -208,7 +208,7 @@ class CallMachine:
         if self._last is None:
             return self._end(fx.Ending(end, GoalState.SENDING, given_up=True))
         # Nothing is cancelled now: what is told is the fate of the last goal, and no more.
-        return self._end(fx.Ending(end, self._last.status, fate=self._last.fate, given_up=True))
+        return self._end(fx.Ending(end, self._last.status, news=self._last.news, given_up=True))
 
     def end_grace(self, why: str) -> list[Effect]:
         """There is no more time for confirmations."""
@@ -369,12 +369,13 @@ class CallMachine:
         ending = self.ending
         assert ending is not None
         self.phase = Phase.ENDED
-        if may_run := self.goals.may_run:
-            if ending.end is fx.End.CANCELLED_BY_CALLER:  # which means that nothing runs
-                unconfirmed, late = fx.End.DEADLINE, GoalState.TIMED_OUT
-                ending = replace(ending, end=unconfirmed, status=late, phase="cancel")
-                if self.goal_id not in may_run:
-                    self.goal_id = may_run[-1]
-            self.ending = ending = replace(ending, may_run=may_run)
+        ending = replace(ending, goals=self.goals.reports)
+        # `CANCELLED_BY_CALLER` means that nothing runs.
+        if ending.end is fx.End.CANCELLED_BY_CALLER and (may_run := ending.may_run):
+            unconfirmed, late = fx.End.DEADLINE, GoalState.TIMED_OUT
+            ending = replace(ending, end=unconfirmed, status=late, phase="cancel")
+            if self.goal_id not in may_run:
+                self.goal_id = may_run[-1]
+        self.ending = ending
         self.previous, self.earlier = None, []  # they hold the call while they are watched
         return [Finish(ending)]

@@ -11,7 +11,7 @@ from typing import Any
 
 import tenacity
 
-from actionkit._goal.effects import End, Ending, Fault, GoalFate, GoalProgress
+from actionkit._goal.effects import End, Ending, Fault, GoalProgress, LastNews
 from actionkit._model.settings import MOST, RetryPolicy
 from actionkit._threads.function_runner import described, name_of
 
@@ -26,12 +26,12 @@ class Resend(Enum):
     """A new goal. It is held back while an earlier goal of the call may run (`Call.may_send`)."""
 
 
-def how_to_resend(progress: GoalProgress, fate: GoalFate, resend: str) -> Resend:
+def how_to_resend(progress: GoalProgress, news: LastNews, resend: str) -> Resend:
     """Decide about a goal that may have reached the server (C4.2).
 
     Args:
         progress: How far it got.
-        fate: What is known about it now.
+        news: What is known about it now.
         resend: `RetryPolicy.resend`.
     """
     if progress in (GoalProgress.NEVER_SENT, GoalProgress.REJECTED):
@@ -40,9 +40,9 @@ def how_to_resend(progress: GoalProgress, fate: GoalFate, resend: str) -> Resend
         return Resend.NEW_ID
     if resend == "never_accepted":
         return Resend.NO  # an unanswered goal may have been accepted, an accepted one was
-    if fate is GoalFate.STOPPED or (fate is GoalFate.SERVER_GONE and resend == "server_gone"):
+    if news is LastNews.STOPPED or (news is LastNews.SERVER_GONE and resend == "server_gone"):
         return Resend.NEW_ID
-    if fate is GoalFate.UNKNOWN_TO_SERVER and progress is GoalProgress.UNANSWERED:
+    if news is LastNews.UNKNOWN_TO_SERVER and progress is GoalProgress.UNANSWERED:
         return Resend.SAME_ID
     return Resend.NO
 
@@ -77,10 +77,10 @@ def after_no_server(
     if ready:
         why = "a server is there, but has not said whether the earlier goal still runs"
     if ending.progress is GoalProgress.NEVER_SENT:
-        fate = last.fate if in_flight else GoalFate.STOPPED
+        news = last.news if in_flight else LastNews.STOPPED
     else:
-        fate = ending.fate  # it is the same goal, which was to be sent again
-    return replace(last, fate=fate, not_retried=why)
+        news = ending.news  # it is the same goal, which was to be sent again
+    return replace(last, news=news, not_retried=why)
 
 
 @dataclass(frozen=True)

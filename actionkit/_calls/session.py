@@ -63,7 +63,6 @@ class Session:
         self.cancel_grace = cancel_grace
         self._interrupted_at = -math.inf
         """Monotonic time at which Ctrl-C ended a wait for cancellations."""
-        self._warned_of: list[uuid.UUID] = []
         self._pid = os.getpid()
         self._closed = False
         self._carriers = Carriers(open_port, self._on_freed, abandon=on_close == "abandon")
@@ -220,10 +219,9 @@ class Session:
                 self.end_grace()
             finally:
                 self.release_and_wait()
-            left = self.running()
-            self._warned_of += left
+            left = self._told_now()
             seconds = None if self.await_freed(time.monotonic()) else LINGER  # none for lost goals
-            warn_of_goals_left([(self.action_name, goal_id) for goal_id in left], seconds)
+            warn_of_goals_left(left, seconds)
             if not self.was_interrupted:
                 self.callbacks.dues.finish(time.monotonic() + patience(self.cancel_grace))
         finally:
@@ -259,10 +257,15 @@ class Session:
         """Return the futures of the calls in flight."""
         return [call.future for call in self._calls()]
 
-    def running(self) -> list[uuid.UUID]:
-        """Return the ids of the goals that may be running, but for those that were warned of."""
-        goals = [goal_id for carrier in self._carriers for goal_id in carrier.running()]
-        return [goal_id for goal_id in goals if goal_id not in self._warned_of]
+    def _told_now(self) -> list[tuple[str, uuid.UUID]]:
+        """Return the goals that may be running, with the action's name, to be told of now.
+
+        Those that were told of before are left out: by a warning, or by the end of their call.
+        """
+        left = [goal for carrier in self._carriers for goal in carrier.untold()]
+        for goal in left:
+            goal.told = True
+        return [(self.action_name, goal.goal_id) for goal in left if goal.goal_id]
 
     @property
     def confirming(self) -> bool:
@@ -270,15 +273,11 @@ class Session:
         return any(carrier.confirming for carrier in self._carriers)
 
     def give_up_waiting(self) -> list[tuple[str, uuid.UUID]]:
-        """Wait no more for the goals that may be running, and return them with the action's name.
-
-        Those that were warned of before are left out.
-        """
-        left = self.running()
+        """Wait no more for the goals that may be running; return those to be told of."""
+        left = self._told_now()
         if left or self.pending:
             self._interrupted_at = time.monotonic()
-        self._warned_of += left
-        return [(self.action_name, goal_id) for goal_id in left]
+        return left
 
     def _calls(self) -> list[Call]:
         return [call for carrier in self._carriers for call in list(carrier.calls)]

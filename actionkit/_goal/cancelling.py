@@ -134,7 +134,7 @@ class CancellableGoal(GoalRecord):
     def _believe_refusal(self, now: float) -> list[fx.Effect]:
         """The goal runs on. What that means depends on who is left to wait for it."""
         told = [] if self._refusal_told else [fx.Record(self.state, _REFUSED, cancel_refused=True)]
-        self._refusal_told = True
+        self._refusal_told = self.facts.refused = True
         if self.settled or self.cancel_reason not in _CALLER_MAY_WAIT:
             return [*told]  # a success in the time that is left is not thrown away (C2.3)
         if self._deadline is not None and now >= self._deadline:
@@ -151,6 +151,7 @@ class CancellableGoal(GoalRecord):
     def _cancel_accepted(self, now: float) -> list[fx.Effect]:
         """The server cancels the goal; perhaps after it, or another server, had refused to."""
         self._cancel_reply = CancelReply.ACCEPTED
+        self.facts.refused = False
         if self._refused_reason is None or self._unwanted:
             return []
         self.cancel_reason, self._refused_reason = self._refused_reason, None

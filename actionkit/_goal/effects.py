@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
 from typing import Any, TypeAlias
 
-from actionkit._model.values import CancelReport, GoalState, Verdict
+from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalState, Verdict
 
 
 class Timer(IntEnum):
@@ -39,7 +39,7 @@ class GoalProgress(Enum):
     ACCEPTED = auto()
 
 
-class GoalFate(Enum):
+class LastNews(Enum):
     """What is known about a goal now."""
 
     NOTHING = auto()
@@ -83,11 +83,13 @@ class Fault:
         problem: A clause for the error's text: "`classify=judge` raised ValueError: no".
         cause: What the function raised, or the error of the goal that it called a success.
         impossible: Whether it called a goal a success that cannot be one.
+        asked: Whether the function was called; else it is not to blame.
     """
 
     problem: str
     cause: BaseException | None = None
     impossible: bool = False
+    asked: bool = True
 
 
 @dataclass(slots=True)
@@ -100,13 +102,13 @@ class Ending:
         result: The result message, where the server sent one.
         phase: What was being waited for when the deadline passed, else `""`.
         progress: How far the goal got.
-        fate: What is known about it now.
+        news: What is known about it now.
         given_up: Whether the caller gave up on the goal before it ended.
         ended_as: The terminal state in which a server showed the goal, with or without a result.
         ended_first: Whether it did so before the caller gave up on the goal.
         abandoned: Whether it was left to run on purpose.
         refused: Whether the server refused to cancel the goal, and that is why it came to this.
-        may_run: The ids of all goals of the same call that may be running (C2.8).
+        goals: What is known of the goals of the same call (C2.8).
         served: The types with which the name is served, where none is the client's.
         error: The exception that ended it: what is wrong with the goal, or what broke this side.
         lost_because: Why its server counts as lost, why its result cannot be had, or what was shut
@@ -122,13 +124,13 @@ class Ending:
     result: Any = None
     phase: str = ""
     progress: GoalProgress = GoalProgress.NEVER_SENT
-    fate: GoalFate = GoalFate.STOPPED
+    news: LastNews = LastNews.STOPPED
     given_up: bool = False
     ended_as: GoalState | None = None
     ended_first: bool = False
     abandoned: bool = False
     refused: bool = False
-    may_run: tuple[uuid.UUID, ...] = ()
+    goals: tuple[GoalReport, ...] = ()
     served: tuple[str, ...] = ()
     error: BaseException | None = None
     lost_because: str = ""
@@ -138,10 +140,17 @@ class Ending:
     strategy_fault: Fault | None = None
 
     @property
+    def may_run(self) -> tuple[uuid.UUID, ...]:
+        """The ids of those goals that may be running, oldest first."""
+        return tuple(goal.goal_id for goal in self.goals if goal.fate.may_run)
+
+    @property
     def cancel(self) -> CancelReport | None:
         """What became of the goals of the call that may run, or that its caller gave up on."""
         if self.may_run:  # the worst counts (C2.8)
-            return CancelReport.REFUSED if self.refused else CancelReport.UNKNOWN
+            running = (goal for goal in self.goals if goal.fate is GoalFate.RUNNING)
+            refused = self.refused or any(goal.cancel_refused for goal in running)
+            return CancelReport.REFUSED if refused else CancelReport.UNKNOWN
         return self.own_cancel
 
     @property
@@ -151,7 +160,7 @@ class Ending:
             return CancelReport.REFUSED if self.refused else None
         if self.ended_as is not None:
             return CancelReport.CONFIRMED
-        if self.fate is GoalFate.STOPPED:
+        if self.news is LastNews.STOPPED:
             return CancelReport.NOT_NEEDED
         return CancelReport.REFUSED if self.refused else CancelReport.UNKNOWN
 

@@ -7,23 +7,8 @@ from __future__ import annotations
 
 import uuid
 from dataclasses import dataclass
-from enum import Enum
 
-
-class Fate(str, Enum):
-    """What is known of a goal."""
-
-    NOT_SENT = "NOT_SENT"
-    UNANSWERED = "UNANSWERED"
-    """A request for it has not been answered: it may be accepted yet (R6)."""
-    RUNNING = "RUNNING"
-    REJECTED = "REJECTED"
-    """Each request for it was answered "no"."""
-    ENDED = "ENDED"
-    LOST = "LOST"
-    """It may run, and no server that it was sent to is in sight."""
-    LEFT = "LEFT"
-    """It may run, and nobody looks after it any more."""
+from actionkit._model.values import GoalFate, GoalReport
 
 
 @dataclass(slots=True)
@@ -40,6 +25,8 @@ class GoalFacts:
         gone: Whether that server had left the graph when the goal was lost, and not only fallen
             silent, or been taken for one that another has replaced.
         left: Whether nobody looks after it any more.
+        refused: Whether the server has refused to cancel it, and has not changed its mind.
+        told: Whether its user has been told that it may run.
     """
 
     goal_id: uuid.UUID | None = None
@@ -50,6 +37,8 @@ class GoalFacts:
     lost: bool = False
     gone: bool = False
     left: bool = False
+    refused: bool = False
+    told: bool = False
 
     @property
     def may_run(self) -> bool:
@@ -64,12 +53,19 @@ class GoalFacts:
         return True if self.accepted and not (self.lost or self.left) else None
 
     @property
-    def fate(self) -> Fate:
-        """The same in a word."""
+    def fate(self) -> GoalFate | None:
+        """The same in a word; `None` where no request was sent."""
         if not self.requests:
-            return Fate.NOT_SENT
+            return None
         if not self.may_run:
-            return Fate.ENDED if self.ended else Fate.REJECTED
+            return GoalFate.ENDED if self.ended else GoalFate.REJECTED
         if self.left or self.lost:
-            return Fate.LEFT if self.left else Fate.LOST
-        return Fate.RUNNING if self.accepted else Fate.UNANSWERED
+            return GoalFate.LEFT if self.left else GoalFate.LOST
+        return GoalFate.RUNNING if self.accepted else GoalFate.UNANSWERED
+
+    @property
+    def report(self) -> GoalReport | None:
+        """What its user is told of it; `None` where no request was sent."""
+        if self.goal_id is None or (fate := self.fate) is None:
+            return None
+        return GoalReport(self.goal_id, fate, cancel_refused=self.refused)

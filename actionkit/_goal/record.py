@@ -162,7 +162,7 @@ class GoalRecord:
             result=result,
             phase=self._phase if end is fx.End.DEADLINE else "",
             progress=self._progress,
-            fate=self._fate,
+            news=self._news,
             given_up=self.cancel_reason is not None or self.closing is Closing.ABANDONED,
             ended_as=self._terminal_seen,
             ended_first=self._ended_first,
@@ -175,13 +175,13 @@ class GoalRecord:
         return [fx.Settle(ending)]
 
     @property
-    def _fate(self) -> fx.GoalFate:
+    def _news(self) -> fx.LastNews:
         over = self.stage is Stage.OVER and self.closing not in _LEFT_ALONE
         if over or self._terminal_seen is not None:
-            return fx.GoalFate.STOPPED
+            return fx.LastNews.STOPPED
         if self.stage is Stage.LOST:
-            return fx.GoalFate.SERVER_GONE
-        return fx.GoalFate.UNKNOWN_TO_SERVER if self._unknown_to_server else fx.GoalFate.NOTHING
+            return fx.LastNews.SERVER_GONE
+        return fx.LastNews.UNKNOWN_TO_SERVER if self._unknown_to_server else fx.LastNews.NOTHING
 
     def supersede(self) -> list[fx.Effect]:
         """Another attempt takes over the goal, with its id (C4.2)."""

@@ -65,6 +65,32 @@ class CancelReport(str, Enum):
         return self.value
 
 
+class GoalFate(str, Enum):
+    """What is known of one goal that a call has sent."""
+
+    UNANSWERED = "UNANSWERED"
+    """The server has not answered: it may accept the goal yet."""
+    RUNNING = "RUNNING"
+    """A server accepted it, and has not shown that it ended."""
+    REJECTED = "REJECTED"
+    """The server rejected it: it never ran."""
+    ENDED = "ENDED"
+    """A server has shown that it runs no more."""
+    LOST = "LOST"
+    """Its server went out of sight: the goal may be running, and is cancelled if the server is
+    seen again."""
+    LEFT = "LEFT"
+    """It may be running, and nobody looks after it any more."""
+
+    def __str__(self) -> str:
+        return self.value
+
+    @property
+    def may_run(self) -> bool:
+        """Whether the goal may be running, or may begin to run."""
+        return self not in (GoalFate.REJECTED, GoalFate.ENDED)
+
+
 class Verdict(str, Enum):
     """What a `classify=` function says of an outcome."""
 
@@ -97,6 +123,21 @@ class GoalEvent:
     monotonic: float
     wall: float
     detail: str = ""
+    cancel_refused: bool = False
+
+
+@dataclass(frozen=True)
+class GoalReport:
+    """What was known of one goal when its call ended.
+
+    Attributes:
+        goal_id: The goal's id.
+        fate: What was known of it.
+        cancel_refused: Whether the server refused to cancel it.
+    """
+
+    goal_id: uuid.UUID
+    fate: GoalFate
     cancel_refused: bool = False
 
 
@@ -161,10 +202,13 @@ class Outcome(Generic[ResultT]):
         attempts: How many goals were sent.
         timeline: The call's events, oldest first; `print` it to read it.
         goal_id: The id of the last goal.
-        cancel: What became of a goal that the caller gave up on; `None` where nobody gave up.
+        cancel: What became of the goals of the call: the worst of those that may be running;
+            else of the goal that the caller gave up on, `None` where nobody gave up.
         callback_errors: How many times a callback of the user's raised.
         feedback_count: How many feedback messages of the goal were received.
         elapsed: Seconds from the call to its end.
+        goals: The goals that were sent, oldest first: each that may be running, and of the others
+            the last 100.
     """
 
     status: GoalState
@@ -177,6 +221,7 @@ class Outcome(Generic[ResultT]):
     callback_errors: int = 0
     feedback_count: int = 0
     elapsed: float = 0.0
+    goals: tuple[GoalReport, ...] = ()
 
     @property
     def state(self) -> GoalState:

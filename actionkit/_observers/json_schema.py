@@ -67,6 +67,7 @@ def outcome_line(
             "error": None if outcome.error is None else str(outcome.error),
             "attempts": outcome.attempts,
             "cancel": None if outcome.cancel is None else outcome.cancel.value,
+            "may_run": [str(goal.goal_id) for goal in outcome.goals if goal.fate.may_run],
             "feedback_count": outcome.feedback_count,
             "callback_errors": outcome.callback_errors,
             **({} if result is None else {"result": result}),

@@ -51,9 +51,11 @@ class NoAnswer:
 
     Attributes:
         why: A clause whose subject is the function, such as "did not answer within 10 s".
+        asked: Whether it was called.
     """
 
     why: str
+    asked: bool = True
 
 
 class Clock(Protocol):
@@ -110,7 +112,8 @@ class FunctionRunner:
             self.end_by(latest, f"did not answer within {LONGEST_ANSWER:g} s")
         refused = self._pool.submit(job, _LABEL)
         if refused:
-            missing = NoAnswer(f"could not be asked, because no thread can be started ({refused})")
+            why = f"could not be called, because no thread can be started ({refused})"
+            missing = NoAnswer(why, asked=False)
             self._clock.call_soon(lambda: self._answer(job, missing))
 
     def end_by(self, at: float, why: str) -> None:

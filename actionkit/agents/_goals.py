@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from actionkit import CallInfo, CancelReport, GoalEvent, GoalFuture, GoalState
+from actionkit import CallInfo, GoalEvent, GoalFuture, GoalState
 from actionkit.agents._results import error_value, goal_value, refusal
 
 _KEPT = 100
@@ -40,7 +40,8 @@ class GoalRecord:
         self._began = time.monotonic()
         self._ended = 0.0
         self._goal_id: uuid.UUID | None = None
-        self._cancel: CancelReport | None = None
+        self._goals: Any = None
+        """What is known of its goals, once the call is over; it stays true to life."""
         self._last_states: dict[uuid.UUID, GoalState] = {}
         """Of each attempt: how it ended, as soon as that was seen; that may be after the call."""
 
@@ -90,7 +91,7 @@ class GoalRecord:
             told = error_value("failed", text, retry=False, advice=advice)
             blank = refusal(self.tool, "failed", "", retry=False, advice="").value
             value = {**blank, "status": "failed", "may_still_run": True, "error": told}
-        self._goal_id, self._cancel = outcome.goal_id, outcome.cancel
+        self._goal_id, self._goals = outcome.goal_id, future._call.goals
         self._ended = time.monotonic()
         self.value = value
         self._future = None  # and with it the messages
@@ -127,12 +128,10 @@ class GoalRecord:
     def counts(self) -> bool:
         """Whether it counts among the goals of its tool: in flight, or not known to have ended.
 
-        What was lost with its server does not: nothing will ever be heard of it.
+        One whose server has left the graph does not: nothing may ever be heard of it. A server
+        that is only silent may go on with its goal.
         """
-        if self.value is None:
-            return True
-        given_up = self._cancel in (CancelReport.REFUSED, CancelReport.UNKNOWN)
-        return bool(given_up and self.value["may_still_run"] and self._late_state is None)
+        return self.value is None or self._goals is None or not self._goals.gone
 
     def report(self) -> dict[str, Any]:
         """Return what is known of it, for the tool `goals`."""
@@ -161,7 +160,7 @@ class GoalRecord:
             "tool": self.tool,
             "status": state.lower() if changed else value["status"],
             "state": state,
-            "may_still_run": value["may_still_run"] and not ended,
+            "may_still_run": self._goals is not None and bool(self._goals.may_run),
             "elapsed": value["elapsed"],
             "ended_ago": round(now - self._ended, 3),
             "why_cancelled": self.why_cancelled or None,

@@ -7,7 +7,6 @@ from typing import Any
 from actionkit import (
     AcceptanceTimeoutError,
     ActionTypeMismatchError,
-    CancelReport,
     ClientClosedError,
     DeadlineExceededError,
     GoalAbortedError,
@@ -129,12 +128,8 @@ def goal_value(
 
 
 def may_still_run(outcome: Outcome[Any]) -> bool:
-    """Tell whether the goal may be running, though its call is over."""
-    if outcome.attempts == 0 or outcome.status.is_terminal:
-        return False
-    if isinstance(outcome.error, ResultLostError):
-        return False  # it ended; what is lost is how
-    return outcome.cancel not in (CancelReport.CONFIRMED, CancelReport.NOT_NEEDED)
+    """Tell whether a goal of the call may be running, though the call is over."""
+    return any(goal.fate.may_run for goal in outcome.goals)
 
 
 def _sent(outcome: Outcome[Any]) -> int:
@@ -160,7 +155,7 @@ def _judged(
         return "cancel_unconfirmed", error
     if why_cancelled and outcome.status is GoalState.ABORTED:
         message = f"{why_cancelled}; the robot gave up on the goal meanwhile"
-        advice = "Look at the state of the robot, and ask before sending it again."
+        advice = _MAY_RUN if may_run else "Look at the robot, and ask before sending it again."
         return "aborted", error_value("cancelled", message, retry=False, advice=advice)
     ended = outcome.status.is_terminal
     stopped = outcome.status in (GoalState.CANCELED, GoalState.REJECTED)

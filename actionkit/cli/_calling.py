@@ -125,6 +125,8 @@ class Calling:
         for event in events:
             if event.monotonic <= until and event not in self._seen:
                 self._seen.add(event)
+                if event.cancel_refused and self._code is not None:
+                    self._give_up_at = event.monotonic  # the client closes, which asks once more
                 self._tell(lambda e=event: self._report.event(e))  # type: ignore[misc]
 
     def _on_feedback(self, message: Any) -> None:

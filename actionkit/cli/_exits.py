@@ -23,17 +23,30 @@ class Exit(IntEnum):
     CANCELED = 12, "Somebody else cancelled the goal."
     TIMED_OUT = 13, "The time of --timeout ran out, and there was a server; the goal was cancelled."
     NO_SERVER = 14, "No server was ready in the time there was; nothing was sent."
-    SERVER_LOST = 15, "The server went away, or was restarted, with the goal in flight."
+    SERVER_LOST = (
+        15,
+        "The server went away, or was restarted, with the goal in flight, which may still be"
+        " running.",
+    )
     TYPE_MISMATCH = 16, "The action is served with another type; nothing was sent."
     RESULT_LOST = 17, "The goal ended, but its result cannot be had."
-    NO_ANSWER = 18, "The server neither accepted nor rejected the goal in time; it was cancelled."
+    NO_ANSWER = (
+        18,
+        "The server neither accepted nor rejected the goal in time; the error says whether it may"
+        " still be running.",
+    )
     STALLED = 19, "No feedback for --feedback-timeout seconds; the goal was cancelled."
     JUDGED = 20, "The goal succeeded, but not by --ok or --transient, or it lacks their field."
     RETRIES_EXHAUSTED = 21, "The same, and the retries of --retries ended."
-    CANCEL_REFUSED = 22, "Of `cancel`, `stop`: a server refused; that goal is still running."
+    CANCEL_REFUSED = (
+        22,
+        "A server refused to cancel a goal, which is still running. Of `call`: whatever else went"
+        " wrong.",
+    )
     CANCEL_UNKNOWN = (
         23,
-        "Of `cancel`, `stop`: a goal's end was not seen; it may still be running.",
+        "A goal may still be running: its end was not seen. Of `call`: whatever else went wrong,"
+        " but for codes 15 and 18.",
     )
     NO_SUCH_GOAL = 24, "Of `cancel`: no server in sight knows a goal of that id."
     HELD = (
@@ -69,6 +82,7 @@ _OF_ERRORS = (
     ("RetriesExhaustedError", Exit.RETRIES_EXHAUSTED),
     ("PermanentError", Exit.JUDGED),
 )
+_MAY_RUN = {"REFUSED": Exit.CANCEL_REFUSED, "UNKNOWN": Exit.CANCEL_UNKNOWN}
 
 
 def ended_without_result(outcome: Outcome[Any]) -> str | None:
@@ -82,6 +96,13 @@ def exit_of(outcome: Outcome[Any]) -> Exit:
     """Return the exit code for a call that nobody interrupted."""
     if outcome.error is None:
         return Exit.OK
+    code = _of_error(outcome)
+    if code in (Exit.SERVER_LOST, Exit.NO_ANSWER):  # which say that the goal may run
+        return code
+    return _MAY_RUN.get(str(outcome.cancel), code)
+
+
+def _of_error(outcome: Outcome[Any]) -> Exit:
     if ended_without_result(outcome) is not None:
         return Exit.RESULT_LOST  # whichever limit ended the wait for it
     names = [cls.__name__ for cls in type(outcome.error).__mro__]

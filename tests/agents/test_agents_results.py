@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import uuid
 from concurrent.futures import CancelledError
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,7 +12,18 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from test_msgs.action import Fibonacci
 
-from actionkit import CancelReport, DeadlineExceededError, FeedbackStalledError, GoalState, Outcome
+from actionkit import (
+    CancelReport,
+    DeadlineExceededError,
+    FeedbackStalledError,
+    GoalAbortedError,
+    GoalFate,
+    GoalReport,
+    GoalState,
+    Outcome,
+)
+from actionkit._calls.call_view import GoalsOfCall
+from actionkit._goal.facts import GoalFacts
 from actionkit.agents._goal_call import question_of
 from actionkit.agents._goals import GoalRecord, Goals
 from actionkit.agents._other_calls import goal_reports
@@ -69,6 +81,8 @@ class Future:
     latest_feedback = None
 
     def __init__(self, first: uuid.UUID, second: uuid.UUID, status: GoalState) -> None:
+        self.facts = [GoalFacts(one, requests=1, accepted=True) for one in (first, second)]
+        self._call = SimpleNamespace(goals=GoalsOfCall(self.facts))
         self.goal_id = first
         self.state = status
         self._second = second
@@ -78,9 +92,16 @@ class Future:
         self.callback = callback
 
     def outcome(self, timeout: float) -> Any:
-        error = DeadlineExceededError("too late")
-        cancel = CancelReport.UNKNOWN
-        return Outcome(self.state, None, error, 2, (), self.goal_id, cancel)  # type: ignore[arg-type]
+        return Outcome(
+            status=self.state,
+            result=None,
+            error=DeadlineExceededError("too late"),
+            attempts=2,
+            timeline=(),  # type: ignore[arg-type]
+            goal_id=self.goal_id,
+            cancel=CancelReport.UNKNOWN,
+            goals=self._call.goals.reports,
+        )
 
 
 def test_a_goal_is_found_by_the_id_of_every_attempt() -> None:
@@ -100,6 +121,47 @@ def test_what_was_given_up_before_is_not_told_of_as_cancelled_later() -> None:
     record.cancel("all goals were cancelled")
     assert record.counts
     assert record.report()["why_cancelled"] is None
+
+
+@pytest.mark.parametrize("last", [False, True])
+def test_one_counts_while_a_goal_may_run_whose_server_has_not_left(last: bool) -> None:
+    record, _, _ = record_of(GoalState.EXECUTING)
+    future: Any = record._future
+    future.callback(future)
+    other, facts = future.facts if last else future.facts[::-1]
+    other.ended = True
+    assert record.counts
+    facts.lost = True  # its server is only silent
+    assert record.counts
+    assert record.report()["may_still_run"]
+    facts.gone = True
+    assert not record.counts
+    assert record.report()["may_still_run"]
+    facts.gone = facts.lost = False  # it is back
+    assert record.counts
+    facts.ended = True
+    assert not record.counts
+    assert not record.report()["may_still_run"]
+
+
+def test_an_earlier_goal_that_may_run_is_told_of_where_the_last_one_has_ended() -> None:
+    earlier, last = (
+        GoalReport(uuid.uuid4(), GoalFate.LOST),
+        GoalReport(uuid.uuid4(), GoalFate.ENDED),
+    )
+    outcome: Outcome[Any] = Outcome(
+        status=GoalState.ABORTED,
+        result=None,
+        error=GoalAbortedError("it gave up"),
+        attempts=2,
+        timeline=(),  # type: ignore[arg-type]
+        goal_id=last.goal_id,
+        cancel=CancelReport.UNKNOWN,
+        goals=(earlier, last),
+    )
+    told = goal_value("count", outcome, None, "")
+    assert (told["status"], told["may_still_run"]) == ("aborted", True)
+    assert not told["error"]["retry"]
 
 
 def test_a_human_is_shown_every_field_of_what_they_approve() -> None:

@@ -13,7 +13,8 @@ import rclpy
 from test_msgs.action import Fibonacci, NestedMessage
 
 import actionkit as ak
-from actionkit import CancelReport, GoalState, RetryPolicy, Timeouts
+from actionkit import CancelReport, GoalFate, GoalState, RetryPolicy, Timeouts
+from actionkit.cli._exits import Exit, exit_of
 from tests.conftest import (
     FORMS,
     NEVER,
@@ -36,6 +37,10 @@ class Scenario:
     timeout: float | None = 20.0
     status: GoalState | None = None
     cancel: CancelReport | None = None
+    fate: GoalFate | None = GoalFate.ENDED
+    """Of its goal; `None` where none is sent."""
+    code: Exit = Exit.FAILED
+    """Of `actionkit call`, if it ends so."""
 
 
 SCENARIOS = {
@@ -46,6 +51,8 @@ SCENARIOS = {
         timeouts=Timeouts(server=0.2),
         status=GoalState.TIMED_OUT,
         cancel=CancelReport.NOT_NEEDED,
+        fate=None,
+        code=Exit.NO_SERVER,
     ),
     "no acceptance": Scenario(
         "silent",
@@ -54,6 +61,8 @@ SCENARIOS = {
         timeouts=Timeouts(accept=0.3, cancel=0.3),
         status=GoalState.TIMED_OUT,
         cancel=CancelReport.UNKNOWN,
+        fate=GoalFate.UNANSWERED,
+        code=Exit.NO_ANSWER,
     ),
     "server gone": Scenario(
         "vanishes",
@@ -61,6 +70,8 @@ SCENARIOS = {
         "was lost",
         status=GoalState.LOST,
         cancel=CancelReport.UNKNOWN,
+        fate=GoalFate.LOST,
+        code=Exit.SERVER_LOST,
     ),
     "stalled": Scenario(
         "never_finishes",
@@ -68,10 +79,22 @@ SCENARIOS = {
         "no feedback for 0.3 s",
         timeouts=Timeouts(feedback=0.3),
         cancel=CancelReport.CONFIRMED,
+        code=Exit.STALLED,
     ),
-    "invalid goal": Scenario("fibonacci", ak.InvalidGoalError, "order: 'x'", goal={"order": "x"}),
+    "invalid goal": Scenario(
+        "fibonacci",
+        ak.InvalidGoalError,
+        "order: 'x'",
+        goal={"order": "x"},
+        fate=None,
+        code=Exit.USAGE,
+    ),
     "wrong type": Scenario(
-        "wrong_type", ak.ActionTypeMismatchError, "test_msgs/action/NestedMessage"
+        "wrong_type",
+        ak.ActionTypeMismatchError,
+        "test_msgs/action/NestedMessage",
+        fate=None,
+        code=Exit.TYPE_MISMATCH,
     ),
     "rejected": Scenario(
         "fibonacci",
@@ -79,16 +102,29 @@ SCENARIOS = {
         "rejected",
         goal={"order": -1},
         status=GoalState.REJECTED,
+        fate=GoalFate.REJECTED,
+        code=Exit.REJECTED,
     ),
-    "aborted": Scenario("aborts", ak.GoalAbortedError, "aborted", status=GoalState.ABORTED),
+    "aborted": Scenario(
+        "aborts",
+        ak.GoalAbortedError,
+        "aborted",
+        status=GoalState.ABORTED,
+        code=Exit.ABORTED,
+    ),
     "raised in execute": Scenario(
-        "raises", ak.GoalAbortedError, "aborted", status=GoalState.ABORTED
+        "raises",
+        ak.GoalAbortedError,
+        "aborted",
+        status=GoalState.ABORTED,
+        code=Exit.ABORTED,
     ),
     "cancelled by another": Scenario(
         "cancels_itself",
         ak.GoalCanceledError,
         "not by this client",
         status=GoalState.CANCELED,
+        code=Exit.CANCELED,
     ),
     "no result": Scenario(
         "no_result",
@@ -97,6 +133,7 @@ SCENARIOS = {
         timeouts=Timeouts(result=1.0),
         timeout=None,
         status=GoalState.LOST,
+        code=Exit.RESULT_LOST,
     ),
     "deadline while executing": Scenario(
         "never_finishes",
@@ -104,6 +141,7 @@ SCENARIOS = {
         "ran out before the goal ended",
         timeout=0.3,
         cancel=CancelReport.CONFIRMED,
+        code=Exit.TIMED_OUT,
     ),
     "deadline, cancel refused": Scenario(
         "refuses_cancel",
@@ -113,6 +151,8 @@ SCENARIOS = {
         timeout=0.3,
         status=GoalState.TIMED_OUT,
         cancel=CancelReport.REFUSED,
+        fate=GoalFate.RUNNING,
+        code=Exit.CANCEL_REFUSED,
     ),
     "deadline, cancel unconfirmed": Scenario(
         "slow_cancel",
@@ -123,6 +163,8 @@ SCENARIOS = {
         timeout=0.3,
         status=GoalState.TIMED_OUT,
         cancel=CancelReport.UNKNOWN,
+        fate=GoalFate.RUNNING,
+        code=Exit.CANCEL_UNKNOWN,
     ),
     "deadline without a server": Scenario(
         None,
@@ -131,6 +173,8 @@ SCENARIOS = {
         timeout=0.1,
         status=GoalState.TIMED_OUT,
         cancel=CancelReport.NOT_NEEDED,
+        fate=None,
+        code=Exit.NO_SERVER,
     ),
     "deadline, not accepted": Scenario(
         "silent",
@@ -139,6 +183,8 @@ SCENARIOS = {
         timeouts=Timeouts(cancel=0.3),
         timeout=0.3,
         cancel=CancelReport.UNKNOWN,
+        fate=GoalFate.UNANSWERED,
+        code=Exit.CANCEL_UNKNOWN,
     ),
     "timeout of zero": Scenario(
         "fibonacci",
@@ -146,6 +192,8 @@ SCENARIOS = {
         "was not sent, though a server is ready: the time given to the call, 0 s, ran out first",
         timeout=0,
         cancel=CancelReport.NOT_NEEDED,
+        fate=None,
+        code=Exit.TIMED_OUT,
     ),
 }
 
@@ -182,6 +230,11 @@ def test_each_failure_is_one_error(name, form, action_server, make_client):
         assert answer.outcome.error is error
         assert answer.outcome.cancel is scenario.cancel
         assert answer.outcome.timeline == error.timeline
+        reports = answer.outcome.goals
+        assert [goal.fate for goal in reports] == ([scenario.fate] if scenario.fate else [])
+        refused = scenario.cancel is CancelReport.REFUSED
+        assert all(goal.cancel_refused is refused for goal in reports)
+        assert exit_of(answer.outcome) is scenario.code
         if scenario.status is not None:
             assert answer.outcome.status is scenario.status
     if server is not None and scenario.cancel in (CancelReport.CONFIRMED, CancelReport.NOT_NEEDED):

@@ -148,7 +148,7 @@ class World:
             return self.settled, self.returns, goals, tuple(self.servers)
         ended = m.ending and (m.ending.end, m.ending.may_run != ())
         last = m._last and m._last.end
-        asked = self.asked and (self.asked.end, self.asked.progress, self.asked.fate)
+        asked = self.asked and (self.asked.end, self.asked.progress, self.asked.news)
         flags = (self.grace, self.closed, self.late, m.unwanted, bool(m.closing), self.told_success)
         rest = (m.attempts, self.pause, self.settled, self.returns, self.ended_well, self.waited)
         return m.phase, ended, last, asked, flags, rest, goals, tuple(self.servers)
@@ -353,7 +353,7 @@ class World:
             self.verdict(arg)
         elif event == "plan":
             ending, self.asked = self.asked, None
-            how = how_to_resend(ending.progress, ending.fate, m._resend)
+            how = how_to_resend(ending.progress, ending.news, m._resend)
             if how is Resend.NO or m.attempts >= self.most or self.late:
                 self.do(m.planned(ending, GiveUp("no")))
             else:

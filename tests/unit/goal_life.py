@@ -20,8 +20,8 @@ from actionkit._goal.effects import (
     Effect,
     End,
     Ending,
-    GoalFate,
     GoalProgress,
+    LastNews,
     LateResult,
     Record,
     Release,
@@ -82,13 +82,13 @@ class OnServer:
         return self.copies > 0 and not self.over
 
     @property
-    def fate(self) -> GoalFate:
+    def news(self) -> LastNews:
         """What the caller may be told of it."""
         if self.ended or not self.has_it:
-            return GoalFate.STOPPED
+            return LastNews.STOPPED
         if self.lost:
-            return GoalFate.SERVER_GONE
-        return GoalFate.UNKNOWN_TO_SERVER if self.denied else GoalFate.NOTHING
+            return LastNews.SERVER_GONE
+        return LastNews.UNKNOWN_TO_SERVER if self.denied else LastNews.NOTHING
 
     @property
     def waits(self) -> bool:
@@ -358,9 +358,9 @@ class Life:
         self._require((ending.end is End.DEADLINE) <= (report is not None), "(C2.3)")
         self._require(ending.progress is server.progress, f"it reached {server.progress}")
         if self.left_alone and not server.ended:
-            self._require(ending.fate is not GoalFate.STOPPED, "a goal left behind may run on")
+            self._require(ending.news is not LastNews.STOPPED, "a goal left behind may run on")
         else:
-            self._require(ending.fate is server.fate, f"what is known of it is {server.fate}")
+            self._require(ending.news is server.news, f"what is known of it is {server.news}")
 
     def _check(self, event: str, before: OnServer, effects: list[Effect]) -> None:
         goal, armed, server = self.goal, set(self.timers), self.server

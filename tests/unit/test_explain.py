@@ -17,11 +17,19 @@ from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
 from test_msgs.action import Fibonacci
 
 import actionkit
-from actionkit import CancelReport, GoalEvent, GoalState, Timeouts, Verdict
+from actionkit import (
+    CancelReport,
+    GoalEvent,
+    GoalFate,
+    GoalReport,
+    GoalState,
+    Timeouts,
+    Verdict,
+)
 from actionkit._calls import explain as _explain
 from actionkit._calls.explain import ErrorContext, explain
 from actionkit._calls.graph_snapshot import GraphSnapshot
-from actionkit._goal.effects import AskCancel, End, Ending, Fault, GoalFate, GoalProgress
+from actionkit._goal.effects import AskCancel, End, Ending, Fault, GoalProgress, LastNews
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.field_errors import FieldError
 
@@ -43,9 +51,9 @@ ACCEPTED = GoalProgress.ACCEPTED
 REPORTS: dict[CancelReport, dict[str, Any]] = {
     # The facts from which each report follows.
     CancelReport.CONFIRMED: {"given_up": True, "ended_as": GoalState.CANCELED},
-    CancelReport.REFUSED: {"given_up": True, "refused": True, "fate": GoalFate.NOTHING},
-    CancelReport.UNKNOWN: {"given_up": True, "fate": GoalFate.NOTHING},
-    CancelReport.NOT_NEEDED: {"given_up": True, "fate": GoalFate.STOPPED},
+    CancelReport.REFUSED: {"given_up": True, "refused": True, "news": LastNews.NOTHING},
+    CancelReport.UNKNOWN: {"given_up": True, "news": LastNews.NOTHING},
+    CancelReport.NOT_NEEDED: {"given_up": True, "news": LastNews.STOPPED},
 }
 CONFIRMED, REFUSED, UNKNOWN, _ = REPORTS.values()
 ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
@@ -104,7 +112,7 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
                 End.LOST,
                 GoalState.LOST,
                 progress=ACCEPTED,
-                fate=GoalFate.SERVER_GONE,
+                news=LastNews.SERVER_GONE,
                 lost_because="it is gone",
             ),
             actionkit.ServerLostError,
@@ -348,12 +356,50 @@ def test_a_thread_that_died_knows_nothing_of_the_goal() -> None:
 
 @pytest.mark.parametrize("end", ENDINGS, ids=lambda end: end.name)
 def test_other_goals_of_the_call_that_may_run_are_named(end: End) -> None:
-    others = uuid.uuid4(), uuid.uuid4()
-    error = explained(replace(ENDINGS[end][0], may_run=(GOAL_ID, *others)))
-    told = str(error).rpartition(". ")[2]
-    assert told.endswith("MAY STILL BE RUNNING.")
-    assert all(str(goal_id) in told for goal_id in others)
+    fates = GoalFate.UNANSWERED, GoalFate.LOST, GoalFate.RUNNING, GoalFate.ENDED, GoalFate.LOST
+    others = [GoalReport(uuid.uuid4(), fate) for fate in fates]
+    error = explained(replace(ENDINGS[end][0], goals=(GoalReport(GOAL_ID, fates[0]), *others)))
+    unanswered, lost, running, ended, lost_too = (str(goal.goal_id) for goal in others)
+    assert f"oal {unanswered} of this call MAY STILL BE RUNNING: the server has not" in str(error)
+    both = f"oal {lost} and goal {lost_too} of this call MAY STILL BE RUNNING: the server is gone"
+    assert both in str(error)
+    assert f" Goal {running} of this call MAY STILL BE RUNNING: the server has not" in str(error)
+    assert ended not in str(error)
     assert error.cancel in (CancelReport.REFUSED, CancelReport.UNKNOWN)
+
+
+def test_a_goal_that_its_server_refuses_to_cancel_is_the_worst() -> None:
+    refused = GoalReport(uuid.uuid4(), GoalFate.RUNNING, cancel_refused=True)
+    lost = GoalReport(uuid.uuid4(), GoalFate.LOST, cancel_refused=True)
+    error = explained(replace(ENDINGS[End.ABORTED][0], goals=(lost, refused)))
+    text = f"Goal {refused.goal_id} of this call MAY STILL BE RUNNING: the server refused to"
+    assert text in str(error)
+    assert error.cancel is CancelReport.REFUSED
+    error = explained(replace(ENDINGS[End.ABORTED][0], goals=(lost,)))
+    assert error.cancel is CancelReport.UNKNOWN
+
+
+def test_an_error_names_ten_goals_and_counts_the_others() -> None:
+    goals = tuple(GoalReport(uuid.uuid4(), GoalFate.LOST) for _ in range(13))
+    text = str(explained(replace(ENDINGS[End.ABORTED][0], goals=goals)))
+    assert text.count("oal ") - text.count(str(GOAL_ID)) == 10
+    assert " and 3 more of this call MAY STILL BE RUNNING" in text
+
+
+def test_a_function_that_could_not_be_called_is_not_to_be_corrected() -> None:
+    fault = Fault("`classify=f` could not be called, because no thread", asked=False)
+    text = str(explained(replace(ENDINGS[End.CLASSIFIER_FAILED][0], classifier_fault=fault)))
+    assert "Start fewer threads" in text
+    assert "Correct that function" not in text
+
+
+@pytest.mark.parametrize("fate", [GoalFate.UNANSWERED, GoalFate.LOST])
+def test_what_was_not_waited_for_is_not_said_to_have_been(fate: GoalFate) -> None:
+    unknown = {"given_up": True, "news": LastNews.NOTHING, "status": GoalState.TIMED_OUT}
+    ending = Ending(End.DEADLINE, phase="cancel", goals=(GoalReport(GOAL_ID, fate),), **unknown)
+    text = str(explained(ending))
+    assert ("within" in text) == (fate is GoalFate.UNANSWERED)
+    assert ("gone, or silent: IT MAY STILL BE RUNNING." in text) == (fate is GoalFate.LOST)
 
 
 # --- why it was not tried again (contract C4.1) ------------------------------------------------

@@ -208,7 +208,7 @@ def test_where_no_thread_can_be_started_that_is_the_answer(monkeypatch: pytest.M
     assert thread.answers == []  # not before `run` has returned
     thread.turn()
     assert isinstance(thread.answers[0], NoAnswer)
-    assert "could not be asked" in thread.answers[0].why
+    assert "could not be called" in thread.answers[0].why
     assert "can't create new thread" in thread.answers[0].why
 
 

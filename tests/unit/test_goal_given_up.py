@@ -11,8 +11,8 @@ from actionkit._goal.effects import (
     Disarm,
     Effect,
     End,
-    GoalFate,
     GoalProgress,
+    LastNews,
     LateResult,
     Record,
     Release,
@@ -189,7 +189,7 @@ def test_the_server_does_not_answer_and_accepts_after_all() -> None:
     life.wait_until(7.0)
     assert (life.end, life.report) == (End.NO_ACCEPTANCE, CancelReport.UNKNOWN)
     assert life.ending is not None
-    assert (life.ending.progress, life.ending.fate) == (GoalProgress.UNANSWERED, GoalFate.NOTHING)
+    assert (life.ending.progress, life.ending.news) == (GoalProgress.UNANSWERED, LastNews.NOTHING)
     life.wait_until(100.0)
     assert AskCancel() in life.see("accepted")
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
@@ -250,7 +250,7 @@ def test_an_unanswered_goal_that_the_server_does_not_know_is_waited_for_no_more(
         life.tell("result", None, None)
     assert (life.end, life.report) == (End.NO_ACCEPTANCE, CancelReport.UNKNOWN)
     assert life.ending is not None
-    assert life.ending.fate is GoalFate.UNKNOWN_TO_SERVER
+    assert life.ending.news is LastNews.UNKNOWN_TO_SERVER
     life.wait_until(100.0)
     assert life.count(Release) == 0  # it may be accepted yet, and is cancelled then (R6)
     assert AskCancel() in life.see("accepted")
@@ -309,7 +309,7 @@ def test_a_goal_cancelled_before_it_was_sent_is_never_sent(events: tuple[str, ..
     life.see(*events, "cancel")
     assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.NOT_NEEDED)
     assert life.ending is not None
-    assert (life.ending.progress, life.ending.fate) == (GoalProgress.NEVER_SENT, GoalFate.STOPPED)
+    assert (life.ending.progress, life.ending.news) == (GoalProgress.NEVER_SENT, LastNews.STOPPED)
     assert life.see("server_ready", "sent") == []
 
 

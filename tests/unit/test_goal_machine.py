@@ -15,8 +15,8 @@ from actionkit._goal.effects import (
     Disarm,
     End,
     Ending,
-    GoalFate,
     GoalProgress,
+    LastNews,
     Record,
     Release,
     SendGoal,
@@ -45,7 +45,7 @@ def test_a_goal_succeeds() -> None:
         GoalState.SUCCEEDED,
         result="the result",
         progress=GoalProgress.ACCEPTED,
-        fate=GoalFate.STOPPED,
+        news=LastNews.STOPPED,
         ended_as=GoalState.SUCCEEDED,
     )
     assert life.states == [
@@ -63,7 +63,7 @@ def test_a_goal_is_rejected() -> None:
     life = Life()
     life.see(*UNTIL_SENT, "rejected")
     assert life.ending == Ending(
-        End.REJECTED, GoalState.REJECTED, progress=GoalProgress.REJECTED, fate=GoalFate.STOPPED
+        End.REJECTED, GoalState.REJECTED, progress=GoalProgress.REJECTED, news=LastNews.STOPPED
     )
     assert life.count(Release) == 1
     assert life.count(AskResult) == 0  # it would be answered with an empty result (R13)
@@ -158,7 +158,7 @@ def test_no_server_comes() -> None:
     life.wait_until(5.0)
     assert (life.end, life.count(SendGoal), life.count(Withdraw)) == (End.NO_SERVER, 0, 1)
     assert life.ending is not None
-    assert (life.ending.progress, life.ending.fate) == (GoalProgress.NEVER_SENT, GoalFate.STOPPED)
+    assert (life.ending.progress, life.ending.news) == (GoalProgress.NEVER_SENT, LastNews.STOPPED)
     assert (life.report, life.states[-1]) == (CancelReport.NOT_NEEDED, GoalState.TIMED_OUT)
     assert life.see("server_ready") == []
 
@@ -197,7 +197,7 @@ def test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled(
         End.LOST,
         GoalState.LOST,
         progress=GoalProgress.UNANSWERED if phase is UNTIL_SENT else GoalProgress.ACCEPTED,
-        fate=GoalFate.SERVER_GONE,
+        news=LastNews.SERVER_GONE,
         lost_because="its action server is gone",
     )
     assert life.count(Release) == 0

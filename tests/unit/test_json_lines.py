@@ -104,9 +104,9 @@ def test_the_line_of_an_event() -> None:
 
 def test_the_line_of_an_outcome() -> None:
     error = ak.GoalAbortedError("It was aborted.")
-    end = Outcome(
-        GoalState.ABORTED, None, error, 2, Timeline(), GOAL, ak.CancelReport.CONFIRMED, 1, 5, 2.5
-    )
+    confirmed = ak.CancelReport.CONFIRMED
+    goals = tuple(ak.GoalReport(GOAL, fate) for fate in (ak.GoalFate.LOST, ak.GoalFate.ENDED))
+    end = Outcome(GoalState.ABORTED, None, error, 2, Timeline(), GOAL, confirmed, 1, 5, 2.5, goals)
     line = json.loads(outcome_line(end, CALL, {"sequence": [1]}))
     del line["pid"]
     assert line == {
@@ -126,6 +126,7 @@ def test_the_line_of_an_outcome() -> None:
         "error": "It was aborted.",
         "attempts": 2,
         "cancel": "CONFIRMED",
+        "may_run": [str(GOAL)],
         "feedback_count": 5,
         "callback_errors": 1,
         "result": {"sequence": [1]},

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import uuid
 from typing import Any
 
 import pytest
 
-from actionkit import GoalState, Timeouts
+from actionkit import GoalFate, GoalState, Timeouts
 from actionkit._calls.call_view import GoalsOfCall
 from actionkit._goal.effects import Timer
 from actionkit._goal.machine import Goal
@@ -122,9 +123,14 @@ def test_of_several_the_worst_counts(goals: list[Goal], known: bool | None) -> N
     assert GoalsOfCall(goal.facts for goal in goals).known_to_run is known
 
 
-def test_goals_that_are_over_are_let_go() -> None:
-    goals, over = GoalsOfCall(), accepted()
-    goals.add(over.facts)
-    over.result(GoalState.SUCCEEDED, None, 2.0, asked_at=1.0)
-    goals.add(Goal(Timeouts(), None).facts)
-    assert over.facts not in goals._goals
+def test_each_goal_that_may_run_is_kept_and_a_hundred_of_the_others() -> None:
+    goals, ids = GoalsOfCall(), [uuid.uuid4() for _ in range(300)]
+    for goal_id in ids:
+        goal = accepted()
+        goal.facts.goal_id = goal_id
+        goals.add(goal.facts)
+        if goal_id not in ids[::100]:
+            goal.result(GoalState.SUCCEEDED, None, 2.0, asked_at=1.0)
+    assert goals.may_run == tuple(ids[::100])
+    over = [report.goal_id for report in goals.reports if report.fate is GoalFate.ENDED]
+    assert over == [goal_id for goal_id in ids if goal_id not in ids[::100]][-100:]

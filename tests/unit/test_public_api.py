@@ -30,8 +30,10 @@ NAMES = [
     "GoalAbortedError",
     "GoalCanceledError",
     "GoalEvent",
+    "GoalFate",
     "GoalFuture",
     "GoalRejectedError",
+    "GoalReport",
     "GoalState",
     "InvalidGoalError",
     "JsonLines",
@@ -127,6 +129,7 @@ SIGNATURES = {
 }
 MEMBERS = {
     "CancelReport": "CONFIRMED REFUSED UNKNOWN NOT_NEEDED",
+    "GoalFate": "UNANSWERED RUNNING REJECTED ENDED LOST LEFT",
     "GoalState": "SENDING SENT ACCEPTED REJECTED EXECUTING FEEDBACK CANCELING SUCCEEDED CANCELED"
     " ABORTED LOST RETRYING TIMED_OUT",
     "Verdict": "SUCCESS TRANSIENT PERMANENT",
@@ -141,7 +144,8 @@ AGENTS_FIELDS = {
 FIELDS = {
     "GoalEvent": "goal_id attempt state monotonic wall detail cancel_refused",
     "Outcome": "status result error attempts timeline goal_id cancel callback_errors"
-    " feedback_count elapsed",
+    " feedback_count elapsed goals",
+    "GoalReport": "goal_id fate cancel_refused",
     "CallInfo": "call_id action_name action_type node_name monotonic wall goal context",
     "LogFile": "lines problems",
     "LoggedLine": "kind call_id action_name action_type node_name pid event data",
