@@ -308,5 +308,5 @@ class Call:
         self._record.end_feedback(ending, client_closes=self.machine.closing == CLIENT_CLOSED)
         outcome = self._record.outcome(ending, self.goal_id, self.machine.attempts)
         self._record.tell_outcome(outcome)
-        self._carrier.finished(self)  # first: who sees the end sees it counted out (C1.11)
-        self.future._settle(outcome, ending.end)
+        # Counted out first: who sees the end sees that (C1.11).
+        self.future._settle(outcome, ending.end, partial(self._carrier.finished, self))

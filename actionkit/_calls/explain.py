@@ -314,8 +314,8 @@ def _deadline(ending: Ending, call: ErrorContext) -> str:
             unconfirmed = "its server is gone, or silent"
         return (
             f"{_what(call)} was cancelled by its caller, but {unconfirmed}: IT MAY STILL BE"
-            " RUNNING. It is cancelled as soon as the server answers; stop it by other means if"
-            " that cannot wait."
+            " RUNNING. While this client is open, it is cancelled as soon as the server answers;"
+            " stop it by other means if that cannot wait."
         )
     if ending.phase == "server" and call.attempts == 1:
         return (

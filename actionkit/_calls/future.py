@@ -35,6 +35,7 @@ else:
         """A local wait ran out. The two bases are one class from Python 3.11 on."""
 
 
+_DONE_CALLBACKS = Label("done callbacks", None, "closing")
 _NOT_YOURS = "GoalFuture.{}() is not for users: only its call ends a future. To give up, cancel()"
 
 
@@ -278,8 +279,23 @@ class GoalFuture(
 
     # --- for the call only -----------------------------------------------------------------
 
-    def _settle(self, outcome: Outcome[ResultT], end: End) -> None:
-        """End the call. On the communication thread, once. Never blocks."""
+    def _settle(
+        self,
+        outcome: Outcome[ResultT],
+        end: End,
+        count_out: Callable[[], object] = lambda: None,
+    ) -> None:
+        """End the call. On the communication thread, once. Never blocks.
+
+        Args:
+            outcome: What is told of the call.
+            end: How it ended.
+            count_out: Lets go of the call, so that closing does not wait for it any more.
+        """
+        # Closing waits for the done callbacks from now on: before it can see that the call is over.
+        dues = self._pool.dues
+        due = dues.begin(_DONE_CALLBACKS) if self._user_callbacks else None
+        count_out()
         self._outcome = outcome
         self._cancelled = end is End.CANCELLED_BY_CALLER
         call = self._call
@@ -293,6 +309,8 @@ class GoalFuture(
         for callback in taken_from(self._user_callbacks):
             label = Label("done callback", callback, "a thread, but no other callback")
             self._pool.submit(partial(self._call_back, callback), label)
+        if due is not None:
+            dues.done(due)
 
     def _wait_until_over(self, seconds: float) -> bool:
         """Wait so long at most; return whether the call is over."""

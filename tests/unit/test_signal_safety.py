@@ -177,6 +177,16 @@ def test_a_callback_that_is_added_just_as_the_goal_ends_is_called_once() -> None
     assert len(called) == len(set(called)) == len(made)
 
 
+def test_closing_waits_for_done_callbacks_before_it_sees_that_the_call_is_over() -> None:
+    future, seen = a_future(), list[tuple[bool, bool]]()
+    dues = future._pool.dues
+    future.add_done_callback(lambda _: None)
+    look = lambda: seen.append((future.done(), dues.finish(time.monotonic())))  # noqa: E731
+    future._settle(outcome(), End.SUCCEEDED, look)
+    assert seen == [(False, False)]
+    assert dues.finish(time.monotonic() + BOUND)
+
+
 # --- the rest ----------------------------------------------------------------------------------
 
 
