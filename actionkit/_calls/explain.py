@@ -310,7 +310,7 @@ def _deadline(ending: Ending, call: ErrorContext) -> str:
         )
     if ending.phase == "cancel":
         unconfirmed = f"the server did not confirm that within {call.timeouts.cancel:g} s"
-        if _is_lost(ending, call):
+        if ending.lost_because or _is_lost(ending, call):
             unconfirmed = "its server is gone, or silent"
         return (
             f"{_what(call)} was cancelled by its caller, but {unconfirmed}: IT MAY STILL BE"

@@ -368,12 +368,16 @@ class CallMachine:
         """End with what is known by now of all goals (C2.8)."""
         ending = self.ending
         assert ending is not None
+        waited = self.phase is Phase.CONFIRMING and self.confirming
         self.phase = Phase.ENDED
         ending = replace(ending, goals=self.goals.reports)
         # `CANCELLED_BY_CALLER` means that nothing runs.
         if ending.end is fx.End.CANCELLED_BY_CALLER and (may_run := ending.may_run):
             unconfirmed, late = fx.End.DEADLINE, GoalState.TIMED_OUT
-            ending = replace(ending, end=unconfirmed, status=late, phase="cancel")
+            because = "" if waited else "its server is gone, or silent"
+            ending = replace(
+                ending, end=unconfirmed, status=late, phase="cancel", lost_because=because
+            )
             if self.goal_id not in may_run:
                 self.goal_id = may_run[-1]
         self.ending = ending

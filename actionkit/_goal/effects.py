@@ -111,8 +111,8 @@ class Ending:
         goals: What is known of the goals of the same call (C2.8).
         served: The types with which the name is served, where none is the client's.
         error: The exception that ended it: what is wrong with the goal, or what broke this side.
-        lost_because: Why its server counts as lost, why its result cannot be had, or what was shut
-            down, so that the call ended as by closing.
+        lost_because: Why its server counts as lost, why its result cannot be had, why nobody waited
+            for its cancellation, or what was shut down, so that the call ended as by closing.
         verdict: What `classify=` says of a goal that succeeded.
         not_retried: Why it was not tried again, where it might have been.
         classifier_fault: How `classify=` failed to judge it.

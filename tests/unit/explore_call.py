@@ -486,6 +486,8 @@ class World:
         confirming = any(e.goal.may_run and not e.released for e in self.attempts)
         if gave_up and confirming and not self.waited:
             raise Broken("it ended before a server in sight could confirm that all goals stopped")
+        if ending.phase == "cancel" and not ending.lost_because and not self.waited:
+            raise Broken("its text says that a server was waited for, and nobody waited")
         if ending.end is fx.End.SUCCEEDED and not self.ended_well:
             raise Broken("a failure became a success")
         if ending.end is fx.End.CANCELLED_BY_CALLER and left:
