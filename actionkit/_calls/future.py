@@ -17,6 +17,7 @@ from actionkit._calls.awaiting import Awaiters
 from actionkit._calls.call_view import CallIsOver, CallView
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.live_goal import LiveGoal
+from actionkit._calls.signals import is_ending
 from actionkit._goal.effects import End
 from actionkit._model.action_type import FeedbackT, ResultT
 from actionkit._model.errors import ActionKitError, ClientClosedError
@@ -145,8 +146,10 @@ class GoalFuture(
             )
         assert self._outcome is not None
         error = self._outcome.error
-        if error is not None:
-            self._call.goals.tell()  # its text names those that may run
+        # The error names the goals that may run. But where the program ends, what gets the error is
+        # most often over itself, and nobody sees it.
+        if error is not None and not (isinstance(error, ClientClosedError) or is_ending()):
+            self._call.goals.tell()
         return error
 
     def done(self) -> bool:
