@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -20,8 +21,8 @@ pytest.importorskip("uvicorn", reason="the service needs starlette and uvicorn")
 
 
 @contextmanager
-def _service(folder: Path) -> Iterator[int]:
-    """Run it, and yield its port."""
+def _service(folder: Path) -> Iterator[tuple[int, subprocess.Popen[str]]]:
+    """Run it, and yield its port and process."""
     (text,) = [
         b.text for b in blocks(DOCS / "guides" / "asyncio.md") if b.mark == "file: service.py"
     ]
@@ -31,7 +32,7 @@ def _service(folder: Path) -> Iterator[int]:
         assert process.stderr is not None
         try:
             line = next(line for line in process.stderr if "running on" in line)
-            yield int(line.split("127.0.0.1:")[1].split()[0])
+            yield int(line.split("127.0.0.1:")[1].split()[0]), process
         finally:
             process.terminate()
             process.stderr.read()
@@ -45,7 +46,7 @@ def _ask(port: int, order: object) -> http.client.HTTPConnection:
 
 def test_the_service(action_server: Any, tmp_path: Path) -> None:
     server = action_server("fibonacci", period=0.1)
-    with _service(tmp_path) as port:
+    with _service(tmp_path) as (port, _):
         with closing(_ask(port, 3)) as connection:
             assert json.load(connection.getresponse()) == {"sequence": [0, 1, 1, 2]}
         with closing(_ask(port, "three")) as connection:
@@ -56,7 +57,15 @@ def test_the_service(action_server: Any, tmp_path: Path) -> None:
         gone.close()
         server.wait_for("canceled", goal_id=goal_id)
 
-        with closing(_ask(port, 100)):
-            goal_id = server.wait_for("accepted", count=3)[-1].goal_id
-            gone_at_the_end = goal_id
-    server.wait_for("canceled", goal_id=gone_at_the_end)
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_service_is_told_to_end(
+    number: signal.Signals, action_server: Any, tmp_path: Path
+) -> None:
+    server = action_server("fibonacci", period=0.1)
+    with _service(tmp_path) as (port, process), closing(_ask(port, 100)) as connection:
+        goal_id = server.wait_for("accepted")[0].goal_id
+        process.send_signal(number)
+        server.wait_for("canceled", goal_id=goal_id)  # while the connection is open
+        assert json.load(connection.getresponse()) == {"error": "Cancelled"}
+        assert process.wait(20) in (0, -number)
