@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.explain import ErrorContext, explain
-from actionkit._calls.feedback import log_left_out
+from actionkit._calls.feedback import log_errors, log_left_out
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.request import Request
@@ -126,6 +126,8 @@ class CallRecord:
                 name = self._action.action_name
                 # No warning: most callbacks only show the progress, which is over.
                 log_left_out(logging.INFO, callbacks, name, left_out, "the result has come")
+        if callbacks is not None:
+            log_errors(callbacks, self._action.action_name)
         self.tape.end()
 
     def outcome(self, ending: Ending, goal_id: uuid.UUID, attempts: int) -> Outcome[Any]:

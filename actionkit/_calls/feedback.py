@@ -75,8 +75,7 @@ class ThreadCallbacks:
         except BaseException as error:  # further feedback is handed over all the same (C1.8)
             if is_interrupt(error):
                 raise  # it ends the wait of the exit
-            self.errors += 1
-            _log_error(self._action_name)
+            _failed(self, self._action_name)
 
 
 class LoopCallbacks:
@@ -176,9 +175,9 @@ class LoopCallbacks:
                     self._tell_that_cut_off()
                     self._end()
                     raise
-                self._failed()
+                _failed(self, self._action_name)
             except Exception:  # noqa: BLE001  further feedback is handed over all the same
-                self._failed()
+                _failed(self, self._action_name)
 
     def _next(self) -> Callable[[], Any] | None:
         """Return the next message to hand over; `None` where the task is to end."""
@@ -196,10 +195,6 @@ class LoopCallbacks:
             if not queued or not self._running.acquire(blocking=False):
                 return None
             self._begin_being_due()
-
-    def _failed(self) -> None:
-        self.errors += 1
-        _log_error(self._action_name)
 
     def _tell_that_cut_off(self) -> None:
         log_later(
@@ -226,8 +221,25 @@ def log_left_out(
     )
 
 
-def _log_error(action_name: str) -> None:
-    log_here(logging.ERROR, "on_feedback of action %s raised", action_name, exc_info=True)
+def _failed(callbacks: Callbacks, action_name: str) -> None:
+    """Count that the callback raised, and log it the first time: feedback may come at 50 Hz."""
+    callbacks.errors += 1
+    if callbacks.errors == 1:
+        log_here(
+            logging.ERROR,
+            "%s of action %r raised. It is called with the Feedback message itself; further errors"
+            " of it are counted until the goal ends",
+            str(callbacks.label),
+            action_name,
+            exc_info=True,
+        )
+
+
+def log_errors(callbacks: Callbacks, action_name: str) -> None:
+    """Tell in the log how often a callback raised, where it did so more than once."""
+    if callbacks.errors > 1:
+        text = "%s of action %r raised %d times"
+        log_later(logging.ERROR, text, str(callbacks.label), action_name, callbacks.errors)
 
 
 def _is_being_cancelled() -> bool:

@@ -11,6 +11,7 @@ from test_msgs.action import Fibonacci
 
 from actionkit import GoalState
 from actionkit.testing import EventLog
+from tests.conftest import all_is_logged
 
 
 def test_callbacks_get_it_unwrapped_and_in_order(action_server, make_client):
@@ -59,10 +60,13 @@ def test_a_raising_callback_is_logged_and_counted(action_server, make_client, ca
     outcome = future.outcome()
     assert outcome.ok
     assert outcome.callback_errors == outcome.feedback_count > 0
-    record = caplog.records[0]
-    assert record.exc_info
+    assert all_is_logged()
+    first, last = [record for record in caplog.records if "raised" in record.message]
+    assert first.exc_info
+    assert "raised. It is called with the Feedback message itself" in first.message
     assert "from the user's callback" in caplog.text
-    assert "Traceback" in caplog.text
+    assert caplog.text.count("Traceback") == 1
+    assert f"raised {outcome.callback_errors} times" in last.message
     assert client.call({"order": 3}, 10)
 
 
