@@ -206,7 +206,7 @@ def test_its_domain_is_not_that_of(
         if told is not None:
             monkeypatch.setenv("ROS_DOMAIN_ID", str(other))
         asyncio.run(main(other))
-    assert server.count("succeeded") == 2
+    server.wait_for("succeeded", count=2)
 
 
 def test_the_limit_of_goals_holds_also_for_calls_at_the_same_moment(
