@@ -19,7 +19,7 @@ from actionkit._calls.future import GoalFuture
 from actionkit._calls.request import Request
 from actionkit._calls.transport import transport
 from actionkit._messages.convert import to_message
-from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
+from actionkit._model.action_type import ActionT_co, ActionType, FeedbackT, GoalT, ResultT
 from actionkit._model.arguments import UNSET, Unset, check_type, refuse_misplaced, refuse_unknown
 from actionkit._model.field_errors import FieldError, FieldTypeError
 from actionkit._model.settings import RetryPolicy, Timeouts, check_seconds
@@ -30,11 +30,13 @@ if TYPE_CHECKING:
     from actionkit._calls.session import OnClose, Session
 
 
-class Client(Generic[GoalT, ResultT, FeedbackT]):
+class Client(Generic[ActionT_co]):
     """Calls the goals of one action.
 
         with Client(Fibonacci, "fibonacci") as client:
             result = client.call(Fibonacci.Goal(order=10), timeout=10.0)
+
+    In an annotation it is a `Client[Fibonacci]`.
 
     It needs no `rclpy.init()`, node, executor or thread of yours; where there are any, it spins,
     shuts down and blocks none of them. Safe to use from any thread, from any callback of any
@@ -43,7 +45,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
 
     def __init__(
         self,
-        action_type: type[ActionType[GoalT, ResultT, FeedbackT]],
+        action_type: type[ActionT_co],
         action_name: str,
         *misplaced: Never,
         node: Any = None,
@@ -140,7 +142,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
     # --- the two calls ---------------------------------------------------------------------
 
     def call(
-        self,
+        self: Client[ActionType[GoalT, ResultT, FeedbackT]],
         goal: GoalT | Mapping[str, Any],
         timeout: float | Unset | None = UNSET,
         *,
@@ -189,7 +191,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
                 self._session.await_cancel(future)
 
     def call_async(
-        self,
+        self: Client[ActionType[GoalT, ResultT, FeedbackT]],
         goal: GoalT | Mapping[str, Any],
         on_feedback: Callable[[FeedbackT], object] | None = None,
         timeout: float | Unset | None = UNSET,
@@ -225,7 +227,7 @@ class Client(Generic[GoalT, ResultT, FeedbackT]):
     def _prepare(
         self,
         goal: object,
-        on_feedback: Callable[[FeedbackT], object] | None,
+        on_feedback: Callable[[Any], object] | None,
         timeout: float | Unset | None,
         retry: RetryPolicy | None,
         classify: Classify | None,

@@ -37,7 +37,7 @@ class OfActionKit:
     """Clients of ActionKit."""
 
     def __init__(self) -> None:
-        self._clients: list[Client[Any, Any, Any]] = []
+        self._clients: list[Client[Any]] = []
 
     def open(self, names: list[str]) -> None:
         """Make a client of each action, and connect it."""

@@ -36,7 +36,7 @@ class Answer:
     outcome: Outcome[Any] | None = None
 
 
-def ask(form: str, client: Client[Any, Any, Any], goal: Any, **kwargs: Any) -> Answer:
+def ask(form: str, client: Client[Any], goal: Any, **kwargs: Any) -> Answer:
     """Call in one of the three forms and note what comes back."""
     answer = Answer()
     try:
@@ -222,7 +222,7 @@ def _hold_files(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture
-def make_client(ros_domain: int) -> Iterator[Callable[..., Client[Any, Any, Any]]]:
+def make_client(ros_domain: int) -> Iterator[Callable[..., Client[Any]]]:
     """Make clients in the test's domain; all are closed at its end."""
     with ExitStack() as stack:
 

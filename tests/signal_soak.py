@@ -43,7 +43,7 @@ MOST_FUTURES = 20
 MOST_ENDLESS = 6
 """Below the depth of a server's queue of cancel requests."""
 
-AnyClient = Client[Any, Any, Any]
+AnyClient = Client[Any]
 AnyFuture = GoalFuture[Any, Any]
 ENDS = (ActionKitError, concurrent.futures.CancelledError)
 

@@ -55,7 +55,7 @@ LOOKED_AT = (
 TOO_MUCH = ("/actionkit/_messages/", "/actionkit/_model/")
 """Pure and long: nothing there is shared."""
 
-AnyClient = Client[Any, Any, Any]
+AnyClient = Client[Any]
 ENDS = (ActionKitError, concurrent.futures.CancelledError, asyncio.CancelledError)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -23,29 +24,29 @@ Found = dict[int, list[tuple[str, str]]]
 """Line number -> (kind of the error, its text)."""
 
 
-def mypy(file: Path, scratch: Path) -> Found:
+def mypy(file: Path, scratch: Path, root: Path = ROOT) -> Found:
     command = [
-        *(sys.executable, "-m", "mypy", "--config-file", str(ROOT / "pyproject.toml")),
+        *(sys.executable, "-m", "mypy", "--config-file", str(root / "pyproject.toml")),
         *("--cache-dir", str(scratch / "cache"), "--no-error-summary", "--no-pretty"),
         str(file),
     ]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=root)
     assert done.returncode in (0, 1), done.stdout + done.stderr
     found: Found = {}
-    name = re.escape(str(file.relative_to(ROOT)))
+    name = re.escape(str(file.relative_to(root)))
     # What mypy has to say of the library itself is not this test's business
     for match in re.finditer(rf"^{name}:(\d+): error: (.*)  \[([\w-]+)\]$", done.stdout, re.M):
         found.setdefault(int(match[1]), []).append((match[3], match[2]))
     return found
 
 
-def pyright(file: Path, _scratch: Path) -> Found:
-    # In the root, so that pyproject.toml's settings count
+def pyright(file: Path, _scratch: Path, root: Path = ROOT) -> Found:
+    # In the root, so that the settings of its pyproject.toml count
     command = [
         *(sys.executable, "-m", "pyright", "--outputjson", "--pythonpath", sys.executable),
         str(file),
     ]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=root)
     assert done.returncode in (0, 1), done.stdout + done.stderr
     report = json.loads(done.stdout[done.stdout.index("{") :])
     assert report["summary"]["filesAnalyzed"] == 1, report
@@ -58,7 +59,7 @@ def pyright(file: Path, _scratch: Path) -> Found:
 
 
 CHECKERS = pytest.mark.parametrize("check", [mypy, pyright], ids=lambda check: check.__name__)
-Checker = Callable[[Path, Path], Found]
+Checker = Callable[..., Found]
 
 
 @pytest.fixture(autouse=True)
@@ -88,3 +89,11 @@ def test_wrong_code_is_refused_where_it_is_wrong(check: Checker, tmp_path: Path)
     # For the reason that is meant, and not by chance
     for line, errors in found.items():
         assert {kind for kind, _ in errors} <= expected[line], (line, errors)
+
+
+@CHECKERS
+def test_actions_without_stubs_can_be_used(check: Checker, tmp_path: Path) -> None:
+    (tmp_path / "pyproject.toml").write_text("[tool.mypy]\nstrict = true\n")
+    file = tmp_path / "no_stubs.py"
+    shutil.copy(ROOT / "tests" / "typing" / "no_stubs.py", file)
+    assert check(file, tmp_path, tmp_path) == {}

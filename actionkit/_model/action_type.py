@@ -1,9 +1,9 @@
 """What an action type is to the type checkers, so that one argument types a whole client.
 
 ROS generates `Fibonacci` as a class that is never instantiated and holds its three message
-classes. A checker matches that class object against `ActionType` and takes the messages from it:
-`Client(Fibonacci, "fibonacci")` is a
-`Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]`.
+classes. `Client(Fibonacci, "fibonacci")` is a `Client[Fibonacci]`. Where a method takes or returns
+messages, its `self` is a `Client[ActionType[GoalT, ResultT, FeedbackT]]`: a checker matches
+`Fibonacci` against `ActionType`, and takes the messages from it.
 
 Where there are no type stubs for an interface package, its actions are `Any` to a checker, and so
 are their messages.
@@ -11,13 +11,13 @@ are their messages.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
-from typing_extensions import TypeVar
-
-GoalT = TypeVar("GoalT", default=Any)
-ResultT = TypeVar("ResultT", default=Any)
-FeedbackT = TypeVar("FeedbackT", default=Any)
+# None of these has a default: `GoalFuture[Fibonacci]` lacks something, and so does a mere `Client`
+# to strict checkers. With one they would be `Any` in silence.
+GoalT = TypeVar("GoalT")
+ResultT = TypeVar("ResultT")
+FeedbackT = TypeVar("FeedbackT")
 
 _GoalT_co = TypeVar("_GoalT_co", covariant=True)
 _ResultT_co = TypeVar("_ResultT_co", covariant=True)
@@ -47,3 +47,6 @@ class ActionType(Protocol[_GoalT_co, _ResultT_co, _FeedbackT_co]):
     def Feedback(self) -> type[_FeedbackT_co]:
         """The class of feedback, as the user gets it, without its goal id."""
         ...
+
+
+ActionT_co = TypeVar("ActionT_co", bound=ActionType[Any, Any, Any], covariant=True)

@@ -33,7 +33,7 @@ class Clients:
         self._reads_topics = bool(config.topics)
         self._goals = goals
         self._hold: HoldListener | None = None
-        self._clients: dict[str, tuple[Client[Any, Any, Any], Any]] = {}
+        self._clients: dict[str, tuple[Client[Any], Any]] = {}
         self._lock = threading.Lock()
 
     @property
@@ -59,7 +59,7 @@ class Clients:
                     self.node.open()  # so that it has found the publishers when it is asked
             return self._hold
 
-    def client(self, tool: ActionConfig) -> Client[Any, Any, Any]:
+    def client(self, tool: ActionConfig) -> Client[Any]:
         """Return the client of a tool.
 
         Raises:

@@ -34,7 +34,7 @@ class Calling:
 
     def __init__(
         self,
-        client: Client[Any, Any, Any],
+        client: Client[Any],
         report: Report,
         *,
         echo: bool,

@@ -30,7 +30,7 @@ from actionkit import (
 from actionkit.cli._demo_screen import DemoScreen
 from actionkit.servers import Server
 
-FibonacciClient = Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]
+FibonacciClient = Client[Fibonacci]
 Print = Callable[..., None]
 _E = TypeVar("_E", bound=ActionKitError)
 

@@ -45,7 +45,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
     def __init__(
         self,
         name: str,
-        client: Client[GoalT, ResultT, FeedbackT]
+        client: Client[ActionType[GoalT, ResultT, FeedbackT]]
         | tuple[type[ActionType[GoalT, ResultT, FeedbackT]], str],
         goal: GoalT | Mapping[str, Any] | Callable[[Self], Any] | FromBlackboard,
         *,
@@ -112,7 +112,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
     # --- what users look at ------------------------------------------------------------------
 
     @property
-    def client(self) -> Client[GoalT, ResultT, FeedbackT] | None:
+    def client(self) -> Client[ActionType[GoalT, ResultT, FeedbackT]] | None:
         """The client; `None` where it is made at `setup()`, and that was not called."""
         return self._hold.client
 
@@ -212,7 +212,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
             except (NoGoalError, ClientClosedError) as error:
                 run.problem = str(error)
 
-    def _earlier_stopped(self, run: Run, client: Client[Any, Any, Any]) -> bool:
+    def _earlier_stopped(self, run: Run, client: Client[Any]) -> bool:
         """Return whether no earlier goal may run; say at the node what is waited for."""
         earlier = self._runs.before(run)
         if not earlier:

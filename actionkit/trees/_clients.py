@@ -27,7 +27,7 @@ class ClientHold:
             TypeError: It is neither.
         """
         self._shared: _Shared | None = None
-        self.client: Client[Any, Any, Any] | None = None
+        self.client: Client[Any] | None = None
         self._made_from: tuple[type, str] | None = None
         if isinstance(client, Client):
             self.client = client
@@ -81,7 +81,7 @@ class ClientHold:
                 action_name=self.action_name,
             )
 
-    def let_go(self) -> Client[Any, Any, Any] | None:
+    def let_go(self) -> Client[Any] | None:
         """Give the client back; return it where it is to be closed now."""
         shared, self._shared = self._shared, None
         if shared is None:
@@ -99,7 +99,7 @@ class ClientHold:
 class _Shared:
     """A client that leaves share. Nobody but they hold it: if all are dropped, so is the client."""
 
-    def __init__(self, key: tuple[Any, ...], client: Client[Any, Any, Any], node: Any) -> None:
+    def __init__(self, key: tuple[Any, ...], client: Client[Any], node: Any) -> None:
         self.key = key
         self.client = client
         self.node = node

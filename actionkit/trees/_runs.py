@@ -20,7 +20,7 @@ from actionkit._model.arguments import UNSET
 from actionkit._model.errors import ClientClosedError
 from actionkit._model.settings import RetryPolicy
 
-AnyClient = Client[Any, Any, Any]
+AnyClient = Client[Any]
 AnyFuture = GoalFuture[Any, Any]
 
 

@@ -25,7 +25,7 @@ SHELF = {"nested_field": {"float64_value": 3.0}}  # metres to drive
 HOME = {"nested_field": {"float64_value": 1.0}}
 
 
-def mission(navigate: Client[Any, Any, Any], pick: Client[Any, Any, Any], dock: Any) -> Any:
+def mission(navigate: Client[Any], pick: Client[Any], dock: Any) -> Any:
     """Return the root of the tree; the clients are yours."""
     charge = py_trees.composites.Sequence(
         "charge",

@@ -38,7 +38,7 @@ def server(ros_domain: int) -> Iterator[Server]:
 
 
 @pytest.fixture
-def client(server: Server, make_client: Callable[..., Client[Any, Any, Any]]) -> Client:
+def client(server: Server, make_client: Callable[..., Client[Any]]) -> Client:
     """A client that knows the server."""
     client = make_client(name="shared")
     assert client.wait_for_server(20)

@@ -32,16 +32,16 @@ def _switched_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(SWITCH, raising=False)
 
 
-def runtime_of(client: Client[Any, Any, Any]) -> Runtime:
+def runtime_of(client: Client[Any]) -> Runtime:
     return client._session.port.runtime
 
 
-def tries(client: Client[Any, Any, Any]) -> int:
+def tries(client: Client[Any]) -> int:
     runtime = runtime_of(client)
     return runtime.run(lambda: runtime.rejoining._tries)
 
 
-def has_tried(client: Client[Any, Any, Any], times: int) -> bool:
+def has_tried(client: Client[Any], times: int) -> bool:
     """Wait until its node was replaced so many times."""
     until = time.monotonic() + 30
     while tries(client) < times:
@@ -51,7 +51,7 @@ def has_tried(client: Client[Any, Any, Any], times: int) -> bool:
     return True
 
 
-def has_looked_for_the_last_time(client: Client[Any, Any, Any]) -> bool:
+def has_looked_for_the_last_time(client: Client[Any]) -> bool:
     runtime = runtime_of(client)
     until = time.monotonic() + 30
     while runtime.run(lambda: len(runtime.timers)):

@@ -16,7 +16,7 @@ from actionkit.testing import isolated_domain
 
 BOUND = 30.0
 """Seconds; only what hangs takes so long."""
-MakeClient = Callable[..., Client[Any, Any, Any]]
+MakeClient = Callable[..., Client[Any]]
 
 
 class Place:
@@ -25,7 +25,7 @@ class Place:
     def __init__(self, stack: ExitStack) -> None:
         self.stack = stack
         self.servers: dict[str, Server] = {}
-        self._clients: dict[str, Client[Any, Any, Any]] = {}
+        self._clients: dict[str, Client[Any]] = {}
 
     def server(self, action: str, name: str = "scripted", **options: Any) -> Server:
         """Return the server of an action; it is started where it is not there."""
@@ -34,7 +34,7 @@ class Place:
             self.servers[action] = self.stack.enter_context(started)
         return self.servers[action]
 
-    def client(self, action: str) -> Client[Any, Any, Any]:
+    def client(self, action: str) -> Client[Any]:
         """Return the client of an action that all tests of the file share."""
         if action not in self._clients:
             self._clients[action] = self.stack.enter_context(Client(Fibonacci, action))
@@ -55,12 +55,12 @@ def place() -> Iterator[Place]:
 
 
 @pytest.fixture
-def open_client(place: Place) -> Iterator[Callable[..., Client[Any, Any, Any]]]:
+def open_client(place: Place) -> Iterator[Callable[..., Client[Any]]]:
     """Make clients in the file's domain; all are closed at the test's end."""
     with ExitStack() as stack:
 
-        def make(action: str, **options: Any) -> Client[Any, Any, Any]:
-            client: Client[Any, Any, Any] = Client(Fibonacci, action, **options)
+        def make(action: str, **options: Any) -> Client[Any]:
+            client: Client[Any] = Client(Fibonacci, action, **options)
             stack.enter_context(client)
             assert client.wait_for_server(20)  # discovery may take seconds
             return client
@@ -89,7 +89,7 @@ def fate(server: Server, goal_id: object) -> list[str]:
 
 
 @pytest.fixture
-def client(place: Place, open_client: MakeClient) -> Client[Any, Any, Any]:
+def client(place: Place, open_client: MakeClient) -> Client[Any]:
     """A client of the server fibonacci, which sends feedback and rejects negative orders."""
     place.server("fibonacci", "fibonacci", period=0.02)
     return open_client("fibonacci")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 from array import array
+from typing import Any
 
 from test_msgs.action import Fibonacci, NestedMessage
 from typing_extensions import assert_type
@@ -28,16 +29,16 @@ from actionkit import (
 from actionkit.servers import start
 from actionkit.testing import FakeServer
 from actionkit.testing.plugin import FakeServerFactory
+from actionkit.trees import ActionBehaviour
 
-FibonacciClient = Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]
+FibonacciClient = Client[Fibonacci]
 
 
 def the_action_type_types_the_client() -> None:
     assert_type(Client(Fibonacci, "fibonacci"), FibonacciClient)
-    assert_type(
-        Client(NestedMessage, "nested"),
-        Client[NestedMessage.Goal, NestedMessage.Result, NestedMessage.Feedback],
-    )
+    assert_type(Client(NestedMessage, "nested"), Client[NestedMessage])
+    annotated: Client[NestedMessage] = Client(NestedMessage, "nested")
+    assert_type(annotated.call(NestedMessage.Goal()), NestedMessage.Result)
     Client(
         Fibonacci,
         "fibonacci",
@@ -123,8 +124,21 @@ def run_it() -> None:
     assert_type(asyncio.run(client.call_async({"order": 1})), Fibonacci.Result)
 
 
-def a_client_of_any_action(client: Client) -> object:
+def a_client_of_any_action(client: Client[Any]) -> object:
+    client.call_async({}, on_feedback=take)
     return client.call({"order": 1})
+
+
+class Counter(Client[Fibonacci]):
+    def count(self) -> Fibonacci.Result:
+        self.call_async({}, on_feedback=take)
+        return self.call(Fibonacci.Goal(order=3))
+
+
+def a_client_of_ones_own() -> None:
+    assert_type(Counter(Fibonacci, "fibonacci").call({}), Fibonacci.Result)
+    of_this_action(Counter(Fibonacci, "fibonacci"))
+    a_client_of_any_action(Counter(Fibonacci, "fibonacci"))
 
 
 def of_this_action(client: FibonacciClient) -> int:
@@ -172,3 +186,13 @@ def fake_servers(fake_server: FakeServerFactory) -> None:
     assert_type(fake_server(NestedMessage, "pick", result={}).goals, list[NestedMessage.Goal])
     start("silent", action_type=Fibonacci)
     start("silent", action_type="test_msgs/action/Fibonacci", steps=3)
+
+
+def behaviours(client: Client[Fibonacci]) -> None:
+    leaf = ActionBehaviour("count", client, Fibonacci.Goal(order=3))
+    assert_type(leaf, ActionBehaviour[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback])
+    assert leaf.client is not None
+    assert_type(leaf.client.call({}), Fibonacci.Result)
+    assert leaf.future is not None
+    assert_type(leaf.future.result(), Fibonacci.Result)
+    ActionBehaviour("count", (Fibonacci, "fibonacci"), {"order": 3})

@@ -10,18 +10,19 @@ import concurrent.futures
 
 from test_msgs.action import Fibonacci, NestedMessage
 
-from actionkit import Client, RetryBudget, RetryPolicy, Timeouts
+from actionkit import Client, GoalFuture, RetryBudget, RetryPolicy, Timeouts
 from actionkit.testing import FakeServer
+from actionkit.trees import ActionBehaviour
 
-FibonacciClient = Client[Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback]
-NestedClient = Client[NestedMessage.Goal, NestedMessage.Result, NestedMessage.Feedback]
+FibonacciClient = Client[Fibonacci]
+NestedClient = Client[NestedMessage]
 
 
 def clients() -> None:
     Client(Fibonacci)  # error[call-arg, reportCallIssue]: no name
     Client("test_msgs/action/Fibonacci", "fibonacci")  # error[arg-type, reportArgumentType]
-    Client(Fibonacci.Goal, "fibonacci")  # error[arg-type, reportArgumentType]: the goal
-    Client(Fibonacci.Impl, "fibonacci")  # error[arg-type, reportArgumentType]: no messages in it
+    Client(Fibonacci.Goal, "fibonacci")  # error[type-var, reportArgumentType]: the goal
+    Client(Fibonacci.Impl, "fibonacci")  # error[type-var, reportArgumentType]: no messages in it
     Client(Fibonacci(), "fibonacci")  # error[arg-type, reportArgumentType]: not the class
     Client(Fibonacci, 5)  # error[arg-type, reportArgumentType]: no name
     Client(Fibonacci, "fibonacci", Timeouts())  # error[arg-type, reportArgumentType]: by name
@@ -95,6 +96,17 @@ def of_another_action(client: NestedClient) -> None: ...
 
 
 of_another_action(Client(Fibonacci, "fibonacci"))  # error[arg-type, reportArgumentType]
+
+
+def annotated(
+    of_the_goal: Client[Fibonacci.Goal],  # error[type-var, reportInvalidTypeArguments]
+    of_two: Client[Fibonacci, Fibonacci],  # error[type-arg, reportInvalidTypeArguments]
+    future: GoalFuture[Fibonacci],  # error[type-arg, reportInvalidTypeArguments]: of messages
+    server: FakeServer[Fibonacci],  # error[type-arg, reportInvalidTypeArguments]
+    leaf: ActionBehaviour[Fibonacci],  # error[type-arg, reportInvalidTypeArguments]
+) -> None:
+    made: NestedClient = Client(Fibonacci, "it")  # error[arg-type, reportAssignmentType]
+    print(of_the_goal, of_two, future, server, leaf, made)
 
 
 def fake_servers() -> None:

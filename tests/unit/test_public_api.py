@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import enum
 import inspect
-from typing import Any
+from typing import Any, get_args
 
 import pytest
+from test_msgs.action import Fibonacci
 
 import actionkit
 import actionkit.servers
@@ -251,6 +252,12 @@ def test_the_signatures(function: Any) -> None:
     bare = [each.replace(annotation=each.empty) for each in signature.parameters.values()]
     plain = signature.replace(parameters=bare, return_annotation=signature.empty)
     assert str(plain) == SIGNATURES[function]
+
+
+def test_annotations_can_be_evaluated() -> None:
+    assert get_args(Client[Fibonacci]) == (Fibonacci,)
+    messages = (Fibonacci.Result, Fibonacci.Feedback)
+    assert get_args(GoalFuture[messages]) == messages
 
 
 @pytest.mark.parametrize("name", MEMBERS)

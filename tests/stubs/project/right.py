@@ -27,7 +27,7 @@ from actionkit import Client
 
 def calls() -> None:
     with Client(Pick, "pick") as client:
-        assert_type(client, Client[Pick.Goal, Pick.Result, Pick.Feedback])
+        assert_type(client, Client[Pick])
         result = client.call(Pick.Goal(item="cup", odd=Odd(str="a", array=range(3))), timeout=5.0)
         assert_type(result, Pick.Result)
         assert_type(result.ok, bool)

@@ -4,7 +4,7 @@ Each marked line, and no other, is an error to mypy and to pyright, of the kinds
 """
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
 # pyright: reportUnknownLambdaType=false, reportUnknownArgumentType=false
-# pyright: reportUnusedExpression=false
+# pyright: reportUnusedExpression=false, reportUnknownParameterType=false
 # ruff: noqa: B018
 
 from __future__ import annotations
@@ -27,7 +27,10 @@ from test_msgs.msg import BasicTypes, BoundedSequences
 from actionkit import Client
 
 
-def calls(client: Client[Pick.Goal, Pick.Result, Pick.Feedback]) -> None:
+def a_mere_client(client: Client) -> None: ...  # error[type-arg, reportMissingTypeArgument]
+
+
+def calls(client: Client[Pick]) -> None:
     client.call(Pick.Goal(itme="cup"))  # error[call-arg, reportCallIssue]: mistyped
     client.call(Pick.Goal(item=5))  # error[arg-type, reportArgumentType]
     client.call(Fibonacci.Goal())  # error[arg-type, reportArgumentType]: another action's
