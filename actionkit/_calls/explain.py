@@ -75,7 +75,8 @@ def explain(ending: Ending, call: ErrorContext) -> BaseException | None:
         note += f" It was not tried again, because {full_stop(ending.classifier_fault.problem)}"
     happened = text(ending, call) + note
     error = cls(happened + _left_running(happened, ending, call), **_common(call))
-    error.cancel = ending.cancel
+    if ending.cancel is not None:
+        error.cancel = ending.cancel
     _add_facts(error, ending, call)
     return error
 

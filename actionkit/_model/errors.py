@@ -64,6 +64,7 @@ class ActionKitError(Exception):
 
     transient: ClassVar[bool] = False
     result: Any = None
+    cancel: CancelReport | None = None
 
     def __init__(
         self,
@@ -82,7 +83,6 @@ class ActionKitError(Exception):
         self.attempts = attempts
         self.timeline = timeline
         self.elapsed = elapsed
-        self.cancel: CancelReport | None = None
 
     def __str__(self) -> str:
         # OSError, a base of TimeoutError, would format its own arguments.
@@ -200,13 +200,16 @@ class DeadlineExceededError(ActionKitError, TimeoutError):
     Attributes:
         phase: What the call was waiting for: `"server"`, `"accept"`, `"execute"`, `"pause"`
             (between two attempts) or `"cancel"` (for a cancellation to be confirmed).
-        cancel: What became of the goal: `CONFIRMED`, `REFUSED`, `UNKNOWN` or `NOT_NEEDED`.
+        cancel: What became of the goal: `CONFIRMED`, `REFUSED`, `UNKNOWN` or `NOT_NEEDED`; never
+            `None`.
         late_result: The result, where the goal succeeded while it was being cancelled.
         status: The terminal state of the goal where the server told it, else `None`. `SUCCEEDED`
             without a `late_result`: the goal succeeded, and only its result did not come.
     """
 
     phase: str = ""
+    # Narrower than that of the base class: `explain` alone assigns it, and never None.
+    cancel: CancelReport = CancelReport.NOT_NEEDED  # pyright: ignore[reportIncompatibleVariableOverride]
     late_result: Any = None
     status: GoalState | None = None
 

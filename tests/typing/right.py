@@ -11,8 +11,11 @@ from test_msgs.action import Fibonacci, NestedMessage
 from typing_extensions import assert_type
 
 from actionkit import (
+    ActionKitError,
     CallInfo,
+    CancelReport,
     Client,
+    DeadlineExceededError,
     GoalEvent,
     GoalFuture,
     JsonLines,
@@ -139,6 +142,16 @@ def a_client_of_ones_own() -> None:
     assert_type(Counter(Fibonacci, "fibonacci").call({}), Fibonacci.Result)
     of_this_action(Counter(Fibonacci, "fibonacci"))
     a_client_of_any_action(Counter(Fibonacci, "fibonacci"))
+
+
+def failures(client: Client[Fibonacci]) -> None:
+    try:
+        client.call(Fibonacci.Goal())
+    except DeadlineExceededError as error:
+        assert_type(error.cancel, CancelReport)
+        print(error.cancel.name)
+    except ActionKitError as error:
+        assert_type(error.cancel, CancelReport | None)
 
 
 def of_this_action(client: FibonacciClient) -> int:

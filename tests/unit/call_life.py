@@ -641,6 +641,7 @@ class CallLife:
         self.require(not none_there or (nothing and not sent), "it says that nothing was sent")
         late = isinstance(outcome.error, errors.DeadlineExceededError)
         self.require(not late or self.had_server, "the deadline's error: there was a server")
+        self.require(not late or outcome.cancel is not None, "and it tells of each goal's cancel")
         waited = [
             at
             for at, event in enumerate(outcome.timeline)
