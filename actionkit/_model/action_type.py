@@ -19,32 +19,32 @@ GoalT = TypeVar("GoalT")
 ResultT = TypeVar("ResultT")
 FeedbackT = TypeVar("FeedbackT")
 
-_GoalT_co = TypeVar("_GoalT_co", covariant=True)
-_ResultT_co = TypeVar("_ResultT_co", covariant=True)
-_FeedbackT_co = TypeVar("_FeedbackT_co", covariant=True)
 
-
-class ActionType(Protocol[_GoalT_co, _ResultT_co, _FeedbackT_co]):
+class ActionType(Protocol[GoalT, ResultT, FeedbackT]):  # type: ignore[misc]
     """What an action type holds. Take one as `type[ActionType[GoalT, ResultT, FeedbackT]]`.
 
     As `type[…]` of it and with properties, because this is the form in which both mypy and
     pyright accept nested classes (our stubs), classes imported into a class body (what ROS
     generates, which pyright reads where there are no stubs) and assigned ones. Against a plain
     `ActionType` mypy refuses the first two and pyright the last.
+
+    Its type variables could be covariant, as checkers remark. But then pyright takes `GoalT` of
+    `ActionBehaviour(name, client, goal)` for the union of the client's goal and whatever `goal`
+    is, and refuses nothing.
     """
 
     @property
-    def Goal(self) -> type[_GoalT_co]:
+    def Goal(self) -> type[GoalT]:
         """The class of goals."""
         ...
 
     @property
-    def Result(self) -> type[_ResultT_co]:
+    def Result(self) -> type[ResultT]:
         """The class of results."""
         ...
 
     @property
-    def Feedback(self) -> type[_FeedbackT_co]:
+    def Feedback(self) -> type[FeedbackT]:
         """The class of feedback, as the user gets it, without its goal id."""
         ...
 

@@ -109,7 +109,14 @@ def annotated(
     print(of_the_goal, of_two, future, server, leaf, made)
 
 
+def behaviours(client: Client[Fibonacci]) -> None:
+    ActionBehaviour("it", client, NestedMessage.Goal())  # error[arg-type, reportArgumentType]
+    ActionBehaviour("it", (Fibonacci, "it"), 3)  # error[arg-type, reportArgumentType]
+
+
 def fake_servers() -> None:
+    FakeServer(Fibonacci, "pick", result=3)  # error[arg-type, reportArgumentType]
+    FakeServer(Fibonacci, "pick", feedback=[3])  # error[list-item, reportArgumentType]
     FakeServer("test_msgs/action/Fibonacci", "pick")  # error[arg-type, reportArgumentType]
     FakeServer(Fibonacci, "pick", end="done")  # error[arg-type, reportArgumentType]
     FakeServer(Fibonacci, "pick", cancel=True)  # error[arg-type, reportArgumentType]
