@@ -1,9 +1,13 @@
 """The command `python -m tests.soak`: everything at once, for as long as one likes.
 
 Threads, asyncio tasks, deadlines, cancels, retries and judges, against servers that are killed,
-stopped and restarted, over networks that lose packets, by programs that are told to end. What
-callers are told is compared with what the servers' own journals show. The exit code is 0 only
-where nothing was left running and nothing was wrong.
+stopped, restarted, doubled and replaced, or that block, over networks that lose packets, by
+programs that are told to end, and by children of `multiprocessing`. What callers are told is
+compared with what the servers' own journals show. The exit code is 0 only where nothing was left
+running and nothing was wrong.
+
+Where it runs in the background, SIGINT may be ignored there, and so it is by its programs: then
+those told by Ctrl-C go on.
 """
 
 from __future__ import annotations

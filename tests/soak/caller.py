@@ -24,11 +24,11 @@ from actionkit import (
 from tests.faults.lab import budget
 from tests.soak.records import GRACE, KINDS, PATIENCE, Record
 
-_TIMEOUTS = Timeouts(server=10.0, accept=10.0, cancel=GRACE)
 _POLICIES = {
     "no retries": RetryPolicy.none(),
     "never_accepted": RetryPolicy(resend="never_accepted"),
     "confirmed_stopped": RetryPolicy(),
+    "server_gone": RetryPolicy(resend="server_gone"),
     "always": RetryPolicy(resend="always"),
 }
 _LONGEST = 2 * PATIENCE
@@ -62,7 +62,8 @@ class Caller:
 
     @staticmethod
     def make_client(kind: str) -> Any:
-        return Client(Fibonacci, kind, timeouts=_TIMEOUTS, retry_budget=budget())
+        timeouts = Timeouts(server=10.0, accept=KINDS[kind].accept, cancel=GRACE)
+        return Client(Fibonacci, kind, timeouts=timeouts, retry_budget=budget())
 
     def take_records(self) -> list[Record]:
         """The records so far; each is taken once."""
@@ -118,14 +119,14 @@ class Caller:
         self._give_up_together(chance, lambda client: client.close())
 
     def _give_up_together(self, chance: random.Random, act: Callable[[Any], object]) -> None:
-        kind = chance.choice(["endless", "endless", "steady"])
+        kind = chance.choice(["endless", "endless", "endless", "steady", "deaf"])
         with self.make_client(kind) as client:
             begun = [
                 self._begin(chance, kind, PATIENCE, client) for _ in range(chance.randint(1, 60))
             ]
             _pause(chance, 1.5)
             for record, future in begun:
-                record.together = len(begun)
+                record.together, record.closed = len(begun), True
                 record.given_up = None if future.done() else time.monotonic()
             act(client)
             for record, future in begun:
@@ -188,7 +189,8 @@ async def _await(future: GoalFuture[Any, Any]) -> None:
 
 
 def _pick(chance: random.Random, *, ends: bool = False) -> str:
-    return chance.choice([name for name, kind in KINDS.items() if kind.ends or not ends])
+    found = {name: kind for name, kind in KINDS.items() if kind.ends or not ends}
+    return chance.choices([*found], [4 if kind.answers else 1 for kind in found.values()])[0]
 
 
 def _pause(chance: random.Random, most: float) -> None:

@@ -21,8 +21,28 @@ _THEMES: list[tuple[str, ...]] = [
     ("loss",),
     ("loss", "restart"),
     ("loss", "programs"),
+    ("duplicate",),
+    ("twin", "stop"),
+    ("duplicate", "twin", "kill"),
+    ("linger",),
+    ("vanish",),
+    ("linger", "vanish", "restart"),
+    ("children", "children", "children"),
+    ("children", "programs", "stop"),
+    ("loss", "duplicate", "linger"),
 ]
+_FAULTS = ("kill", "restart", "stop", "duplicate", "twin", "linger", "vanish")
 _WAYS = ("ctrl_c", "term_close", "term_exit", "exit", "close")
+CHILDREN = tuple(
+    f"{how}, {end}"
+    for how in ("fork", "forkserver")
+    for end in ("returns", "raises", "exits", "pool")
+)
+"""How the children of a program are made, and how they end: see `tests.soak.children`."""
+_BEYOND_LEASE = 24.0
+"""Seconds after which the middleware drops a server that hangs; it does so after about 20."""
+STAYS = 1000.0
+"""Seconds of a fault that is not undone before the end of the round."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +52,11 @@ class Fault:
     Attributes:
         at: Seconds from the start of the round.
         kind: The name of its action.
-        what: "kill" (SIGKILL, and a start), "restart" (a clean one), "stop" (SIGSTOP, SIGCONT).
-        seconds: Until it is undone.
+        what: "kill" (SIGKILL, and a start), "restart" (a clean one), "stop" (SIGSTOP, SIGCONT);
+            "duplicate" (a second server serves the same name), "twin" (with the same name of its
+            node, too); "linger" (SIGSTOP, another server takes its place, SIGCONT), "vanish" (its
+            action server is destroyed, and another process takes its place: it lives on).
+        seconds: Until it is undone, or `STAYS`.
     """
 
     at: float
@@ -48,7 +71,7 @@ class Program:
 
     Attributes:
         at: Seconds from the start of the round.
-        way: How it comes to its end, of `tests.faults.attacks.WAYS`.
+        way: How it comes to its end, of `tests.faults.attacks.WAYS`, or of `CHILDREN`.
         n: How many goals it sends to the server "endless".
         life: Seconds from its first goal until it is told.
     """
@@ -102,21 +125,21 @@ def make(seed: int, number: int, seconds: float, *, with_network: bool) -> Plan:
             at=chance.uniform(0.1, 0.7) * seconds,
             kind=chance.choice(list(KINDS)),
             what=what,
-            seconds=chance.uniform(0.0, 4.0),
+            seconds=_seconds(chance, what),
         )
         for what in theme
-        if what in ("kill", "restart", "stop")
+        if what in _FAULTS
         for _ in range(chance.randint(1, 3))
     ]
     programs = [
         Program(
             at=chance.uniform(0.0, 0.5) * seconds,
-            way=chance.choice(_WAYS),
+            way=chance.choice(CHILDREN if what == "children" else _WAYS),
             n=chance.randint(1, 80),
             life=chance.uniform(0.2, 3.0),
         )
         for what in theme
-        if what == "programs"
+        if what in ("programs", "children")
     ]
     return Plan(
         seconds=seconds,
@@ -125,3 +148,12 @@ def make(seed: int, number: int, seconds: float, *, with_network: bool) -> Plan:
         programs=tuple(programs),
         loss=chance.choice([5, 10, 20]) if "loss" in theme and with_network else 0,
     )
+
+
+def _seconds(chance: random.Random, what: str) -> float:
+    """Until a fault is undone: short, or, of those that come to stay, for long."""
+    if what in ("duplicate", "twin") and chance.random() < 0.5:
+        return STAYS
+    if what == "linger" and chance.random() < 0.2:
+        return _BEYOND_LEASE
+    return chance.uniform(0.0, 4.0 if what in ("kill", "restart", "stop") else 10.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import queue
@@ -14,14 +15,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests.conftest import NEVER
+from tests.conftest import NEVER, Script
 from tests.faults.crowd import Crowd
+from tests.soak.children import CODES
 from tests.soak.place import Place
-from tests.soak.plan import Program
+from tests.soak.plan import CHILDREN, Program
 
 _ROOT = Path(__file__).parents[2]
 _LONGEST = 60.0
 """Seconds in which a program has to come to its end, from its start on."""
+_SHOWN = 20_000
 
 
 class Worker:
@@ -29,7 +32,8 @@ class Worker:
 
     def __init__(self, place: Place) -> None:
         """Start it."""
-        self._stderr = tempfile.TemporaryFile("w+")  # noqa: SIM115  closed by `stop`
+        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115  closed by `stop`
+        self._heard = 0
         with place.clients():
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "tests.soak.worker"],
@@ -72,8 +76,16 @@ class Worker:
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGUSR1)
             NEVER.wait(1.0)
-        self._stderr.seek(0)
-        return self._stderr.read()[-20_000:]
+        # pread leaves alone the file offset, which the process shares and writes at.
+        descriptor = self._stderr.fileno()
+        size = os.fstat(descriptor).st_size
+        return os.pread(descriptor, _SHOWN, max(0, size - _SHOWN)).decode(errors="replace")
+
+    def said(self) -> str:
+        """What it wrote on standard error, its log, since this was asked last."""
+        descriptor, before = self._stderr.fileno(), self._heard
+        self._heard = os.fstat(descriptor).st_size
+        return os.pread(descriptor, self._heard - before, before).decode(errors="replace")
 
     def stop(self, timeout: float) -> bool:
         """End it; returns whether it ended by itself in time."""
@@ -119,6 +131,8 @@ class Ended:
 
 def run_program(place: Place, program: Program, directory: Path) -> Ended:
     """Start a program, let it send its goals, tell it to end, and wait for its end."""
+    if program.way in CHILDREN:
+        return _run_with_child(place, program)
     ended = Ended(program)
     killed = threading.Event()
     try:
@@ -152,4 +166,35 @@ def run_program(place: Place, program: Program, directory: Path) -> Ended:
     finally:
         guard.cancel()
         crowd.kill()
+    return ended
+
+
+def _run_with_child(place: Place, program: Program) -> Ended:
+    """Start a program whose child sends the goals, and wait for their ends."""
+    how, end = program.way.split(", ")
+    command = ["-m", "tests.soak.children", how, end, str(program.n), str(program.life)]
+    with place.clients():
+        script = Script(
+            subprocess.Popen(
+                [sys.executable, *command],
+                cwd=_ROOT,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                env={**os.environ, "PYTHONPATH": str(_ROOT)},
+                start_new_session=True,
+            )
+        )
+    ended = Ended(program)
+    try:
+        code, _, ended.err = script.finish(_LONGEST)
+        if code != CODES[end]:
+            ended.problem = f"it ended with {code}:\n{ended.err[-5000:]}"
+    except subprocess.TimeoutExpired:
+        ended.problem = f"it did not end within {_LONGEST:g} s"
+    finally:
+        with contextlib.suppress(ProcessLookupError):  # its child, too, wherever that hangs
+            os.killpg(script.process.pid, signal.SIGKILL)
+        script.end()
     return ended

@@ -29,12 +29,16 @@ class Kind:
         options: Its options.
         orders: The smallest and the largest order of a goal.
         ends: Whether its goals end by themselves.
+        answers: Whether it answers at once; fewer calls are made of one that does not.
+        accept: `Timeouts.accept` of its clients, in seconds.
     """
 
     server: str
     options: dict[str, Any] = field(default_factory=dict)
     orders: tuple[int, int] = (1, 15)
     ends: bool = True
+    answers: bool = True
+    accept: float = 10.0
 
 
 #: By the name of the action.
@@ -46,6 +50,9 @@ KINDS = {
     "aborting": Kind("aborts", {"period": 0.02}),
     "flaky": Kind("flaky", {"period": 0.02, "fails": 5}),
     "slow": Kind("slow_accept", {"period": 0.02, "delay": 0.3}),
+    # Their clients give up before they answer; what the second accepts then goes on for a minute.
+    "blocked": Kind("blocking", {"delay": 2.0}, answers=False, accept=1.0),
+    "deaf": Kind("slow_accept", {"period": 1.0, "delay": 2.5}, (60, 90), False, False, accept=0.2),
 }
 
 
@@ -62,6 +69,7 @@ class Record:
         judge: What its `classify=` makes of it: "failure", "aborted" (is tried again) or "".
         given_up: When its caller cancelled it, closed the client, or cancelled the task.
         together: With how many others it was given up on.
+        closed: Whether its client was closed then: others have their goals cancelled later, too.
         ended: When it ended; `None`: it did not.
         error: The class of its error, or "".
         cancel: What its outcome says of the goal that was given up on, or "".
@@ -79,6 +87,7 @@ class Record:
     judge: str = ""
     given_up: float | None = None
     together: int = 1
+    closed: bool = False
     ended: float | None = None
     error: str = ""
     cancel: str = ""
@@ -111,6 +120,8 @@ def expected(kind: str, order: int) -> list[int]:
     """The result of a goal that succeeds."""
     if kind == "stubborn":
         return [0]
+    if kind == "blocked":
+        return [0, 1]
     sequence = [0, 1]
     for _ in range(1, order):
         sequence.append(sequence[-1] + sequence[-2])

@@ -28,6 +28,8 @@ class Totals:
         late: The longest delay beyond a call's bound, in seconds.
         unconfirmed: Calls given up on with healthy servers, and not confirmed in time.
         programs: How many were told to end.
+        told: How many goals were left running, but named, and out of reach.
+        faults: How many there were of each sort.
         states: What must not grow, after each round, by place.
     """
 
@@ -40,6 +42,8 @@ class Totals:
     late: float = 0.0
     unconfirmed: int = 0
     programs: int = 0
+    told: int = 0
+    faults: Counter[str] = field(default_factory=Counter)
     states: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
 
     def add(self, number: int, result: Result) -> None:
@@ -49,6 +53,9 @@ class Totals:
         self.late = max(self.late, result.late)
         self.unconfirmed += result.unconfirmed
         self.programs += result.programs
+        self.told += result.told
+        self.faults.update(fault.what for fault in result.plan.faults)
+        self.faults.update(one.way for one in result.plan.programs)
         if result.state:
             self.states.setdefault(result.place, []).append(result.state)
         for problem in result.problems:
@@ -83,7 +90,8 @@ class Totals:
         """One line for each minute."""
         return (
             f"{self.seconds / 60:5.1f} min, {self.rounds} rounds, {self.calls} calls,"
-            f" {self.programs} programs; left running {self.problems['left']},"
+            f" {self.programs} programs; left running {self.problems['left']}"
+            f" ({self.told} more were named),"
             f" wrong {self.problems['wrong']}, run twice {self.problems['twice']},"
             f" hung {self.problems['hung']}, late {self.problems['late']};"
             f" longest delay beyond the bound {self.late:.1f} s; {self.unconfirmed} unconfirmed"
@@ -92,7 +100,9 @@ class Totals:
     @property
     def text(self) -> str:
         """The whole story, for the end."""
-        lines = [self.line, f"seed {self.seed}; {self.grown}", "outcomes:"]
+        lines = [self.line, f"seed {self.seed}; {self.grown}"]
+        lines.append(f"done: {dict(sorted(self.faults.items()))}")
+        lines.append("outcomes:")
         lines += [f"  {number:7} {outcome}" for outcome, number in self.outcomes.most_common()]
         for what, texts in self.texts.items():
             lines.append(f"{what}, {len(texts)} in all, the first of them:")

@@ -11,22 +11,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from actionkit import servers
-from actionkit.servers import Server
 from tests.conftest import NEVER
-from tests.faults.crowd import drain, endings, untold, untrue
+from tests.faults.crowd import endings, untold, untrue
 from tests.soak import records
-from tests.soak.oracle import Journal, Problem, judge
+from tests.soak.oracle import Journal, Problem, excused, judge
 from tests.soak.place import Place
-from tests.soak.plan import Fault, Plan
+from tests.soak.plan import Plan
 from tests.soak.processes import Ended, Worker, run_program
 from tests.soak.records import KINDS, Record
+from tests.soak.serving import Serving
 
 _CALLS_END = 90.0
 """Seconds after the end of a round's calls in which the last of them has ended."""
 _DRAIN = 40.0
 """Seconds in which goals that were given up on end: a closed client watches them for 30 s."""
-_QUIET = 12.0
 _LATE = 3.0
 """Seconds beyond a call's bound that a busy machine may make of it."""
 
@@ -44,6 +42,7 @@ class Result:
         state: What must not grow, of the worker; empty where it was hung.
         programs: How many were told to end.
         unconfirmed: Calls given up on with servers in good health, and not confirmed in time.
+        told: How many goals were left running, but named, and out of reach.
     """
 
     plan: Plan
@@ -54,6 +53,7 @@ class Result:
     state: dict[str, Any] = field(default_factory=dict)
     programs: int = 0
     unconfirmed: int = 0
+    told: int = 0
 
 
 class Round:
@@ -64,7 +64,7 @@ class Round:
         self._worker = worker
         self._plan = plan
         self._directory = directory
-        self._servers: dict[str, Server] = {}
+        self._servers: dict[str, Serving] = {}
         self.result = Result(plan, place.name)
 
     def run(self) -> Result:
@@ -72,26 +72,16 @@ class Round:
         self._place.enter()
         with ExitStack() as stack:
             with concurrent.futures.ThreadPoolExecutor(3) as pool:
-                started = {kind: pool.submit(self._start, kind) for kind in KINDS}
+                started = {kind: pool.submit(Serving, self._place, kind) for kind in KINDS}
             for kind, future in started.items():
-                self._servers[kind] = stack.enter_context(future.result())
+                self._servers[kind] = future.result()
+                stack.callback(self._servers[kind].stop)
             self._run(self._directory / "records.jsonl")
         # Whoever was killed, or whose goodbye was lost, is in sight for 20 s more.
         self._place.lingering = frozenset(
             kind for kind in KINDS if self._done(kind) & {"kill", "loss"}
         )
         return self.result
-
-    def _start(self, kind: str) -> Server:
-        of = KINDS[kind]
-        with self._place.servers():
-            return servers.start(
-                of.server,
-                action_name=kind,
-                domain_id=self._place.domain,
-                journal="goals",
-                **of.options,
-            )
 
     def _run(self, path: Path) -> None:
         plan = self._plan
@@ -112,8 +102,14 @@ class Round:
             ended = [program.result() for program in programs]
         left = self._drain()
         # The journals are whole only now.
-        self._judge(records.read(path) if path.exists() else [])
-        self._judge_programs(ended, left)
+        journals = {
+            kind: Journal(serving.events, self._done(kind))
+            for kind, serving in self._servers.items()
+        }
+        found = records.read(path) if path.exists() else []
+        self._judge(found, journals)
+        self._judge_programs(ended)
+        self._judge_left(left, found, journals, ended)
         if not hung:
             self._worker.tell(state=True)
             self.result.state = self._worker.answer(60)
@@ -126,23 +122,10 @@ class Round:
             self._place.cable.lose(plan.loss)
         for fault in plan.faults:
             _wait_until(began + fault.at)
-            self._do(fault)
+            self._servers[fault.kind].strike(fault)
         _wait_until(began + plan.seconds)
         if plan.loss and self._place.cable is not None:
             self._place.cable.lose_nothing()
-
-    def _do(self, fault: Fault) -> None:
-        server = self._servers[fault.kind]
-        if fault.what == "stop":
-            server.pause()
-            NEVER.wait(fault.seconds)
-            server.resume()
-            return
-        if fault.what == "kill":
-            server.kill()
-            NEVER.wait(fault.seconds)
-        with self._place.servers():
-            server.restart()
 
     def _program(self, one: Any, began: float) -> Ended:
         _wait_until(began + one.at)
@@ -151,10 +134,7 @@ class Round:
     def _drain(self) -> dict[str, set[str]]:
         """The goals that go on running on each server though nobody waits for them."""
         until = time.monotonic() + _DRAIN
-        return {
-            kind: drain(server, max(0.0, until - time.monotonic()), _QUIET)
-            for kind, server in self._servers.items()
-        }
+        return {kind: serving.drain(until) for kind, serving in self._servers.items()}
 
     # -- what came of it -----------------------------------------------------------------------
 
@@ -162,14 +142,11 @@ class Round:
         self.result.problems.append(Problem(what, text))
 
     def _done(self, kind: str) -> set[str]:
-        done = {fault.what for fault in self._plan.faults if fault.kind == kind}
+        done = self._servers[kind].done
         done |= {"lingers"} if kind in self._place.lingering else set()
         return done | ({"loss"} if self._plan.loss else set())
 
-    def _judge(self, found: list[Record]) -> None:
-        journals = {
-            kind: Journal(server.events, self._done(kind)) for kind, server in self._servers.items()
-        }
+    def _judge(self, found: list[Record], journals: dict[str, Journal]) -> None:
         for record in found:
             journal = journals[record.kind]
             self.result.problems += judge(record, journal)
@@ -185,26 +162,43 @@ class Round:
             if journal.healthy and record.cancel == "UNKNOWN":
                 self.result.unconfirmed += 1
 
-    def _judge_programs(self, programs: list[Ended], left: dict[str, set[str]]) -> None:
+    def _judge_programs(self, programs: list[Ended]) -> None:
         self.result.programs = len(programs)
-        told = 0
-        endless = left["endless"]
         for ended in programs:
             if ended.problem:
                 self._found("hung", f"{ended.program}: {ended.problem}")
-            told += len(endless) - untold(endless, ended.err)
             if ended.crowd is not None and ended.report and not self._done("endless"):
-                mistaken = untrue(ended.crowd, endings(self._servers["endless"]))
+                mistaken = untrue(ended.crowd, endings(self._servers["endless"].first))
                 unknown = sum(end.cancel == "UNKNOWN" for end in ended.crowd.ends)
                 self.result.unconfirmed += unknown
                 if mistaken:
                     text = f"{len(mistaken)} outcomes of {ended.program}: {mistaken[:3]}"
                     self._found("wrong", text)
+
+    def _judge_left(
+        self,
+        left: dict[str, set[str]],
+        found: list[Record],
+        journals: dict[str, Journal],
+        programs: list[Ended],
+    ) -> None:
+        said = self._worker.said()
+        owners = {goal: record for record in found for goal in record.goals}
         for kind, goals in left.items():
-            number = len(goals) - (told if kind == "endless" else 0)
-            for goal in sorted(goals)[: max(0, number)]:
-                events = [event for event in self._servers[kind].events if event.goal_id == goal]
-                self._found("left", f"{kind} {goal}: {[event.event for event in events]}")
+            texts = {}
+            for goal in sorted(
+                goals - excused(goals, found, said, self._servers[kind].out_of_reach)
+            ):
+                events = [f"{e.event}@{e.details['process']}" for e in journals[kind].of(goal)]
+                owner = owners.get(goal)
+                story = f"{owner.text} {journals[kind].story(owner)}" if owner else "of a program"
+                texts[goal] = f"{kind} {goal}: {events}; {story}"
+            number = len(texts)
+            if kind == "endless":
+                number -= sum(number - untold({*texts}, ended.err) for ended in programs)
+            for text in [*texts.values()][: max(0, number)]:
+                self._found("left", text)
+            self.result.told += len(goals) - max(0, number)
 
 
 def _wait_until(when: float) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from actionkit.servers import ServerEvent
 from tests.soak import plan, records
-from tests.soak.oracle import Journal, judge
+from tests.soak.oracle import Journal, excused, judge, merged, named, told_by
 from tests.soak.records import Record, expected
 
 G1, G2 = "goal 1", "goal 2"
@@ -91,6 +91,78 @@ def test_two_goals_of_a_call_at_one_time_are_found():
     ]
 
 
+def several(*seen: tuple[int, str, str | None, float], done: tuple[str, ...] = ()) -> Journal:
+    """The journal of several servers: which of them, what, of which goal, when."""
+    servers: dict[int, list[ServerEvent]] = {0: [], 1: []}
+    for server, event, goal, at in seen:
+        servers[server].append(ServerEvent(event, goal, at))
+    return Journal(merged(servers.values()), done)
+
+
+BOTH = [(server, event, G1, 100.5) for server in (0, 1) for event in ("executing", "succeeded")]
+
+
+def test_a_goal_that_two_servers_execute_ran_twice_only_where_they_were_not_to_be():
+    assert found(RECORD, several(*BOTH)) == ["twice"]
+    assert found(RECORD, several(*BOTH, done=("duplicate",))) == []
+    again = [*BOTH, (1, "executing", G1, 100.6)]
+    assert found(RECORD, several(*again, done=("duplicate",))) == ["twice"]
+
+
+def test_two_goals_of_a_call_on_two_servers_are_found():
+    record = replace(RECORD, goals=[G1, G2])
+    runs = [(0, "executing", G1, 100.1), (1, "executing", G2, 100.5), (1, "succeeded", G2, 100.6)]
+    for policy in ("no retries", "never_accepted", "confirmed_stopped", "server_gone"):
+        one = replace(record, policy=policy)
+        assert found(one, several(*runs, done=("twin",))) == ["twice"]
+        ended = (0, "canceled", G1, 100.4)
+        assert found(one, several(*runs, ended, done=("twin",))) == []
+        killed = (0, "gone", None, 100.4)
+        assert found(one, several(*runs, killed, done=("twin", "kill"))) == []
+        hidden = several(*runs, (0, "hidden", None, 100.4), done=("linger",))
+        assert found(one, hidden) == ([] if policy == "server_gone" else ["twice"])
+        # It was out of sight before the call, and not meanwhile.
+        seen = [(0, "hidden", None, 99.0), (0, "shown", None, 99.5), *runs]
+        assert found(one, several(*seen, done=("linger",))) == ["twice"]
+
+
+def test_what_is_wrong_is_found_beside_a_second_server():
+    runs = [(1, event, G1, 100.5) for event in RUNS]
+    assert found(RECORD, several(*runs, done=("duplicate",))) == ["wrong"]
+    assert found(DEADLINE, several(*runs, done=("duplicate",))) == ["wrong"]
+    assert found(DEADLINE, several(*runs, (0, "canceled", G1, 100.6), done=("twin",))) == []
+
+
+def test_a_server_that_blocks_is_not_lost():
+    lost = replace(DEADLINE, error="ServerLostError", cancel="")
+    assert found(lost, journal(*RUNS, done=("blocks",))) == ["wrong"]
+    assert found(lost, journal(*RUNS, done=("blocks", "linger"))) == []
+    unanswered = replace(lost, error="AcceptanceTimeoutError")
+    assert found(unanswered, journal(*RUNS, done=("blocks",))) == []
+
+
+def test_goals_that_may_still_run_are_named():
+    goal = "0a1b2c3d-0000-4000-8000-0123456789ab"
+    assert named(f"WARNING:1 goal MAY STILL BE RUNNING: no server ... steady {goal} stopped") == {
+        goal
+    }
+    assert named(f"goal {goal} was lost\nIT MAY STILL BE RUNNING") == set()
+    assert told_by(replace(DEADLINE, text=f"Goal {goal}: IT MAY STILL BE RUNNING")) == {goal}
+    # There is no error to name the goals before the one that succeeded.
+    assert told_by(replace(RECORD, cancel="UNKNOWN")) == {G1}
+    assert told_by(RECORD) == set()
+
+
+def test_goals_may_be_left_that_were_named_and_are_out_of_reach():
+    goal = "0a1b2c3d-0000-4000-8000-0123456789ab"
+    said = f"goal {goal} MAY STILL BE RUNNING"
+    record = replace(DEADLINE, goals=[goal])
+    assert excused({goal}, [record], said, {goal}) == {goal}
+    assert excused({goal}, [record], "", {goal}) == set()
+    assert excused({goal}, [record], said, set()) == set()
+    assert excused({goal}, [replace(record, closed=True)], said, set()) == {goal}
+
+
 def test_the_bound_of_a_call():
     assert RECORD.bound(healthy=True) == 132.0
     assert DEADLINE.bound(healthy=True) == 103.0
@@ -115,6 +187,8 @@ def test_the_same_seed_makes_the_same_plan():
     plans = [[plan.make(seed, n, 20, with_network=True) for n in range(40)] for seed in (1, 1, 2)]
     assert plans[0] == plans[1] != plans[2]
     done = {fault.what for one in plans[0] for fault in one.faults}
-    assert done == {"kill", "restart", "stop"}
-    assert any(one.programs for one in plans[0])
+    assert done == {"kill", "restart", "stop", "duplicate", "twin", "linger", "vanish"}
+    ways = {one.way for made in plans[0] for one in made.programs}
+    assert ways & {*plan.CHILDREN}
+    assert ways - {*plan.CHILDREN}
     assert any(one.loss for one in plans[0])

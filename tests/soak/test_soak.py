@@ -13,9 +13,9 @@ import pytest
 from tests.hunting import REPEAT
 
 _ROOT = Path(__file__).parents[2]
-_SEED = 42
-"""By its plan, servers are killed, restarted and stopped in the first two rounds, and a program
-with 65 goals is told to end."""
+_SEED = 128
+"""By its plan, servers are killed, stopped and doubled in the first two rounds, and a program
+with 69 goals is told to end, and the child of one ends."""
 _MINUTES = 0.25 * REPEAT
 """A second round begins while they last, and a round takes 10 seconds and what it waits for."""
 

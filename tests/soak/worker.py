@@ -2,7 +2,7 @@
 
 It obeys lines of JSON: {"seconds": 20, "seed": 1, "records": PATH} is a round, which it answers
 with a line that says what has grown. The end of its input ends it. On SIGUSR1 it writes the
-stacks of all threads to its standard error.
+stacks of all threads to its standard error, where its log goes, too.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import asyncio
 import faulthandler
 import gc
 import json
+import logging
 import os
 import random
 import signal
@@ -84,6 +85,7 @@ def state(caller: Caller) -> dict[str, Any]:
 
 def main() -> None:
     faulthandler.register(signal.SIGUSR1, all_threads=True)
+    logging.basicConfig(level=logging.WARNING)
     caller = Caller()
     print(json.dumps({"up": True}), flush=True)
     for line in sys.stdin:
