@@ -119,8 +119,9 @@ class JournalledServer(ActionServer):
         run: Run = self._request.run
         self._harness.control.add(run)
         if self._behaviour.decide(run):
-            # Before the acceptance is sent, for a cancel may follow it at once.
-            self._goals[run.goal_id] = run
+            # Before the acceptance is sent, for a cancel may follow it at once. A request that
+            # came a second time while the first was being decided does not take its place.
+            self._goals.setdefault(run.goal_id, run)
             return GoalResponse.ACCEPT
         self._harness.control.discard(run)
         why = {"reason": run.reason} if run.reason else {}
