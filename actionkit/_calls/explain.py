@@ -272,7 +272,7 @@ def _told_by_result(result: Any) -> str:
     said = []
     for name in ("error_code", "error_msg"):
         value = getattr(result, name, None)
-        if value not in (None, ""):
+        if value not in (None, "", 0):  # 0 is the default, and mostly means no error
             said.append(f"{name}={value!r}")
     return f" It says {', '.join(said)}." if said else ""
 

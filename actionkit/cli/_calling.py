@@ -12,11 +12,13 @@ from typing import Any
 
 from actionkit._calls.future import GoalFuture
 from actionkit._client import Client
+from actionkit._model.errors import ActionKitError
 from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit.cli._exits import Exit, exit_of
 from actionkit.cli._progress import Progress
 from actionkit.cli._reports import Now, Report, became
 from actionkit.cli._signals import discard_output, handled, watch_output
+from actionkit.cli._wording import in_options
 
 _TICK = 0.1
 """Seconds between two looks at the goal's timeline, and two frames of the display: what a person
@@ -96,6 +98,8 @@ class Calling:
         if self._not_shown:
             self._tell(lambda: self._report.not_shown(self._not_shown))
         outcome = future.outcome(0)
+        if isinstance(outcome.error, ActionKitError):
+            outcome.error.message = in_options(outcome.error.message)
         code = exit_of(outcome) if self._code is None else self._code
         self._tell(lambda: self._report.finished(outcome, code))
         self._last_words(outcome)

@@ -10,6 +10,7 @@ import click
 from actionkit._model.missing import cannot_import
 from actionkit.cli._exits import Exit
 from actionkit.cli._stdout import keep_clean
+from actionkit.cli._wording import in_options
 
 if TYPE_CHECKING:
     from actionkit._ros.tools.survey import Survey
@@ -66,4 +67,4 @@ def full_name(survey: Survey, name: str) -> str:
     try:
         return survey.resolve(name)
     except ValueError as error:
-        raise click.BadParameter(str(error), param_hint="NAME") from error
+        raise click.BadParameter(in_options(str(error)), param_hint="NAME") from error

@@ -20,6 +20,7 @@ from actionkit.cli._options import (
 )
 from actionkit.cli._problems import Problem, import_ros
 from actionkit.cli._stdout import keep_clean
+from actionkit.cli._wording import in_options
 
 if TYPE_CHECKING:
     from actionkit._calls.classify import FieldClassifier
@@ -140,7 +141,7 @@ def command(
     except ImportError as error:  # an rclpy of another version, for one
         raise Problem(Exit.NO_ROS, str(error)) from error
     except ValueError as error:
-        raise click.UsageError(str(error)) from error
+        raise click.UsageError(in_options(str(error))) from error
 
     from actionkit._calls.left_running import mute
     from actionkit._ros.names import type_name_of
@@ -210,7 +211,7 @@ def _classifier(
         classifier = classify_by_field(next(iter(paths.values())), **values)
         classifier.check(result_class)
     except ValueError as error:
-        raise click.UsageError(str(error)) from error
+        raise click.UsageError(in_options(str(error))) from error
     return classifier
 
 

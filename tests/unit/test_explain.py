@@ -10,6 +10,7 @@ import pickle
 import re
 import uuid
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -220,6 +221,23 @@ def test_an_error_tells_what_happened_to_which_action_and_what_to_do(end: End) -
     assert (error.action_name, error.goal_id, error.attempts) == ("/fibonacci", GOAL_ID, 1)
     assert (error.timeline, error.elapsed, error.cancel) == ((EVENT,), 4.2, ending.cancel)
     assert str(pickle.loads(pickle.dumps(error))) == text
+
+
+@pytest.mark.parametrize(
+    ("code", "message", "said"),
+    [
+        (7, "", " It says error_code=7."),
+        (7, "stuck", " It says error_code=7, error_msg='stuck'."),
+        (0, "stuck", " It says error_msg='stuck'."),
+        (0, "", ""),  # a default that the server has not filled in, mostly: no reason
+    ],
+)
+def test_an_abort_quotes_the_reason_that_its_result_gives(
+    code: int, message: str, said: str
+) -> None:
+    result = SimpleNamespace(error_code=code, error_msg=message)
+    text = str(explained(replace(ENDINGS[End.ABORTED][0], result=result)))
+    assert f"s.{said} What the server sent" in text
 
 
 def test_the_facts_of_each_error() -> None:
