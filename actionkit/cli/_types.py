@@ -37,6 +37,14 @@ def installed() -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
+def is_type(text: str) -> bool:
+    """Whether that is the name of an action type, and not of an action."""
+    match = _TYPE.fullmatch(text)
+    return match is not None and (
+        "/action/" in text or "/action/".join(match.groups()) in installed()
+    )
+
+
 def load(text: str) -> Any:
     """Return the class of an action type.
 

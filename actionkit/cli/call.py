@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,7 +20,7 @@ from actionkit.cli._options import (
     json_option,
     name_argument,
 )
-from actionkit.cli._problems import Problem, import_ros
+from actionkit.cli._problems import Problem, import_ros, open_survey
 from actionkit.cli._stdout import keep_clean
 from actionkit.cli._wording import in_options
 
@@ -31,7 +33,7 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 _EPILOG = """\b
 Examples:
   actionkit call /fibonacci test_msgs/action/Fibonacci '{order: 5}' --feedback
-  actionkit call /fibonacci test_msgs/action/Fibonacci '{order: 5}' --timeout 10 --json
+  actionkit call /fibonacci '{order: 5}' --timeout 10 --json
   echo '{"order": 5}' | actionkit call fibonacci test_msgs/Fibonacci --stdin
   actionkit call /navigate nav2_msgs/action/NavigateToPose --progress distance_remaining \\
       '{pose: {header: {stamp: now, frame_id: map}, pose: {position: {x: 1.5}}}}'
@@ -51,7 +53,7 @@ def _timeout(name: str, words: str, default: float | None) -> Callable[[_F], _F]
 
 @click.command("call", context_settings=HELP, epilog=_EPILOG)
 @name_argument
-@click.argument("type_name", metavar="TYPE", shell_complete=complete_types)
+@click.argument("type_name", metavar="[TYPE]", required=False, shell_complete=complete_types)
 @click.argument("goal", metavar="[GOAL]", required=False)
 @click.option("-f", "--feedback", is_flag=True, help="Show each feedback message.")
 @click.option("--stdin", is_flag=True, help="Read the goal from standard input.")
@@ -96,7 +98,7 @@ def _timeout(name: str, words: str, default: float | None) -> Callable[[_F], _F]
 @debug_option
 def command(
     name: str,
-    type_name: str,
+    type_name: str | None,
     goal: str | None,
     feedback: bool,
     stdin: bool,
@@ -110,38 +112,46 @@ def command(
 ) -> int:
     """Send a goal to the action NAME and wait for its result.
 
-    TYPE is the action's type, such as test_msgs/action/Fibonacci. GOAL is YAML or JSON; fields
-    that are missing keep their defaults, and `now` stands for the present time in a stamp or a
-    header. Words and flags are those of `ros2 action send_goal`, which is another name of this:
-    `actionkit send_goal`.
+    TYPE is the action's type, such as test_msgs/action/Fibonacci; without it, the type of the
+    server that is in sight. GOAL is YAML or JSON; fields that are missing keep their defaults, and
+    `now` stands for the present time in a stamp or a header. Words and flags are those of
+    `ros2 action send_goal`, which is another name of this: `actionkit send_goal`.
     """
-    if stdin and goal is not None:
-        raise click.UsageError("Give the goal as GOAL or by --stdin, not both.")
+    from actionkit.cli import _call_arguments, _goals, _types
 
+    type_name, goal = _call_arguments.told_apart(name, type_name, goal, stdin)
     keep_clean()
     import_ros()
-    from actionkit.cli import _goals, _types
+    with contextlib.ExitStack() as until_made:
+        if type_name is None:
+            # Open until the client is made, which then sees the same servers at once.
+            survey = until_made.enter_context(open_survey())
+            patience = timeouts["server_timeout"]
+            patience = patience if timeout is None else min(patience, timeout)
+            type_name = _call_arguments.served_type(survey, name, patience)
+            if timeout is not None:
+                timeout = max(0.0, timeout - (time.monotonic() - survey.opened))
+        action = _types.load(type_name)
+        text = _read_goal() if stdin else "{}" if goal is None else goal
+        message = _goals.parse(text, action.Goal)
+        classify = _classifier(ok, transient, action.Result)
+        field = _progress_field(progress, action.Feedback)
 
-    action = _types.load(type_name)
-    text = _read_goal() if stdin else "{}" if goal is None else goal
-    message = _goals.parse(text, action.Goal)
-    classify = _classifier(ok, transient, action.Result)
-    field = _progress_field(progress, action.Feedback)
+        from actionkit import Client, RetryPolicy, Timeouts
 
-    from actionkit import Client, RetryPolicy, Timeouts
-
-    try:
-        client: Any = Client(
-            action,
-            name,
-            timeouts=Timeouts(**{key.removesuffix("_timeout"): v for key, v in timeouts.items()}),
-            retry=RetryPolicy(attempts=retries + 1),
-            classify=classify,
-        )
-    except ImportError as error:  # an rclpy of another version, for one
-        raise Problem(Exit.NO_ROS, str(error)) from error
-    except ValueError as error:
-        raise click.UsageError(in_options(str(error))) from error
+        limits = {key.removesuffix("_timeout"): value for key, value in timeouts.items()}
+        try:
+            client: Any = Client(
+                action,
+                name,
+                timeouts=Timeouts(**limits),
+                retry=RetryPolicy(attempts=retries + 1),
+                classify=classify,
+            )
+        except ImportError as error:  # an rclpy of another version, for one
+            raise Problem(Exit.NO_ROS, str(error)) from error
+        except ValueError as error:
+            raise click.UsageError(in_options(str(error))) from error
 
     from actionkit._calls.left_running import mute
     from actionkit._ros.names import type_name_of

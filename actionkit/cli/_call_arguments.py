@@ -1,0 +1,83 @@
+"""NAME, TYPE and GOAL of `actionkit call`: TYPE may be left out, and people swap the first two."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from typing import TYPE_CHECKING
+
+import click
+
+from actionkit.cli import _types
+from actionkit.cli._exits import Exit
+from actionkit.cli._problems import Problem, full_name
+from actionkit.cli.info import nothing_there
+
+if TYPE_CHECKING:
+    from actionkit._ros.tools.survey import Survey
+
+_NAME = re.compile(r"[\w/.-]+")
+"""What a type may be, well or badly written; a goal has braces, a colon or a space."""
+
+
+def told_apart(
+    name: str, type_name: str | None, goal: str | None, stdin: bool
+) -> tuple[str | None, str | None]:
+    """Return TYPE and GOAL, each `None` where it was left out.
+
+    Args:
+        name: The first argument.
+        type_name: The second: GOAL where TYPE was left out.
+        goal: The third.
+        stdin: Whether the goal comes by `--stdin`.
+
+    Raises:
+        click.UsageError: NAME and TYPE are swapped, NAME is missing, or TYPE and GOAL are.
+    """
+    if goal is None and type_name is not None and not _NAME.fullmatch(type_name):
+        type_name, goal = None, type_name
+    if stdin and goal is not None:
+        raise click.UsageError("Give the goal as GOAL or by --stdin, not both.")
+    source = ["--stdin"] if stdin else [] if goal is None else [goal]
+    if _types.is_type(name) and not _types.is_type(type_name or ""):
+        wrong = "NAME is missing" if type_name is None else "NAME and TYPE are swapped"
+        right = shlex.join(["actionkit", "call", type_name or "NAME", name, *source])
+        raise click.UsageError(f"{wrong}: {name} is an action type. Write: {right}")
+    if type_name is None and not source:
+        right = shlex.join(["actionkit", "call", name, "{}"])
+        raise click.UsageError(f"GOAL is missing. {{}} is a goal with all defaults: {right}")
+    return type_name, goal
+
+
+def served_type(survey: Survey, name: str, patience: float) -> str:
+    """Return the type that the servers of an action have.
+
+    Args:
+        survey: Sees them.
+        name: The action's name.
+        patience: Seconds to wait for a server.
+
+    Raises:
+        Problem: There is no server.
+        click.BadParameter: Not a valid name; or servers of several types, which the text lists.
+    """
+    full = full_name(survey, name)
+    seen = survey.settled(
+        least=0.0,
+        most=patience,
+        enough=lambda actions: full in actions and bool(actions[full].servers),
+    )
+    if full not in seen or not seen[full].servers:
+        raise Problem(
+            Exit.NO_SERVER,
+            f"{nothing_there(full, seen)} So its type is not known, and nothing was sent. To wait"
+            " longer, use --server-timeout.",
+        )
+    first, *others = seen[full].types
+    if others:
+        raise click.BadParameter(
+            f"{full} is served with several types, {' and '.join([first, *others])}. Say which one"
+            " you mean. Nothing was sent.",
+            param_hint="TYPE",
+        )
+    return first
