@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -12,6 +13,7 @@ import yaml
 
 from actionkit._messages.convert import to_message
 from actionkit._messages.paths import message_class, slots_of, type_name
+from actionkit._messages.types import NUMERIC_CODES
 from actionkit._model.field_errors import FieldProblem, shown
 
 _NOW = ("now", "auto")
@@ -22,6 +24,8 @@ MOST_YAML = 2**20
 """Fewer, because to read YAML takes a thousand times as long as to read JSON."""
 _MOST_WORDS = 2000
 """Characters of an error, which may quote what was given: enough to see what is wrong."""
+_NUMBER = re.compile(r"[-+]?((\.\d+|\d+(\.\d*)?)e[-+]?\d+|inf|nan)", re.I | re.A)
+"""Numbers of YAML 1.2 and of Python's `float`, which `ros2` uses, that YAML 1.1 reads as text."""
 _TIME = "builtin_interfaces/msg/Time"
 _HEADER = "std_msgs/msg/Header"
 
@@ -46,6 +50,8 @@ def parse(text: str, goal_class: type) -> Any:
 
 
 def _message(value: Any, goal_class: type) -> Any:
+    if isinstance(value, str):  # quoted twice, as happens in launch files and scripts
+        value = _read(value)
     if value is None:
         # A program that failed writes nothing into a pipe, which must not start a robot.
         raise _bad("it is empty. Give {} for a goal with all defaults.")
@@ -64,13 +70,13 @@ def _message(value: Any, goal_class: type) -> Any:
 def fill_now(cls: type, value: Any, nanoseconds: int) -> Any:
     """Return the value with the time wherever a stamp or header says `now`.
 
+    Numbers that YAML 1.1 takes for text become numbers, where the field is one.
+
     Args:
         cls: The message class that the value is for.
         value: Plain values; what does not fit the class is left as it is.
         nanoseconds: The time, since the epoch.
     """
-    from rosidl_parser.definition import AbstractNestedType, NamespacedType
-
     name = type_name(cls)
     if isinstance(value, str) and value in _NOW and name in (_TIME, _HEADER):
         stamp = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
@@ -79,20 +85,27 @@ def fill_now(cls: type, value: Any, nanoseconds: int) -> Any:
         return value
     filled = dict(value)
     for field, (slot, _) in slots_of(cls).items():
-        if field not in filled:
-            continue
-        if isinstance(slot, NamespacedType):
-            filled[field] = fill_now(message_class(slot), filled[field], nanoseconds)
-        elif isinstance(slot, AbstractNestedType) and isinstance(slot.value_type, NamespacedType):
-            inner = message_class(slot.value_type)
-            if isinstance(filled[field], list):
-                filled[field] = [fill_now(inner, item, nanoseconds) for item in filled[field]]
+        if field in filled:
+            filled[field] = _fill_field(slot, filled[field], nanoseconds)
     return filled
+
+
+def _fill_field(slot: Any, value: Any, nanoseconds: int) -> Any:
+    from rosidl_parser.definition import AbstractNestedType, NamespacedType
+
+    if isinstance(slot, AbstractNestedType):
+        if not (isinstance(value, list) and {str, dict} & set(map(type, value))):
+            return value  # most often a long array of numbers
+        return [_fill_field(slot.value_type, item, nanoseconds) for item in value]
+    if isinstance(slot, NamespacedType):
+        return fill_now(message_class(slot), value, nanoseconds)
+    is_text = isinstance(value, str) and getattr(slot, "typename", "") in NUMERIC_CODES
+    return float(value) if is_text and _NUMBER.fullmatch(value) else value
 
 
 def _read(text: str) -> Any:
     try:
-        return json.loads(text)  # first: YAML takes the number 1e3 for a string
+        return json.loads(text)  # first: YAML would take a thousand times as long
     except ValueError:
         pass
     if len(text) > MOST_YAML:

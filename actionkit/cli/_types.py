@@ -62,7 +62,13 @@ def load(text: str) -> Any:
         )
     package, name = match.groups()
     if importlib.util.find_spec(package) is None:
-        raise _bad(f"there is no package {package!r} here that could be imported.", text)
+        wheel = f"ros-jazzy-{package.replace('_', '-')}"
+        raise _bad(
+            f"the package {package!r} is not installed here. If it is in a workspace of yours,"
+            " source that: `source install/setup.bash`. Packages of ROS itself:"
+            f" `sudo apt install {wheel}` with a ROS installation, else `pip install {wheel}`.",
+            text,
+        )
     try:
         module = importlib.import_module(f"{package}.action")
     except ModuleNotFoundError as error:

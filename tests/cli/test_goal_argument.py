@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 
 import click
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_msgs.action import Fibonacci, NestedMessage
-from test_msgs.msg import Builtins, MultiNested
+from test_msgs.msg import Builtins, MultiNested, UnboundedSequences
 
 from actionkit._messages.convert import to_plain
 from actionkit.cli._goals import MOST_TEXT, MOST_YAML, fill_now, parse
@@ -111,6 +112,65 @@ def test_a_long_goal_is_no_hostile_one() -> None:
 def test_json_numbers_are_numbers() -> None:
     goal = parse('{"nested_field": {"float64_value": 1e3}}', NestedMessage.Goal)
     assert goal.nested_field.float64_value == 1000.0
+
+
+def test_numbers_are_those_of_yaml_12_and_of_ros2() -> None:
+    """PyYAML reads YAML 1.1, which wants a point in a number and a sign in its exponent."""
+    for text, number in {
+        "5e-06": 5e-06,
+        "1e3": 1000.0,
+        "+1E3": 1000.0,
+        "-1.5E5": -150_000.0,
+        ".5e1": 5.0,
+        "1.e1": 10.0,
+        "inf": math.inf,
+        "-inf": -math.inf,
+        "-.inf": -math.inf,
+        ".Inf": math.inf,
+        "'1e3'": 1000.0,
+    }.items():
+        goal = parse(f"{{nested_field: {{float64_value: {text}}}}}", NestedMessage.Goal)
+        assert goal.nested_field.float64_value == number
+    for text in ("nan", "NaN", ".nan"):
+        goal = parse(f"{{nested_field: {{float32_value: {text}}}}}", NestedMessage.Goal)
+        assert math.isnan(goal.nested_field.float32_value)
+    with pytest.raises(click.BadParameter, match=r"order: 1000\.0 is of type float, but int32"):
+        parse("{order: 1e3}", Fibonacci.Goal)
+    with pytest.raises(click.BadParameter, match="float64_value: 'fast' is of type str"):
+        parse("{nested_field: {float64_value: fast}}", NestedMessage.Goal)
+
+
+def test_numbers_in_arrays_are_read_so_and_text_stays_text() -> None:
+    value = {"float64_values": ["1e3", 2, "nan"], "string_values": ["1e3", "nan"]}
+    filled = fill_now(UnboundedSequences, value, AT)
+    assert filled["float64_values"][:2] == [1000.0, 2]
+    assert math.isnan(filled["float64_values"][2])
+    assert filled["string_values"] == ["1e3", "nan"]
+    field = "unbounded_sequence_of_unbounded_sequences"
+    inner = fill_now(MultiNested, {field: [{"float32_values": ["1e3"]}]}, AT)
+    assert inner == {field: [{"float32_values": [1000.0]}]}
+
+
+@pytest.mark.parametrize(
+    "text", ['"{order: 5}"', "'{order: 5}'", '"order: 5"', json.dumps(json.dumps({"order": 5}))]
+)
+def test_a_goal_that_is_quoted_twice_is_that_goal(text: str) -> None:
+    """As it comes out of a launch file."""
+    assert parse(text, Fibonacci.Goal) == Fibonacci.Goal(order=5)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('""', "Give {} for a goal with all defaults"),
+        ('"[1, 2]"', r"\[1, 2\] is not a mapping"),
+        ("order", "'order' is not a mapping"),
+        ('"{order: 5"', "neither YAML nor JSON"),
+    ],
+)
+def test_quoted_twice_it_is_checked_as_well(text: str, told: str) -> None:
+    with pytest.raises(click.BadParameter, match=told):
+        parse(text, Fibonacci.Goal)
 
 
 @settings(deadline=None)  # the first one imports

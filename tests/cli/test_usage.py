@@ -77,6 +77,13 @@ CALL = ("call", "/fibonacci", FIBONACCI)
         (("call", "/fibonacci", "test_msgs/action/Fibonaci"), f"Did you mean {FIBONACCI}?"),
         (("call", "/fibonacci", "tests_msgs/action/Fibonacci"), f"Did you mean {FIBONACCI}?"),
         (("call", "/fibonacci", "json/action/Fibonacci"), "'json' has no actions"),
+        (
+            ("call", "/dock", "dock_msgs/action/Dock"),
+            "'dock_msgs' is not installed here. If it is in a workspace of yours, source that:"
+            " `source install/setup.bash`. Packages of ROS itself:"
+            " `sudo apt install ros-jazzy-dock-msgs` with a ROS installation, else"
+            " `pip install ros-jazzy-dock-msgs`. ",
+        ),
         (("watch", "/fibonacci", "--once", "--for", "1"), "not both"),
         (("info", "not a name"), "not a valid ROS name"),
         (("show", "test_msgs/action/Fibonaci"), f"Did you mean {FIBONACCI}?"),
