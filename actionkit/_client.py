@@ -20,7 +20,14 @@ from actionkit._calls.request import Request
 from actionkit._calls.transport import transport
 from actionkit._messages.convert import to_message
 from actionkit._model.action_type import ActionT_co, ActionType, FeedbackT, GoalT, ResultT
-from actionkit._model.arguments import UNSET, Unset, check_type, refuse_misplaced, refuse_unknown
+from actionkit._model.arguments import (
+    OF_CLIENTS,
+    UNSET,
+    Unset,
+    check_type,
+    refuse_misplaced,
+    refuse_unknown,
+)
 from actionkit._model.field_errors import FieldError, FieldTypeError
 from actionkit._model.settings import RetryPolicy, Timeouts, check_seconds
 from actionkit._observers.protocol import Observer, check_observers
@@ -86,7 +93,8 @@ class Client(Generic[ActionT_co]):
             RuntimeError: gevent has replaced Python's threads.
             ActionTypeMismatchError: This process already uses the name with another type.
         """
-        refuse_misplaced(action_type, action_name, misplaced, unknown)
+        refuse_misplaced(action_type, action_name, misplaced)
+        refuse_unknown(unknown, Client.__init__, OF_CLIENTS)
         check_type("timeouts", timeouts, Timeouts)
         check_type("retry", retry, RetryPolicy)
         if retry_budget is not None:
@@ -177,9 +185,10 @@ class Client(Generic[ActionT_co]):
             RuntimeError: Called from one of ActionKit's own callbacks, or after a fork.
             TypeError, ValueError: An argument is wrong.
         """
+        refuse_unknown(unknown, self.call)
         refuse_in_callback()
         warn_on_event_loop("Client.call()", "await client.call_async()")
-        call = self._prepare(goal, on_feedback, timeout, retry, classify, unknown)
+        call = self._prepare(goal, on_feedback, timeout, retry, classify)
         future: GoalFuture[ResultT, FeedbackT] = call.future
         try:
             self._session.begin(call)
@@ -220,7 +229,8 @@ class Client(Generic[ActionT_co]):
             RuntimeError: This process was forked from the client's.
             TypeError, ValueError: An argument other than `goal` is wrong.
         """
-        call = self._prepare(goal, on_feedback, timeout, retry, classify, unknown)
+        refuse_unknown(unknown, self.call_async)
+        call = self._prepare(goal, on_feedback, timeout, retry, classify)
         self._session.begin(call)
         return call.future
 
@@ -231,10 +241,8 @@ class Client(Generic[ActionT_co]):
         timeout: float | Unset | None,
         retry: RetryPolicy | None,
         classify: Classify | None,
-        unknown: Mapping[str, Any],
     ) -> Call:
         self._session.check()
-        refuse_unknown(unknown)
         unset = isinstance(timeout, Unset)
         seconds = self._timeouts.total if unset else check_seconds("timeout", timeout)
         if retry is not None:
@@ -263,7 +271,7 @@ class Client(Generic[ActionT_co]):
 
     # --- the servers -----------------------------------------------------------------------
 
-    def wait_for_server(self, timeout: float | None = None) -> bool:
+    def wait_for_server(self, timeout: float | None = None, **unknown: Never) -> bool:
         """Block until a server is ready for goals. Calls do this by themselves.
 
         Args:
@@ -276,11 +284,12 @@ class Client(Generic[ActionT_co]):
             ClientClosedError: The client was closed.
             TypeError, ValueError: A bad `timeout`.
         """
+        refuse_unknown(unknown, self.wait_for_server)
         seconds = check_seconds("timeout", timeout)
         warn_on_event_loop("Client.wait_for_server()", "await client.wait_for_server_async()")
         return self._session.wait_for_server(seconds)
 
-    async def wait_for_server_async(self, timeout: float | None = None) -> bool:
+    async def wait_for_server_async(self, timeout: float | None = None, **unknown: Never) -> bool:
         """Wait until a server is ready for goals, without blocking what runs this coroutine.
 
         That may be asyncio, trio, or an executor of rclpy.
@@ -296,6 +305,7 @@ class Client(Generic[ActionT_co]):
             RuntimeError: Nothing runs this coroutine that could wait.
             TypeError, ValueError: A bad `timeout`.
         """
+        refuse_unknown(unknown, self.wait_for_server_async)
         return await self._session.wait_for_server_async(check_seconds("timeout", timeout))
 
     def server_is_ready(self) -> bool:

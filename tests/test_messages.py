@@ -19,9 +19,12 @@ from typing import Any
 
 import numpy
 import pytest
+from geometry_msgs.msg import Point32, Polygon, PoseArray
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from rclpy.duration import Duration
 from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.time import Time
 from rosidl_parser import definition
 from test_msgs.action import Fibonacci, NestedMessage
 from test_msgs.msg import (
@@ -29,6 +32,7 @@ from test_msgs.msg import (
     BasicTypes,
     BoundedPlainSequences,
     BoundedSequences,
+    Builtins,
     Defaults,
     Empty,
     MultiNested,
@@ -454,6 +458,24 @@ OTHERS: list[Refusal] = [
     (BoundedSequences, {"string_values": ["a"] * 4}, FieldError, "string_values", "at most 3"),
     (WStrings, {"bounded_sequence_of_wstrings": ["a"] * 4}, FieldError, "bounded_s", "at most 3"),
     (Arrays, {"int32_values": numpy.zeros((3, 1))}, FieldError, "int32_values", "3x1 array"),
+    (
+        Builtins,
+        {"duration_value": Duration(seconds=1)},
+        FieldTypeError,
+        "duration_value",
+        ".to_msg()",
+    ),
+    (Builtins, {"time_value": Time(seconds=1)}, FieldTypeError, "time_value", "give its .to_msg()"),
+    (Builtins, {"time_value": {"nsec": 1}}, FieldError, "time_value.nsec", "mean 'nanosec'?"),
+    (Builtins, {"time_value": {"nsecs": 1}}, FieldError, "time_value.nsecs", "mean 'nanosec'?"),
+    (Builtins, {"time_value": {"secs": 1}}, FieldError, "time_value.secs", "mean 'sec'?"),
+    (
+        PoseArray,
+        {"poses": numpy.zeros((2, 7))},
+        FieldTypeError,
+        "poses",
+        "is a 2x7 array, but this needs a list of geometry_msgs/msg/Pose or of mappings of its",
+    ),
     (Arrays, {"int32_values": numpy.array(3)}, FieldError, "int32_values", "0-dimensional array"),
     (UnboundedSequences, {"int8_values": b"a"}, FieldTypeError, "int8_values", "b'a' is of type"),
     (UnboundedSequences, {"float32_values": [1, -1e39]}, FieldError, "float32_values[1]", "-1e+39"),
@@ -801,3 +823,18 @@ class Untouchable(array):  # type: ignore[type-arg]
 def test_arrays_of_the_right_type_are_not_walked_through() -> None:
     big = Untouchable("i", [1, 2, 3])
     assert to_message(Fibonacci.Result, {"sequence": big}).sequence.tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64", "int64"])
+def test_a_table_of_numbers_is_not_a_list_of_messages_and_the_hint_makes_it_one(dtype: str) -> None:
+    value = numpy.arange(6, dtype=dtype).reshape(2, 3)
+    with pytest.raises(FieldTypeError) as caught:
+        to_message(Polygon, {"points": value})
+    text = str(caught.value)
+    assert "is a 2x3 array, but this needs a list of geometry_msgs/msg/Point32 or of" in text
+    hint = text.partition(", such as ")[2].removesuffix(".")
+    points = eval(hint, {"value": value})
+    assert to_message(Polygon, {"points": points}).points[1] == Point32(x=3.0, y=4.0, z=5.0)
+    with pytest.raises(FieldTypeError) as caught:
+        to_message(Polygon, {"points": value.reshape(3, 2)})
+    assert "such as" not in str(caught.value)

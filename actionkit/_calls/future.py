@@ -20,6 +20,7 @@ from actionkit._calls.live_goal import LiveGoal
 from actionkit._calls.signals import is_ending
 from actionkit._goal.effects import End
 from actionkit._model.action_type import FeedbackT, ResultT
+from actionkit._model.arguments import refuse_unknown
 from actionkit._model.errors import ActionKitError, ClientClosedError
 from actionkit._model.values import GoalState, Outcome
 from actionkit._threads.blocked import Label
@@ -91,7 +92,7 @@ class GoalFuture(
 
     # --- waiting ---------------------------------------------------------------------------
 
-    def result(self, timeout: float | None = None) -> ResultT:
+    def result(self, timeout: float | None = None, **unknown: Never) -> ResultT:
         """Wait for the goal and return the action's result.
 
         Args:
@@ -103,13 +104,14 @@ class GoalFuture(
             concurrent.futures.CancelledError: The goal was cancelled through this future.
             ActionKitError: The call failed; each subclass is one way to fail.
         """
+        refuse_unknown(unknown, self.result)
         error = self._error(timeout)
         if error is not None:
             raise error
         assert self._outcome is not None
         return cast("ResultT", self._outcome.result)
 
-    def exception(self, timeout: float | None = None) -> BaseException | None:
+    def exception(self, timeout: float | None = None, **unknown: Never) -> BaseException | None:
         """Wait for the goal and return what `result` would raise, or `None`.
 
         Args:
@@ -119,12 +121,13 @@ class GoalFuture(
             TimeoutError: The local wait ran out.
             concurrent.futures.CancelledError: The goal was cancelled through this future.
         """
+        refuse_unknown(unknown, self.exception)
         error = self._error(timeout)
         if error is not None and self._cancelled:
             raise error
         return error
 
-    def outcome(self, timeout: float | None = None) -> Outcome[ResultT]:
+    def outcome(self, timeout: float | None = None, **unknown: Never) -> Outcome[ResultT]:
         """Wait for the goal and return all that is known of it; a failure is not raised.
 
         Args:
@@ -133,6 +136,7 @@ class GoalFuture(
         Raises:
             TimeoutError: The local wait ran out.
         """
+        refuse_unknown(unknown, self.outcome)
         self._error(timeout)
         assert self._outcome is not None
         return self._outcome

@@ -139,6 +139,8 @@ def _converter(cls: type) -> Converter:
         if is_message_class(value):
             problem = f"{type_name(value)} is a class, not a message; call it: {value.__name__}()"
             raise FieldTypeError("", value, problem)
+        if hasattr(value, "to_msg"):  # a Time or a Duration of rclpy's
+            needed += "; give its .to_msg()"
         raise wrong_type(value, ros_type, needed)
 
     return convert
@@ -177,7 +179,7 @@ def _element_converter(slot: AbstractType) -> Converter:
 
 def _elements_converter(slot: AbstractNestedType) -> Converter:
     """Make the converter for an array, in the container that the message's C side wants."""
-    from rosidl_parser.definition import Array
+    from rosidl_parser.definition import Array, NamespacedType
 
     name: str = getattr(slot.value_type, "typename", "")
     if name in NUMERIC_CODES:
@@ -191,7 +193,30 @@ def _elements_converter(slot: AbstractNestedType) -> Converter:
     if name in ("boolean", "octet"):
         return booleans if name == "boolean" else octets
     element = _element_converter(slot.value_type)
+    if isinstance(slot.value_type, NamespacedType):
+        return _messages(message_class(slot.value_type), element)
     return lambda value: each(element, items_of(value, "this field"))
+
+
+def _messages(cls: type, element: Converter) -> Converter:
+    """Make the converter for an array of messages, which has a hint for a table of numbers."""
+    slots = slots_of(cls)
+    numeric = all(getattr(slot, "typename", "") in NUMERIC_CODES for slot, _ in slots.values())
+
+    def convert(value: Any) -> list[Any]:
+        if getattr(value, "ndim", 1) != 2:
+            return each(element, items_of(value, "this field"))
+        fit = numeric and value.shape[1] == len(slots)
+        pairs = ", ".join(f"{name!r}: {name}" for name in slots)
+        how = f", such as [{{{pairs}}} for {', '.join(slots)} in value]" if fit else ""
+        shape = "x".join(map(str, value.shape))
+        problem = (
+            f"{shown(value)} is a {shape} array, but this needs a list of {type_name(cls)} or of"
+            f" mappings of its fields{how}"
+        )
+        raise FieldTypeError("", value, problem)
+
+    return convert
 
 
 def _sized(slot: AbstractNestedType, text: str, convert: Converter) -> Converter:

@@ -14,6 +14,8 @@ from actionkit._model.similar_names import similar_names
 if TYPE_CHECKING:
     from rosidl_parser.definition import AbstractType
 
+_ROS_1 = {"nsec": "nanosec", "nsecs": "nanosec"}
+"""Names of ROS 1, which are more like another field, `sec`."""
 _PATH_PART = re.compile(r"([A-Za-z_]\w*)(?:\[(\d+)\])?")
 
 
@@ -101,7 +103,8 @@ def unknown_field(
         ros_type: The message's type.
         given: The value it was to have, as text, where there is one.
     """
-    near = similar_names(str(name), fields)
+    meant = _ROS_1.get(str(name), "")
+    near = [meant] if meant in fields else similar_names(str(name), fields)
     hint = f"; did you mean {near[0]!r}?" if near else "."
     valid = f"Its fields are: {', '.join(fields)}" if fields else "It has no fields"
     return FieldError(path, name, f"{shown(name)}{given} is no field of {ros_type}{hint} {valid}")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from actionkit._model.similar_names import similar_names
@@ -54,19 +55,25 @@ def check_function(name: str, value: object, wanted: str) -> None:
         )
 
 
-_OF_CALLS = {
-    "timeout_sec": "rclpy's timeout_sec is called timeout here",
-    "feedback_callback": "rclpy's feedback_callback is called on_feedback here",
-    "goal_uuid": "rclpy's goal_uuid is not needed: the client makes the goal's id, see"
-    " GoalFuture.goal_id",
+_KNOWN_ELSEWHERE = {
+    "timeout_sec": ("timeout", "rclpy's timeout_sec is called timeout here"),
+    "feedback_callback": ("on_feedback", "rclpy's feedback_callback is called on_feedback here"),
+    "goal_uuid": (
+        "goal",
+        "rclpy's goal_uuid is not needed: the client makes the goal's id, see GoalFuture.goal_id",
+    ),
+    "maximum": ("max_pause", "did you mean max_pause=?"),
+    "multiplier": ("factor", "did you mean factor=?"),
+    "retries": ("attempts", "did you mean attempts=? It includes the first one"),
 }
+"""Names that other libraries have: which of ours a function must have for the hint to be right."""
 _TIMEOUT_OF_CALLS = "belongs to a call: client.call(goal, timeout=3). A client has timeouts="
 _FEEDBACK_OF_CALLS = "belongs to a call: client.call(goal, on_feedback=...)"
 _QOS = (
     "cannot be set: the client uses the profiles that action servers have by default, with"
     " deeper queues"
 )
-_OF_CLIENTS = {
+OF_CLIENTS = {
     "timeout": f"timeout {_TIMEOUT_OF_CALLS}",
     "timeout_sec": f"rclpy's timeout_sec {_TIMEOUT_OF_CALLS}",
     "on_feedback": f"on_feedback {_FEEDBACK_OF_CALLS}",
@@ -85,36 +92,44 @@ _OF_CLIENTS = {
         )
     },
 }
-_CALL_NAMES = ("goal", "timeout", "on_feedback", "retry", "classify")
-_CLIENT_NAMES = (
-    "action_type",
-    "action_name",
-    "node",
-    "timeouts",
-    "retry",
-    "classify",
-    "observers",
-    "on_close",
-    "retry_budget",
-)
 
 
-def refuse_unknown(unknown: Mapping[str, Any]) -> None:
-    """Raise where keywords were given that a call does not have; those of rclpy are explained.
+def refuse_unknown(
+    unknown: Mapping[str, Any],
+    function: Callable[..., Any],
+    hints: Mapping[str, str] = MappingProxyType({}),
+) -> None:
+    """Raise where keywords were given that a function does not have, with what may be meant.
+
+    Args:
+        unknown: The keywords.
+        function: Has the right ones.
+        hints: What to say of a name, where that is special to the function.
 
     Raises:
-        TypeError: Some were.
+        TypeError: There are some.
     """
-    _refuse(unknown, _CALL_NAMES, _OF_CALLS)
+    for name, value in unknown.items():
+        known = [
+            each.name
+            for each in inspect.signature(function).parameters.values()
+            if each.name != "self" and each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)
+        ]
+        ours, hint = _KNOWN_ELSEWHERE.get(name, ("", ""))
+        near = similar_names(name, known)
+        if name in hints:
+            hint = hints[name]
+        elif ours in known:
+            pass
+        elif near:
+            hint = f"did you mean {near[0]}=?"
+        else:
+            hint = f"there {'is' if len(known) == 1 else 'are'} {', '.join(known)}"
+        raise TypeError(f"unknown argument {name}={value!r}: {hint}")
 
 
-def refuse_misplaced(
-    action_type: object,
-    action_name: object,
-    misplaced: Sequence[object],
-    unknown: Mapping[str, Any],
-) -> None:
-    """Raise where a client was given arguments in rclpy's order, or some that it does not have.
+def refuse_misplaced(action_type: object, action_name: object, misplaced: Sequence[object]) -> None:
+    """Raise where a client was given arguments in rclpy's order.
 
     Raises:
         TypeError: It was.
@@ -133,16 +148,3 @@ def refuse_misplaced(
             f"{misplaced[0]!r} must be given by its name, such as node= or timeouts=: only the"
             " action's type and its name are known by their places"
         )
-    _refuse(unknown, _CLIENT_NAMES, _OF_CLIENTS)
-
-
-def _refuse(unknown: Mapping[str, Any], known: Sequence[str], hints: Mapping[str, str]) -> None:
-    for name, value in unknown.items():
-        near = similar_names(name, known)
-        if name in hints:
-            hint = hints[name]
-        elif near:
-            hint = f"did you mean {near[0]}=?"
-        else:
-            hint = f"there are {', '.join(known[:-1])} and {known[-1]}"
-        raise TypeError(f"unknown argument {name}={value!r}: {hint}")

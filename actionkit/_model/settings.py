@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, Literal
+from functools import wraps
+from typing import Any, Literal, TypeVar
 
-from actionkit._model.arguments import check_function
+from actionkit._model.arguments import check_function, refuse_unknown
 from actionkit._model.field_errors import shown
 
+_T = TypeVar("_T")
 LONGEST_GRACE = 60.0
 """Seconds by which the wait for cancellations is extended at most, while a server confirms them.
 
@@ -50,6 +53,22 @@ def check_seconds(name: str, value: object, *, optional: bool = True) -> float |
     return float(value)
 
 
+def _refusing_unknown(cls: type[_T]) -> type[_T]:
+    """Return the dataclass; a keyword that it does not have is refused with a hint."""
+    described: Any = cls
+    made = described.__init__
+    known = inspect.signature(made).parameters
+
+    @wraps(made)
+    def init(self: _T, *args: Any, **values: Any) -> None:
+        refuse_unknown({name: v for name, v in values.items() if name not in known}, made)
+        made(self, *args, **values)
+
+    described.__init__ = init
+    return cls
+
+
+@_refusing_unknown
 @dataclass(frozen=True)
 class Timeouts:
     """Caps on the phases of a call, in seconds; `None` means no limit.
@@ -93,6 +112,7 @@ class Timeouts:
             raise ValueError("Timeouts.liveness=0 must be above 0; None means not to ask")
 
 
+@_refusing_unknown
 @dataclass(frozen=True)
 class RetryPolicy:
     """When a call that failed for a transient reason is tried again.

@@ -11,9 +11,10 @@ import uuid
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Generic, Literal
 
-from typing_extensions import Self
+from typing_extensions import Never, Self
 
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
+from actionkit._model.arguments import refuse_unknown
 from actionkit._model.domain import LAST_DOMAIN
 from actionkit._model.missing import cannot_import
 from actionkit._model.settings import check_seconds
@@ -66,6 +67,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         ),
         cancel: Literal["accept", "refuse", "ignore"] | Callable[[GoalT], str] = "accept",
         domain_id: int | None = None,
+        **unknown: Never,
     ) -> None:
         """Check everything. Nothing is in the ROS graph before `start` or the `with` statement.
 
@@ -92,6 +94,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             ValueError: An argument, or a field, has a value that is not right.
             ImportError: rclpy is not importable.
         """
+        refuse_unknown(unknown, FakeServer.__init__)
         if isinstance(action_type, str):
             raise TypeError(f"action_type={action_type!r} must be the class itself, not its name")
         type_name(action_type)
@@ -178,6 +181,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         goal_id: str | uuid.UUID | None = None,
         count: int = 1,
         timeout: float = 10.0,
+        **unknown: Never,
     ) -> list[ServerEvent]:
         """Block until an event was seen, however long ago it happened. Never polls.
 
@@ -202,6 +206,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             TypeError, ValueError: An argument is wrong.
             Exception: What a function of yours raised.
         """
+        refuse_unknown(unknown, self.wait_for)
         checked_event(event)
         if isinstance(count, bool) or not isinstance(count, int):
             raise TypeError(f"count={count!r} must be an int")

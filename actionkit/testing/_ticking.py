@@ -7,6 +7,9 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from typing_extensions import Never
+
+from actionkit._model.arguments import refuse_unknown
 from actionkit._model.settings import check_seconds
 
 if TYPE_CHECKING:
@@ -25,6 +28,7 @@ def tick_until(
     timeout: float = 10.0,
     *,
     period: float = 0.05,
+    **unknown: Never,
 ) -> int:
     """Tick a tree until it has a status, or something holds.
 
@@ -45,6 +49,7 @@ def tick_until(
         AssertionError: (also a `TimeoutError`) It did not come in time; or the tree ended with
             SUCCESS where FAILURE or RUNNING was wanted, or the like. The message shows the tree.
     """
+    refuse_unknown(unknown, tick_until)
     check_seconds("timeout", timeout, optional=False)
     check_seconds("period", period, optional=False)
     root: Any = getattr(tree, "root", tree)

@@ -55,7 +55,7 @@ class Run:
         left = UNSET if self.deadline is None else max(0.0, self.deadline - time.monotonic())
         self._client = client
         try:
-            call = client._prepare(goal, None, left, retry, classify, {})
+            call = client._prepare(goal, None, left, retry, classify)
             # Before it begins, so that whatever interrupts it here leaves no goal unknown.
             self.future = call.future
             if not self.unwanted:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+import inspect
 import math
 import re
+from functools import partial
 
+import py_trees
 import pytest
 import rclpy
 from test_msgs.action import Fibonacci
@@ -12,7 +16,8 @@ from test_msgs.msg import BasicTypes
 
 import actionkit as ak
 from actionkit import Client, RetryPolicy, Timeouts, Verdict
-from actionkit.testing import EventLog
+from actionkit.testing import EventLog, FakeServer, tick_until
+from actionkit.trees import ActionBehaviour
 
 
 @pytest.mark.parametrize("bad", [-1, -0.001, math.nan, math.inf, 1e300, 10**400])
@@ -78,6 +83,37 @@ def test_rclpys_parameter_names_are_explained(make_client):
         client.call_async({"order": 1}, feedback_callback=print)
     with pytest.raises(TypeError, match="unknown argument nonsense=1"):
         client.call_async({"order": 1}, nonsense=1)
+
+
+def test_timeout_sec_is_explained_wherever_a_timeout_is_taken(make_client):
+    client = make_client()
+    future = client.call_async({"order": 1})
+    server = FakeServer(Fibonacci, "fibonacci")
+    tree = py_trees.behaviours.Success("done")
+    for use in (
+        client.wait_for_server,
+        client.wait_for_server_async,
+        future.result,
+        future.exception,
+        future.outcome,
+        partial(server.wait_for, "accepted"),
+        partial(EventLog().wait_for, 1),
+        partial(tick_until, tree, py_trees.common.Status.SUCCESS),
+        partial(ActionBehaviour, "leaf", client, {"order": 1}),
+    ):
+        with pytest.raises(TypeError, match=r"timeout_sec=1\.0: rclpy's timeout_sec is called tim"):
+            asyncio.run(awaited(use))
+    with pytest.raises(TypeError, match=r"timeot=1: did you mean timeout=\?"):
+        client.wait_for_server(timeot=1)
+    with pytest.raises(TypeError, match=r"seconds=1: there is timeout$"):
+        client.wait_for_server(seconds=1)
+    assert not future.done()
+    future.cancel()
+
+
+async def awaited(use):
+    value = use(timeout_sec=1.0)
+    return await value if inspect.isawaitable(value) else value
 
 
 def test_rclpys_order_of_arguments_is_explained():
