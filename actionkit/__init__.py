@@ -19,6 +19,7 @@ if _typing.TYPE_CHECKING:  # the same as in `_MODULES`, for type checkers and ed
     from actionkit._calls.future import GoalFuture
     from actionkit._calls.signals import cancel_on_signals
     from actionkit._client import Client
+    from actionkit._messages.convert import from_plain, to_plain
     from actionkit._model.errors import (
         AcceptanceTimeoutError,
         ActionKitError,
@@ -98,8 +99,10 @@ __all__ = [
     "Verdict",
     "cancel_on_signals",
     "classify_by_field",
+    "from_plain",
     "read_json_lines",
     "retry_aborted",
+    "to_plain",
 ]
 
 _MODULES = {
@@ -142,8 +145,10 @@ _MODULES = {
     "Verdict": "_model.values",
     "cancel_on_signals": "_calls.signals",
     "classify_by_field": "_calls.classify",
+    "from_plain": "_messages.convert",
     "read_json_lines": "_observers.json_reader",
     "retry_aborted": "_calls.classify",
+    "to_plain": "_messages.convert",
 }
 """Where each public name is."""
 

@@ -18,7 +18,7 @@ from actionkit._calls.feedback import callbacks_for
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.request import Request
 from actionkit._calls.transport import transport
-from actionkit._messages.convert import to_message
+from actionkit._messages.convert import from_plain
 from actionkit._model.action_type import ActionT_co, ActionType, FeedbackT, GoalT, ResultT
 from actionkit._model.arguments import (
     OF_CLIENTS,
@@ -121,6 +121,12 @@ class Client(Generic[ActionT_co]):
     def __repr__(self) -> str:
         state = " closed" if self._session.closed else ""
         return f"<Client {self.action_name!r} ({self._session.identity.type_name}){state}>"
+
+    def __copy__(self) -> Never:
+        raise TypeError("a Client cannot be copied: use the same one everywhere, in threads too")
+
+    def __deepcopy__(self, _: dict[int, Any]) -> Never:
+        self.__copy__()
 
     @property
     def action_name(self) -> str:
@@ -251,7 +257,7 @@ class Client(Generic[ActionT_co]):
         callbacks = callbacks_for(on_feedback, self.action_name, self._pool)
         message = invalid = None
         try:
-            message = to_message(self._action_type.Goal, goal)
+            message = from_plain(self._action_type.Goal, goal)
         except (FieldError, FieldTypeError) as error:
             invalid = error
         return self._session.prepare(

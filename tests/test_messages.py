@@ -43,7 +43,7 @@ from test_msgs.msg import (
 )
 
 from actionkit._messages import convert
-from actionkit._messages.convert import to_message, to_plain
+from actionkit._messages.convert import from_plain, to_plain
 from actionkit._messages.paths import field_type, get_field, type_name
 from actionkit._model.field_errors import FieldError, FieldProblem, FieldTypeError
 
@@ -162,15 +162,15 @@ def test_every_message_type_survives_every_conversion(cls: Any, data: st.DataObj
     message = data.draw(messages(cls))
     before = repr(message)
 
-    copy = to_message(cls, message)
+    copy = from_plain(cls, message)
     assert same(copy, message)
     assert repr(message) == before
     mutable = {id(thing) for thing in everywhere(cls, message)}
     assert not mutable & {id(thing) for thing in everywhere(cls, copy)}
 
     plain = to_plain(message)
-    assert same(to_message(cls, plain), message)
-    assert same(to_message(cls, json.loads(json.dumps(plain))), message)
+    assert same(from_plain(cls, plain), message)
+    assert same(from_plain(cls, json.loads(json.dumps(plain))), message)
 
     assert same(deserialize_message(serialize_message(copy), cls), message)
 
@@ -195,7 +195,7 @@ def test_the_message_types_were_found() -> None:
 @given(st.floats(), st.floats())
 def test_finite_or_not_floats_are_never_changed(single: float, double: float) -> None:
     try:
-        message = to_message(BasicTypes, {"float32_value": single, "float64_value": double})
+        message = from_plain(BasicTypes, {"float32_value": single, "float64_value": double})
     except FieldError:
         assert math.isfinite(single)
         assert abs(single) >= FLOAT32_MAX  # itself only under ROS's own checks
@@ -230,7 +230,7 @@ def test_whatever_is_given_is_refused_or_can_be_serialised(data: st.DataObject) 
     value = data.draw(anything)
     problem = None
     try:
-        message = to_message(cls, {name: value})
+        message = from_plain(cls, {name: value})
     except FieldProblem as caught:
         problem = caught
     if problem is not None:
@@ -315,7 +315,7 @@ class Word(str, enum.Enum):
     ],
 )
 def test_accepted_values(cls: Any, name: str, given_value: Any, held: Any) -> None:
-    value = getattr(to_message(cls, {name: given_value}), name)
+    value = getattr(from_plain(cls, {name: given_value}), name)
     assert value == held
     assert type(value) is type(held)
 
@@ -326,17 +326,17 @@ def test_the_largest_float_is_accepted_unless_ros_itself_refuses_it(
     value = {"float32_value": FLOAT32_MAX}
     switch = "test_msgs.msg._basic_types.ros_python_check_fields"
     monkeypatch.setattr(switch, "")
-    assert to_message(BasicTypes, value).float32_value == FLOAT32_MAX
+    assert from_plain(BasicTypes, value).float32_value == FLOAT32_MAX
     monkeypatch.setattr(switch, "1")
     with pytest.raises(FieldError, match=r"^float32_value: 3\.4.* is refused by ROS itself: The"):
-        to_message(BasicTypes, value)
+        from_plain(BasicTypes, value)
     with pytest.raises(FieldError, match=r"^basic_types_value\.float32_value: 3\.4"):
-        to_message(Nested, {"basic_types_value": value})
+        from_plain(Nested, {"basic_types_value": value})
 
 
 def test_fixed_arrays_of_numbers_are_numpy_arrays_of_the_right_type() -> None:
     for given_value in ([1, 2, 3], array("i", [1, 2, 3]), numpy.array([1, 2, 3])):
-        value = to_message(Arrays, {"int32_values": given_value}).int32_values
+        value = from_plain(Arrays, {"int32_values": given_value}).int32_values
         assert isinstance(value, numpy.ndarray)
         assert value.dtype == numpy.int32
         assert value.tolist() == [1, 2, 3]
@@ -344,7 +344,7 @@ def test_fixed_arrays_of_numbers_are_numpy_arrays_of_the_right_type() -> None:
 
 def test_mappings_of_any_kind_and_messages_inside_of_them() -> None:
     inner = BasicTypes(int32_value=3)
-    goal = to_message(
+    goal = from_plain(
         NestedMessage.Goal,
         MappingProxyType({"nested_field": inner, "nested_different_pkg": OrderedDict(sec=4)}),
     )
@@ -355,9 +355,9 @@ def test_mappings_of_any_kind_and_messages_inside_of_them() -> None:
 
 
 def test_what_is_left_out_keeps_its_default() -> None:
-    assert to_message(Defaults, {}) == Defaults()
-    assert to_message(Defaults, {"int8_value": 1}).uint8_value == Defaults().uint8_value != 0
-    assert to_message(Empty, {}) == Empty()
+    assert from_plain(Defaults, {}) == Defaults()
+    assert from_plain(Defaults, {"int8_value": 1}).uint8_value == Defaults().uint8_value != 0
+    assert from_plain(Empty, {}) == Empty()
 
 
 @pytest.mark.parametrize("ros_checks", ["", "1"], ids=["unchecked", "checked"])
@@ -370,7 +370,7 @@ def test_the_message_is_independent_of_what_it_was_built_from(
     sequence: Any = [1, 2] if kind is list else array("i", [1, 2])
     if kind is numpy.ndarray:
         sequence = numpy.array(sequence)
-    result = to_message(Fibonacci.Result, {"sequence": sequence})
+    result = from_plain(Fibonacci.Result, {"sequence": sequence})
     sequence[0] = 99
     assert result.sequence.tolist() == [1, 2]
 
@@ -617,7 +617,7 @@ def test_refused_values(
     cls: Any, value: Any, error: type[FieldProblem], path: str, text: str
 ) -> None:
     with pytest.raises(error) as caught:
-        to_message(cls, value)
+        from_plain(cls, value)
     problem = caught.value
     assert problem.path == path or (path == "bounded_s" and problem.path.startswith(path))
     assert text in str(problem)
@@ -628,7 +628,7 @@ def test_refused_values(
 
 def test_the_text_is_the_one_that_the_documentation_shows() -> None:
     with pytest.raises(FieldError) as caught:
-        to_message(Fibonacci.Goal, {"order": 99999999999})
+        from_plain(Fibonacci.Goal, {"order": 99999999999})
     assert str(caught.value) == (
         "order: 99999999999 is out of range for int32 (-2147483648..2147483647)."
     )
@@ -639,21 +639,21 @@ def test_the_text_is_the_one_that_the_documentation_shows() -> None:
 
 def test_a_wrong_type_is_a_type_error() -> None:
     with pytest.raises(TypeError, match="order: 'five'") as caught:
-        to_message(Fibonacci.Goal, {"order": "five"})
+        from_plain(Fibonacci.Goal, {"order": "five"})
     assert not isinstance(caught.value, ValueError)
 
 
 def test_a_huge_value_is_not_written_out_in_the_error() -> None:
     for value in ("x" * 10**6, list(range(10**6)), 10**300, {"a": "y" * 10**6}):
         with pytest.raises(FieldProblem) as caught:
-            to_message(BasicTypes, {"int32_value": value})
+            from_plain(BasicTypes, {"int32_value": value})
         assert len(str(caught.value)) < 300
 
 
 @pytest.mark.parametrize("value", [99999999999, lambda: 3, {"a": 1}])
 def test_errors_can_be_pickled_whatever_was_refused(value: object) -> None:
     with pytest.raises(FieldProblem) as caught:
-        to_message(Fibonacci.Goal, {"order": value})
+        from_plain(Fibonacci.Goal, {"order": value})
     again = pickle.loads(pickle.dumps(caught.value))
     assert type(again) is type(caught.value)
     assert (again.path, again.problem, str(again)) == (
@@ -666,9 +666,9 @@ def test_errors_can_be_pickled_whatever_was_refused(value: object) -> None:
 @pytest.mark.parametrize("cls", [Fibonacci, int, "Fibonacci"])
 def test_what_is_no_message_class_is_a_type_error(cls: Any) -> None:
     with pytest.raises(TypeError, match="not a ROS message class"):
-        to_message(cls, {})
+        from_plain(cls, {})
     with pytest.raises(TypeError, match=r"use Fibonacci\.Goal"):
-        to_message(Fibonacci, {})
+        from_plain(Fibonacci, {})
 
 
 # -- to_plain -------------------------------------------------------------------------------------
@@ -822,19 +822,19 @@ class Untouchable(array):  # type: ignore[type-arg]
 
 def test_arrays_of_the_right_type_are_not_walked_through() -> None:
     big = Untouchable("i", [1, 2, 3])
-    assert to_message(Fibonacci.Result, {"sequence": big}).sequence.tolist() == [1, 2, 3]
+    assert from_plain(Fibonacci.Result, {"sequence": big}).sequence.tolist() == [1, 2, 3]
 
 
 @pytest.mark.parametrize("dtype", ["float32", "float64", "int64"])
 def test_a_table_of_numbers_is_not_a_list_of_messages_and_the_hint_makes_it_one(dtype: str) -> None:
     value = numpy.arange(6, dtype=dtype).reshape(2, 3)
     with pytest.raises(FieldTypeError) as caught:
-        to_message(Polygon, {"points": value})
+        from_plain(Polygon, {"points": value})
     text = str(caught.value)
     assert "is a 2x3 array, but this needs a list of geometry_msgs/msg/Point32 or of" in text
     hint = text.partition(", such as ")[2].removesuffix(".")
     points = eval(hint, {"value": value})
-    assert to_message(Polygon, {"points": points}).points[1] == Point32(x=3.0, y=4.0, z=5.0)
+    assert from_plain(Polygon, {"points": points}).points[1] == Point32(x=3.0, y=4.0, z=5.0)
     with pytest.raises(FieldTypeError) as caught:
-        to_message(Polygon, {"points": value.reshape(3, 2)})
+        from_plain(Polygon, {"points": value.reshape(3, 2)})
     assert "such as" not in str(caught.value)

@@ -50,8 +50,13 @@ MessageT = TypeVar("MessageT")
 _PLAIN = {bool, int, float, str, type(None)}
 
 
-def to_message(cls: type[MessageT], value: MessageT | Mapping[str, Any]) -> MessageT:
-    """Build a new, fully checked message that shares nothing mutable with what it was built from.
+def from_plain(cls: type[MessageT], value: MessageT | Mapping[str, Any]) -> MessageT:
+    """Build a new, fully checked message from plain Python values, such as JSON has.
+
+        goal = from_plain(Fibonacci.Goal, {"order": 5})
+
+    It shares nothing mutable with what it was built from. A client's `call` does the same with its
+    goal.
 
     Args:
         cls: The message class, such as `Fibonacci.Goal`.
@@ -80,17 +85,19 @@ def to_message(cls: type[MessageT], value: MessageT | Mapping[str, Any]) -> Mess
 def to_plain(message: object, *, max_items: int | None = None) -> dict[str, Any]:
     """Turn a message into nested dicts and lists of plain Python values, fit for YAML and JSON.
 
+        answer = to_plain(client.call({"order": 3}, timeout=10.0))  # {"sequence": [0, 1, 1, 2]}
+
     Times stay `{sec, nanosec}`, a `byte` becomes an int, arrays become lists, nan and the
-    infinities stay floats. It never fails on a message that `to_message` would refuse: logs must be
+    infinities stay floats. It never fails on a message that `from_plain` would refuse: logs must be
     able to show those too.
 
     Args:
         message: Any ROS message.
         max_items: For logs: cut each array after so many elements, and say in a last element, a
-            str, how many more there were. The outcome is then no longer fit for `to_message`.
+            str, how many more there were. The outcome is then no longer fit for `from_plain`.
 
     Returns:
-        Field names to values, which `to_message` turns into an equal message.
+        Field names to values, which `from_plain` turns into an equal message.
 
     Raises:
         TypeError: `message` is not a ROS message.

@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from actionkit._messages.convert import to_message, to_plain
+from actionkit._messages.convert import from_plain, to_plain
 from actionkit._messages.json_text import to_json
 from actionkit._model.field_errors import FieldProblem
 from actionkit._model.printable import printable
@@ -168,7 +168,7 @@ def _goal(tool: ActionConfig, arguments: Mapping[str, Any]) -> Any:
         fields = checked(tool.shape, arguments, problems)
         if not problems.texts:
             try:
-                return to_message(tool.cls.Goal, fields)
+                return from_plain(tool.cls.Goal, fields)
             except FieldProblem as problem:
                 problems.add("", str(problem))
     text = "; ".join(problems.texts)

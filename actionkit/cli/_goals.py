@@ -11,7 +11,7 @@ from typing import Any
 import click
 import yaml
 
-from actionkit._messages.convert import to_message
+from actionkit._messages.convert import from_plain
 from actionkit._messages.paths import message_class, slots_of, type_name
 from actionkit._messages.types import NUMERIC_CODES
 from actionkit._model.field_errors import FieldProblem, shown
@@ -62,7 +62,7 @@ def _message(value: Any, goal_class: type) -> Any:
             f" fields of {type_name(goal_class)} are: {fields}."
         )
     try:
-        return to_message(goal_class, fill_now(goal_class, value, time.time_ns()))
+        return from_plain(goal_class, fill_now(goal_class, value, time.time_ns()))
     except FieldProblem as error:
         raise _bad(f"{error}") from error
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from actionkit._messages.convert import to_message
+from actionkit._messages.convert import from_plain
 from actionkit._messages.paths import is_message_class
 from actionkit._model.arguments import check_function
 from actionkit._model.field_errors import FieldProblem, shown
@@ -200,7 +200,7 @@ def feedback_of(action: Any, value: Any, path: str) -> Iterator[Any]:
 
 def _message(cls: Any, value: Any, path: str) -> Any:
     try:
-        return to_message(cls, value)
+        return from_plain(cls, value)
     except FieldProblem as problem:
         problem.add_parent(path)
         raise

@@ -12,7 +12,7 @@ from py_trees.blackboard import Blackboard
 from py_trees.blackboard import Client as BlackboardClient
 from py_trees.common import Access
 
-from actionkit._messages.convert import to_message
+from actionkit._messages.convert import from_plain
 from actionkit._model.arguments import check_function
 from actionkit._threads.diagnostics import log_later
 
@@ -79,7 +79,7 @@ class GoalSource:
             board.register_key(key=Blackboard.key(goal.key), access=Access.READ)
             self._get: Callable[[Any], Any] = lambda _: self._read(goal.key)
         elif isinstance(goal, Mapping) or (not inspect.isclass(goal) and _is_message(goal)):
-            message = to_message(goal_class, goal)  # a copy, so what is given may change
+            message = from_plain(goal_class, goal)  # a copy, so what is given may change
             self._get = lambda _: message
         else:
             wanted = (

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from actionkit._messages.convert import to_message, to_plain
+from actionkit._messages.convert import from_plain, to_plain
 from actionkit.agents._check import Problems, check_size, checked
 from actionkit.agents._config_fields import read_fields
 from actionkit.agents._reader import Reader
@@ -109,7 +109,7 @@ def test_schemas_are_right_and_their_instances_fit_the_message(name: str) -> Non
         # The one thing that a schema cannot say: it counts characters, and ROS counts bytes.
         problems = [one for one in problems if "bytes of UTF-8" not in one and "16-bit" not in one]
         assert problems == []
-        to_message(cls, fields)
+        from_plain(cls, fields)
 
     fits()
 

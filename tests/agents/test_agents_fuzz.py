@@ -9,7 +9,7 @@ import random
 from collections.abc import Callable
 from typing import Any
 
-from actionkit._messages.convert import to_message
+from actionkit._messages.convert import from_plain
 from actionkit.agents import Toolbox
 from actionkit.agents._goal_call import _goal
 
@@ -145,4 +145,4 @@ def is_message(goal: Any) -> bool:
 def plain(goal: Any) -> Any:
     from actionkit._messages.convert import to_plain
 
-    return to_plain(to_message(type(goal), goal))
+    return to_plain(from_plain(type(goal), goal))

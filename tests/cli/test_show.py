@@ -11,7 +11,7 @@ import yaml
 from geometry_msgs.msg import PoseStamped
 from test_msgs.action import Fibonacci, NestedMessage
 
-from actionkit._messages.convert import to_message
+from actionkit._messages.convert import from_plain
 from actionkit.cli import _goal_template
 from actionkit.cli._exits import Exit
 from actionkit.cli._goal_template import template
@@ -38,7 +38,7 @@ def test_every_kind_of_field_is_shown_as_it_is_taken(cls: Any) -> None:
     text = "\n".join(_goal_template._fields(cls()))
     given = yaml.safe_load(text) or {}
     assert set(given) == set(cls.get_fields_and_field_types())
-    assert to_message(cls, given) == cls()
+    assert from_plain(cls, given) == cls()
 
 
 def test_types_bounds_defaults_and_comments_are_shown() -> None:

@@ -81,7 +81,7 @@ CALL = ("call", "/fibonacci", FIBONACCI)
             ("call", "/dock", "dock_msgs/action/Dock"),
             "'dock_msgs' is not installed here. If it is in a workspace of yours, source that:"
             " `source install/setup.bash`. Packages of ROS itself:"
-            " `sudo apt install ros-jazzy-dock-msgs` with a ROS installation; without one, build it",
+            " `sudo apt install ros-jazzy-dock-msgs` with a ROS installation; without one, build",
         ),
         (("watch", "/fibonacci", "--once", "--for", "1"), "not both"),
         (("info", "not a name"), "not a valid ROS name"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import copy
 import inspect
 import math
 import re
@@ -143,6 +144,14 @@ def test_rclpys_order_of_arguments_is_explained():
 def test_unknown_arguments_of_a_client_are_explained(name, told):
     with pytest.raises(TypeError, match=told):
         Client(Fibonacci, "fib", **{name: 3})
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy])
+def test_a_client_is_not_copied(copied, make_client):
+    client = make_client()
+    with pytest.raises(TypeError, match="use the same one everywhere"):
+        copied(client)
+    assert not client.closed
 
 
 def test_calling_from_a_callback(action_server, make_client):

@@ -57,8 +57,10 @@ NAMES = [
     "Verdict",
     "cancel_on_signals",
     "classify_by_field",
+    "from_plain",
     "read_json_lines",
     "retry_aborted",
+    "to_plain",
 ]
 TESTING = ["EventLog", "FakeServer", "isolated_domain", "tick_until"]
 SERVERS = ["Server", "ServerEvent", "names", "start"]
