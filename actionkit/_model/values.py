@@ -20,14 +20,21 @@ class GoalState(str, Enum):
     SENT = "SENT"
     """Handed to the middleware; the server has not answered."""
     ACCEPTED = "ACCEPTED"
+    """The server took the goal; it has not said that it works on it."""
     REJECTED = "REJECTED"
+    """The server did not take the goal: it never runs."""
     EXECUTING = "EXECUTING"
+    """The server works on the goal."""
     FEEDBACK = "FEEDBACK"
     """Only ever the state of an event, never of a goal."""
     CANCELING = "CANCELING"
+    """The server agreed to cancel the goal; it may still be stopping."""
     SUCCEEDED = "SUCCEEDED"
+    """The server finished the goal."""
     CANCELED = "CANCELED"
+    """The server stopped the goal because somebody cancelled it."""
     ABORTED = "ABORTED"
+    """The server gave up on the goal."""
     LOST = "LOST"
     """The server, or the goal's result, is gone."""
     RETRYING = "RETRYING"
@@ -95,8 +102,11 @@ class Verdict(str, Enum):
     """What a `classify=` function says of an outcome."""
 
     SUCCESS = "SUCCESS"
+    """The call succeeded: its result is returned."""
     TRANSIENT = "TRANSIENT"
+    """The call failed, and trying again may help."""
     PERMANENT = "PERMANENT"
+    """The call failed, and trying again changes nothing."""
 
     def __str__(self) -> str:
         return self.value

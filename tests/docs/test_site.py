@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import html
 import importlib
+import inspect
+import os
 import re
+import subprocess
+import sys
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from _pytest.fixtures import FixtureFunctionDefinition
 
+from actionkit.testing import plugin
 from tests.docs.snippets import ROOT, blocks
 from tests.docs.test_pages import DOCS, PAGES
 
 RUN_ELSEWHERE = {
+    "guides/gui.md": "tests/docs/test_window.py",
     "guides/nav2.md": "tests/docs/test_nav2.py",
     "logging.md": "tests/test_logging_docs.py",
     "command-line.md": "its commands are those of tests/cli",
@@ -42,15 +52,61 @@ def test_every_page_with_code_is_run() -> None:
     assert with_code - PAGES.keys() - RUN_ELSEWHERE.keys() == set()
 
 
-@pytest.mark.parametrize(
-    "module",
-    ["actionkit", "actionkit.testing", "actionkit.servers", "actionkit.agents", "actionkit.trees"],
-)
-def test_every_public_name_is_in_the_reference(module: str) -> None:
-    text = "\n".join(path.read_text() for path in (DOCS / "reference").glob("*.md"))
-    shown = set(re.findall(r"^::: (\S+)", text, re.M))
-    names = {f"{module}.{name}" for name in importlib.import_module(module).__all__}
-    assert module in shown or names - shown == set()
+MODULES = ["actionkit"] + [
+    f"actionkit.{name}" for name in ("testing", "servers", "agents", "trees")
+]
+NOT_FOR_USERS = ("send", "throw", "set_result", "set_exception", "set_running_or_notify_cancel")
+"""Members of `GoalFuture` for asyncio and `concurrent.futures` alone."""
+
+
+def _inventory(site: Path) -> set[str]:
+    """Return the names that have an anchor of their own in the reference."""
+    packed = (site / "objects.inv").read_bytes().split(b"\n", 4)[4]
+    return {line.split()[0] for line in zlib.decompress(packed).decode().splitlines()}
+
+
+def _members(cls: type, public: set[type]) -> Iterator[str]:
+    """Yield what a class of ActionKit's has, but for what stands in the text of a public class."""
+    ours = [base for base in cls.__mro__ if base.__module__.startswith("actionkit")]
+    told = "\n".join(base.__doc__ or "" for base in ours if base in public)
+    for base in ours:
+        for name in {*vars(base), *vars(base).get("__annotations__", {})}:
+            attribute = re.search(rf"^ +{name}: ", told, re.M)
+            if not name.startswith("_") and name not in NOT_FOR_USERS and not attribute:
+                yield name
+
+
+def _public() -> Iterator[str]:
+    """Yield the full name of everything that users can rely on."""
+    modules = map(importlib.import_module, MODULES)
+    values = {f"{m.__name__}.{name}": getattr(m, name) for m in modules for name in m.__all__}
+    classes = {value for value in values.values() if inspect.isclass(value)}
+    for name, value in values.items():
+        yield name
+        if value in classes:
+            yield from (f"{name}.{member}" for member in _members(value, classes))
+    for name, value in vars(plugin).items():
+        if isinstance(value, FixtureFunctionDefinition):
+            yield f"{plugin.__name__}.{name}"
+
+
+def _signatures(page: Path) -> list[str]:
+    blocks = re.findall(r"doc-signature.*?<pre.*?>(.*?)</pre>", page.read_text(), re.S)
+    return [html.unescape(re.sub(r"<[^>]+>", "", block)) for block in blocks]
+
+
+@pytest.mark.heavy
+def test_the_reference_has_every_public_member_with_a_readable_signature(tmp_path: Path) -> None:
+    pytest.importorskip("mkdocstrings_handlers.python")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-d", str(tmp_path)]
+    subprocess.run(command, cwd=ROOT, check=True, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"})
+    assert set(_public()) - _inventory(tmp_path) == set()
+
+    shown = [each for page in tmp_path.glob("reference/*/index.html") for each in _signatures(page)]
+    assert any("    node: Any = None,\n" in each for each in shown)
+    for signature in shown:
+        assert not re.search(r"Never|misplaced|unknown", signature)
+        assert max(map(len, signature.splitlines())) <= 88
 
 
 def _anchor(heading: str) -> str:
