@@ -15,6 +15,7 @@ from typing import Any
 
 from actionkit._interfaces.dependencies import Dependency
 from actionkit._interfaces.errors import InterfacesError, MissingToolError
+from actionkit._model.missing import RCLPY
 
 LIBRARIES = {
     "c": "rosidl_generator_c",
@@ -42,7 +43,7 @@ def check_installed() -> None:
         except ImportError as error:
             raise MissingToolError(
                 f"{name}, a generator of ROS, cannot be imported here ({error})."
-                " It comes with rclpy: pip install 'actionkit[ros]'"
+                f" It comes with rclpy: pip install {RCLPY}"
             ) from error
 
 

@@ -8,6 +8,8 @@ WITH_ROS = (
     " `python3 -m venv --system-site-packages .venv`"
 )
 """How to get at the rclpy of an installed ROS, which uses the system's numpy and others."""
+RCLPY = "'ros-jazzy-rclpy[fastrtps]'"
+"""What pip installs where there is no ROS installation, quoted for a shell."""
 
 
 def cannot_import(module: str, error: BaseException) -> str:
@@ -17,10 +19,10 @@ def cannot_import(module: str, error: BaseException) -> str:
         module: `rclpy`, or `test_msgs`, which the reference servers speak.
         error: What its import raised.
     """
-    extra = "ros" if module == "rclpy" else "demo"
     package = f"ros-jazzy-{module.replace('_', '-')}"
     install = "" if module == "rclpy" else f" (`sudo apt install {package}` where it lacks that)"
+    wheel = RCLPY if module == "rclpy" else package
     return (
         f"{module} cannot be imported here ({type(error).__name__}: {error}). {WITH_ROS}{install}."
-        f" Elsewhere: pip install 'actionkit[{extra}]'"
+        f" Elsewhere: pip install {wheel}"
     )

@@ -79,7 +79,7 @@ class OpenTelemetry:
         except ImportError as error:
             raise ImportError(
                 f"the observer OpenTelemetry needs opentelemetry-api ({error}):"
-                " pip install 'actionkit[otel]'"
+                " pip install opentelemetry-api"
             ) from error
         self._trace: Any = trace
         self._context: Any = context

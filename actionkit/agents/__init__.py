@@ -3,8 +3,8 @@
     async with Toolbox.from_file("robot.toml") as toolbox:
         result = await toolbox.call("navigate", {"pose": {"position": {"x": 1.0}}})
 
-Needs the extra `agents`: `pip install 'actionkit[agents]'`. Importing this does not import rclpy;
-using a `Toolbox` does.
+Needs the extra `agents`: `pip install -e '.[agents]'` in a checkout. Importing this does not import
+rclpy; using a `Toolbox` does.
 """
 
 from actionkit.agents._toolbox import Toolbox

@@ -116,7 +116,7 @@ def read_file(path: str | PathLike[str]) -> Config:
     try:
         toml: Any = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
     except ImportError as error:
-        raise ImportError(f"{error}; pip install 'actionkit[agents]'") from error
+        raise ImportError(f"{error}; pip install tomli") from error
     with open(path, "rb") as file:
         content = file.read()
     source = fspath(path)

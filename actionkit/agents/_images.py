@@ -49,7 +49,7 @@ def to_image(message: Any, longest: int) -> tuple[Image, str]:
     try:
         pillow: Any = importlib.import_module("PIL.Image")
     except ImportError:
-        raise ImageError("Pillow is not installed: pip install 'actionkit[agents]'") from None
+        raise ImageError("Pillow is not installed: pip install pillow") from None
     note = ""
     try:
         if hasattr(message, "encoding"):

@@ -12,10 +12,10 @@ import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from actionkit._model.missing import WITH_ROS
+from actionkit._model.missing import RCLPY, WITH_ROS
 from actionkit.cli._findings import Finding, note, ok, problem
 
-_INSTALL = f"{WITH_ROS}. Elsewhere: pip install 'actionkit[ros]'."
+_INSTALL = f"{WITH_ROS}. Elsewhere: pip install {RCLPY}."
 _PATIENCE = 30.0
 """Seconds to import rclpy, which takes one, and many times that from a slow disk."""
 _TESTED = ((3, 10), (3, 13))
@@ -46,7 +46,7 @@ def machine(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
             "rclpy",
             f"there is another one at {', '.join(map(str, places[1:]))}, which is not used.",
             "Two of them mix up their libraries: use either the ROS installation, without"
-            " actionkit[ros], or a virtual environment in a shell where no setup file was sourced.",
+            " the extra ros, or a virtual environment in a shell where no setup file was sourced.",
         )
     distro = environment.get("ROS_DISTRO", "")
     if distro not in ("", "jazzy"):
@@ -160,7 +160,7 @@ def _broken(place: Path, error: str, environment: Mapping[str, str]) -> Finding:
         )
     elif "rmw" in error.lower():
         remedy = (
-            "No middleware is installed: pip install 'ros-jazzy-rclpy[fastrtps]' (the extra"
+            f"No middleware is installed: pip install {RCLPY} (the extra"
             " matters), or apt install ros-jazzy-rmw-fastrtps-cpp."
         )
     elif "_BOOTSTRAP" in "".join(environment) and ".so" in error:

@@ -111,7 +111,7 @@ def _toolbox(file: str, domain_id: int | None) -> Toolbox:
     except ImportError as error:
         raise Problem(
             Exit.FAILED,
-            f"{error.name or error} is not installed: pip install 'actionkit[agents]'",
+            f"{error.name or error} is not installed: pip install 'mcp>=2,<3' pillow",
         ) from error
     import_ros()
     from actionkit.agents import ConfigError, Toolbox

@@ -7,7 +7,7 @@
     tree.setup(timeout=15.0)
 
 A tick never blocks, and a goal that the tree gives up on is cancelled. Needs py_trees:
-`pip install 'actionkit[trees]'`.
+`pip install -e '.[trees]'` in a checkout.
 """
 
 try:
@@ -15,7 +15,7 @@ try:
 except ImportError as _error:
     raise ImportError(
         "actionkit.trees needs py_trees 2, which cannot be imported here"
-        f" ({_error}): pip install 'actionkit[trees]'"
+        f" ({_error}): pip install 'py_trees>=2.2'"
     ) from _error
 
 from actionkit.trees._behaviour import ActionBehaviour

@@ -171,7 +171,7 @@ def test_without_ros_every_command_says_what_to_install(without_ros: Callable[..
     (text,) = told
     assert text.startswith("Error: rclpy cannot be imported here")
     assert "source its setup file" in text
-    assert "pip install 'actionkit[ros]'" in text
+    assert "pip install 'ros-jazzy-rclpy[fastrtps]'" in text
     assert without_ros("doctor").code == Exit.NO_ROS
     assert without_ros("serve", "--list").code == Exit.OK
 
@@ -182,7 +182,7 @@ def test_without_the_messages_of_the_reference_servers(empty_world: World) -> No
         assert done.code == Exit.NO_ROS, (words, done.err)
         assert done.err.startswith("Error: test_msgs cannot be imported here")
         assert "ros-jazzy-test-msgs" in done.err
-        assert "pip install 'actionkit[demo]'" in done.err
+        assert "pip install ros-jazzy-test-msgs" in done.err
 
 
 def test_debug_shows_where_an_error_comes_from(empty_world: World) -> None:

@@ -153,6 +153,14 @@ def test_every_page_is_in_the_navigation() -> None:
     assert in_nav == set(_pages())
 
 
+def test_no_command_installs_actionkit_from_an_index() -> None:
+    # There is no release. What is to be true of one stands in the page on installing alone.
+    texts = [*ROOT.glob("*.md"), *DOCS.rglob("*.md"), *(ROOT / "actionkit").rglob("*.py")]
+    wrong = re.compile(r"pip install [^`\n]*(?<![\w/])actionkit\b")
+    found = [str(path.relative_to(ROOT)) for path in texts for _ in wrong.findall(path.read_text())]
+    assert found == ["docs/installing.md"]
+
+
 def test_no_page_is_about_us() -> None:
     wrong = re.compile(r"/root/|/tmp/pytest-")
     for path in [*(Path(DOCS).rglob("*.md")), ROOT / "README.md"]:

@@ -40,4 +40,4 @@ def test_without_rclpy_the_commands_that_work_are_named(program: str) -> None:
     assert "rclpy" in told
     assert "source /opt/ros/jazzy/setup.bash" in told
     assert "python3 -m venv --system-site-packages .venv" in told
-    assert "pip install 'actionkit[ros]'" in told
+    assert "pip install 'ros-jazzy-rclpy[fastrtps]'" in told
