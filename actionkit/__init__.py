@@ -11,6 +11,7 @@ first, so that a program does not wait for what it does not need.
 """
 
 import importlib as _importlib
+import sys as _sys
 import typing as _typing
 
 if _typing.TYPE_CHECKING:  # the same as in `_MODULES`, for type checkers and editors
@@ -158,7 +159,14 @@ if not _typing.TYPE_CHECKING:  # a checker would take any name for one that is t
     def __getattr__(name: str) -> _typing.Any:
         if name not in _MODULES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        value = getattr(_importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+        try:
+            value = getattr(_importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+        except (AttributeError, ImportError) as error:  # such as `signal.SIGHUP`, on Windows
+            if _sys.platform == "linux":
+                raise
+            from actionkit._model.missing import ON_LINUX
+
+            raise ImportError(ON_LINUX) from error
         globals()[name] = value  # so it is asked for once
         return value
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import sys
+
 WITH_ROS = (
     "On a machine with a ROS 2 installation (Ubuntu 24.04, for Jazzy) source its setup file,"
     " `source /opt/ros/jazzy/setup.bash`, and use its Python, or a virtual environment made by"
     " `python3 -m venv --system-site-packages .venv`"
 )
 """How to get at the rclpy of an installed ROS, which uses the system's numpy and others."""
+ON_LINUX = "ActionKit runs on Linux only: use a Linux machine, a virtual machine or a container"
+"""What to do on another system, for which PyPI has no rclpy."""
 RCLPY = "'ros-jazzy-rclpy[fastrtps]'"
 """What pip installs where there is no ROS installation, quoted for a shell."""
 
@@ -19,10 +23,10 @@ def cannot_import(module: str, error: BaseException) -> str:
         module: `rclpy`, or `test_msgs`, which the reference servers speak.
         error: What its import raised.
     """
+    text = f"{module} cannot be imported here ({type(error).__name__}: {error})."
+    if sys.platform != "linux":
+        return f"{text} {ON_LINUX}"
     package = f"ros-jazzy-{module.replace('_', '-')}"
     install = "" if module == "rclpy" else f" (`sudo apt install {package}` where it lacks that)"
     wheel = RCLPY if module == "rclpy" else package
-    return (
-        f"{module} cannot be imported here ({type(error).__name__}: {error}). {WITH_ROS}{install}."
-        f" Elsewhere: pip install {wheel}"
-    )
+    return f"{text} {WITH_ROS}{install}. Elsewhere: pip install {wheel}"

@@ -233,6 +233,13 @@ class Outcome(Generic[ResultT]):
     elapsed: float = 0.0
     goals: tuple[GoalReport, ...] = ()
 
+    def __repr__(self) -> str:
+        # A whole timeline, and a result with an image in it, would fill the screen.
+        error = "" if self.error is None else f": {type(self.error).__name__}"
+        attempts = f"{self.attempts} attempt{'' if self.attempts == 1 else 's'}"
+        cancel = "" if self.cancel is None else f", cancel {self.cancel}"
+        return f"<Outcome {self.status}{error}, {attempts}, {self.elapsed:.3f} s{cancel}>"
+
     @property
     def state(self) -> GoalState:
         """The same as `status`; futures and events call it so, too."""

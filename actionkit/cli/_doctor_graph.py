@@ -57,12 +57,13 @@ def actions_in_sight(survey: Survey, name: str | None, wait: float) -> Iterator[
 
 def _all(survey: Survey, served: dict[str, ActionSeen]) -> Iterator[Finding]:
     if not served:
-        yield problem(
+        yield note(
             "servers",
             "no action server is in sight.",
-            "Start one (`actionkit serve fibonacci` is one to try), in the same domain and within"
-            " the range of discovery; see the settings above. Multicast may be blocked by a"
-            " firewall, a container or a wireless network: ROS_STATIC_PEERS goes without it.",
+            "If there should be one: start it (`actionkit serve fibonacci` is one to try), in the"
+            " same domain and within the range of discovery; see the settings above. Multicast may"
+            " be blocked by a firewall, a container or a wireless network: ROS_STATIC_PEERS goes"
+            " without it.",
         )
         return
     for action in list(served.values())[:_LISTED]:

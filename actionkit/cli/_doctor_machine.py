@@ -12,10 +12,12 @@ import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from actionkit._model.missing import RCLPY, WITH_ROS
+from actionkit._model.missing import ON_LINUX, RCLPY, WITH_ROS
 from actionkit.cli._findings import Finding, note, ok, problem
 
-_INSTALL = f"{WITH_ROS}. Elsewhere: pip install {RCLPY}."
+_INSTALL = (
+    f"{WITH_ROS}. Elsewhere: pip install {RCLPY}." if sys.platform == "linux" else f"{ON_LINUX}."
+)
 _PATIENCE = 30.0
 """Seconds to import rclpy, which takes one, and many times that from a slow disk."""
 _TESTED = ((3, 10), (3, 13))

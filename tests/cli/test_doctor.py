@@ -137,6 +137,13 @@ def test_a_port_that_a_killed_process_left_empty(tmp_path: Path) -> None:
     assert finding.remedy == f"rm {tmp_path / 'fastrtps_port7006'}"
 
 
+def test_that_no_server_was_started_yet_is_no_problem(empty_world: World) -> None:
+    done = empty_world.run("doctor", "--json", "--wait", "0.1")
+    assert done.code == Exit.OK
+    (servers,) = of("servers", findings(done))
+    assert (servers.level, servers.text) == ("note", "no action server is in sight.")
+
+
 def test_settings_that_keep_everybody_apart_are_problems(empty_world: World) -> None:
     apart = {"ROS_DOMAIN_ID": "robot", "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}
     done = empty_world.run_apart("doctor", **apart)

@@ -12,7 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit import GoalEvent, GoalState, Timeline
+from actionkit import (
+    CancelReport,
+    DeadlineExceededError,
+    GoalEvent,
+    GoalState,
+    Outcome,
+    Timeline,
+)
 from actionkit._model.timeline import Recorder
 
 GOALS = [uuid.UUID(int=number) for number in range(3)]
@@ -175,3 +182,16 @@ def test_any_timeline_has_a_line_for_each_event(events: list[GoalEvent]) -> None
         )
         assert (int(found[2]), found[3]) == (each.attempt, each.state.value)
         assert each.detail in line
+
+
+def test_an_outcome_is_shown_in_one_line() -> None:
+    make = event_maker()
+    events = Timeline([make(GoalState.SENT)] * 50)
+    done = Outcome(
+        GoalState.SUCCEEDED, [0] * 1000, None, 1, events, GOALS[0], None, elapsed=1.23456
+    )
+    assert repr(done) == "<Outcome SUCCEEDED, 1 attempt, 1.235 s>"
+    error, confirmed = DeadlineExceededError("too late"), CancelReport.CONFIRMED
+    late = Outcome(GoalState.CANCELED, None, error, 2, events, GOALS[0], confirmed, elapsed=3.0)
+    told = "<Outcome CANCELED: DeadlineExceededError, 2 attempts, 3.000 s, cancel CONFIRMED>"
+    assert repr(late) == told
