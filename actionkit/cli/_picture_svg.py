@@ -13,6 +13,7 @@ from xml.sax.saxutils import escape
 from actionkit._model.values import date_text
 from actionkit._observers.json_schema import LoggedLine
 from actionkit.cli._picture_layout import Bar, Lane, Phase, Picture, Row, Sign, lay_out
+from actionkit.cli._picture_names import shortened
 from actionkit.cli._picture_scale import axis_for
 
 WIDTH = 1200
@@ -21,6 +22,10 @@ _TOP = 118
 """Above the lanes: the title, the summary, the legend in two lines, and the labels of the axis."""
 _LEFT, _RIGHT = 190, 230
 """Beside the lanes: the names of call and attempt; the outcome."""
+_FITS, _MOST = 12, 40
+"""Letters of a name: `_LEFT` has room for the first number; it grows for up to the second."""
+_LETTER = 7.5
+"""What a letter takes; names have few that are wider."""
 _LEFT_SMALL, _RIGHT_SMALL = 90, 30
 """The same where lanes are too low for texts."""
 _TALLEST, _LOWEST = 26.0, 3.0
@@ -90,10 +95,12 @@ class _Drawing:
         lanes = max(1, sum(max(1, len(row.lanes)) for row in picture.rows))
         self._lane = min(_TALLEST, max(_LOWEST, _HEIGHT / lanes))
         self._labelled = self._lane >= _LABELLED
-        self._left = _LEFT if self._labelled else _LEFT_SMALL
+        names = shortened((row.action_name for row in picture.rows), _MOST)
+        self._names = names if len(names) > 1 else {}
+        more = max([0, *(len(name) - _FITS for name in self._names.values())])
+        self._left = _LEFT + round(more * _LETTER) if self._labelled else _LEFT_SMALL
         self._right = _RIGHT if self._labelled else _RIGHT_SMALL
         self._plot = WIDTH - self._left - self._right
-        self._several = len({row.action_name for row in picture.rows}) > 1
         self._span = picture.end * 1.01 or 0.001
         self._bottom = _TOP + lanes * self._lane
         self._radius = max(2.0, min(5.5, self._lane * 0.3))
@@ -223,7 +230,7 @@ class _Drawing:
         return top + self._lane * max(1, len(row.lanes))
 
     def _labels(self, row: Row, number: int, top: float) -> None:
-        name = _tail(row.action_name, 12) if self._several else f"call {number}"
+        name = self._names.get(row.action_name, f"call {number}")
         middle = self._lane / 2 + 4
         self._put(f'<text x="16" y="{top + middle:.1f}">{_text(name)}</text>')
         for place, lane in enumerate(row.lanes):
@@ -294,10 +301,6 @@ def _ending(row: Row) -> str:
     seconds = row.end - row.start
     took = f"{seconds * 1000:.0f} ms" if seconds < 1 else f"{seconds:.4g} s"
     return f"{_short(row.outcome, 21)}, {took}"
-
-
-def _tail(name: str, most: int) -> str:
-    return name if len(name) <= most else "…" + name[1 - most :]
 
 
 def _count(number: int, noun: str) -> str:

@@ -26,6 +26,7 @@ from actionkit import CallInfo, GoalEvent, GoalState, LoggedLine, Outcome, Timel
 from actionkit._observers.json_schema import event_line, outcome_line, parse_line
 from actionkit.cli._app import app
 from actionkit.cli._picture_layout import Phase, Sign
+from actionkit.cli._picture_names import shortened
 from actionkit.cli._picture_svg import draw
 from actionkit.cli._problems import Problem
 from actionkit.cli.timeline import report
@@ -155,6 +156,48 @@ def test_it_stands_by_itself() -> None:
     assert not list(root.iter(f"{SVG}script"))
     assert "href" not in svg
     assert re.findall(r"https?://[^\"]+", svg) == ["http://www.w3.org/2000/svg"]
+
+
+def names_beside(names: list[str]) -> list[str]:
+    calls = [call(GOOD, number=n, end=5.0, action_name=name) for n, name in enumerate(names, 1)]
+    rows = groups(draw(calls), "call ")
+    return [str(next(t.text for t in row.iter(f"{SVG}text") if t.get("x") == "16")) for row in rows]
+
+
+def test_names_that_fit_are_whole() -> None:
+    names = ["/left_arm/follow_joint_trajectory", "/right_arm/follow_joint_trajectory", "/dock"]
+    assert names_beside(names) == names
+
+
+def test_what_is_beside_the_lanes_does_not_overlap() -> None:
+    long = [f"/{arm}/{'w' * 60}/follow_joint_trajectory" for arm in ("left", "right")]
+    for names in (["/a", "/b"], ["/left_arm/follow", "/dock"], long):
+        calls = [call(GOOD, number=n, action_name=name) for n, name in enumerate(names, 1)]
+        (row, *_) = groups(draw(calls), "call ")
+        name, goal = list(row.iter(f"{SVG}text"))[:2]
+        end = float(str(name.get("x"))) + 7.0 * len(str(name.text))
+        assert end < float(str(goal.get("x"))) - 7.5 * len(str(goal.text))
+
+
+@given(st.lists(st.text("/ab", min_size=1, max_size=60), unique=True, max_size=8))
+def test_different_names_stay_different(names: list[str]) -> None:
+    for most in (12, 40):
+        short = shortened(names, most)
+        assert list(short) == names
+        assert len(set(short.values())) == len(names)
+        for name, shown_as in short.items():
+            assert shown_as == name or len(shown_as) <= most < len(name)
+
+
+def test_the_end_of_a_name_is_kept_and_its_beginning_where_it_tells_two_apart() -> None:
+    assert shortened(["/left/drive_home", "/dock_here"], 12) == {
+        "/left/drive_home": "…/drive_home",
+        "/dock_here": "/dock_here",
+    }
+    alike = [f"/{arm}_arm/joint_trajectory" for arm in ("left", "right")]
+    assert list(shortened(alike, 12).values()) == ["/l…rajectory", "/r…rajectory"]
+    inside = [f"/arms_of_the_robot/{arm}_arm/joint_trajectory" for arm in ("left", "next")]
+    assert list(shortened(inside, 12).values()) == ["1: …ajectory", "2: …ajectory"]
 
 
 def test_any_name_is_text() -> None:
