@@ -71,17 +71,23 @@ def types(
     found = list(read)
     own = {file.path.stem for file in found if file.path.suffix == ".msg"}
     problems = []
+    missing: set[str] = set()
     inside: dict[str, set[str]] = {name: set() for name in own}
     for file in found:
         for use in file.uses:
             if use.package != package.name:
-                problems += _foreign_type(use, dependencies[use.package])
+                dependency = dependencies[use.package]
+                if dependency is not None:
+                    problems += _foreign_type(use, dependency)
+                elif use.package not in missing:  # told once
+                    missing.add(use.package)
+                    problems.append(f"{use.place}: {_not_installed(use.package)}")
             elif use.name not in own:
                 problems.append(f"{use.place}: {_own_type(package, use, own)}")
             elif file.path.suffix == ".msg":
                 inside[file.path.stem].add(use.name)
     for name, dependency in dependencies.items():
-        if dependency is None and not any(name == u.package for f in found for u in f.uses):
+        if dependency is None and name not in missing:
             problems.append(f"{package.folder}: {_not_installed(name)}")
     _raise(problems)
     if circle := _circle(inside):
@@ -99,9 +105,7 @@ def _own_type(package: Package, use: Use, own: set[str]) -> str:
     return f"{text}: add msg/{use.name}.msg, or write the package before it"
 
 
-def _foreign_type(use: Use, dependency: Dependency | None) -> list[str]:
-    if dependency is None:
-        return [f"{use.place}: {_not_installed(use.package)}"]
+def _foreign_type(use: Use, dependency: Dependency) -> list[str]:
     if dependency.has_message(use.name):
         return []
     near = similar_names(use.name, dependency.messages())
@@ -111,8 +115,8 @@ def _foreign_type(use: Use, dependency: Dependency | None) -> list[str]:
 
 def _not_installed(name: str) -> str:
     return (
-        f"the package {name} is not here: pip install ros-jazzy-{name.replace('_', '-')}, or, if"
-        " it is one of your own, build it first (or together with this one)"
+        f"the package {name} is not here: pip install ros-jazzy-{name.replace('_', '-')}, or,"
+        " where PyPI has no such package, build it first (or together with this one)"
     )
 
 

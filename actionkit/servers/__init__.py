@@ -25,6 +25,10 @@ such as ``"my_robot/action/Pick"``. A goal then has `steps=5` steps, and feedbac
 empty messages. For a server of your own type that says something, in the process of a test, see
 `actionkit.testing.FakeServer`.
 
+countdown and navigate also know the types `actionkit_interfaces/action/Countdown` and
+`actionkit_interfaces/action/NavigateToPose`. They speak these only where `action_type=` says so:
+what a server speaks does not depend on which packages are installed.
+
 What none of these does can be written as a script, step by step, for the server scripted:
 
     with actionkit.servers.start(

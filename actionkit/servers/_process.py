@@ -328,7 +328,8 @@ def start(
         action_type: Its type, where that is not the server's own: a class, or a name such as
             `"my_robot/action/Pick"`. Most servers do without fields of their own: a goal then has
             `steps=5` steps (an option), and feedback and results are empty messages. The error
-            for one that does not lists those that do.
+            for one that does not lists those that do. countdown and navigate speak the types of
+            `actionkit_interfaces` only if one is given here, whether it is installed or not.
         domain_id: Its ROS domain; `None` takes the environment's.
         options: The server's own options, such as `period=0.1`; a script is a list.
 

@@ -155,6 +155,13 @@ with Client(Countdown, "count") as client:
         future.cancel()
     print(future.outcome(30).result.completed)
 """
+FIBONACCI = """
+import actionkit_interfaces.action
+from actionkit import Client
+from test_msgs.action import Fibonacci
+with Client(Fibonacci, "fibonacci") as client:
+    print(list(client.call({"order": 3}, timeout=30.0).sequence))
+"""
 NAVIGATE = """
 from actionkit import Client, GoalRejectedError
 from actionkit_interfaces.action import NavigateToPose
@@ -197,6 +204,15 @@ def test_navigate_speaks_its_own_type(
     with servers.start("navigate", action_name="navigate", domain_id=ros_domain, **options):
         lines = run_python(NAVIGATE, env=env).splitlines()
     assert lines == ["True arrived True", "arrived 100.0 0.0", "map 0.4", "rejected"]
+
+
+def test_what_is_installed_does_not_change_what_a_server_speaks(
+    own: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    env = environment(own, ROS_DOMAIN_ID=str(ros_domain))
+    monkeypatch.setenv("PYTHONPATH", str(own))
+    with servers.start("countdown", domain_id=ros_domain, period=0.0):
+        assert run_python(FIBONACCI, env=env).splitlines() == ["[0]"]
 
 
 def test_a_server_without_the_package_says_how_to_get_it(ros_domain: int) -> None:

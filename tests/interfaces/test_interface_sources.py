@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
 import pytest
 
+from actionkit._interfaces import dependencies, own_package
 from actionkit.cli._app import run
 from tests.interfaces.conftest import write_package
 
@@ -82,6 +84,20 @@ def test_all_bad_lines_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str
     files = {"action/Pick.action": "int a\nint8 B\n---\n---\n", "msg/Size.msg": "\n\nfloat x\n"}
     error = refused(capsys, write_package(tmp_path / "pick_interfaces", files))
     assert all(f"{place}: " in error for place in ("Pick.action:1", "Pick.action:2", "Size.msg:3"))
+
+
+def test_a_package_that_is_missing_is_told_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = shutil.copytree(own_package.folder(), tmp_path / own_package.NAME)
+    there = dependencies.find
+    without = {"geometry_msgs"}  # as after `pip install -e '.[ros]'`
+    monkeypatch.setattr(
+        dependencies, "find", lambda name, to: None if name in without else there(name, to)
+    )
+    error = refused(capsys, source)
+    assert error.count("geometry_msgs is not here: pip install ros-jazzy-geometry-msgs,") == 1
+    assert len(error.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
