@@ -276,11 +276,13 @@ class OrphanedGoals:
         self._forget(key)
 
     def _forget(self, key: bytes) -> None:
-        for seq in self._orphans.pop(key).requests:
-            del self.requests[seq]
-            self._end_wait(seq)
+        orphan = self._orphans.pop(key)
+        # First: a place in the window that is given back is taken at once, for one of these.
         self._confirmed.pop(key, None)
         self._suspected.pop(key, None)
+        for seq in orphan.requests:
+            del self.requests[seq]
+            self._end_wait(seq)
         self._changed()
         self._send_next()
 

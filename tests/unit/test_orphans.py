@@ -19,7 +19,7 @@ STILL_RUNNING = "MAY STILL BE RUNNING"
 class World:
     """A clock, and the cancel requests that are sent by it."""
 
-    def __init__(self) -> None:
+    def __init__(self, window: Window | None = None) -> None:
         self.clock = Clock()
         self.servers = 1
         self.numbers = count(1)
@@ -28,7 +28,7 @@ class World:
             self.clock,
             "/arm",
             count_servers=lambda: self.servers,
-            window=Window(),
+            window=window or Window(),
             cancel=self.cancel,
             on_change=lambda: None,
         )
@@ -241,6 +241,18 @@ def test_no_more_is_asked_for_than_fits_into_a_servers_queue(world: World) -> No
     later = [at for at, _, _ in world.sent[5:]]
     assert max(Counter(later).values()) == 4
     assert world.at_rest
+
+
+def test_what_is_over_while_it_waits_for_its_turn_takes_no_place() -> None:
+    window = Window(1)
+    world = World(window)
+    world.servers = 3
+    world.ended(accepted=2)
+    world.orphans.accepted_late(1)  # it is to be asked for again, and waits for its own request
+    world.canceling()
+    world.canceling()  # a second server, to the same request
+    assert world.at_rest
+    assert window.enter(lambda: None)  # else nobody could cancel anything in this process any more
 
 
 def test_the_newest_are_remembered(world: World) -> None:
