@@ -155,7 +155,7 @@ with Client(Countdown, "count") as client:
         future.cancel()
     print(future.outcome(30).result.completed)
 """
-FIBONACCI = """
+BESIDE_OURS = """
 import actionkit_interfaces.action
 from actionkit import Client
 from test_msgs.action import Fibonacci
@@ -212,7 +212,7 @@ def test_what_is_installed_does_not_change_what_a_server_speaks(
     env = environment(own, ROS_DOMAIN_ID=str(ros_domain))
     monkeypatch.setenv("PYTHONPATH", str(own))
     with servers.start("countdown", domain_id=ros_domain, period=0.0):
-        assert run_python(FIBONACCI, env=env).splitlines() == ["[0]"]
+        assert run_python(BESIDE_OURS, env=env).splitlines() == ["[0]"]
 
 
 def test_a_server_without_the_package_says_how_to_get_it(ros_domain: int) -> None:
