@@ -109,7 +109,7 @@ class CancellableGoal(GoalRecord):
         """A refusal says nothing of what is the case now."""
         if self._cancel_reply is not CancelReply.ACCEPTED:
             self._cancel_reply = CancelReply.NONE
-            self._refusal_told = False
+            self._refusal_told = self.facts.refused = False
 
     @property
     def _refusal_counts(self) -> bool:

@@ -25,7 +25,7 @@ class GoalFacts:
         gone: Whether that server had left the graph when the goal was lost, and not only fallen
             silent, or been taken for one that another has replaced.
         left: Whether nobody looks after it any more.
-        refused: Whether the server has refused to cancel it, and has not changed its mind.
+        refused: Whether the server has refused to cancel it, the last time that it was asked.
         told: Whether its user has been told that it may run.
     """
 

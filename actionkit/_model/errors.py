@@ -59,7 +59,8 @@ class ActionKitError(Exception):
         transient: Whether trying again may help.
         result: The action's result message, where the server sent one and `classify=`, an abort
             or a cancellation made it a failure.
-        cancel: What became of a goal that was given up on; `None` where none was.
+        cancel: How the cancellation went, or `UNKNOWN` if a goal of the call may be running; of
+            several goals the worst counts. `None` if there was nothing to cancel.
     """
 
     transient: ClassVar[bool] = False
@@ -200,7 +201,7 @@ class DeadlineExceededError(ActionKitError, TimeoutError):
     Attributes:
         phase: What the call was waiting for: `"server"`, `"accept"`, `"execute"`, `"pause"`
             (between two attempts) or `"cancel"` (for a cancellation to be confirmed).
-        cancel: What became of the goal: `CONFIRMED`, `REFUSED`, `UNKNOWN` or `NOT_NEEDED`; never
+        cancel: How the cancellation went: `CONFIRMED`, `REFUSED`, `UNKNOWN` or `NOT_NEEDED`; never
             `None`.
         late_result: The result, where the goal succeeded while it was being cancelled.
         status: The terminal state of the goal where the server told it, else `None`. `SUCCEEDED`

@@ -212,8 +212,8 @@ class Outcome(Generic[ResultT]):
         attempts: How many goals were sent.
         timeline: The call's events, oldest first; `print` it to read it.
         goal_id: The id of the last goal.
-        cancel: What became of the goals of the call: the worst of those that may be running;
-            else of the goal that the caller gave up on, `None` where nobody gave up.
+        cancel: How the cancellation went, or `UNKNOWN` if a goal of the call may be running; of
+            several goals the worst counts. `None` if there was nothing to cancel.
         callback_errors: How many times a callback of the user's raised.
         feedback_count: How many feedback messages of the goal were received.
         elapsed: Seconds from the call to its end.

@@ -46,7 +46,7 @@ class Exit(IntEnum):
     CANCEL_UNKNOWN = (
         23,
         "A goal may still be running: its end was not seen. Of `call`: whatever else went wrong,"
-        " but for codes 15 and 18.",
+        " except for codes 15 and 18.",
     )
     NO_SUCH_GOAL = 24, "Of `cancel`: no server in sight knows a goal of that id."
     HELD = (

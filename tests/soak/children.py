@@ -38,7 +38,7 @@ def work(end: str, count: int, life: float) -> None:
     until = time.monotonic() + _PATIENCE
     for _ in range(count):
         running.acquire(timeout=max(0.0, until - time.monotonic()))
-    time.sleep(life)
+    threading.Event().wait(life)
     if end == "raises":
         raise RuntimeError("mine")
     if end == "exits":

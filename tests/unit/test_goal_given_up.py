@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import uuid
+from dataclasses import replace
+
 import pytest
 from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
 
@@ -160,6 +163,23 @@ def test_a_refusal_of_a_server_that_is_gone_says_nothing_of_now() -> None:
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.tell("server_lost", "gone")
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
+
+
+def test_a_refusal_is_not_told_of_a_later_cancel_that_nobody_answers() -> None:
+    life = Life()
+    life.goal.facts.goal_id = uuid.uuid4()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.wait_until(life.now + DOUBT)
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    assert life.goal.facts.refused
+    life.tell("close", abandon=False)
+    life.wait_until(life.now + 3.0)
+    assert life.report is CancelReport.UNKNOWN
+    report = life.goal.facts.report
+    assert life.ending is not None
+    assert report is not None
+    assert replace(life.ending, goals=(report,)).cancel is CancelReport.UNKNOWN
 
 
 def test_the_goal_is_rejected_after_the_deadline() -> None:
