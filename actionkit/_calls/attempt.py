@@ -5,6 +5,7 @@ All of it happens on the communication thread.
 
 from __future__ import annotations
 
+import logging
 import uuid
 from collections import deque
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from actionkit._goal.stages import CancelReason, Closing, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState
+from actionkit._threads.diagnostics import log_later
 
 _TIME_IS_UP = (fx.Timer.SERVER, fx.Timer.DEADLINE)
 _WAITING = (Stage.AWAITING_SERVER, Stage.RESENDING)
@@ -187,14 +189,19 @@ class Attempt:
             # the link when a server is ready again.
             self._link.await_next_ready(self)
             return
-        back = self._link.sees_server_of(self)
+        facts = self.goal.facts
+        # Of several, each that was out of sight may be the one that runs it.
+        back = self._link.sees_server_of(self) and not (facts.servers > 1 and facts.away)
         self._apply((self.goal.server_back if back else self.goal.server_ready)(self._now()))
 
     def on_type_mismatch(self, served: tuple[str, ...]) -> None:
         self._apply(self.goal.type_mismatch(served, self._now()))
 
-    def on_sent(self) -> None:
-        self._apply(self.goal.sent(self._now()))
+    def on_sent(self, servers: int) -> None:
+        self._apply(self.goal.sent(self._now(), servers))
+
+    def on_servers_changed(self, servers: int, away: int) -> None:
+        self._apply(self.goal.servers_changed(servers, away))
 
     def on_send_failed(self, error: Exception) -> None:
         self._apply(self.goal.send_failed(error, self._now()))
@@ -203,7 +210,9 @@ class Attempt:
         self._apply(self.goal.accepted(self._now()))
 
     def on_rejected(self) -> None:
+        seen = self.goal.stage is not Stage.LOST
         self._apply(self.goal.rejected(self._now()))
+        self._look_whether_lost(seen)
 
     def on_feedback(self, messages: list[bytes]) -> None:
         # First the states that it proves, so that acceptance is visible before feedback (C1.8).
@@ -214,14 +223,33 @@ class Attempt:
         self._apply(self.goal.status(state, self._now()))
 
     def on_result(
-        self, state: GoalState | None, result: Any, asked_at: float, *, outdated: bool = False
+        self,
+        state: GoalState | None,
+        result: Any,
+        asked_at: float,
+        *,
+        outdated: bool = False,
+        everybody: bool = True,
+        ends: int = 1,
     ) -> None:
         if state is None and outdated:
             return  # that the goal was not known then says nothing of now; it was asked again
         self._has_result = state is not None
         ours, own = self.cancel_is_ours, self._link.sees_server_of(self)
-        now = self._now()
-        self._apply(self.goal.result(state, result, now, asked_at=asked_at, ours=ours, own=own))
+        now, seen = self._now(), self.goal.stage is not Stage.LOST
+        self._apply(
+            self.goal.result(
+                state,
+                result,
+                now,
+                asked_at=asked_at,
+                ours=ours,
+                own=own,
+                everybody=everybody,
+                ends=ends,
+            )
+        )
+        self._look_whether_lost(seen)
 
     def on_cancel_sent(self) -> None:
         self._cancels += 1
@@ -234,10 +262,14 @@ class Attempt:
     def on_server_lost(self, reason: str) -> None:
         self.goal.facts.gone = self._link.server_is_gone(self)
         self._apply(self.goal.server_lost(reason, self._now()))
-        if self.goal.stage is Stage.LOST:
+        self._look_whether_lost(True)
+        self._on_out_of_sight(self)
+
+    def _look_whether_lost(self, was_seen: bool) -> None:
+        if was_seen and self.goal.stage is Stage.LOST:
             self._link.stop_cancel(self)
             self._owner.on_over(self)  # it may make room for the next, by the policy
-        self._on_out_of_sight(self)
+            self._on_out_of_sight(self)
 
     # --- carrying out ----------------------------------------------------------------------
 
@@ -286,6 +318,15 @@ class Attempt:
     def _watch_status(self, _: fx.WatchStatus) -> None:
         self._link.watch_status()
 
+    def _runs_elsewhere(self, _: fx.RunsElsewhere) -> None:
+        log_later(
+            logging.WARNING,
+            "goal %s is over, and another server on the name of its action has accepted it, too,"
+            " and has not confirmed that it cancels it: IT MAY STILL BE RUNNING."
+            " Two servers on one name both run every goal: keep one of them",
+            self.goal_id,
+        )
+
     def _settle(self, effect: fx.Settle) -> None:
         self._timers.keep_only(fx.Timer.REASK)
         self._owner.on_end(self, effect.ending)
@@ -316,6 +357,7 @@ class Attempt:
         fx.Arm: _arm,
         fx.Disarm: _disarm,
         fx.Record: _record,
+        fx.RunsElsewhere: _runs_elsewhere,
         fx.AwaitServer: _await_server,
         fx.SendGoal: _send,
         fx.AskResult: _ask_result,

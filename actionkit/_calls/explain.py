@@ -31,6 +31,7 @@ _WHY_IT_MAY_RUN = {
     GoalFate.LOST: "the server is gone, or silent",
     GoalFate.LEFT: "nobody looks after it any more",
 }
+_ELSEWHERE = "one server has stopped it, and another on the same name has not confirmed that it has"
 _DISCOVERY = 3.0
 """Seconds that a server which runs may take to be seen, on machines with other work."""
 _MORE_TIME = (
@@ -169,6 +170,8 @@ def _cancel_sentence(ending: Ending, call: ErrorContext) -> str:
         return " It was cancelled on the server, which confirmed that it runs no more."
     if ending.own_cancel is CancelReport.REFUSED:
         return " The server refused to cancel it: IT IS STILL RUNNING."
+    if ending.own_cancel is CancelReport.UNKNOWN and ending.elsewhere:
+        return f" {_ELSEWHERE[0].upper()}{_ELSEWHERE[1:]}: IT MAY STILL BE RUNNING."
     if ending.own_cancel is CancelReport.UNKNOWN and _is_lost(ending, call):
         return " Its server is gone, or silent: IT MAY STILL BE RUNNING."
     if ending.own_cancel is CancelReport.UNKNOWN:
@@ -253,8 +256,9 @@ def _stalled(ending: Ending, call: ErrorContext) -> str:
 
 
 def _rejected(ending: Ending, call: ErrorContext) -> str:
+    never = "another server on the same name may run it" if ending.elsewhere else "it never ran"
     return (
-        f"{_what(call)} was rejected by the server after {_after(call)}; it never ran."
+        f"{_what(call)} was rejected by the server after {_after(call)}; {never}."
         " The action protocol carries no reason: look at the server's log."
     )
 
@@ -313,6 +317,8 @@ def _deadline(ending: Ending, call: ErrorContext) -> str:
         unconfirmed = f"the server did not confirm that within {call.timeouts.cancel:g} s"
         if ending.lost_because or _is_lost(ending, call):
             unconfirmed = "its server is gone, or silent"
+        if ending.elsewhere:
+            unconfirmed = _ELSEWHERE
         return (
             f"{_what(call)} was cancelled by its caller, but {unconfirmed}: IT MAY STILL BE"
             " RUNNING. While this client is open, it is cancelled as soon as the server answers;"

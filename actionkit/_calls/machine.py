@@ -179,7 +179,7 @@ class CallMachine:
     def _allows_another(self, earlier: AttemptView) -> bool:
         if self._resend == "always":
             return True
-        if earlier.goal.facts.may_run:
+        if not earlier.goal.facts.is_over:
             return self._resend == "server_gone" and earlier.is_out_of_sight
         # A goal that ended by itself is not run a second time while its result may come (C4.3).
         ended_as = earlier.goal.awaits_result_of
@@ -256,7 +256,7 @@ class CallMachine:
             self.earlier = [
                 each
                 for each in (*self.earlier, attempt)
-                if each.goal.facts.may_run or each.goal.awaits_result_of
+                if not each.goal.facts.is_over or each.goal.awaits_result_of
             ]
         self.attempt = None
         if ending.end is not fx.End.NO_SERVER:

@@ -70,6 +70,7 @@ class CancellableGoal(GoalRecord):
     def _give_up(self, why: CancelReason, now: float) -> list[fx.Effect]:
         self._phase = PHASE[self.stage]
         self.cancel_reason, self.cancelled_at = why, now
+        self.facts.given_up = True
         effects = self._stop_resending()
         if not self.in_flight:
             if why is CancelReason.DEADLINE and self._phase == "server":
@@ -170,6 +171,8 @@ class CancellableGoal(GoalRecord):
         answered = self._unknown_to_server  # it had its turn, and would gain nothing by waiting
         if later > now and self.cancel_reason is not CancelReason.DEADLINE and not answered:
             return [fx.Arm(fx.Timer.CANCEL, later)]
+        if self._held is not None:
+            return self._settle_held()
         effects: list[fx.Effect] = []
         if self._cancel_reply in (CancelReply.REFUSED_ONCE, CancelReply.REFUSED):
             effects = self._believe_refusal(now)
@@ -185,11 +188,13 @@ class CancellableGoal(GoalRecord):
         assert self.cancel_reason is not None
         return self._settle(END_AFTER[self.cancel_reason])
 
-    def _result_lost(self, why: str) -> list[fx.Effect]:
+    def _result_lost(self, why: str, now: float) -> list[fx.Effect]:
         """The server does not know a goal any more that it had, or never sends its result."""
-        self.stage = Stage.OVER
-        self.facts.ended = True
+        facts = self.facts
+        facts.over = not facts.undecided
+        facts.ended, facts.ends = True, max(facts.yeses, 1)
         effects: list[fx.Effect] = [self._enter(GoalState.LOST, "the result cannot be had")]
+        end = fx.End.RESULT_LOST
         if self.cancel_reason in (CancelReason.DEADLINE, CancelReason.CLOSED):
-            return effects + self._settle_given_up() + self._release()
-        return effects + self._settle(fx.End.RESULT_LOST, lost_because=why) + self._release()
+            end, why = END_AFTER[self.cancel_reason], ""
+        return effects + self._end_here(end, now, lost_because=why)

@@ -105,6 +105,8 @@ class Ending:
         news: What is known about it now.
         given_up: Whether the caller gave up on the goal before it ended.
         ended_as: The terminal state in which a server showed the goal, with or without a result.
+            `None` where another server may run it.
+        elsewhere: Whether one server has said that it does not run it, and another may.
         ended_first: Whether it did so before the caller gave up on the goal.
         abandoned: Whether it was left to run on purpose.
         refused: Whether the server refused to cancel the goal, and that is why it came to this.
@@ -127,6 +129,7 @@ class Ending:
     news: LastNews = LastNews.STOPPED
     given_up: bool = False
     ended_as: GoalState | None = None
+    elsewhere: bool = False
     ended_first: bool = False
     abandoned: bool = False
     refused: bool = False
@@ -232,6 +235,11 @@ class Record:
 
 
 @dataclass(slots=True)
+class RunsElsewhere:
+    """Warn that another server goes on with the goal, which is over for its caller."""
+
+
+@dataclass(slots=True)
 class Settle:
     """Give the attempt's ending to the caller. Comes exactly once.
 
@@ -266,6 +274,7 @@ Effect: TypeAlias = (
     | Arm
     | Disarm
     | Record
+    | RunsElsewhere
     | Settle
     | LateResult
     | Release

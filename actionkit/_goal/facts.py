@@ -17,10 +17,17 @@ class GoalFacts:
 
     Attributes:
         goal_id: The id, or `None` before it has one.
-        requests: How many requests for it were sent; all to the same server (R5).
-        noes: How many of them were answered "no". A duplicate is answered so, too.
+        requests: How many requests for it were sent. Each reaches every server on the name.
+        servers: How many servers may have got them; nearly always one.
+        away: How many of those are out of sight.
+        noes: How many answers were "no". A duplicate is answered so, too.
+        yeses: How many were "yes": each is a server that runs it, or did.
         accepted: Whether a server has shown that it has it.
-        ended: Whether a server has shown that it does not run it any more.
+        ends: How many servers have told that it has ended there.
+        ended: Whether one has. It is over for its caller then.
+        rejected: Whether it is over for its caller because a server rejected it.
+        over: Whether every server that may have got it is known not to run it.
+        given_up: Whether its caller gave up on it before it was over for him.
         lost: Whether the server that it was sent to is out of sight.
         gone: Whether that server had left the graph when the goal was lost, and not only fallen
             silent, or been taken for one that another has replaced.
@@ -31,9 +38,16 @@ class GoalFacts:
 
     goal_id: uuid.UUID | None = None
     requests: int = 0
+    servers: int = 1
+    away: int = 0
     noes: int = 0
+    yeses: int = 0
     accepted: bool = False
+    ends: int = 0
     ended: bool = False
+    rejected: bool = False
+    over: bool = False
+    given_up: bool = False
     lost: bool = False
     gone: bool = False
     left: bool = False
@@ -41,16 +55,45 @@ class GoalFacts:
     told: bool = False
 
     @property
+    def undecided(self) -> bool:
+        """Whether one of several servers has not said so far whether it takes the goal."""
+        answers = self.yeses + self.noes
+        shown = max(self.yeses, self.ends)
+        return shown < self.servers > 1 and answers < self.servers * self.requests
+
+    @property
+    def runs_seen(self) -> bool:
+        """Whether a server has shown that it has it, and not that it has ended it."""
+        return max(self.yeses, int(self.accepted)) > self.ends
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it is sure that no server runs it, or accepts it yet.
+
+        This decides whether the same work may be sent again (C4.2).
+        """
+        return self.over or not (self.accepted or self.noes < self.requests * self.servers)
+
+    @property
     def may_run(self) -> bool:
-        """Whether it may run, or be accepted yet (C2.8)."""
-        return not self.ended and (self.accepted or self.noes < self.requests)
+        """Whether it may run, or be accepted yet, as far as its user is told (C2.8).
+
+        Where it is over for its caller by what one server said, another one that has never shown
+        that it has the goal does not count: nobody could say more of it than a guess. It counts
+        where the caller gave up on the goal, because he relies on its being cancelled.
+        """
+        if self.is_over:
+            return False
+        if not (self.ended or self.rejected):
+            return True
+        return self.runs_seen or (self.given_up and self.undecided)
 
     @property
     def known_to_run(self) -> bool | None:
         """Whether a server has it and has not ended it; `None` where that is not known."""
         if not self.may_run:
             return False
-        return True if self.accepted and not (self.lost or self.left) else None
+        return True if self.runs_seen and not (self.lost or self.left) else None
 
     @property
     def fate(self) -> GoalFate | None:
@@ -61,7 +104,7 @@ class GoalFacts:
             return GoalFate.ENDED if self.ended else GoalFate.REJECTED
         if self.left or self.lost:
             return GoalFate.LEFT if self.left else GoalFate.LOST
-        return GoalFate.RUNNING if self.accepted else GoalFate.UNANSWERED
+        return GoalFate.RUNNING if self.runs_seen else GoalFate.UNANSWERED
 
     @property
     def report(self) -> GoalReport | None:

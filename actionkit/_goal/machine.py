@@ -72,7 +72,9 @@ class Goal(CancellableGoal):
         """The very server that the goal was sent to can be talked to (again)."""
         if self.stage is not Stage.LOST:
             return self.server_ready(now)
-        if self._progress is not fx.GoalProgress.ACCEPTED:
+        if self.facts.ended or self.facts.rejected:
+            self.stage = Stage.ELSEWHERE
+        elif self._progress is not fx.GoalProgress.ACCEPTED:
             # It may take the goal yet (R6): that it does not know it so far means nothing.
             self.stage = Stage.SENT
         self.facts.lost = False
@@ -88,12 +90,13 @@ class Goal(CancellableGoal):
             return []
         return self._never_sent(fx.End.TYPE_MISMATCH, now, served=served)
 
-    def sent(self, now: float) -> list[fx.Effect]:
-        """The goal request was handed to the middleware."""
+    def sent(self, now: float, servers: int = 1) -> list[fx.Effect]:
+        """The goal request was handed to the middleware, for so many servers."""
         if self.stage not in (Stage.QUEUED, Stage.RESENDING):
             return []
         self.stage = Stage.SENT
         self.facts.requests += 1
+        self.facts.servers = max(self.facts.servers, servers)
         effects: list[fx.Effect] = [self._enter(GoalState.SENT)]
         if self._timeouts.accept is not None:
             effects.append(fx.Arm(fx.Timer.ACCEPT, now + self._timeouts.accept))
@@ -108,12 +111,25 @@ class Goal(CancellableGoal):
     # --- what the server says --------------------------------------------------------------
 
     def accepted(self, now: float) -> list[fx.Effect]:
-        """The server has the goal: it said so, or sent something that proves it."""
+        """A server answered that it accepts the goal."""
+        facts = self.facts
+        facts.yeses += 1
+        if facts.yeses > facts.requests:
+            facts.servers = max(facts.servers, facts.yeses)  # one of them was not in sight so far
         if self.stage is Stage.OVER:
             # A second server on the name took what the first refused or finished (R14).
             return [fx.AskCancel()]
-        if not self._unproven:
+        if self._unproven:
+            return self._shown(now)
+        if facts.servers == 1:
             return []
+        self._shown_at = now
+        cancel: list[fx.Effect] = [fx.AskCancel()] if self._unwanted else []
+        return [fx.AskResult(anew=True), *cancel]
+
+    def _shown(self, now: float) -> list[fx.Effect]:
+        """The server has the goal: it said so, or sent something that proves it."""
+        self._shown_at = now
         effects = [*self._stop_resending(), fx.Disarm(fx.Timer.ACCEPT)]
         self.facts.accepted, self.facts.lost = True, False
         self._unknown_to_server = False
@@ -130,27 +146,35 @@ class Goal(CancellableGoal):
 
     def _proven(self, now: float) -> list[fx.Effect]:
         """The server sent something that only an accepted goal causes."""
-        return self.accepted(now) if self._unproven else []
+        return self._shown(now) if self._unproven else []
 
     def rejected(self, now: float) -> list[fx.Effect]:
         """The server refused to accept the goal; it may be out of sight by now."""
+        facts = self.facts
         lost = self.stage is Stage.LOST and self._progress is not fx.GoalProgress.ACCEPTED
         if self.stage not in (Stage.SENT, Stage.RESENDING) and not lost:
-            return []
-        self.facts.noes += 1
-        if self.facts.noes < self.facts.requests:
-            # A duplicate is answered so, too. What was said of the goal before says nothing of it.
-            return [fx.AskResult(anew=True), fx.WatchStatus()]
+            facts.noes += facts.servers > 1  # which is another one than the server that has it
+            return self._look_elsewhere(now) if self.stage is Stage.ELSEWHERE else []
+        facts.noes += 1
+        if not facts.is_over:
+            if facts.requests > 1:
+                # A duplicate is answered so, too. What was said of it before says nothing of it.
+                return [fx.AskResult(anew=True), fx.WatchStatus()]
+            if lost:
+                return []  # another of its servers may have taken it
+            if facts.noes + facts.away >= facts.servers:
+                return self._gone(now)
         effects = self._stop_resending()
-        self.stage = Stage.OVER
+        facts.rejected = True
         effects.append(self._enter(GoalState.REJECTED))
-        if self.settled:
+        if self.settled and facts.is_over:
             effects.append(fx.LateResult(GoalState.REJECTED, None))
-        if self.cancel_reason in (None, CancelReason.UNANSWERED):
-            return effects + self._settle(fx.End.REJECTED) + self._release()
+        end = fx.End.REJECTED
         if self.cancel_reason is CancelReason.CANCELLED:
-            return effects + self._settle(fx.End.CANCELLED_BY_CALLER) + self._release()
-        return effects + self._settle_given_up() + self._release()
+            end = fx.End.CANCELLED_BY_CALLER
+        elif self.cancel_reason not in (None, CancelReason.UNANSWERED):
+            end = END_AFTER[self.cancel_reason]
+        return effects + self._end_here(end, now)
 
     def feedback(self, now: float) -> list[fx.Effect]:
         """Feedback of this goal came. It proves acceptance, which it may overtake (R15)."""
@@ -170,10 +194,10 @@ class Goal(CancellableGoal):
             if RANK[state] > RANK.get(self.state, 0):
                 effects.append(self._enter(state))
             return effects
-        if self._terminal_seen is None:
+        if self._terminal_seen is None and self.facts.servers == 1:
             # The result usually follows at once; where it does not, it is asked for.
             self._terminal_seen = state
-            self.facts.ended = True
+            self.facts.ended = self.facts.over = True
             self._forget_refusals()
             self._reask_after = FIRST_REASK / 2
             # What has ended sends no feedback: that it is silent means nothing.
@@ -192,8 +216,10 @@ class Goal(CancellableGoal):
         asked_at: float,
         ours: bool = True,
         own: bool = True,
+        everybody: bool = True,
+        ends: int = 1,
     ) -> list[fx.Effect]:
-        """The server answered the request for the result.
+        """A server answered the request for the result.
 
         Args:
             status: A terminal state, or `None` where the server does not know the goal.
@@ -202,18 +228,25 @@ class Goal(CancellableGoal):
             asked_at: When it was asked.
             ours: Whether a cancel of ours may be why it was cancelled (C4.4).
             own: Whether a server that the goal was sent to is in sight (C5.7).
+            everybody: Whether each server in sight has answered this request.
+            ends: How many have answered it with a terminal state, this one included.
         """
         if not self.in_flight:
             return []
+        facts = self.facts
+        # A server that is just accepting it answers as if it did not know it (R12).
+        everybody = everybody and (facts.servers == 1 or asked_at >= self._shown_at + DOUBT)
         if status is None:
-            if self.stage is Stage.ACCEPTED:
-                return self._forgotten(now, asked_at) if own else []
-            if self.stage is Stage.LOST:
-                return self._unknown_to_another() if self.facts.lost else self._over()
-            return self._unknown_so_far()
+            return self._unknown(now, asked_at, own=own, everybody=everybody)
         effects = [] if self.stage is Stage.LOST else self._proven(now)
-        self.stage = Stage.OVER
-        self.facts.accepted = self.facts.ended = True
+        facts.accepted = facts.ended = True
+        facts.ends = max(facts.ends, ends)
+        facts.over = self._stopped_everywhere(everybody=everybody)
+        first = self.stage is not Stage.ELSEWHERE or (self._held and status is GoalState.SUCCEEDED)
+        if not first:
+            late = [fx.LateResult(status, result)] if self.settled else []
+            return [*late, *self._look_elsewhere(now, everybody=everybody)]
+        self._held = None
         self._terminal_seen = status
         effects.append(self._enter(status))
         end, kept = _ENDS.get(status, fx.End.CANCELED_BY_OTHER), result
@@ -226,7 +259,68 @@ class Goal(CancellableGoal):
                 kept = None  # only a late success is worth having
         if self.settled:
             effects.append(fx.LateResult(status, result))
-        return effects + self._settle(end, result=kept) + self._release()
+        return effects + self._end_here(end, now, result=kept)
+
+    def _unknown(
+        self, now: float, asked_at: float, *, own: bool, everybody: bool
+    ) -> list[fx.Effect]:
+        """A server does not know the goal, or none of those in sight."""
+        facts = self.facts
+        if facts.servers > 1 and not (everybody and own):
+            lost = everybody and facts.lost
+            return self._unknown_to_another() if lost else []  # else another one may run it
+        if self.stage is Stage.ELSEWHERE:
+            self._denied_lately = True
+            return self._look_elsewhere(now, everybody=True)
+        if facts.servers > 1 and facts.away:
+            # One of those that may run it has gone, and those in sight do not.
+            return [] if facts.undecided or self.stage is Stage.LOST else self._gone(now)
+        if self.stage is Stage.ACCEPTED:
+            return self._forgotten(now, asked_at) if own else []
+        if self.stage is Stage.LOST and facts.undecided:
+            return []
+        if self.stage is Stage.LOST:
+            return self._unknown_to_another() if facts.lost else self._over()
+        return self._unknown_so_far()
+
+    # --- several servers on one name -------------------------------------------------------
+
+    def servers_changed(self, servers: int, away: int) -> list[fx.Effect]:
+        """Another server may have got the goal, too, or one of several went or came back."""
+        gone = away > self.facts.away
+        self.facts.servers, self.facts.away = servers, away
+        if gone and self.stage in (Stage.ACCEPTED, Stage.ELSEWHERE):
+            return [fx.AskResult(anew=True)]
+        return []
+
+    def _stopped_everywhere(self, *, everybody: bool = False) -> bool:
+        """Whether a goal that has ended on one server, or was rejected, runs on no other.
+
+        Args:
+            everybody: Whether each server in sight has said that it does not run it, or not
+                any more, after the last one had shown it.
+        """
+        facts = self.facts
+        if facts.undecided:
+            return False
+        return facts.servers == 1 or not facts.runs_seen or (everybody and not facts.away)
+
+    def _look_elsewhere(self, now: float, *, everybody: bool = False) -> list[fx.Effect]:
+        """One more server has said something of a goal that is over for its caller."""
+        facts = self.facts
+        if self._stopped_everywhere(everybody=everybody):
+            return self._over()
+        if not facts.may_run:
+            self.stage = Stage.OVER
+            return [*self._settle_held(), *self._release()]
+        if everybody and facts.away and not facts.undecided:
+            return self._gone(now)
+        return []
+
+    def _gone(self, now: float) -> list[fx.Effect]:
+        """One of several servers has gone, and may run the goal; those in sight do not."""
+        self.facts.gone = True
+        return self.server_lost("its action server is gone", now)
 
     def _forgotten(self, now: float, asked_at: float) -> list[fx.Effect]:
         """The server does not know a goal that it has accepted: believed when it says so again.
@@ -239,7 +333,7 @@ class Goal(CancellableGoal):
             return [self._arm_reask(now)]
         if asked_at < self._forgotten_at + DOUBT:
             return []  # on a slow network such answers may come for seconds
-        return self._result_lost("its server no longer knows the goal")
+        return self._result_lost("its server no longer knows the goal", now)
 
     def cancel_answered(
         self, answer: CancelAnswer, now: float, *, asked_at: float
@@ -248,9 +342,14 @@ class Goal(CancellableGoal):
         if not self.in_flight:
             return []
         if answer is CancelAnswer.UNKNOWN_GOAL:
+            if self.facts.servers > 1:
+                return [fx.AskResult()]  # each server answers that
             if self.stage is Stage.LOST:
                 return self._unknown_to_another() if self.facts.lost else self._over()
             return [fx.AskResult()] if self.stage is Stage.ACCEPTED else self._unknown_so_far()
+        if self.stage is Stage.ELSEWHERE:
+            self.facts.refused = answer is CancelAnswer.REFUSED
+            return [fx.AskResult()]
         effects = self._proven(now)
         if answer is CancelAnswer.REFUSED:
             return effects + self._cancel_refused(now, asked_at)
@@ -281,11 +380,14 @@ class Goal(CancellableGoal):
             self.stage = Stage.AWAITING_SERVER
             return [fx.Withdraw(), *self._await_server(now)]
         effects = self._stop_resending()  # the id was meant for that server alone (R5)
+        if self.stage is Stage.ELSEWHERE:
+            self.stage, self.facts.lost = Stage.LOST, True
+            return [fx.Disarm(fx.Timer.REASK), *self._settle_held()]
         if self.stage not in (Stage.SENT, Stage.ACCEPTED):
             self.facts.lost |= self.stage is Stage.LOST  # it was back, and did not show the goal
             return []
         if self._terminal_seen is not None:
-            return self._result_lost("its server went away before it had sent it")
+            return self._result_lost("its server went away before it had sent it", now)
         self.stage = Stage.LOST
         self.facts.lost = True
         self._forget_refusals()  # it may have ended with its server
@@ -315,7 +417,7 @@ class Goal(CancellableGoal):
         if timer is fx.Timer.SERVER and waiting:
             return self._no_server(now)
         if timer is fx.Timer.RESULT and self._terminal_seen is not None:
-            return self._result_lost(f"it did not come within {self._timeouts.result:g} s")
+            return self._result_lost(f"it did not come within {self._timeouts.result:g} s", now)
         if self.cancel_reason is not None:
             cancel = timer is fx.Timer.CANCEL
             return self._cancel_timed_out(now, others_confirmed_at) if cancel else []
@@ -331,6 +433,8 @@ class Goal(CancellableGoal):
         """Ask again for what may have been lost in a queue on the way (R3, R4)."""
         if not self.in_flight:
             return []
+        if self.stage is Stage.ELSEWHERE:
+            return self._reask_elsewhere(now)
         ended = self._terminal_seen is not None
         if ended and self.settled and self._reask_after >= LAST_RESULT_PAUSE:
             return self._over()
@@ -351,3 +455,14 @@ class Goal(CancellableGoal):
             longest = LAST_UNKNOWN_PAUSE
         self._reask_after = min(self._reask_after * 2, longest)
         return [*effects, self._arm_reask(now)]
+
+    def _reask_elsewhere(self, now: float) -> list[fx.Effect]:
+        """Ask again about a goal that is over for its caller, and may run on another server."""
+        denied, self._denied_lately = self._denied_lately, False
+        if denied and self._reask_after >= LONGEST_PAUSE:
+            return self._over()  # who has answered for a minute has read the request by then
+        warn: list[fx.Effect] = []
+        if self._reask_after == LONG_PAUSE and self.facts.runs_seen:
+            warn = [fx.RunsElsewhere()]
+        self._reask_after = min(self._reask_after * 2, LONGEST_PAUSE)
+        return [fx.AskCancel(), fx.AskResult(), *warn, self._arm_reask(now)]

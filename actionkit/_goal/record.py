@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from actionkit._goal import effects as fx
@@ -55,15 +56,20 @@ class GoalRecord:
         self._refused_at = 0.0  # when it refused once
         self._refused_reason: CancelReason | None = None  # dropped, as the server refused
         self._phase = ""
+        self._shown_at = -math.inf  # when a server last showed that it has it
+        # How it ends for its caller, who waits for other servers to stop it, too.
+        self._held: tuple[fx.End, Any, str] | None = None
 
     @property
     def in_flight(self) -> bool:
         """Whether the server may be running the goal."""
-        return self._unproven or self.stage is Stage.ACCEPTED
+        return self._unproven or self.stage in (Stage.ACCEPTED, Stage.ELSEWHERE)
 
     @property
     def may_run(self) -> bool:
         """Whether a server in sight may be running it, and has not said otherwise."""
+        if self.stage is Stage.ELSEWHERE:
+            return True
         denied = self.stage is Stage.SENT and self._unknown_to_server
         ended = self._terminal_seen is not None  # and only its result is missing
         return self.in_flight and self.stage is not Stage.LOST and not denied and not ended
@@ -80,7 +86,7 @@ class GoalRecord:
             return fx.GoalProgress.NEVER_SENT
         if facts.accepted:
             return fx.GoalProgress.ACCEPTED
-        unanswered = facts.noes < facts.requests
+        unanswered = facts.noes < facts.requests * facts.servers
         return fx.GoalProgress.UNANSWERED if unanswered else fx.GoalProgress.REJECTED
 
     def lose_touch(self) -> None:
@@ -138,6 +144,32 @@ class GoalRecord:
         settle = self._settle(end, served=served, error=error)
         return [fx.Withdraw(), *settle, *self._release()]
 
+    def _end_here(
+        self, end: fx.End, now: float, *, result: Any = None, lost_because: str = ""
+    ) -> list[fx.Effect]:
+        """It is over for its caller, by what one server said. Another may run it yet (R14)."""
+        if not self.facts.may_run:
+            self.stage = Stage.OVER
+            return [*self._settle(end, result=result, lost_because=lost_because), *self._release()]
+        self.stage = Stage.ELSEWHERE
+        effects: list[fx.Effect] = []
+        if self.cancel_reason is None:
+            effects = self._settle(end, result=result, lost_because=lost_because)
+        elif not self.settled:
+            self._held = end, result, lost_because
+        self._reask_after = FIRST_REASK
+        effects = [fx.Disarm(fx.Timer.STALL), *effects, fx.AskCancel(), fx.AskResult(anew=True)]
+        return [*effects, self._arm_reask(now)]
+
+    def _settle_held(self) -> list[fx.Effect]:
+        """Give the ending to the caller who waits for other servers, whatever those have said."""
+        if self._held is None:
+            return []
+        end, result, lost_because = self._held
+        if end is fx.End.REJECTED and not self.facts.is_over:
+            end = fx.End.NO_ACCEPTANCE
+        return self._settle(end, result=result, lost_because=lost_because)
+
     def _settle(
         self,
         end: fx.End,
@@ -155,6 +187,8 @@ class GoalRecord:
             refused = end in WITH_END and self._refused_reason is not None
         else:
             refused = end is not fx.End.LOST and self._cancel_reply in _REFUSALS
+        news = self._news
+        stopped = news is fx.LastNews.STOPPED
         unended = end in _TIMED_OUT and not self.state.is_terminal
         ending = fx.Ending(
             end,
@@ -162,9 +196,10 @@ class GoalRecord:
             result=result,
             phase=self._phase if end is fx.End.DEADLINE else "",
             progress=self._progress,
-            news=self._news,
+            news=news,
             given_up=self.cancel_reason is not None or self.closing is Closing.ABANDONED,
-            ended_as=self._terminal_seen,
+            ended_as=self._terminal_seen if stopped else None,
+            elsewhere=not stopped and (self.facts.ended or self.facts.rejected),
             ended_first=self._ended_first,
             abandoned=self.closing is Closing.ABANDONED,
             refused=refused,
@@ -177,6 +212,8 @@ class GoalRecord:
     @property
     def _news(self) -> fx.LastNews:
         over = self.stage is Stage.OVER and self.closing not in _LEFT_ALONE
+        if (over or self.stage is Stage.ELSEWHERE) and not self.facts.is_over:
+            return fx.LastNews.NOTHING  # another server on the name has not said that it stopped
         if over or self._terminal_seen is not None:
             return fx.LastNews.STOPPED
         if self.stage is Stage.LOST:
@@ -190,8 +227,8 @@ class GoalRecord:
 
     def _over(self) -> list[fx.Effect]:
         self.stage = Stage.OVER
-        self.facts.ended = True
-        return self._release()
+        self.facts.ended = self.facts.over = True
+        return [*self._settle_held(), *self._release()]
 
     def _release(self) -> list[fx.Effect]:
         return [fx.Release()]

@@ -42,6 +42,8 @@ class Stage(Enum):
     may have it, so whatever it says of the goal counts already."""
     SENT = auto()
     ACCEPTED = auto()
+    ELSEWHERE = auto()
+    """Over on one server, and another on the same name may run it: it is cancelled there."""
     LOST = auto()
     """The server is gone from view; the goal may run on where it cannot be seen."""
     OVER = auto()
@@ -89,6 +91,7 @@ PHASE = {
     Stage.RESENDING: "accept",
     Stage.SENT: "accept",
     Stage.ACCEPTED: "execute",
+    Stage.ELSEWHERE: "execute",
     Stage.LOST: "execute",
     Stage.OVER: "execute",
 }

@@ -67,6 +67,7 @@ class Link:
             action_type.Impl,
             action_name=names.action,
             count_servers=lambda: self.readiness.count,
+            servers=lambda: self.readiness.servers,
             on_cancel_sent=lambda key: self._listeners[key].on_cancel_sent(),
         )
         window = self._requests.cancel_window
@@ -221,8 +222,7 @@ class Link:
                 listener.on_send_failed(error)
                 continue
             self._listeners[key] = listener
-            self.monitor.goal_sent(key)
-            listener.on_sent()
+            listener.on_sent(self.monitor.goal_sent(key))
 
     def _on_ready(self) -> None:
         self._requests.server_came()
@@ -320,22 +320,26 @@ class Link:
     def _take_result(self, seq: int, response: Any) -> None:
         self.liveness.heard()
         state = STATES.get(response.status)
-        if state is None and self.readiness.count > 1:
+        ended = state is not None and state.is_terminal
+        outdated = self._requests.is_outdated(seq)
+        key, asked_at, everybody, ends = self._requests.answered("result", seq, ended=ended)
+        if key is None:
+            return
+        if state is None and not everybody and self.readiness.count > 1:
             # This server does not know the goal. Another one may know it, or the one that had
             # the goal is dead (R1).
-            if self._requests.goal_of("result", seq):
-                self.monitor.restarts.start()
+            self.monitor.restarts.start()
             return
-        outdated = self._requests.is_outdated(seq)
-        key, asked_at = self._requests.answered("result", seq)
-        if key is not None:
-            self._feedback.take_all()  # the result may have overtaken some (R15)
-            listener = self._listeners[key]
-            if listener.unwanted:
-                self._requests.cancel_window.note_progress(self.runtime.now())
-            if state is None or state.is_terminal:
-                listener.on_result(state, response.result, asked_at, outdated=outdated)
-            # A state in which a goal goes on is no answer to this: it is asked for again.
+        self._feedback.take_all()  # the result may have overtaken some (R15)
+        listener = self._listeners[key]
+        if listener.unwanted:
+            self._requests.cancel_window.note_progress(self.runtime.now())
+        if state is None or ended:
+            everybody = everybody and not outdated
+            listener.on_result(
+                state, response.result, asked_at, outdated=outdated, everybody=everybody, ends=ends
+            )
+        # A state in which a goal goes on is no answer to this: it is asked for again.
 
     def _take_cancel(self, seq: int, response: Any) -> None:
         self.liveness.heard()
@@ -346,13 +350,15 @@ class Link:
         canceling = {bytes(info.goal_id.uuid) for info in response.goals_canceling}
         goal = self._requests.goal_of("cancel", seq)
         answer = cancel_answer(response, goal, canceling)
-        if answer is CancelAnswer.UNKNOWN_GOAL and self.monitor.may_be_elsewhere(goal):
+        unknown = answer is CancelAnswer.UNKNOWN_GOAL
+        elsewhere = unknown and self.monitor.may_be_elsewhere(goal)
+        answered = self._requests.cancel_answered(seq, answer, elsewhere=elsewhere)
+        if elsewhere and not answered.everybody:
             self.monitor.restarts.start()
             return
         self.orphans.answered(seq, canceling, over=answer is CancelAnswer.TERMINATED)
-        key, asked_at = self._requests.cancel_answered(seq, answer)
-        if key is not None:
-            self._listeners[key].on_cancel_answer(answer, asked_at)
+        if answered.key is not None:
+            self._listeners[answered.key].on_cancel_answer(answer, answered.sent_at)
 
     def _take_feedback(self, key: bytes, messages: list[bytes]) -> None:
         self.liveness.heard()

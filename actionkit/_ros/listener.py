@@ -20,14 +20,26 @@ class GoalListener(Protocol):
     def held_back(self) -> bool: ...
     def on_server_ready(self) -> None: ...
     def on_type_mismatch(self, served: tuple[str, ...]) -> None: ...
-    def on_sent(self) -> None: ...
+    def on_sent(self, servers: int) -> None:
+        """Its request was sent, to so many servers."""
+
+    def on_servers_changed(self, servers: int, away: int) -> None:
+        """So many servers may have the goal now, and so many of them are out of sight."""
+
     def on_send_failed(self, error: Exception) -> None: ...
     def on_accepted(self) -> None: ...
     def on_rejected(self) -> None: ...
     def on_feedback(self, messages: list[bytes]) -> None: ...
     def on_status(self, state: GoalState) -> None: ...
     def on_result(
-        self, state: GoalState | None, result: Any, asked_at: float, *, outdated: bool = False
+        self,
+        state: GoalState | None,
+        result: Any,
+        asked_at: float,
+        *,
+        outdated: bool = False,
+        everybody: bool = True,
+        ends: int = 1,
     ) -> None:
         """The server answered a request for the result.
 
@@ -36,6 +48,8 @@ class GoalListener(Protocol):
             result: The result message; an empty one where the server does not know the goal.
             asked_at: When the request was sent, in monotonic seconds.
             outdated: Whether the goal was not known when this was asked, and may be known now.
+            everybody: Whether each server in sight has answered this request.
+            ends: How many have answered it with a state in which the goal ended.
         """
 
     def on_cancel_sent(self) -> None: ...

@@ -152,9 +152,7 @@ class OrphanedGoals:
         self._ended[seq] = (key, self._timers.now(), accepted, pending)
         if len(self._ended) > _REMEMBERED:
             self._ended.popitem(last=False)
-        if accepted > 1:
-            self._confirm(key, accepted, accepted - 1)
-        elif self._count_servers() > 1:
+        if self._count_servers() > 1:
             self._suspect(key)
 
     def accepted_late(self, seq: int) -> None:

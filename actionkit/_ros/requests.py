@@ -10,7 +10,7 @@ import uuid
 from collections import OrderedDict, deque
 from collections.abc import Callable, Sized
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
@@ -21,6 +21,7 @@ from actionkit._ros.entities import Entities
 from actionkit._ros.native import Source
 from actionkit._ros.orphans import OrphanedGoals
 from actionkit._ros.runtime import Runtime
+from actionkit._ros.servers.readiness import UNNAMED
 
 _UUIDS = 64
 """Messages kept; several times as many as there are requests on their way."""
@@ -30,6 +31,22 @@ _ASKS_AT_ONCE = 4
 """Repeated result requests; half of what a server's queue holds (R3), as others ask too."""
 _ASK_PAUSE = 0.01
 """Seconds between two such groups; a server that lives has answered the group before by then."""
+
+
+class Answered(NamedTuple):
+    """What an answer is about. Every server on the name answers every request; none says which.
+
+    Attributes:
+        key: The goal's id, or `None` if it was no request of ours.
+        sent_at: When the request was sent.
+        everybody: Whether each server in sight has answered it by now.
+        ends: How many of them have told that the goal has ended.
+    """
+
+    key: bytes | None = None
+    sent_at: float = 0.0
+    everybody: bool = False
+    ends: int = 0
 
 
 class ServiceRequests:
@@ -43,6 +60,7 @@ class ServiceRequests:
         *,
         action_name: str,
         count_servers: Callable[[], int],
+        servers: Callable[[], frozenset[bytes]],
         on_cancel_sent: Callable[[bytes], None],
     ) -> None:
         """Send nothing so far.
@@ -53,21 +71,26 @@ class ServiceRequests:
             impl: The action type's `Impl`.
             action_name: For the log.
             count_servers: Returns how many servers are in sight.
+            servers: Returns their ids.
             on_cancel_sent: Called with a goal's id after each request to cancel it.
         """
         self._runtime = runtime
         self._entities = entities
         self._impl = impl
+        self._servers = servers
         self._on_cancel_sent = on_cancel_sent
         self._closed = False
-        self._unanswered: dict[str, dict[int, tuple[bytes, float]]] = {
+        self._unanswered: dict[str, dict[int, tuple[bytes, float, frozenset[bytes]]]] = {
             "goal": {},
             "result": {},
             "cancel": {},
         }
-        """The goal of each request and when it was sent, by kind and number."""
+        """The goal of each request, when it was sent, and to which servers; by kind and number."""
+        self._heard: dict[tuple[str, int], tuple[int, int]] = {}
+        """How many servers have answered, and told an end; where others have not so far."""
         self._made: dict[bytes, list[tuple[str, int]]] = {}  # all requests of each goal
-        self._accepted: dict[int, int] = {}  # by how many servers, of goals not yet forgotten
+        self._accepted: dict[int, tuple[bytes, int]] = {}
+        """The goal of each request that was accepted, and by how many servers; until forgotten."""
         self._asks: OrderedDict[bytes, None] = OrderedDict()  # results to be asked for again
         self._asking = False
         self._outdated: set[int] = set()
@@ -166,10 +189,11 @@ class ServiceRequests:
         accepted: dict[int, int] = {}
         for what, seq in self._made.pop(key, ()):
             self._unanswered[what].pop(seq, None)
+            self._heard.pop((what, seq), None)
             if what == "result":
                 self._outdated.discard(seq)
             elif what == "goal":
-                accepted[seq] = self._accepted.pop(seq, 0)
+                accepted[seq] = self._accepted.pop(seq, (b"", 0))[1]
         if not abandoned:
             # Where packets are lost, an acceptance may come after the result.
             pending = finished and not any(accepted.values())
@@ -219,7 +243,7 @@ class ServiceRequests:
         return self._entities.cancel.send(request)
 
     def _register(self, what: str, key: bytes, seq: int) -> None:
-        self._unanswered[what][seq] = key, self._runtime.now()
+        self._unanswered[what][seq] = key, self._runtime.now(), self._servers()
         self._made[key].append((what, seq))
         self._sync(what)
 
@@ -232,19 +256,32 @@ class ServiceRequests:
             what: `"goal"`, `"result"` or `"cancel"`.
             seq: The request's number.
         """
-        return self._unanswered[what].get(seq, (b"", 0.0))[0]
+        return self._unanswered[what].get(seq, (b"",))[0]
 
-    def answered(self, what: str, seq: int) -> tuple[bytes | None, float]:
-        """Remove a request that was answered.
+    def answered(self, what: str, seq: int, *, ended: bool = False) -> Answered:
+        """Count an answer, and remove the request when each server in sight has answered.
 
-        Returns:
-            Its goal's id, or `None` if it was no request of ours; and when it was sent.
+        Args:
+            what: `"goal"`, `"result"` or `"cancel"`.
+            seq: The request's number.
+            ended: Whether the answer tells that the goal has ended.
         """
-        if what == "result":
-            self._outdated.discard(seq)
-        answered = self._unanswered[what].pop(seq, (None, 0.0))
-        self._sync(what)
-        return answered
+        request = self._unanswered[what].get(seq)
+        if request is None:
+            return Answered()
+        key, sent_at, servers = request
+        heard, ends = self._heard.get((what, seq), (0, 0))
+        heard, ends = heard + 1, ends + ended
+        everybody = heard >= len((servers | self._servers()) - UNNAMED)
+        if everybody:
+            del self._unanswered[what][seq]
+            self._heard.pop((what, seq), None)
+            if what == "result":
+                self._outdated.discard(seq)
+            self._sync(what)
+        else:
+            self._heard[what, seq] = heard, ends
+        return Answered(key, sent_at, everybody, ends)
 
     def is_outdated(self, seq: int) -> bool:
         """Whether more has become known of a goal since its result was asked for.
@@ -262,27 +299,32 @@ class ServiceRequests:
             accepted: Whether the server accepted the goal.
 
         Returns:
-            The goal's id for the first answer, `None` for those of further servers.
+            The goal's id, or `None` if it was forgotten.
         """
-        key, _ = self.answered("goal", seq)
-        if accepted:
-            if key is None and seq not in self._accepted:
-                self.orphans.accepted_late(seq)
-            else:
-                self._accepted[seq] = self._accepted.get(seq, 0) + 1
-        return key
+        key = self.answered("goal", seq).key
+        if not accepted:
+            return key
+        before, servers = self._accepted.get(seq, (key, 0))
+        if before is None:
+            self.orphans.accepted_late(seq)
+        else:
+            self._accepted[seq] = before, servers + 1
+        return before
 
-    def cancel_answered(self, seq: int, answer: CancelAnswer) -> tuple[bytes | None, float]:
-        """Remove a cancel request that was answered; return what `answered` does.
+    def cancel_answered(
+        self, seq: int, answer: CancelAnswer, *, elsewhere: bool = False
+    ) -> Answered:
+        """Count the answer to a cancel request.
 
         Args:
             seq: The request's number.
             answer: What the server says about the goal.
+            elsewhere: Whether that says nothing until each server has answered so.
         """
-        key, sent_at = self.answered("cancel", seq)
-        if key is not None:
-            self.cancels.answered(key, answer, sent_at)
-        return key, sent_at
+        answered = self.answered("cancel", seq)
+        if answered.key is not None and (answered.everybody or not elsewhere):
+            self.cancels.answered(answered.key, answer, answered.sent_at)
+        return answered
 
     def probe_answered(self, seq: int, *, others_matter: bool) -> bool:
         """Return whether an answer is to a probe.
@@ -318,6 +360,7 @@ class ServiceRequests:
         return {
             **sizes,
             "sent": len(self._made),
+            "heard": len(self._heard),
             "accepted": len(self._accepted),
             "asks": len(self._asks) + len(self._outdated),
             "cancels": len(self.cancels),

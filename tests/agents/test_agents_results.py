@@ -129,7 +129,7 @@ def test_one_counts_while_a_goal_may_run_whose_server_has_not_left(last: bool) -
     future: Any = record._future
     future.callback(future)
     other, facts = future.facts if last else future.facts[::-1]
-    other.ended = True
+    other.ended = other.over = True
     assert record.counts
     facts.lost = True  # its server is only silent
     assert record.counts
@@ -139,7 +139,7 @@ def test_one_counts_while_a_goal_may_run_whose_server_has_not_left(last: bool) -
     assert record.report()["may_still_run"]
     facts.gone = facts.lost = False  # it is back
     assert record.counts
-    facts.ended = True
+    facts.ended = facts.over = True
     assert not record.counts
     assert not record.report()["may_still_run"]
 

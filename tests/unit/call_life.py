@@ -118,7 +118,7 @@ class Link:
                 continue
             self.listeners[key] = listener
             self.life.note_sent(key)
-            listener.on_sent()
+            listener.on_sent(1)
 
     def dequeue(self, listener: Attempt) -> None:
         self.awaiting.pop(listener, None)

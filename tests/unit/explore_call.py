@@ -60,6 +60,10 @@ class Attempt:
     def __init__(self, goal_id: uuid.UUID, goal: Goal, number: int) -> None:
         self.goal_id, self.goal, self.number = goal_id, goal, number
         self.sent_to: frozenset[int] = frozenset()
+        self.told_end: frozenset[int] = frozenset()
+        """The servers that have told its end."""
+        self.shown: frozenset[int] = frozenset()
+        """The servers that have answered that they accept it."""
         self.timers: frozenset[fx.Timer] = frozenset()
         self.queued = self.awaiting = self.asked = self.released = self.answered = False
         self.in_sight: frozenset[int] = frozenset()
@@ -174,7 +178,8 @@ class World:
                 made = Attempt(m.goal_id, goal, m.attempts)
                 made.in_sight = self.up
                 if effect.resent:
-                    made.sent_to = m.previous.sent_to
+                    made.sent_to, made.told_end = m.previous.sent_to, m.previous.told_end
+                    made.shown = m.previous.shown
                 self.attempts.append(made)
                 m.made(made, resent=effect.resent)
                 self.apply(made, goal.start(self.now))
@@ -238,8 +243,9 @@ class World:
     def ready(self, attempt: Attempt) -> None:
         if attempt.goal.stage is Stage.AWAITING_SERVER and not self.m.may_send():
             return
-        back = attempt.sent_to & self.up
-        goal = attempt.goal
+        back, goal = attempt.sent_to & self.up, attempt.goal
+        if len(attempt.sent_to) > 1:
+            back = attempt.sent_to <= self.up
         self.apply(attempt, (goal.server_back if back else goal.server_ready)(self.now))
 
     # --- what can happen -------------------------------------------------------------------
@@ -388,15 +394,13 @@ class World:
             there = [may_run(*t) for t in goal]
             if key == attempt.goal_id or m._resend == "always" or not any(there):
                 continue
-            if self.exempt(key):
-                continue
             if m._resend != "server_gone" or any(t and s in self.up for s, t in enumerate(there)):
                 raise Broken("sent while an earlier goal may run (C4.2)")
         truth = self.truth.setdefault(attempt.goal_id, [[0, NO] for _ in self.servers])
         for s in self.up:
             truth[s][0] += 1
         attempt.sent_to |= self.up
-        self.apply(attempt, attempt.goal.sent(self.now))
+        self.apply(attempt, attempt.goal.sent(self.now, len(attempt.sent_to)))
 
     def at_graph(self, event: str, s: int) -> None:
         before = self.up
@@ -411,6 +415,9 @@ class World:
         for each in list(self.attempts):
             if each.released:
                 continue
+            if len(each.sent_to) > 1:
+                away = len(each.sent_to - up)
+                self.apply(each, each.goal.servers_changed(len(each.sent_to), away))
             if event == "comes":
                 if each.awaiting or each.sent_to:
                     self.ready(each)
@@ -426,7 +433,8 @@ class World:
         heard = [e for e in self.attempts if e.goal_id == key and not e.released]
         listener = heard[-1] if heard else None
         goal = listener and listener.goal
-        alone = len(self.up) == 1
+        others = [t for i, t in enumerate(self.truth[key]) if i in self.up and i != s]
+        everybody = all(t[1] in (NO, STOPPED) for t in others)  # none waits for its end
         # What comes from one that is out of sight was asked before that.
         asked_at = now + 9 if s in self.up else now - 9
         tell: Any = None
@@ -449,12 +457,15 @@ class World:
             answer = CancelAnswer.REFUSED
             tell = goal and (lambda: goal.cancel_answered(answer, now, asked_at=asked_at))
         elif event in ("unknown", "forgot"):
-            truth[1] = STOPPED if event == "forgot" else truth[1]
-            # Where several are in sight, the link tells nobody.
+            if event == "forgot":
+                truth[1] = STOPPED
+                if listener:
+                    listener.told_end |= {s}
+            # Else another one is asked, and the link tells nobody.
             own = bool(listener and listener.sent_to & self.up)
             tell = (
                 goal
-                and alone
+                and everybody
                 and (lambda: goal.result(None, None, now, asked_at=asked_at, own=own))
             )
         else:
@@ -467,7 +478,11 @@ class World:
                     state is GoalState.SUCCEEDED and self.m.phase is not Phase.ENDED
                 )
                 ours = listener.cancel_is_ours
-                tell = lambda: goal.result(state, 1, now, asked_at=now, ours=ours)  # noqa: E731
+                listener.told_end |= {s}
+                told = {"ours": ours, "everybody": everybody, "ends": len(listener.told_end)}
+                tell = lambda: goal.result(state, 1, now, asked_at=asked_at, **told)  # noqa: E731
+        if tell and event == "accepts":
+            listener.shown |= {s}
         if tell:
             self.apply(listener, tell())
 
@@ -477,7 +492,7 @@ class World:
         left = {
             key
             for key, goal in self.truth.items()
-            if any(may_run(*t) for t in goal) and not self.exempt(key)
+            if any(may_run(*t) for t in goal) and not self.is_guess(key)
         }
         gave_up = ending.phase == "cancel" or ending.end in (
             fx.End.CANCELLED_BY_CALLER,
@@ -499,18 +514,24 @@ class World:
         if left and ending.cancel in (CancelReport.NOT_NEEDED, CancelReport.CONFIRMED):
             raise Broken(f"{ending.cancel}, and a goal may run")
 
-    def exempt(self, key: uuid.UUID) -> bool:
-        """One that was sent to two servers: the second one's answer reaches no goal's machine."""
-        return any(len(e.sent_to) > 1 for e in self.attempts if e.goal_id == key)
+    def is_guess(self, key: uuid.UUID) -> bool:
+        """One that is over for its caller by what one server said, and no other has accepted it.
+
+        No answer names its server. So where one has told its end whose acceptance was lost, another
+        that has accepted it counts as that one.
+        """
+        mine = [each for each in self.attempts if each.goal_id == key][-1]
+        facts, unseen = mine.goal.facts, len(mine.shown) <= len(mine.told_end)
+        return (facts.ended or facts.rejected) and not facts.given_up and unseen
 
     def check(self) -> None:
         running = 0
         for key, goal in self.truth.items():
             there = [may_run(*t) for t in goal]
             mine = [each for each in self.attempts if each.goal_id == key]
-            if self.exempt(key):
-                continue
             running += any(t[1] in (UNSEEN, SEEN) for t in goal)
+            if self.is_guess(key):
+                continue
             facts = mine[-1].goal.facts
             if any(there) and not facts.may_run:
                 raise Broken("a goal may run, and is not reported")
@@ -587,6 +608,8 @@ def _weight(event: tuple[str, Any]) -> float:
     name, arg = event
     if name == "timer":
         return 0.01 if arg[1] in (fx.Timer.DEADLINE, fx.Timer.SERVER) else 0.3
+    if name in ("send", "plan", "resume") or arg is Verdict.TRANSIENT:
+        return 4.0  # the goals of one call meet
     ends = name in ("cancel", "close", "end grace", "grace", "dies")
     return 0.02 if ends or arg in (Verdict.PERMANENT, Verdict.SUCCESS) else 1.0
 

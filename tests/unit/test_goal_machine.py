@@ -102,7 +102,7 @@ def test_acceptance_is_proven_by_whatever_only_an_accepted_goal_causes(proof: st
     assert life.states == before
 
 
-@pytest.mark.parametrize("repeated", ["server_ready", "sent", "accepted", "feedback"])
+@pytest.mark.parametrize("repeated", ["server_ready", "sent", "feedback"])
 def test_what_is_told_twice_counts_once(repeated: str) -> None:
     life = Life()
     for event in (*UNTIL_ACCEPTED, "feedback"):

@@ -354,7 +354,7 @@ def test_of_two_servers_one_that_does_not_know_a_goal_proves_nothing(world: Worl
     world.serve(A)
     world.result(0)
     world.entities.cancel.answer(CancelGoal.Response(return_code=UNKNOWN))
-    assert goal.news() == ["result", "cancel_answer"]
+    assert goal.news() == ["servers_changed", "result", "cancel_answer"]
 
 
 @pytest.mark.parametrize(("status", "told"), [(0, True), (2, False), (4, True), (9, True)])

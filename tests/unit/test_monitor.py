@@ -38,6 +38,7 @@ class Goal:
     held_back: bool = False
     lost: list[str] = field(default_factory=list)
     ready: int = 0
+    servers: list[tuple[int, int]] = field(default_factory=list)
     mismatches: list[tuple[str, ...]] = field(default_factory=list)
     on_lost: Callable[[], object] = lambda: None
 
@@ -48,6 +49,9 @@ class Goal:
 
     def on_type_mismatch(self, served: tuple[str, ...]) -> None:
         self.mismatches.append(served)
+
+    def on_servers_changed(self, servers: int, away: int) -> None:
+        self.servers.append((servers, away))
 
     def on_server_lost(self, reason: str) -> None:
         self.lost.append(reason)
@@ -369,6 +373,7 @@ def test_goals_are_lost_with_the_last_server_that_may_have_them(world: World) ->
     world.queued.append(waiting)
     world.serve(b"b")
     assert (on_a.lost, on_both.lost) == (["its action server is gone"], [])
+    assert on_both.servers[-1] == (2, 1)
     world.serve()
     assert on_both.lost == waiting.lost == ["its action server is gone"]
     # Once more for a goal that was lost before: no server at all is left.

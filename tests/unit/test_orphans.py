@@ -87,16 +87,6 @@ def test_what_ended_on_one_server_is_cancelled_where_it_is_accepted_late(world: 
     assert world.at_rest
 
 
-def test_what_a_second_server_accepted_before_the_end_is_cancelled_at_the_end(
-    world: World,
-) -> None:
-    world.ended(accepted=2)
-    world.clock.advance(0.1)
-    assert world.keys == [KEY]
-    world.canceling()
-    assert world.at_rest
-
-
 def test_a_lost_cancel_is_sent_again_and_what_comes_of_it_is_told(
     world: World, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -63,6 +63,7 @@ def requests(thread: Thread, goal_source: Client) -> ServiceRequests:
         impl,
         action_name="/arm",
         count_servers=lambda: thread.servers,
+        servers=lambda: frozenset(bytes([n]) for n in range(thread.servers)),
         on_cancel_sent=thread.cancelled.append,
     )
     made.send_goal(KEY, object())
@@ -101,7 +102,7 @@ def test_each_cancel_request_is_told_of_also_those_that_are_repeated(
     assert thread.cancelled == [KEY]
     sent = thread.now()
     thread.advance(0.1)
-    assert requests.cancel_answered(1, CancelAnswer.UNKNOWN_GOAL) == (KEY, sent)
+    assert requests.cancel_answered(1, CancelAnswer.UNKNOWN_GOAL)[:2] == (KEY, sent)
     thread.advance(0.3)
     assert thread.cancelled == [KEY, KEY]
 
@@ -122,17 +123,25 @@ def test_unheard_is_since_the_first_that_was_not_answered(
     assert requests.unheard_since == thread.now()
 
 
-def test_a_goal_that_two_servers_accepted_is_cancelled_when_it_has_ended_on_one(
+def test_a_second_server_that_accepts_a_goal_is_told_of_also_one_that_was_not_in_sight(
     requests: ServiceRequests, thread: Thread
 ) -> None:
     assert requests.goal_answered(1, accepted=True) == KEY
-    assert requests.goal_answered(1, accepted=True) is None
-    assert not requests.orphans.confirmed
+    assert requests.goal_answered(1, accepted=True) == KEY
     requests.forget(KEY, abandoned=False, finished=False)
-    assert requests.orphans.confirmed
-    requests.orphans.answered(1, [KEY], over=False)
-    assert not requests.orphans.confirmed
+    assert not requests.orphans.confirmed  # whose goal it was has taken care of both
     assert not any(requests.table_sizes().values())
+
+
+def test_an_answer_counts_for_everybody_when_each_server_has_given_one(
+    requests: ServiceRequests, thread: Thread
+) -> None:
+    thread.servers = 2
+    requests.ask_result(KEY)
+    thread.servers = 3  # one came after the request, and may have been sent it all the same
+    told = [requests.answered("result", 1, ended=ended) for ended in (False, True, True)]
+    assert [(each.everybody, each.ends) for each in told] == [(False, 0), (False, 1), (True, 2)]
+    assert requests.answered("result", 1).key is None
 
 
 def test_late_acceptances_are_waited_for_where_there_are_several_servers(

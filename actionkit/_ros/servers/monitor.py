@@ -162,10 +162,17 @@ class ServerMonitor:
 
     # --- which server may have which goal --------------------------------------------------
 
-    def goal_sent(self, key: bytes) -> None:
-        """Note that a goal was sent just now. If it was sent before, only this time counts (R5)."""
+    def goal_sent(self, key: bytes) -> int:
+        """Note that a goal was sent just now; return how many servers may have it.
+
+        If it was sent before, only this time counts (R5), but for those that had it then, too.
+        """
         servers = self.readiness.servers
-        self._goals[key] = _SentGoal(self._runtime.now(), servers, servers, servers)
+        given_to = (
+            servers if (before := self._goals.get(key)) is None else servers | before.given_to
+        )
+        self._goals[key] = _SentGoal(self._runtime.now(), servers, servers, given_to)
+        return len(given_to)
 
     def forget(self, key: bytes) -> None:
         """Free what is held for a sent goal."""
@@ -204,6 +211,7 @@ class ServerMonitor:
             return
         gone, self._doubted = self._doubted - self.readiness.servers, frozenset()
         if gone:
+            self._tell_of_several()
             self._lose_all(gone)
 
     # --- what is seen ----------------------------------------------------------------------
@@ -294,10 +302,19 @@ class ServerMonitor:
         for goal in self._goals.values():
             self._reconsider(goal, came)
         self._doubted -= came
-        if self._timers.now() < self._held_until:
+        held = self._timers.now() < self._held_until
+        if held:
             self._doubted |= gone
-        elif gone:
+        self._tell_of_several()
+        if gone and not held:
             self._lose_all(gone)
+
+    def _tell_of_several(self) -> None:
+        """Tell the goals that several servers may have how many of these are out of sight."""
+        present = self.readiness.servers | self._doubted | UNNAMED
+        for listener, goal in self._sent_goals():
+            if len(goal.given_to) > 1:
+                listener.on_servers_changed(len(goal.given_to), len(goal.given_to - present))
 
     def _lose_all(self, gone: frozenset[bytes]) -> None:
         reason = "its action server is gone"

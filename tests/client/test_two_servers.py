@@ -1,0 +1,107 @@
+"""Two servers answer on one name, and each runs every goal: what one says is not said of the other.
+
+(C2.8, C4.2)
+"""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+import actionkit as ak
+from actionkit import CancelReport, GoalFate, GoalState, RetryPolicy, Timeouts, retry_aborted
+from tests.conftest import NEVER, all_is_logged, runs_nothing
+
+ONCE = RetryPolicy.none()
+
+
+def sees(client, servers: int) -> bool:
+    """Whether the client comes to see so many servers, each of which answers."""
+    give_up = time.monotonic() + 20
+    readiness = client._session.port.link.readiness
+    while not (readiness.ready and len(readiness.servers) == servers):
+        if time.monotonic() > give_up:
+            return False
+        NEVER.wait(0.01)
+    return True
+
+
+def test_what_one_server_aborts_is_not_sent_again_while_another_may_run_it(
+    action_server, make_client
+):
+    stopped, aborts = action_server("never_finishes"), action_server("aborts")
+    client = make_client(retry=RetryPolicy(attempts=3, initial=0.05), classify=retry_aborted())
+    assert sees(client, 2)
+    stopped.pause()
+    with pytest.raises(ak.GoalAbortedError, match="may still run"):
+        client.call({"order": 1}, 10)
+    assert aborts.count("accepted") == 1
+    stopped.resume()
+    # It takes the goal late, and is asked to cancel it.
+    stopped.wait_for("canceled")
+    assert runs_nothing(stopped)
+    assert stopped.count("accepted") == 1
+
+
+def test_what_both_servers_have_ended_may_be_sent_again(action_server, make_client):
+    servers = [action_server("aborts") for _ in range(2)]
+    client = make_client(retry=RetryPolicy(attempts=2, initial=0.05), classify=retry_aborted())
+    assert sees(client, 2)
+    with pytest.raises(ak.GoalAbortedError):
+        client.call({"order": 1}, 10)
+    assert all(runs_nothing(server) for server in servers)
+
+
+def test_a_cancel_is_not_confirmed_by_one_server_where_the_other_has_gone(
+    action_server, make_client
+):
+    vanishes, slow = action_server("vanishes"), action_server("slow_accept", gate=1, period=0.1)
+    client = make_client(retry=ONCE)
+    assert sees(client, 2)
+    future = client.call_async({"order": 50})
+    vanishes.wait_for("vanished")
+    slow.release()
+    slow.wait_for("executing")
+    future.cancel()
+    outcome = future.outcome(10)
+    slow.wait_for("canceled")
+    assert outcome.error.cancel is CancelReport.UNKNOWN
+    assert str(future.goal_id) in str(outcome.error)
+    assert [goal.fate for goal in outcome.goals] == [GoalFate.LOST]
+
+
+def test_who_cancels_waits_for_both_servers(action_server, make_client):
+    quick, slow = action_server("never_finishes"), action_server("slow_accept", gate=1, period=0.1)
+    client = make_client(retry=ONCE)
+    assert sees(client, 2)
+    future = client.call_async({"order": 50})
+    quick.wait_for("executing")
+    future.cancel()
+    quick.wait_for("canceled")
+    assert not future.done()
+    slow.release()
+    outcome = future.outcome(10)
+    assert outcome.status is GoalState.CANCELED
+    assert [goal.fate for goal in outcome.goals] == [GoalFate.ENDED]
+    assert all(map(runs_nothing, (quick, slow)))
+
+
+def test_closing_names_a_goal_that_only_one_of_two_servers_has_cancelled(
+    action_server, make_client, caplog
+):
+    quick, slow = action_server("never_finishes"), action_server("slow_accept", gate=1, period=0.1)
+    client = make_client(retry=ONCE, timeouts=Timeouts(cancel=0.5))
+    assert sees(client, 2)
+    future = client.call_async({"order": 50})
+    quick.wait_for("executing")
+    client.close()
+    error = future.exception(10)
+    assert isinstance(error, ak.ClientClosedError)
+    assert error.cancel is CancelReport.UNKNOWN
+    assert all_is_logged()
+    named = [r for r in caplog.records if str(future.goal_id) in r.getMessage()]
+    assert any("RUNNING" in record.getMessage() for record in named)
+    slow.release()
+    slow.wait_for("canceled")  # the client looks after it for a while
+    assert runs_nothing(slow)
