@@ -376,7 +376,12 @@ class CallMachine:
             unconfirmed, late = fx.End.DEADLINE, GoalState.TIMED_OUT
             because = "" if waited else "its server is gone, or silent"
             ending = replace(
-                ending, end=unconfirmed, status=late, phase="cancel", lost_because=because
+                ending,
+                end=unconfirmed,
+                status=late,
+                phase="cancel",
+                lost_because=because,
+                result=None,  # only a late success is worth having
             )
             if self.goal_id not in may_run:
                 self.goal_id = may_run[-1]

@@ -67,6 +67,7 @@ def test_a_cancel_is_not_confirmed_by_one_server_where_the_other_has_gone(
     outcome = future.outcome(10)
     slow.wait_for("canceled")
     assert outcome.error.cancel is CancelReport.UNKNOWN
+    assert outcome.error.late_result is None  # the other one's is not that of a success
     assert str(future.goal_id) in str(outcome.error)
     assert [goal.fate for goal in outcome.goals] == [GoalFate.LOST]
 
