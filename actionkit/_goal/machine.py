@@ -288,7 +288,7 @@ class Goal(CancellableGoal):
     def servers_changed(self, servers: int, away: int) -> list[fx.Effect]:
         """Another server may have got the goal, too, or one of several went or came back."""
         gone = away > self.facts.away
-        self.facts.servers, self.facts.away = servers, away
+        self.facts.servers, self.facts.away = max(servers, self.facts.yeses), away
         if gone and self.stage in (Stage.ACCEPTED, Stage.ELSEWHERE):
             return [fx.AskResult(anew=True)]
         return []

@@ -322,7 +322,7 @@ class Link:
         state = STATES.get(response.status)
         ended = state is not None and state.is_terminal
         outdated = self._requests.is_outdated(seq)
-        key, asked_at, everybody, ends = self._requests.answered("result", seq, ended=ended)
+        key, asked_at, everybody, ends = self._requests.answered("result", seq, knows=ended)
         if key is None:
             return
         if state is None and not everybody and self.readiness.count > 1:

@@ -40,13 +40,14 @@ class Answered(NamedTuple):
         key: The goal's id, or `None` if it was no request of ours.
         sent_at: When the request was sent.
         everybody: Whether each server in sight has answered it by now.
-        ends: How many of them have told that the goal has ended.
+        knowing: How many of them have told that the goal has ended; of a request to cancel it, how
+            many know the goal.
     """
 
     key: bytes | None = None
     sent_at: float = 0.0
     everybody: bool = False
-    ends: int = 0
+    knowing: int = 0
 
 
 class ServiceRequests:
@@ -87,7 +88,7 @@ class ServiceRequests:
         }
         """The goal of each request, when it was sent, and to which servers; by kind and number."""
         self._heard: dict[tuple[str, int], tuple[int, int]] = {}
-        """How many servers have answered, and told an end; where others have not so far."""
+        """How many servers have answered, and know the goal; where others have not so far."""
         self._made: dict[bytes, list[tuple[str, int]]] = {}  # all requests of each goal
         self._accepted: dict[int, tuple[bytes, int]] = {}
         """The goal of each request that was accepted, and by how many servers; until forgotten."""
@@ -258,20 +259,20 @@ class ServiceRequests:
         """
         return self._unanswered[what].get(seq, (b"",))[0]
 
-    def answered(self, what: str, seq: int, *, ended: bool = False) -> Answered:
+    def answered(self, what: str, seq: int, *, knows: bool = False) -> Answered:
         """Count an answer, and remove the request when each server in sight has answered.
 
         Args:
             what: `"goal"`, `"result"` or `"cancel"`.
             seq: The request's number.
-            ended: Whether the answer tells that the goal has ended.
+            knows: Whether the answer counts for `Answered.knowing`.
         """
         request = self._unanswered[what].get(seq)
         if request is None:
             return Answered()
         key, sent_at, servers = request
-        heard, ends = self._heard.get((what, seq), (0, 0))
-        heard, ends = heard + 1, ends + ended
+        heard, knowing = self._heard.get((what, seq), (0, 0))
+        heard, knowing = heard + 1, knowing + knows
         everybody = heard >= len((servers | self._servers()) - UNNAMED)
         if everybody:
             del self._unanswered[what][seq]
@@ -280,8 +281,8 @@ class ServiceRequests:
                 self._outdated.discard(seq)
             self._sync(what)
         else:
-            self._heard[what, seq] = heard, ends
-        return Answered(key, sent_at, everybody, ends)
+            self._heard[what, seq] = heard, knowing
+        return Answered(key, sent_at, everybody, knowing)
 
     def is_outdated(self, seq: int) -> bool:
         """Whether more has become known of a goal since its result was asked for.
@@ -321,7 +322,10 @@ class ServiceRequests:
             answer: What the server says about the goal.
             elsewhere: Whether that says nothing until each server has answered so.
         """
-        answered = self.answered("cancel", seq)
+        known = answer is not CancelAnswer.UNKNOWN_GOAL
+        answered = self.answered("cancel", seq, knows=known)
+        if elsewhere and answered.knowing:  # what the other one said counts
+            answered = Answered(answered.key, answered.sent_at, False, answered.knowing)
         if answered.key is not None and (answered.everybody or not elsewhere):
             self.cancels.answered(answered.key, answer, answered.sent_at)
         return answered

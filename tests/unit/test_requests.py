@@ -139,9 +139,20 @@ def test_an_answer_counts_for_everybody_when_each_server_has_given_one(
     thread.servers = 2
     requests.ask_result(KEY)
     thread.servers = 3  # one came after the request, and may have been sent it all the same
-    told = [requests.answered("result", 1, ended=ended) for ended in (False, True, True)]
-    assert [(each.everybody, each.ends) for each in told] == [(False, 0), (False, 1), (True, 2)]
+    told = [requests.answered("result", 1, knows=ended) for ended in (False, True, True)]
+    assert [(each.everybody, each.knowing) for each in told] == [(False, 0), (False, 1), (True, 2)]
     assert requests.answered("result", 1).key is None
+
+
+@pytest.mark.parametrize("first", [CancelAnswer.ACCEPTED, CancelAnswer.UNKNOWN_GOAL])
+def test_a_goal_is_not_unknown_where_one_of_two_servers_knows_it(
+    requests: ServiceRequests, thread: Thread, first: CancelAnswer
+) -> None:
+    thread.servers = 2
+    requests.cancels.ask(KEY)
+    requests.cancel_answered(1, first, elsewhere=first is CancelAnswer.UNKNOWN_GOAL)
+    last = requests.cancel_answered(1, CancelAnswer.UNKNOWN_GOAL, elsewhere=True)
+    assert last.everybody == (first is CancelAnswer.UNKNOWN_GOAL)
 
 
 def test_late_acceptances_are_waited_for_where_there_are_several_servers(
