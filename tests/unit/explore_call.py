@@ -524,7 +524,7 @@ class World:
         facts, unseen = mine.goal.facts, len(mine.shown) <= len(mine.told_end)
         return (facts.ended or facts.rejected) and not facts.given_up and unseen
 
-    def check(self) -> None:
+    def check(self, *, ends: bool = True) -> None:
         running = 0
         for key, goal in self.truth.items():
             there = [may_run(*t) for t in goal]
@@ -545,7 +545,8 @@ class World:
             raise Broken("two goals of one call run at the same time")
         if self.settled != (self.m.phase is Phase.ENDED):
             raise Broken(f"it has ended {self.settled} times in {self.m.phase}")
-        self.check_that_it_ends()
+        if ends:
+            self.check_that_it_ends()
 
     def check_that_it_ends(self) -> None:
         """From here it ends by its own clock, whatever servers do not say."""
@@ -625,7 +626,7 @@ def hunt(resend: str, attempts: int, servers: int, walks: int, seed: int = 0) ->
             steps += 1
             try:
                 world.happens(event, arg)
-                world.check()
+                world.check(ends=len(way) % 8 == 0)  # that takes longer than all others
             except Broken as problem:
                 raise Broken(f"{problem}\n   after: " + "; ".join(way)) from None
     return steps
