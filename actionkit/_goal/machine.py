@@ -242,8 +242,8 @@ class Goal(CancellableGoal):
         facts.accepted = facts.ended = True
         facts.ends = max(facts.ends, ends)
         facts.over = self._stopped_everywhere(everybody=everybody)
-        first = self.stage is not Stage.ELSEWHERE or (self._held and status is GoalState.SUCCEEDED)
-        if not first:
+        better = status is GoalState.SUCCEEDED is not self._terminal_seen
+        if self.stage is Stage.ELSEWHERE and not (self._held and better):
             late = [fx.LateResult(status, result)] if self.settled else []
             return [*late, *self._look_elsewhere(now, everybody=everybody)]
         self._held = None

@@ -20,12 +20,15 @@ from actionkit._goal.effects import (
     Record,
     Release,
     SendGoal,
+    Settle,
     Timer,
     WatchStatus,
     Withdraw,
 )
+from actionkit._goal.machine import Goal
 from actionkit._goal.stages import DOUBT, LONGEST_RESULT_PAUSE, Stage
 from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState
 
 # --- what a server does of its own -------------------------------------------------------------
@@ -424,3 +427,17 @@ def test_who_is_superseded_leaves_everything_to_the_other() -> None:
     life.goal.supersede()
     assert life.goal.stage is Stage.OVER
     assert not life.goal.in_flight
+
+
+def test_what_one_of_two_servers_has_ended_is_not_asked_for_by_each_answer_again() -> None:
+    goal = Goal(Timeouts(), None)
+    goal.start(0.0)
+    goal.server_ready(0.0)
+    goal.sent(0.0, servers=2)
+    goal.accepted(0.0)
+    goal.cancel(0.0)
+    asked = {"asked_at": 0.0, "everybody": False}
+    assert AskResult(anew=True) in goal.result(GoalState.SUCCEEDED, 1, 1.0, **asked)
+    assert goal.result(GoalState.SUCCEEDED, 1, 1.0, **asked) == []
+    assert not goal.settled  # the other server may run it
+    assert any(isinstance(effect, Settle) for effect in goal.rejected(1.0))
