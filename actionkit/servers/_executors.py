@@ -89,4 +89,5 @@ def spin(
         except ServerStopping:
             return
         except Exception as error:  # noqa: BLE001 - reported, whatever it is
-            on_error(error)
+            if executor.context.ok():  # else rclpy's signal handler has just shut it down
+                on_error(error)

@@ -226,6 +226,15 @@ class Harness:
             daemon=True,
         )
 
+    def publish_status(self) -> None:
+        """Publish that there are no goals; call it before `start`.
+
+        rclpy's servers publish a status with their first goal. A client that is sent one knows that
+        the server has found it; else it gives the server 0.1 s for that before its first goal.
+        """
+        for server in self._servers.values():
+            server._handle.publish_status()
+
     def start(self) -> None:
         """Begin to answer."""
         self._spinner.start()

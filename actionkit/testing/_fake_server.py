@@ -15,7 +15,7 @@ from typing_extensions import Never, Self
 
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
 from actionkit._model.arguments import refuse_unknown
-from actionkit._model.domain import LAST_DOMAIN
+from actionkit._model.domain import LAST_DOMAIN, environment_domain
 from actionkit._model.missing import cannot_import
 from actionkit._model.settings import check_seconds
 from actionkit.servers._events import EventNotSeenError, Journal, ServerEvent
@@ -24,12 +24,15 @@ from actionkit.testing._fake_notes import Notes, checked_event
 from actionkit.testing._fake_plans import Plan, Script
 
 if TYPE_CHECKING:
+    from actionkit._ros.tools.presence import Presence
     from actionkit.servers._harness import Harness
 
 _log = logging.getLogger(__name__)
 _numbers = itertools.count(1)
 _STOP_TIMEOUT = 3.0
 """Seconds for functions of the user's to return; all else ends in milliseconds."""
+_IN_VIEW_WITHIN = 5.0
+"""Seconds until clients of this process see a new server; it takes 0.1 to 0.3 mostly."""
 
 
 class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
@@ -123,6 +126,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         self._goals = self._ros.Goals(self._script, self._keep)
         self._life = threading.RLock()
         self._harness: Harness | None = None
+        self._presence: Presence | None = None
         self._pid = os.getpid()
 
     # -- what it does ----------------------------------------------------------------------
@@ -224,6 +228,9 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
     def start(self) -> Self:
         """Enter the ROS graph and answer goals. After `stop` it is as a server that came back.
 
+        It returns when clients of this process, made without `node=`, see the server. Where that
+        takes longer than five seconds, it logs a warning and returns.
+
         Returns:
             The server itself.
 
@@ -245,8 +252,10 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             self._journal.begin()
             self._harness = harness
             try:
+                harness.publish_status()
                 harness.start()
-                atexit.register(self._leave)
+                atexit.register(self._leave, at_exit=True)
+                self._await_clients()
             except BaseException:  # also for a Ctrl-C: no `with` statement has begun
                 self._leave()
                 raise
@@ -277,7 +286,22 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
 
     # -- private ---------------------------------------------------------------------------
 
-    def _leave(self) -> None:
+    def _await_clients(self) -> None:
+        from actionkit._ros.tools.presence import Presence
+
+        self._presence = Presence()
+        domain = environment_domain() if self._domain_id is None else self._domain_id
+        name = self.name if self.name.startswith("/") else f"/{self.name}"
+        if not self._presence.see(self._action, name, domain, _IN_VIEW_WITHIN):
+            _log.warning(
+                "the fake server of %r runs, but clients in this process had not found it after"
+                " %g s: the machine may be overloaded, or the network settings keep them apart"
+                " (`actionkit doctor` looks at both)",
+                self.name,
+                _IN_VIEW_WITHIN,
+            )
+
+    def _leave(self, *, at_exit: bool = False) -> None:
         if os.getpid() != self._pid:
             return  # a forked child: the server is its parent's
         with self._life:
@@ -286,7 +310,12 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
                 return
             atexit.unregister(self._leave)
             self._journal.end()  # a function of the user's may wait for an event
-            if not harness.stop(_STOP_TIMEOUT):
+            try:
+                if self._presence is not None:
+                    self._presence.leave(at_exit=at_exit)
+            finally:  # also after a Ctrl-C in there
+                ended = harness.stop(_STOP_TIMEOUT)
+            if not ended:
                 self._keep(
                     RuntimeError(
                         f"a function given to the fake server of {self.name!r} had not returned"

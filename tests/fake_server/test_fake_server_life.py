@@ -94,6 +94,16 @@ def test_a_stop_or_start_that_is_interrupted_leaves_nothing(
         assert server.running() == set()
 
 
+def test_rclpys_signal_handler_is_no_failure_of_the_server(ros_domain: int) -> None:
+    """It shuts down every context of the process, this one between two steps of its executor."""
+    with FakeServer(Fibonacci, "fibonacci") as server:
+        harness = server._harness
+        assert harness is not None
+        harness._context.shutdown()
+        harness._spinner.join(30)
+        assert not harness._spinner.is_alive()
+
+
 def test_two_on_one_name_and_other_domains(fake_server: Any, make_client: Any) -> None:
     servers = [fake_server(Fibonacci, "fibonacci", result=FIELDS) for _ in range(2)]
     with FakeServer(Fibonacci, "fibonacci", domain_id=0) as elsewhere:

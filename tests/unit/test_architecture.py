@@ -31,7 +31,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "trees": {"_model", "_threads", "_messages", "_calls", "_client"},
     "agents": {"", "_model", "_messages", "_threads", "_ros"},
     "servers": {"_ros"},
-    "testing": {"_model", "_messages", "servers"},
+    "testing": {"_model", "_messages", "_ros", "servers"},
     "cli": {
         "",
         "_interfaces",
@@ -156,6 +156,11 @@ def test_servers_use_nothing_of_the_client_but_what_every_node_needs() -> None:
     used = {o for name in modules() if package_of(name) == "servers" for o in own_imports(name)}
     others = {name for name in used if package_of(name) != "servers"}
     assert others == {"_ros.discovery", "_ros.joining", "_ros.native"}
+
+
+def test_helpers_for_tests_use_one_tool_of_the_client() -> None:
+    used = {o for name in modules() if package_of(name) == "testing" for o in own_imports(name)}
+    assert {name for name in used if package_of(name) == "_ros"} == {"_ros.tools.presence"}
 
 
 def test_few_entries_at_the_top() -> None:
