@@ -115,6 +115,7 @@ class Run:
         self.reason: str | None = None  # of its rejection
         self.content: Content = ()  # what its result says, unless its end says otherwise
         self.notes: Any = None  # the behaviour's own
+        self.earlier: frozenset[Run] = frozenset()  # the goals whose place it takes
         self.steps = 0  # of its script, begun so far
         self.heeds_cancel = True  # whether an accepted cancel stops the goal
         self.refuses_cancel = False
@@ -197,6 +198,10 @@ class Run:
         A client may cancel right after it asked, before this thread wakes: the cancel counts.
         """
         self._wait(lambda: self.result_requested, None)
+
+    def wait_until(self, condition: Callable[[], bool]) -> None:
+        """Wait until a condition is true; whoever makes it true calls `wake`."""
+        self._wait(condition, None)
 
     def wait_cancel(self) -> None:
         """Wait until the goal is being cancelled; never raises GoalStopped."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 import re
+import threading
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -71,6 +72,9 @@ class Fake(Behaviour):
     def __init__(self, options: Mapping[str, Any], process: Process, goals: Goals) -> None:
         super().__init__(options, process)
         self._goals = goals
+        self._lock = threading.Lock()
+        self._running: set[Run] = set()
+        """The goals that were accepted and have not ended."""
 
     def received(self, run: Run) -> None:
         run.notes = self._goals.enter(run)
@@ -93,6 +97,15 @@ class Fake(Behaviour):
         run.heeds_cancel = plan.settings["cancel"] == "accept"
         return bool(plan.settings["accept"])
 
+    def begin(self, run: Run) -> None:
+        with self._lock:
+            if run.notes.settings["preempts"]:
+                run.earlier = frozenset(self._running)
+            self._running.add(run)
+        for other in run.earlier:
+            other.preempt()
+        run.begin()
+
     def may_cancel(self, run: Run) -> bool:
         return not run.refuses_cancel
 
@@ -104,9 +117,16 @@ class Fake(Behaviour):
         except BaseException as error:  # noqa: BLE001  pytest.fail() raises no Exception
             self._goals.on_error(error)
             return run.abort(())
+        finally:
+            with self._lock:
+                self._running.discard(run)
+                others = list(self._running)
+            for other in others:
+                other.wake()  # it may wait for this end
 
     def execute(self, run: Run) -> object:
         plan: Plan = run.notes
+        run.wait_until(lambda: self._has_its_place(run))
         for message in plan.feedback(run.goal):
             run.pause(0)
             run.feedback(message)
@@ -114,10 +134,7 @@ class Fake(Behaviour):
         run.pause(0)
         end = plan.settings["end"]
         if end == "never":
-            if run.heeds_cancel:
-                run.wait_cancel()
-                run.pause(0)  # raises: it is to stop
-            run.wait_forever()
+            run.wait_until(lambda: False)  # raises where it is to stop
         result = plan.value("result", run.goal)
         run.pause(0)
         if end == "canceled":
@@ -127,10 +144,17 @@ class Fake(Behaviour):
         return run.succeed(result) if end == "succeeded" else run.abort(result)
 
     def stopped(self, run: Run) -> object:
+        if not (run.cancelled and run.heeds_cancel):
+            return run.abort(())  # preempted: Nav2's servers, too, send an empty result then
         # Where the plan's end is another, its result speaks of something that did not happen.
         meant = run.notes.settings["end"] in ("never", "canceled")
         run.content = run.notes.value("result", run.goal) if meant else ()
         return run.canceled()
+
+    def _has_its_place(self, run: Run) -> bool:
+        """Return whether the goals that it preempts have ended."""
+        with self._lock:
+            return not run.earlier & self._running
 
     @staticmethod
     def _enter_canceling(run: Run) -> None:

@@ -18,7 +18,7 @@ from actionkit._model.similar_names import similar_names
 
 ENDS = ("succeeded", "aborted", "canceled", "never")
 CANCELS = ("accept", "refuse", "ignore")
-EARLY = ("accept", "period", "end", "cancel")
+EARLY = ("accept", "period", "end", "cancel", "preempts")
 """Settings that have to be known before a goal is accepted."""
 
 
@@ -170,7 +170,7 @@ def checked_value(action: Any, name: str, value: Any, path: str) -> Any:
     """
     if name == "result":
         return action.Result() if value is None else _message(action.Result, value, path)
-    if name == "accept":
+    if name in ("accept", "preempts"):
         if not isinstance(value, bool):
             raise TypeError(f"{path}={shown(value)} must be True or False")
         return value

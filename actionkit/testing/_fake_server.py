@@ -69,6 +69,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             "succeeded"
         ),
         cancel: Literal["accept", "refuse", "ignore"] | Callable[[GoalT], str] = "accept",
+        preempts: bool | Callable[[GoalT], bool] = False,
         domain_id: int | None = None,
         **unknown: Never,
     ) -> None:
@@ -90,6 +91,9 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
                 `"refuse"`; or `"ignore"`, accepted, and the goal goes on to its `end`. A goal that
                 a client cancelled has an empty result, unless `end` is `"never"` or `"canceled"`:
                 then it has `result`.
+            preempts: Whether a goal, when it is accepted, replaces the goals that are running, as
+                it does in Nav2's servers: they end ABORTED with an empty result, then the new goal
+                does its work. Otherwise goals run side by side.
             domain_id: The ROS domain, 0 to 232; `None` takes the environment's.
 
         Raises:
@@ -113,6 +117,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             "result": result,
             "end": end,
             "cancel": cancel,
+            "preempts": preempts,
         }
         self._ros = _import_ros_side()
         self.name = self._ros.check_name(name)

@@ -49,6 +49,7 @@ class FakeServerFactory(Protocol):
         | None = ...,
         end: Literal["succeeded", "aborted", "canceled", "never"] | Callable[[GoalT], str] = ...,
         cancel: Literal["accept", "refuse", "ignore"] | Callable[[GoalT], str] = ...,
+        preempts: bool | Callable[[GoalT], bool] = ...,
     ) -> FakeServer[GoalT, ResultT, FeedbackT]: ...
 
 

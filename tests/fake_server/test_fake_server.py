@@ -242,6 +242,7 @@ WRONG: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"name": ""}, ValueError, "name='' is not a valid ROS name"),
     ({"name": "a\0b"}, ValueError, "characters that are no text"),
     ({"accept": 1}, TypeError, "accept=1 must be True or False"),
+    ({"preempts": "yes"}, TypeError, "preempts='yes' must be True or False"),
     ({"period": -1}, ValueError, "period=-1 must be zero or more seconds"),
     ({"period": "1"}, TypeError, "period='1' must be a number of seconds"),
     ({"end": "done"}, ValueError, "end='done' must be 'succeeded', 'aborted', 'canceled' or 'nev"),

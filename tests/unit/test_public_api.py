@@ -115,7 +115,8 @@ SIGNATURES = {
     Client.cancel_all: "(self)",
     Client.close: "(self)",
     FakeServer.__init__: "(self, action_type, name, *, accept=True, feedback=(), period=0.0,"
-    " result=None, end='succeeded', cancel='accept', domain_id=None, **unknown)",
+    " result=None, end='succeeded', cancel='accept', preempts=False, domain_id=None,"
+    " **unknown)",
     FakeServer.script: "(self, entries)",
     FakeServer.wait_for: "(self, event, *, goal_id=None, count=1, timeout=10.0, **unknown)",
     FakeServer.count: "(self, event)",
