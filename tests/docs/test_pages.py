@@ -28,6 +28,10 @@ PAGES: dict[str, list[tuple[str, Mapping[str, Any]]]] = {
     "guides/deployment.md": [_FIBONACCI],
     "guides/launch.md": [("fibonacci", {"action_name": "robot1/count", "period": 0.02})],
     "guides/lifecycle.md": [_FIBONACCI],
+    "guides/replacing-a-goal.md": [
+        _FIBONACCI,
+        ("preemptive", {"action_name": "navigate", "period": 0.02}),
+    ],
     "guides/stuck-arm.md": [_FIBONACCI],
     "guides/several-robots.md": [
         ("fibonacci", {"period": 0.02, "action_name": "robot1/fibonacci"}),
