@@ -8,6 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from action_msgs.srv import CancelGoal
+from rclpy.action import ActionServer
 from test_msgs.action import Fibonacci, NestedMessage
 
 from actionkit import (
@@ -102,6 +104,25 @@ def test_rclpys_signal_handler_is_no_failure_of_the_server(ros_domain: int) -> N
         harness._context.shutdown()
         harness._spinner.join(30)
         assert not harness._spinner.is_alive()
+
+
+@pytest.mark.parametrize("cause", [RuntimeWarning("failed to send response (timeout)"), None])
+def test_a_client_that_cannot_be_answered_is_no_failure_of_the_server(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch, cause: Exception | None
+) -> None:
+    """On a busy machine, in a pytest that takes warnings for errors. Clients ask who is there."""
+
+    async def unanswered(server: object, request: object) -> None:
+        raise SystemError("returned a result with an exception set") from cause
+
+    with FakeServer(Fibonacci, "fibonacci") as server:
+        harness = server._harness
+        assert harness is not None
+        serving = harness._servers[0]._serve_cancel((None, CancelGoal.Request()))
+        with monkeypatch.context() as patch:
+            patch.setattr(ActionServer, "_execute_cancel_request", unanswered)
+            with pytest.raises(SystemError if cause is None else StopIteration):
+                serving.send(None)
 
 
 def test_two_on_one_name_and_other_domains(fake_server: Any, make_client: Any) -> None:
