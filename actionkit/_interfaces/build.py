@@ -95,6 +95,11 @@ def build(
     read = {one.name: _read(one) for one in packages.values()}
     uses = {name: _uses(name, files) for name, files in read.items()}
     ordered = checks.order({name: uses[name] & set(packages) for name in packages})
+    others = used_packages.with_all_they_use(
+        set().union(*uses.values()) - set(packages), target.folder
+    )
+    lacking = {name for name, found in others.items() if found is None} - set(packages)
+    checks.missing(read, lacking)
     built = []
     with locked(target.folder):
         for name in ordered:
@@ -120,8 +125,8 @@ def _uses(name: str, files: Iterable[InterfaceFile]) -> set[str]:
 def _build(package: Package, files: list[InterfaceFile], uses: set[str], target: Target) -> Built:
     began = time.monotonic()
     all_used = used_packages.with_all_they_use(uses, target.folder)
-    checks.types(package, files, all_used)
     used = {name: one for name, one in all_used.items() if one is not None}
+    checks.types(package, files, used)
     named = {use.package for file in files for use in file.uses} - {package.name}
     undeclared = sorted(named - package.declared)
     place = target.folder / package.name

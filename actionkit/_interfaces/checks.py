@@ -6,7 +6,7 @@ import importlib
 import importlib.util
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from actionkit._interfaces.distribution import owner_of
 from actionkit._interfaces.errors import BadSourceError, TargetError
 from actionkit._interfaces.interface_file import InterfaceFile, Use, another_type
 from actionkit._interfaces.source_tree import Package
+from actionkit._model.ros_packages import how_to_get, joined
 from actionkit._model.similar_names import similar_names
 
 _NAMES_THAT_PYTHON_HAS = "is a module of Python itself"
@@ -61,7 +62,7 @@ def files(package: Package, read: Iterable[InterfaceFile]) -> None:
 def types(
     package: Package,
     read: Iterable[InterfaceFile],
-    dependencies: Mapping[str, Dependency | None],
+    dependencies: Mapping[str, Dependency],
 ) -> None:
     """Refuse fields of types that are not there, and messages that hold themselves.
 
@@ -71,24 +72,15 @@ def types(
     found = list(read)
     own = {file.path.stem for file in found if file.path.suffix == ".msg"}
     problems = []
-    missing: set[str] = set()
     inside: dict[str, set[str]] = {name: set() for name in own}
     for file in found:
         for use in file.uses:
             if use.package != package.name:
-                dependency = dependencies[use.package]
-                if dependency is not None:
-                    problems += _foreign_type(use, dependency)
-                elif use.package not in missing:  # told once
-                    missing.add(use.package)
-                    problems.append(f"{use.place}: {_not_installed(use.package)}")
+                problems += _foreign_type(use, dependencies[use.package])
             elif use.name not in own:
                 problems.append(f"{use.place}: {_own_type(package, use, own)}")
             elif file.path.suffix == ".msg":
                 inside[file.path.stem].add(use.name)
-    for name, dependency in dependencies.items():
-        if dependency is None and name not in missing:
-            problems.append(f"{package.folder}: {_not_installed(name)}")
     _raise(problems)
     if circle := _circle(inside):
         _raise([f"{package.folder}: messages hold each other without an end: {circle}"])
@@ -113,11 +105,23 @@ def _foreign_type(use: Use, dependency: Dependency) -> list[str]:
     return [f"{use.place}: there is no message {use.name!r} in {use.package}.{hint}"]
 
 
-def _not_installed(name: str) -> str:
-    return (
-        f"the package {name} is not here: pip install ros-jazzy-{name.replace('_', '-')}, or,"
-        " where PyPI has no such package, build it first (or together with this one)"
-    )
+def missing(read: Mapping[str, Iterable[InterfaceFile]], names: Collection[str]) -> None:
+    """Refuse packages that use others which are not here: all of them at once.
+
+    Args:
+        read: The checked files of each package.
+        names: The packages that are missing.
+
+    Raises:
+        BadSourceError: There are such packages; the text has one line.
+    """
+    if not names:
+        return
+    uses = [use for files in read.values() for file in files for use in file.uses]
+    first = next((f"{use.place}: " for use in uses if use.package in names), "")
+    are = "package {} is" if len(names) == 1 else "packages {} are"
+    told = are.format(joined(sorted(names)))
+    _raise([f"{first}the {told} not here: {'. '.join(how_to_get(names))}"])
 
 
 def order(packages: Mapping[str, set[str]]) -> list[str]:

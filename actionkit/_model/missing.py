@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 
+from actionkit._model.ros_packages import wheel
+
 WITH_ROS = (
     "On a machine with a ROS 2 installation (Ubuntu 24.04, for Jazzy) source its setup file,"
     " `source /opt/ros/jazzy/setup.bash`, and use its Python, or a virtual environment made by"
@@ -26,7 +28,7 @@ def cannot_import(module: str, error: BaseException) -> str:
     text = f"{module} cannot be imported here ({type(error).__name__}: {error})."
     if sys.platform != "linux":
         return f"{text} {ON_LINUX}"
-    package = f"ros-jazzy-{module.replace('_', '-')}"
+    package = wheel(module)
     install = "" if module == "rclpy" else f" (`sudo apt install {package}` where it lacks that)"
-    wheel = RCLPY if module == "rclpy" else package
-    return f"{text} {WITH_ROS}{install}. Elsewhere: pip install {wheel}"
+    wanted = RCLPY if module == "rclpy" else package
+    return f"{text} {WITH_ROS}{install}. Elsewhere: pip install {wanted}"

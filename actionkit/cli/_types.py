@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from actionkit._model.ros_packages import repository, wheel
 from actionkit._model.similar_names import similar_names
 from actionkit.cli._exits import Exit
 from actionkit.cli._problems import Problem
@@ -62,12 +63,15 @@ def load(text: str) -> Any:
         )
     package, name = match.groups()
     if importlib.util.find_spec(package) is None:
-        debian = f"ros-jazzy-{package.replace('_', '-')}"
+        if (wanted := wheel(package)) is not None:
+            how = f"Install it: `pip install {wanted}`, or `sudo apt install {wanted}`"
+        else:
+            address = repository(package)
+            where = "" if address is None else f" ({address})"
+            how = f"Or build it from its source{where} with `actionkit interfaces build`"
         raise _bad(
             f"the package {package!r} is not installed here. If it is in a workspace of yours,"
-            " source that: `source install/setup.bash`. Packages of ROS itself:"
-            f" `sudo apt install {debian}` with a ROS installation; without one, build it from its"
-            " source with `actionkit interfaces build`.",
+            f" source that: `source install/setup.bash`. {how}.",
             text,
         )
     try:

@@ -80,8 +80,12 @@ CALL = ("call", "/fibonacci", FIBONACCI)
         (
             ("call", "/dock", "dock_msgs/action/Dock"),
             "'dock_msgs' is not installed here. If it is in a workspace of yours, source that:"
-            " `source install/setup.bash`. Packages of ROS itself:"
-            " `sudo apt install ros-jazzy-dock-msgs` with a ROS installation; without one, build",
+            " `source install/setup.bash`. Or build it from its source with `actionkit",
+        ),
+        (("call", "/d", "shape_msgs/action/Dock"), "`pip install ros-jazzy-shape-msgs`"),
+        (
+            ("call", "/n", "nav2_msgs/action/Dock"),
+            "(https://github.com/ros-navigation/navigation2)",
         ),
         (("watch", "/fibonacci", "--once", "--for", "1"), "not both"),
         (("info", "not a name"), "not a valid ROS name"),

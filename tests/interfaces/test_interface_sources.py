@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 from pathlib import Path
 
 import pytest
 
-from actionkit._interfaces import dependencies, own_package
+from actionkit._interfaces import dependencies
 from actionkit.cli._app import run
 from tests.interfaces.conftest import write_package
 
@@ -55,7 +54,7 @@ def refused(capsys: pytest.CaptureFixture[str], source: Path, *, code: int = 2) 
         ("action/Pick.action", "Header a\n---\n---\n", 1, "use std_msgs/Header"),
         ("action/Pick.action", "Nowhere a\n---\n---\n", 1, "add msg/Nowhere.msg"),
         ("action/Pick.action", "geometry_msgs/Pos a\n---\n---\n", 1, "Did you mean Pose"),
-        ("action/Pick.action", "nav2_msgs/Map a\n---\n---\n", 1, "install ros-jazzy-nav2-msgs"),
+        ("action/Pick.action", "nav2_msgs/Map a\n---\n---\n", 1, "github.com/ros-navigation/"),
         ("srv/Pick.srv", "int32 a\n", 1, "the response is missing"),
         ("msg/Pick.msg", "int32 a\n---\n", 2, "a .msg file has one part"),
         ("msg/Waypoint.msg", "Waypoint a\n", None, "Waypoint -> Waypoint"),
@@ -86,18 +85,37 @@ def test_all_bad_lines_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert all(f"{place}: " in error for place in ("Pick.action:1", "Pick.action:2", "Size.msg:3"))
 
 
-def test_a_package_that_is_missing_is_told_once(
+def test_missing_packages_are_told_in_one_line_by_names_that_exist(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    source = shutil.copytree(own_package.folder(), tmp_path / own_package.NAME)
     there = dependencies.find
-    without = {"geometry_msgs"}  # as after `pip install -e '.[ros]'`
+    without = {"geometry_msgs", "std_msgs"}  # as after `pip install -e '.[ros]'`
     monkeypatch.setattr(
         dependencies, "find", lambda name, to: None if name in without else there(name, to)
     )
-    error = refused(capsys, source)
-    assert error.count("geometry_msgs is not here: pip install ros-jazzy-geometry-msgs,") == 1
-    assert len(error.splitlines()) == 1
+    uses = "geographic_msgs/GeoPose a\nmy_msgs/It b\ngeometry_msgs/Pose c\nstd_msgs/Header d\n"
+    here = tmp_path / "source" / "here"
+    write_package(here, {"msg/A.msg": "int32 n\n" + uses, "msg/B.msg": uses})
+    write_package(tmp_path / "source" / "there", {"msg/C.msg": uses + "here/A e\n"})
+    error = refused(capsys, tmp_path / "source")
+    assert error.splitlines() == [
+        f"Error: {here}/msg/A.msg:2: the packages geographic_msgs, geometry_msgs, my_msgs and"
+        " std_msgs are not here: pip install ros-jazzy-geometry-msgs ros-jazzy-std-msgs. PyPI is"
+        " not known to have geographic_msgs"
+        " (https://github.com/ros-geographic-info/geographic_info) or my_msgs: get the sources,"
+        " and build everything together"
+    ]
+
+
+def test_a_package_that_is_missing_for_every_action(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(dependencies, "find", lambda name, to: None)
+    source = write_package(tmp_path / "pick_interfaces", {"srv/Ask.srv": "---\n"})
+    assert refused(capsys, source) == (
+        "Error: the packages builtin_interfaces and service_msgs are not here:"
+        " pip install ros-jazzy-builtin-interfaces ros-jazzy-service-msgs\n"
+    )
 
 
 @pytest.mark.parametrize(
