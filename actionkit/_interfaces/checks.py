@@ -10,16 +10,13 @@ from collections.abc import Collection, Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-from actionkit._interfaces.build_record import read_record
-from actionkit._interfaces.dependencies import Dependency, packages_with_message
-from actionkit._interfaces.distribution import owner_of
+from actionkit._interfaces.dependencies import Dependency, packages_with_message, read_record
 from actionkit._interfaces.errors import BadSourceError, TargetError
 from actionkit._interfaces.interface_file import InterfaceFile, Use, another_type
 from actionkit._interfaces.source_tree import Package
+from actionkit._interfaces.wheel import owner_of
 from actionkit._model.ros_packages import how_to_get, joined
 from actionkit._model.similar_names import similar_names
-
-_NAMES_THAT_PYTHON_HAS = "is a module of Python itself"
 
 
 def no_ros_installation(ours: Iterable[Path]) -> None:
@@ -143,47 +140,35 @@ def _circle(graph: Mapping[str, set[str]]) -> str:
     return ""
 
 
-def name(package: Package, target: Path, *, shadow: bool) -> None:
-    """Refuse to take the place of a package that somebody else made.
-
-    Args:
-        package: What is to be built.
-        target: The folder that it goes to.
-        shadow: Whether it may have the name of an installed one, in a folder of its own.
+def name(package: Package, folder: Path) -> None:
+    """Refuse to take the place, or the name, of a package that somebody else made.
 
     Raises:
         TargetError: It would.
     """
-    place = target / package.name
+    place = folder / package.name
     if read_record(place) is not None:
         return
+    owner = None
     if place.exists() or place.is_symlink():  # the latter without what it leads to
-        owner = owner_of(package.name)
-        if owner is not None and (place / "__init__.py").is_file():
-            raise TargetError(_taken(package, f"is installed here, by {owner}"))
-        raise TargetError(
-            f"{place}: this is here, and was not built by `actionkit interfaces build`: it is left"
-            " alone. Choose another folder with -o"
-        )
-    if package.name in sys.stdlib_module_names:
-        raise TargetError(_taken(package, _NAMES_THAT_PYTHON_HAS))
+        owner = owner_of(package.name) if (place / "__init__.py").is_file() else None
+        if owner is None:
+            raise TargetError(
+                f"{place}: this is here, and was not built by `actionkit interfaces build`: it is"
+                " left alone. Choose another folder with -o"
+            )
     spec = importlib.util.find_spec(package.name)
-    if shadow or spec is None or spec.origin is None:
+    if owner is not None:
+        how = f"is installed here, by {owner}"
+    elif package.name in sys.stdlib_module_names:
+        how = "is a module of Python itself"
+    elif spec is None or spec.origin is None or read_record(Path(spec.origin).parent) is not None:
         return
-    if read_record(Path(spec.origin).parent) is None:
-        raise TargetError(_taken(package, f"is installed here ({Path(spec.origin).parent})"))
-
-
-def _taken(package: Package, how: str) -> str:
-    hint = ""
-    if how != _NAMES_THAT_PYTHON_HAS:
-        hint = (
-            ". Where you want one of that name all the same, in a folder that comes first on"
-            " PYTHONPATH: -o FOLDER --shadow"
-        )
-    return (
+    else:
+        how = f"is installed here ({Path(spec.origin).parent})"
+    raise TargetError(
         f"{package.folder / 'package.xml'}: a package {package.name!r} {how}: two of one name"
-        f" cannot be imported. Choose another <name>{hint}"
+        " cannot be imported. Choose another <name>"
     )
 
 

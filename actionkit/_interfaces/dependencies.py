@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from actionkit._interfaces.build_record import BuildRecord, read_record
-
+RECORD = "actionkit_build.json"
+"""The file beside the libraries of a built package."""
 IMPLIED = {
     "msg": frozenset[str](),
     "srv": frozenset({"service_msgs", "builtin_interfaces"}),
@@ -19,6 +20,50 @@ IMPLIED = {
 }
 """What the types of each kind use without naming it."""
 _INCLUDE = re.compile(r'#include "(\w+)/')
+
+
+@dataclass(frozen=True)
+class BuildRecord:
+    """What a built package says of itself.
+
+    Attributes:
+        name: The package.
+        version: From its package.xml.
+        key: The fingerprint of all that it was made from.
+        uses: The packages whose types it uses, and those that these use.
+        libraries: Its libraries with their sizes in bytes.
+    """
+
+    name: str
+    version: str
+    key: str
+    uses: list[str]
+    libraries: dict[str, int]
+
+    def write(self, folder: Path) -> None:
+        (folder / RECORD).write_text(json.dumps(asdict(self), indent=1) + "\n", "utf-8")
+
+    def is_complete(self, folder: Path) -> bool:
+        """Return whether everything that was built is still there."""
+        return _share(folder) is not None and all(
+            path.is_file() and path.stat().st_size == size
+            for path, size in ((folder / name, size) for name, size in self.libraries.items())
+        )
+
+
+def read_record(folder: Path) -> BuildRecord | None:
+    """Return what a package says of itself; `None` if it was not built by us."""
+    try:
+        found = json.loads((folder / RECORD).read_text("utf-8"))
+        return BuildRecord(**{name: found[name] for name in BuildRecord.__annotations__})
+    except (OSError, ValueError, TypeError, KeyError):
+        return None
+
+
+def _share(folder: Path) -> Path | None:
+    """Return the folder of .idl and .msg files of a package: `share/NAME`, somewhere above."""
+    found = (above / "share" / folder.name for above in folder.parents)
+    return next((path for path in found if (path / "package.xml").is_file()), None)
 
 
 @dataclass(frozen=True)
@@ -56,9 +101,8 @@ def find(name: str, target: Path) -> Dependency | None:
     """Return the package that Python would import, what was built into `target` before others."""
     for entry in (target, *map(Path, sys.path)):
         folder = entry / name
-        record = read_record(folder)
-        if record is not None:
-            share = (folder / record.share).resolve()
+        record, share = read_record(folder), _share(folder)
+        if record is not None and share is not None:
             return Dependency(name, share, folder / "include", folder, record)
         if (folder / "__init__.py").is_file():
             break  # as installed, by a wheel of ROS

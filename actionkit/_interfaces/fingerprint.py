@@ -11,8 +11,9 @@ from functools import cache
 from pathlib import Path
 
 from actionkit._interfaces.dependencies import Dependency
+from actionkit._interfaces.wheel import Target
 
-_FORMAT = 1
+_FORMAT = 2
 """To be raised when what is built changes though its sources do not."""
 GENERATORS = (
     "rosidl_adapter",
@@ -46,7 +47,10 @@ def of_machine() -> str:
 
 
 def of_package(
-    sources: Mapping[str, str], description: bytes, dependencies: Iterable[Dependency], target: Path
+    sources: Mapping[str, str],
+    description: bytes,
+    dependencies: Iterable[Dependency],
+    target: Target,
 ) -> str:
     """Return the word for a package.
 
@@ -54,15 +58,15 @@ def of_package(
         sources: The texts of its files by their paths.
         description: Its package.xml.
         dependencies: The packages that it uses, with those that these use.
-        target: The folder that it goes to.
+        target: Where it goes.
     """
     parts: list[object] = [of_machine(), description]
     for path, text in sorted(sources.items()):
         parts += [path, text]
     for dependency in dependencies:
         # Where those of our own are is written into the libraries.
-        away = dependency.record is not None and dependency.libraries.parent != target
-        parts += [dependency.name, dependency.libraries if away else "", of_dependency(dependency)]
+        away = dependency.libraries if target.is_away(dependency) else ""
+        parts += [dependency.name, away, of_dependency(dependency)]
     return digest(*parts)
 
 

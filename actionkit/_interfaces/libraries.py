@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import sysconfig
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,6 +12,7 @@ from actionkit._interfaces.compiler import Compiler
 from actionkit._interfaces.dependencies import Dependency
 from actionkit._interfaces.generators import LIBRARIES
 from actionkit._interfaces.objects import Unit
+from actionkit._interfaces.wheel import Target
 
 _RUNTIME = (
     "rosidl_runtime_c",
@@ -31,7 +31,7 @@ def link(
     objects: Mapping[Unit, Path],
     dependencies: Iterable[Dependency],
     compiler: Compiler,
-    target: Path,
+    target: Target,
 ) -> dict[str, int]:
     """Link a package's libraries.
 
@@ -41,7 +41,7 @@ def link(
         objects: What was compiled.
         dependencies: All packages that are used.
         compiler: What links.
-        target: The folder that the package will be in.
+        target: Where the package goes.
 
     Returns:
         The names of the libraries with their sizes in bytes.
@@ -112,12 +112,10 @@ def _is_in(folder: Path, name: str) -> bool:
     return (folder / f"lib{name}.so").exists()
 
 
-def _where(used: Iterable[Dependency], target: Path) -> list[str]:
+def _where(used: Iterable[Dependency], target: Target) -> list[str]:
     """Return where libraries of packages of our own are: beside this one, or elsewhere."""
     return [
-        f"$ORIGIN/{os.path.relpath(one.libraries, target / 'any')}"
-        if one.libraries.parent == target
-        else str(one.libraries)
+        str(one.libraries) if target.is_away(one) else f"$ORIGIN/../{one.name}"
         for one in used
         if one.record is not None
     ]

@@ -11,13 +11,14 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from actionkit._interfaces import compiler as compilers
-from actionkit._interfaces import generators, libraries, objects
+from actionkit._interfaces import generators, libraries, objects, wheel
 from actionkit._interfaces.compiler import Compiler
 from actionkit._interfaces.dependencies import Dependency
 from actionkit._interfaces.errors import InterfacesError
 from actionkit._interfaces.fingerprint import digest, of_dependency, of_machine
 from actionkit._interfaces.interface_file import InterfaceFile
 from actionkit._interfaces.source_tree import KINDS, Package
+from actionkit._interfaces.wheel import Target
 
 _RUN_TIME_DEPENDENCIES = "rosidl_default_runtime"
 _LOAD = """
@@ -38,7 +39,8 @@ def make(
     files: Iterable[InterfaceFile],
     dependencies: Mapping[str, Dependency],
     work: Path,
-    target: Path,
+    tree: Path,
+    target: Target,
     compiler: Compiler,
 ) -> dict[str, int]:
     """Generate, compile and link a package, and try that Python can load it.
@@ -47,9 +49,9 @@ def make(
         package: The package.
         files: Its files, checked.
         dependencies: All packages that these use, with those that they use in turn.
-        work: An empty folder. `work/NAME` becomes the Python package, `work/share` its folder
-            of .idl and .msg files.
-        target: The folder that the Python package will be in.
+        work: An empty folder.
+        tree: What becomes of `work/tree`: the files of the wheel.
+        target: Where the package goes.
         compiler: What compiles it.
 
     Returns:
@@ -67,7 +69,7 @@ def make(
         path.write_text(file.text, "utf-8")
     generators.generate(package.name, [file.path for file in files], used, area)
 
-    folder = work / package.name
+    folder = tree / package.name
     shutil.copytree(
         area / "python" / package.name, folder, ignore=shutil.ignore_patterns("*.c", "__pycache__")
     )
@@ -86,8 +88,8 @@ def make(
         digest(of_machine(), *(of_dependency(one) for one in used)),
     )
     made = libraries.link(package.name, folder, compiled, used, compiler, target)
-    _fill_share(package, files, area, work / "share")
-    _try_to_load(package, files, used, work)
+    _fill_share(package, files, area, wheel.share(package, tree))
+    _try_to_load(package, files, used, tree)
     return made
 
 
@@ -105,9 +107,10 @@ def _includes(area: Path, used: Iterable[Dependency]) -> list[Path]:
     ]
 
 
-def _fill_share(package: Package, files: Iterable[InterfaceFile], area: Path, share: Path) -> None:
-    """Write what colcon writes into share/NAME: the package's own files, .idl and hashes."""
+def _fill_share(package: Package, files: Iterable[InterfaceFile], area: Path, top: Path) -> None:
+    """Write what colcon writes into `share`: the package's files, .idl, hashes and an index."""
     hashes = area / "hashes" / package.name
+    share = top / package.name
     for file in files:
         folder = share / file.path.parent
         folder.mkdir(parents=True, exist_ok=True)
@@ -117,9 +120,13 @@ def _fill_share(package: Package, files: Iterable[InterfaceFile], area: Path, sh
         json_file = file.path.with_suffix(".json")
         shutil.copyfile(hashes / json_file, share / json_file)
     shutil.copyfile(package.folder / "package.xml", share / "package.xml")
+    for name, text in _index_entries(package).items():
+        path = top / "ament_index" / "resource_index" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, "utf-8")
 
 
-def index_entries(package: Package) -> dict[str, str]:
+def _index_entries(package: Package) -> dict[str, str]:
     """Return the entries of the resource index, by which tools of ROS find packages."""
     names = sorted(
         name.as_posix() for file in package.files for name in (file, file.with_suffix(".idl"))
@@ -134,13 +141,13 @@ def index_entries(package: Package) -> dict[str, str]:
 
 
 def _try_to_load(
-    package: Package, files: Iterable[InterfaceFile], used: Iterable[Dependency], work: Path
+    package: Package, files: Iterable[InterfaceFile], used: Iterable[Dependency], tree: Path
 ) -> None:
     """Load the type support of all types in a process of its own."""
     names = [(file.path.suffix[1:], file.path.stem) for file in files]
     assert all(kind in KINDS for kind, _ in names)
     own = [one for one in used if one.record is not None]
-    found = [work, *(one.libraries.parent for one in own), os.environ.get("PYTHONPATH", "")]
+    found = [tree, *(one.libraries.parent for one in own), os.environ.get("PYTHONPATH", "")]
     searched = [one.libraries for one in own]
     environment = {
         **os.environ,
@@ -153,7 +160,7 @@ def _try_to_load(
     }
     done = subprocess.run(
         [sys.executable, "-c", _LOAD, json.dumps([package.name, names])],
-        cwd=work,
+        cwd=tree,
         env=environment,
         stdin=subprocess.DEVNULL,
         capture_output=True,

@@ -22,6 +22,7 @@ _EPILOG = """\b
 Examples:
   actionkit interfaces build pick_interfaces --install
   actionkit interfaces build src -o interfaces; export PYTHONPATH=$PWD/interfaces
+  actionkit interfaces build src --wheel wheels
   actionkit interfaces build --own --install
 
 It needs a C++ compiler and the headers of Python, and says how to get them. The compiler's own
@@ -60,11 +61,15 @@ def command() -> None:
     help="Instead of DIR: actionkit_interfaces, which the servers countdown and navigate speak.",
 )
 @click.option(
-    "--shadow", is_flag=True, help="With -o: a package may have the name of an installed one."
+    "--wheel",
+    "wheels",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Write a wheel for each into this folder, to install where there is no compiler.",
 )
 @debug_option
 def build_command(
-    folder: Path | None, output: Path | None, install: bool, own: bool, shadow: bool
+    folder: Path | None, output: Path | None, install: bool, wheels: Path | None, own: bool
 ) -> int:
     """Build the interface packages in DIR, so that Python can import them.
 
@@ -74,10 +79,10 @@ def build_command(
     """
     if (folder is None) != own:
         raise click.UsageError("Name the folder to build, DIR; or --own, without DIR.")
-    if (output is None) != install:
+    if [output is not None, install, wheels is not None].count(True) != 1:
         raise click.UsageError(
             "Say where the packages go: --install puts them into this Python environment,"
-            " -o OUT into a folder."
+            " -o OUT into a folder, and --wheel FOLDER writes wheels for another computer."
         )
     if output is not None and os.pathsep in str(output.absolute()):
         raise click.BadParameter(
@@ -85,15 +90,19 @@ def build_command(
             " choose another folder.",
             param_hint="-o",
         )
-    if shadow and install:
-        raise click.UsageError("--shadow goes with -o: two packages cannot be installed as one.")
-    from actionkit._interfaces import own_package
-    from actionkit._interfaces.build import Target, build
+    from actionkit._interfaces import own_package, wheel
+    from actionkit._interfaces.build import build
     from actionkit._interfaces.errors import BadSourceError, InterfacesError, MissingToolError
 
-    target = Target.environment() if output is None else Target.directory(output)
+    if output is not None:
+        opened = wheel.opened("folder", output)
+    elif wheels is not None:
+        opened = wheel.opened("wheels", wheels)
+    else:
+        opened = wheel.opened("environment", wheel.site_packages())
     try:
-        build(folder or own_package.folder(), target, shadow=shadow, tell=_tell)
+        with opened as target:
+            built = build(folder or own_package.folder(), target, tell=_tell)
     except InterfacesError as error:
         usage, tools = isinstance(error, BadSourceError), isinstance(error, MissingToolError)
         raise Problem(
@@ -102,6 +111,9 @@ def build_command(
     if output is not None:
         folder_word = shlex.quote(str(target.folder))
         say(f"To import from there: export PYTHONPATH={folder_word}${{PYTHONPATH:+:$PYTHONPATH}}")
+    elif wheels is not None:
+        # All by their files: so pip asks no index for one of them.
+        say(f"To install: pip install {shlex.join(str(one.place) for one in built)}")
     return Exit.OK
 
 

@@ -84,8 +84,30 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
         base = base.parent
     path = base / "interfaces"
     path.mkdir(exist_ok=True)
-    os.environ["XDG_CACHE_HOME"] = str(path / "cache")
     return path
+
+
+SHADOWING = """
+import sys
+from actionkit._interfaces import checks
+from actionkit.cli import main
+checks.name = lambda package, folder: None
+main(["interfaces", "build", *sys.argv[1:]])
+"""
+"""`actionkit interfaces build`, which refuses to build a package that is installed already."""
+
+
+def build_shadowing(source: Path, target: Path) -> None:
+    """Build a package that has the name of an installed one."""
+    done = subprocess.run(
+        [sys.executable, "-c", SHADOWING, source, "-o", target],
+        env=environment(),
+        cwd="/",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def built_once(shared: Path, name: str, *words: object) -> Path:
@@ -105,7 +127,8 @@ def own(shared: Path) -> Path:
 @pytest.fixture(scope="session")
 def shadowing(shared: Path) -> Path:
     """A folder with test_msgs, built again from its sources."""
-    return built_once(shared, "shadowing", SHIPPED, "--shadow")
+    build_shadowing(SHIPPED, shared / "shadowing")
+    return shared / "shadowing"
 
 
 ODD = """\ufeff# A file as editors and people leave it.\r

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,8 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from actionkit._interfaces.build_record import FILE
-from actionkit._interfaces.publish import put
+from actionkit._interfaces.dependencies import RECORD
 from tests.interfaces.conftest import actionkit, environment, run_python, write_package
 
 POINTS = "float64 x\nfloat64 y\n"
@@ -124,21 +124,6 @@ def test_a_killed_build_leaves_the_old_package(points: Path, tmp_path: Path) -> 
     assert not list(out.rglob(".actionkit-*"))
 
 
-def test_a_folder_is_replaced_in_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def made(name: str) -> Path:
-        folder = tmp_path / name
-        folder.mkdir()
-        (folder / "file").write_text(name)
-        return folder
-
-    place = tmp_path / "place"
-    put(made("old"), place)
-    # Two steps, with no package between them, would have to move the old one away first.
-    monkeypatch.setattr(Path, "rename", lambda *_: pytest.fail("moved in two steps"))
-    put(made("new"), place)
-    assert (place / "file").read_text() == "new"
-
-
 @pytest.mark.long
 def test_what_cannot_be_compiled_or_loaded_changes_nothing(points: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
@@ -160,45 +145,121 @@ def test_what_cannot_be_compiled_or_loaded_changes_nothing(points: Path, tmp_pat
 # --- installed -------------------------------------------------------------------------------
 
 
-@pytest.mark.long
-def test_installed_listed_and_uninstalled(points: Path, python: str) -> None:
+def run_in(python: str, *words: object) -> str:
+    """Run a program with another Python, and return what it prints."""
     env = environment()
     env.pop("PIP_QUIET", None)  # it is to tell what is installed
+    del env["PYTHONPATH"]
+    done = subprocess.run(
+        [python, *map(str, words)], env=env, capture_output=True, text=True, cwd="/", check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def files_in(root: Path) -> set[Path]:
+    found = {path for path in root.rglob("*") if "__pycache__" not in path.parts}
+    return {path for path in found if path.is_file()}
+
+
+BUILD = ("-m", "actionkit", "interfaces", "build")
+
+
+def test_pip_installs_lists_and_uninstalls(points: Path, python: str) -> None:
     root = Path(python).parents[1]
-    files = {path for path in root.rglob("*") if "__pycache__" not in path.parts}
-
-    def run(*words: str) -> str:
-        done = subprocess.run(
-            [python, *words], env=env, capture_output=True, text=True, cwd="/", check=False
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-        return done.stdout
-
-    first = run("-m", "actionkit", "interfaces", "build", str(points), "--install")
-    assert "points: built" in first
-    assert run("-c", SHOW, "points.msg", "Point").split() == ["x", "y"]
+    before = files_in(root)
+    assert "points: built" in run_in(python, *BUILD, points, "--install")
+    assert run_in(python, "-c", SHOW, "points.msg", "Point").split() == ["x", "y"]
     index = root / "share" / "ament_index" / "resource_index"
     assert (index / "packages" / "points").is_file()
     assert (index / "rosidl_interfaces" / "points").read_text() == "msg/Point.idl\nmsg/Point.msg"
     assert (root / "share" / "points" / "msg" / "Point.msg").read_text() == POINTS
     assert (root / "share" / "points" / "package.xml").is_file()
-    again = run("-m", "actionkit", "interfaces", "build", str(points), "--install")
-    assert "points: unchanged" in again
+    assert "points: unchanged" in run_in(python, *BUILD, points, "--install")
 
     # A new version takes the place of the old one.
     write_package(points, {}, version="0.2.0")
-    run("-m", "actionkit", "interfaces", "build", str(points), "--install")
-    listed = run("-m", "pip", "list", "--format=freeze")
-    assert "points==0.2.0" in listed.split()
-    run("-m", "pip", "check")
-    run("-m", "pip", "uninstall", "-y", "points")
-    left = {path for path in root.rglob("*") if "__pycache__" not in path.parts} - files
-    assert not [path for path in left if path.is_file()], left
+    run_in(python, *BUILD, points, "--install")
+    listed = run_in(python, "-m", "pip", "list", "--format=freeze")
+    assert [line for line in listed.split() if "points" in line] == ["points==0.2.0+actionkit"]
+    run_in(python, "-m", "pip", "check")
+    run_in(python, "-m", "pip", "uninstall", "-y", "points")
+    assert files_in(root) == before
+
+
+def test_a_wheel_declares_what_it_needs_and_works_without_a_compiler(
+    points: Path, python: str, tmp_path: Path
+) -> None:
+    sources, wheels = points.parent, tmp_path / "wheels"
+    files = {"action/Draw.action": "points/Point[] at\ngeometry_msgs/Pose pose\n---\n---\n"}
+    write_package(sources / "drawing", files, depends="points geometry_msgs")
+    done = actionkit("interfaces", "build", sources, "--wheel", wheels)
+    assert done.returncode == 0, done.stdout + done.stderr
+    names = {path.name.split("-")[0]: path for path in wheels.iterdir()}
+    assert sorted(names) == ["drawing", "points"]
+    last = done.stdout.splitlines()[-1]
+    assert last == f"To install: pip install {names['points']} {names['drawing']}"
+    again = built(sources, "--wheel", wheels)
+    assert again[:2] == ["points: unchanged,", "drawing: unchanged,"]
+
+    # As on the robot, where everything else is installed already.
+    offline = ("-m", "pip", "install", "--no-index")
+    refused = subprocess.run(
+        [python, *offline, names["drawing"]], capture_output=True, text=True, check=False
+    )
+    assert "points==0.1.0+actionkit" in refused.stdout + refused.stderr
+    run_in(python, *offline, names["points"], names["drawing"])
+    assert run_in(python, "-c", SHOW, "drawing.action._draw", "Draw_Goal").split() == ["at", "pose"]
+    run_in(python, "-m", "pip", "check")
+    said = "import importlib.metadata as m; print(*m.requires('drawing'))"
+    required = run_in(python, "-c", said).split()
+    assert sorted(re.sub(r"[\d.]+$", "N", one) for one in required) == [
+        "points==0.1.0+actionkit",
+        "ros-action-msgs~=N",
+        "ros-builtin-interfaces~=N",
+        "ros-geometry-msgs~=N",
+        "ros-rclpy[fastrtps]~=N",
+        "ros-service-msgs~=N",
+        "ros-unique-identifier-msgs~=N",
+    ]
+    # Both are known to a build that uses them.
+    user = write_package(tmp_path / "users" / "user", {"msg/User.msg": "points/Point at\n"})
+    assert "user: built" in run_in(python, *BUILD, user, "--install")
+    assert run_in(python, "-c", SHOW, "user.msg", "User").split() == ["at"]
+
+
+def test_without_pip_the_error_says_how_to_go_on(
+    points: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from actionkit.cli._app import run
+
+    monkeypatch.setitem(sys.modules, "pip", None)
+    assert run(["interfaces", "build", str(points), "--install"]) == 3
+    assert "uv pip install wheels/*.whl" in capsys.readouterr().err
+
+
+def test_what_pip_refuses_is_told(points: Path, python: str, tmp_path: Path) -> None:
+    # Stands in for the pip of a system whose packages are managed by another program.
+    broken = tmp_path / "pip"
+    (broken / "pip").mkdir(parents=True)
+    (broken / "pip" / "__init__.py").touch()
+    (broken / "pip" / "__main__.py").write_text("raise SystemExit('externally managed')\n")
+    env = environment(broken)
+    done = subprocess.run(
+        [python, *BUILD, points, "--install"], env=env, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert "pip did not install points-0.1.0+actionkit" in done.stderr
+    assert "externally managed" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_what_a_build_tells_of_itself(own: Path) -> None:
     place = own / "actionkit_interfaces"
-    assert (place / FILE).is_file()
+    assert (place / RECORD).is_file()
     assert (own / "share" / "COLCON_IGNORE").is_file()
     kinds = {path.suffix for path in (own / "share" / "actionkit_interfaces").rglob("*.*")}
     assert kinds == {".action", ".idl", ".json", ".xml"}

@@ -12,7 +12,14 @@ import pytest
 
 from actionkit import servers
 from tests.conftest import Script
-from tests.interfaces.conftest import SHIPPED, actionkit, environment, run_python, write_package
+from tests.interfaces.conftest import (
+    SHIPPED,
+    actionkit,
+    build_shadowing,
+    environment,
+    run_python,
+    write_package,
+)
 
 FIBONACCI = """
 import sys, test_msgs
@@ -269,8 +276,7 @@ def test_nothing_is_sent_to_a_server_with_another_version(
     text = "\n---\n".join(fields) + "\n"
     write_package(tmp_path / "src" / "test_msgs", {"action/Fibonacci.action": text})
     built = tmp_path / "built"
-    done = actionkit("interfaces", "build", tmp_path / "src", "--shadow", "-o", built)
-    assert done.returncode == 0, done.stdout + done.stderr
+    build_shadowing(tmp_path / "src", built)
     with servers.start("fibonacci", domain_id=ros_domain) as server:
         env = environment(built, ROS_DOMAIN_ID=str(ros_domain))
         words = TOLD_BY if end == "result" else ()

@@ -126,7 +126,10 @@ def test_a_package_that_is_missing_for_every_action(
         ("<package><name>pick</name><version>one</version></package>", "<version> is 'one'"),
         ("<package><name>import</name><version>0.1.0</version></package>", "cannot import"),
         ("<package><name>json</name><version>0.1.0</version></package>", "module of Python itself"),
-        ("<package><name>test_msgs</name><version>0.1.0</version></package>", "--shadow"),
+        (
+            "<package><name>test_msgs</name><version>0.1.0</version></package>",
+            "'test_msgs' is installed",
+        ),
         ("<package><name>numpy</name><version>0.1.0</version></package>", "is installed here"),
     ],
 )
@@ -136,7 +139,7 @@ def test_a_bad_package_file(
     source = tmp_path / "source"
     write_package(source, {"action/Pick.action": GOOD, "package.xml": xml})
     # A name that is taken is no mistake in the sources.
-    taken = said in ("module of Python itself", "--shadow", "is installed here")
+    taken = said in ("module of Python itself", "'test_msgs' is installed", "is installed here")
     assert said in refused(capsys, source, code=1 if taken else 2)
 
 
@@ -239,7 +242,7 @@ def test_sources_are_not_overwritten(source: Path, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize(
-    "words", ["", ".", "--own", ". -o x --install", ". --own -o x", ". --install --shadow"]
+    "words", ["", ".", "--own", ". -o x --install", ". --own -o x", ". --install --wheel x"]
 )
 def test_wrong_usage(words: str, capsys: pytest.CaptureFixture[str]) -> None:
     build(*words.split(), code=2)
