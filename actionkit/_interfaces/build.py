@@ -25,13 +25,13 @@ class Built:
         package: What was built.
         place: Its folder, or its wheel.
         seconds: How long it took; `None` where nothing had changed.
-        undeclared: Packages that it uses and that its package.xml does not name.
+        notes: What colcon would refuse.
     """
 
     package: Package
     place: Path
     seconds: float | None
-    undeclared: list[str]
+    notes: list[str]
 
 
 def build(
@@ -93,7 +93,10 @@ def _build(package: Package, files: list[InterfaceFile], uses: set[str], target:
     used = {name: one for name, one in all_used.items() if one is not None}
     checks.types(package, files, used)
     named = {use.package for file in files for use in file.uses} - {package.name}
-    undeclared = sorted(named - package.declared)
+    notes = [note for file in files for note in file.notes]
+    if undeclared := sorted(named - package.declared):
+        tags = "".join(f"<depend>{other}</depend>" for other in undeclared)
+        notes.append(f"{package.folder / 'package.xml'}: add {tags}")
     place = target.stage / package.name
     key = of_package(
         {file.path.as_posix(): file.text for file in files},
@@ -103,7 +106,7 @@ def _build(package: Package, files: list[InterfaceFile], uses: set[str], target:
     )
     before = read_record(place)
     if before is not None and before.key == key and before.is_complete(place):
-        return Built(package, wheel.place(package, target), None, undeclared)
+        return Built(package, wheel.place(package, target), None, notes)
     compiler = find_compiler()
     with wheel.workshop(target.folder) as work:
         tree = work / "tree"
@@ -113,4 +116,4 @@ def _build(package: Package, files: list[InterfaceFile], uses: set[str], target:
         )
         direct = [used[name] for name in uses]
         wheel.deliver(wheel.write(package, tree, direct, work), package, target)
-    return Built(package, wheel.place(package, target), time.monotonic() - began, undeclared)
+    return Built(package, wheel.place(package, target), time.monotonic() - began, notes)

@@ -11,7 +11,7 @@ _C_AND_CPP = frozenset(
         "alignas alignof and_eq asm auto bitand bitor bool break case catch char char16_t char32_t"
         " class co_await co_return co_yield compl concept const const_cast consteval constexpr"
         " constinit continue decltype default delete do double dynamic_cast else enum explicit"
-        " export extern false float for friend goto if inline int long mutable namespace new"
+        " errno export extern false float for friend goto if inline int long mutable namespace new"
         " noexcept not_eq nullptr operator or_eq private protected public register"
         " reinterpret_cast requires restrict return short signed sizeof static static_assert"
         " static_cast struct switch template this thread_local throw true try typedef typeid"

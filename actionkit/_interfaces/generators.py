@@ -9,6 +9,7 @@ import io
 import json
 import sys
 import threading
+import warnings
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -151,7 +152,12 @@ def _parsing_once() -> Iterator[None]:
 @contextlib.contextmanager
 def _quiet() -> Iterator[Any]:
     written = io.StringIO()
-    with contextlib.redirect_stdout(written), contextlib.redirect_stderr(written):
+    with (
+        contextlib.redirect_stdout(written),
+        contextlib.redirect_stderr(written),
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("ignore")  # of backslashes in comments
         # empy 3 puts itself in front of the standard output that it finds first, and refuses to
         # work where another takes its place: have it begin anew.
         interpreter: Any = importlib.import_module("em").Interpreter

@@ -125,6 +125,5 @@ def _tell(built: Built) -> None:
         kinds = Counter(file.suffix[1:] for file in built.package.files)
         what = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
         say(f"{name}: built in {built.seconds:.1f} s ({what}), in {built.place}")
-    if built.undeclared:
-        lines = "".join(f"<depend>{other}</depend>" for other in built.undeclared)
-        say(f"{name}: for colcon, package.xml lacks {lines}", err=True)
+    for note in built.notes:
+        say(f"Built here, but not by colcon: {note}", err=True)

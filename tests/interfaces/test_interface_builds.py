@@ -80,7 +80,8 @@ def test_packages_that_were_built_elsewhere(points: Path, tmp_path: Path) -> Non
     built(points, "-o", there, env=env)
     done = actionkit("interfaces", "build", user, "-o", here, env={**env, "PYTHONPATH": str(there)})
     assert done.returncode == 0, done.stderr
-    assert "for colcon, package.xml lacks <depend>points</depend>" in done.stderr
+    assert "not by colcon" in done.stderr
+    assert "package.xml: add <depend>points</depend>" in done.stderr
     assert fields("lines.msg", "Line", here, there) == ["points"]
 
 

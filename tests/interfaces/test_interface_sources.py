@@ -10,7 +10,7 @@ import pytest
 
 from actionkit._interfaces import dependencies
 from actionkit.cli._app import run
-from tests.interfaces.conftest import write_package
+from tests.interfaces.conftest import environment, run_python, write_package
 
 GOOD = "int32 goal\n---\nint32 result\n---\nint32 feedback\n"
 
@@ -42,6 +42,7 @@ def refused(capsys: pytest.CaptureFixture[str], source: Path, *, code: int = 2) 
         ("action/Pick.action", "int32 default\n---\n---\n", 1, "which ROS generates"),
         ("action/Pick.action", "int32 default\n---\n---\n", 1, "use default_value"),
         ("action/Pick.action", "int32 new\n---\n---\n", 1, "word of C or C++"),
+        ("action/Pick.action", "int32 errno\n---\n---\n", 1, "word of C or C++"),
         ("action/Pick.action", "int32 builtins\n---\n---\n", 1, "generated Python code"),
         ("action/Pick.action", "uint8 a 300\n---\n---\n", 1, "integer value"),
         ("action/Pick.action", "int32[<=x] a\n---\n---\n", 1, "int32[<=x] a"),
@@ -55,6 +56,22 @@ def refused(capsys: pytest.CaptureFixture[str], source: Path, *, code: int = 2) 
         ("action/Pick.action", "Nowhere a\n---\n---\n", 1, "add msg/Nowhere.msg"),
         ("action/Pick.action", "geometry_msgs/Pos a\n---\n---\n", 1, "Did you mean Pose"),
         ("action/Pick.action", "nav2_msgs/Map a\n---\n---\n", 1, "github.com/ros-navigation/"),
+        ("action/Pick.action", "---\nint8 A=0\n---\n# x\n\nint8 A=0\n", 6, "result (line 2)"),
+        ("srv/Pick.srv", "int8 A=0\n---\nint8 A = 0\n", 3, "write a comment behind it"),
+        ("action/Pick.action", "int8 a # C:\\users\\ann\n---\n---\n", 1, r"\users in a comment"),
+        ("action/Pick.action", "# to \\\n---\n---\n", 1, "write / for it"),
+        ("action/Pick.action", "float64 b nan\n---\n---\n", 1, "only finite numbers"),
+        ("action/Pick.action", "float64 b -inf\n---\n---\n", 1, "only finite numbers"),
+        ("action/Pick.action", "float32 b 1e400\n---\n---\n", 1, "only finite numbers"),
+        ("action/Pick.action", "float64 B=nan\n---\n---\n", 1, "only finite numbers"),
+        ("action/Pick.action", "float64[2] b [1, nan]\n---\n---\n", 1, "only finite numbers"),
+        ("action/Pick.action", "---\nint32[] b []\n---\n", 2, "leave [] out"),
+        ("action/Pick.action", "int32[<=3] b []\n---\n---\n", 1, "leave [] out"),
+        ("action/Pick.action", 'string b "a\\nb"\n---\n---\n', 1, "can have no backslash"),
+        ("action/Pick.action", 'string B="a\\\\b"\n---\n---\n', 1, "can have no backslash"),
+        ("action/Pick.action", 'string[] b ["\\x"]\n---\n---\n', 1, "can have no backslash"),
+        ("action/Pick.action", "geometry_msgs/msg/Pose p\n---\n---\n", 1, "geometry_msgs/Pose,"),
+        ("action/Pick.action", "int32 c = 5\n---\n---\n", 1, "without `=`, as `int32 c 5`"),
         ("srv/Pick.srv", "int32 a\n", 1, "the response is missing"),
         ("msg/Pick.msg", "int32 a\n---\n", 2, "a .msg file has one part"),
         ("msg/Waypoint.msg", "Waypoint a\n", None, "Waypoint -> Waypoint"),
@@ -77,6 +94,46 @@ def test_a_bad_line(
     place = f"{source / file}:{line}: " if line else str(source)
     assert place in error
     assert said in error
+
+
+def test_what_only_looks_wrong_is_built(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = """\
+# Kept apart by their comments, as in Nav2's DockRobot; a \\ b and \\"c\\" are no characters.
+---
+
+# Of the result
+uint16 NONE=0
+string a 'it\\'s'
+string[] b []
+float64 c 1e300
+---
+# Of the feedback
+
+uint16 NONE=0
+"""
+    source = write_package(tmp_path / "pick_interfaces", {"action/Pick.action": text})
+    build(source, "-o", tmp_path / "out", code=0)
+    show = """
+from pick_interfaces.action import Pick
+print(Pick.Result.NONE, Pick.Feedback.NONE, Pick.Result().a, Pick.Result().b, Pick.Result().c)
+"""
+    assert run_python(show, env=environment(tmp_path / "out")).strip() == "0 0 it's [] 1e+300"
+
+
+def test_what_colcon_would_refuse_is_built_and_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = b"\xef\xbb\xbfint32 a\r\n--- \n  int32 b\n# c\n--- # the feedback\nint32 d # \x0c e\n"
+    source = write_package(tmp_path / "pick_interfaces", {"action/Pick.action": text})
+    build(source, "-o", tmp_path / "out", code=0)
+    place, told = source / "action" / "Pick.action", "Built here, but not by colcon: "
+    assert capsys.readouterr().err.splitlines() == [
+        f"{told}{place}:1: save it as UTF-8 without a byte order mark (BOM)",
+        f"{told}{place}:2: write `---` alone, without spaces or a comment",
+        f"{told}{place}:3: remove the space before it",
+        f"{told}{place}:5: write `---` alone, without spaces or a comment",
+        f"{told}{place}:6: remove the control character",
+    ]
 
 
 def test_all_bad_lines_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
