@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from actionkit._interfaces import checks, generators, interface_file, objects, staging, wheel
+from actionkit._interfaces import checks, generators, interface_file, staging, wheel
 from actionkit._interfaces import dependencies as used_packages
-from actionkit._interfaces.compiler import find_compiler
+from actionkit._interfaces.compile import find_compiler
 from actionkit._interfaces.dependencies import IMPLIED, BuildRecord, read_record
 from actionkit._interfaces.fingerprint import of_package
 from actionkit._interfaces.interface_file import InterfaceFile
@@ -35,7 +36,11 @@ class Built:
 
 
 def build(
-    folder: Path, target: Target, *, tell: Callable[[Built], None] = lambda built: None
+    folder: Path,
+    target: Target,
+    *,
+    tell: Callable[[Built], None],
+    progress: Callable[[Package, float], None],
 ) -> list[Built]:
     """Build the interface packages of a folder, those that have changed.
 
@@ -43,6 +48,7 @@ def build(
         folder: A package, or a folder that has packages below it.
         target: Where they go.
         tell: Called after each package.
+        progress: Called while one is built, with the part of the work that is done.
 
     Returns:
         All packages in the order of their building.
@@ -68,9 +74,8 @@ def build(
     checks.missing(read, lacking)
     built = []
     for name in ordered:
-        built.append(_build(packages[name], read[name], uses[name], target))
+        built.append(_build(packages[name], read[name], uses[name], target, progress))
         tell(built[-1])
-    objects.clear_old()
     return built
 
 
@@ -87,7 +92,13 @@ def _uses(name: str, files: Iterable[InterfaceFile]) -> set[str]:
     return found - {name}
 
 
-def _build(package: Package, files: list[InterfaceFile], uses: set[str], target: Target) -> Built:
+def _build(
+    package: Package,
+    files: list[InterfaceFile],
+    uses: set[str],
+    target: Target,
+    progress: Callable[[Package, float], None],
+) -> Built:
     began = time.monotonic()
     all_used = used_packages.with_all_they_use(uses, target.stage)
     used = {name: one for name, one in all_used.items() if one is not None}
@@ -108,9 +119,12 @@ def _build(package: Package, files: list[InterfaceFile], uses: set[str], target:
     if before is not None and before.key == key and before.is_complete(place):
         return Built(package, wheel.place(package, target), None, notes)
     compiler = find_compiler()
+    progress(package, 0.0)
     with wheel.workshop(target.folder) as work:
         tree = work / "tree"
-        made = staging.make(package, files, used, work, tree, target, compiler)
+        made = staging.make(
+            package, files, used, work, tree, target, compiler, partial(progress, package)
+        )
         BuildRecord(package.name, package.version, key, sorted(used), made).write(
             tree / package.name
         )

@@ -13,7 +13,7 @@ from pathlib import Path
 from actionkit._interfaces.dependencies import Dependency
 from actionkit._interfaces.wheel import Target
 
-_FORMAT = 2
+_FORMAT = 3
 """To be raised when what is built changes though its sources do not."""
 GENERATORS = (
     "rosidl_adapter",

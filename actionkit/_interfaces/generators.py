@@ -1,21 +1,26 @@
-"""rosidl's generators, which come with rclpy's wheels: from .action files to C, C++ and Python."""
+"""rosidl's generators, which come with rclpy's wheels: from .action files to C, C++ and Python.
+
+They keep what they know in global variables and write to standard output, so each runs in a
+process of its own; and all at the same time. They read each template, character by character, once
+for each type: what was found is remembered (`_remember`), which takes off half of the time.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import importlib
-import io
 import json
+import pickle
+import subprocess
 import sys
-import threading
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 from actionkit._interfaces.dependencies import Dependency
 from actionkit._interfaces.errors import InterfacesError, MissingToolError
+from actionkit._interfaces.parallel import each
 from actionkit._model.missing import RCLPY
 
 LIBRARIES = {
@@ -27,9 +32,25 @@ LIBRARIES = {
 }
 """Folder of generated sources -> the ending of the library that is made from them, in an order in
 which each needs only those before it. rosidl looks for some of them by these names."""
+_GENERATORS: dict[str, tuple[str, tuple[object, ...]]] = {
+    "python": ("generate_py", (["rosidl_typesupport_c"],)),
+    "fastrtps": ("generate_typesupport_fastrtps_c", ()),
+    "c": ("generate_c", ()),
+    "introspection": ("generate_c", ()),
+    "dispatch": (
+        "generate_c",
+        (["rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"],),
+    ),
+}
+"""Folder -> the function of its generator, and more arguments; those that take longest first."""
 _VISIBILITY = ("generator_c", "typesupport_fastrtps_c", "typesupport_introspection_c")
-_lock = threading.Lock()
-"""The templates go through a global interpreter, and through standard output."""
+_PARSED = "parsed.pickle"
+_PROGRAM = """
+import json, sys
+sys.path[:] = json.loads(sys.argv[1])
+from actionkit._interfaces import generators
+generators.{}(*map(json.loads, sys.argv[2:]))
+"""
 
 
 def check_installed() -> None:
@@ -49,7 +70,11 @@ def check_installed() -> None:
 
 
 def generate(
-    package: str, files: Iterable[Path], dependencies: Iterable[Dependency], work: Path
+    package: str,
+    files: Iterable[Path],
+    dependencies: Iterable[Dependency],
+    work: Path,
+    progress: Callable[[float], None],
 ) -> None:
     """Write the sources of a package's libraries and its Python modules.
 
@@ -59,64 +84,16 @@ def generate(
         dependencies: All packages that these use, with those that they use in turn.
         work: A folder. Below it come `idl` and `hashes` (files for `share`), and a folder for
             each of `LIBRARIES`.
+        progress: Told which part of the work is done.
 
     Raises:
         InterfacesError: A generator fails; the text has what it wrote.
     """
-    with _lock, _parsing_once(), _quiet() as written:
-        try:
-            _generate(package, sorted(files), list(dependencies), work)
-        except (Exception, SystemExit) as error:
-            tail = "\n".join(written.getvalue().strip().splitlines()[-5:])
-            raise InterfacesError(
-                f"{package}: a generator of ROS failed: {type(error).__name__}: {error}\n{tail}"
-            ) from error
-
-
-def _generate(package: str, files: list[Path], dependencies: list[Dependency], work: Path) -> None:
-    convert_to_idl: Any = importlib.import_module("rosidl_adapter").convert_to_idl
-    idl, source = work / "idl", work / "source"
-    for file in files:
-        convert_to_idl(source, package, file, idl)
-    idls = [file.with_suffix(".idl").as_posix() for file in files]
-
-    def run(generator: str, folder: str, function: str, *more: object, **options: object) -> None:
-        output = work / folder / package
-        output.mkdir(parents=True, exist_ok=True)
-        arguments = work / f"{generator}.json"
-        arguments.write_text(
-            json.dumps(
-                {
-                    "package_name": package,
-                    "output_dir": str(output),
-                    "template_dir": str(_resources(generator)),
-                    "idl_tuples": [f"{idl}:{name}" for name in idls],
-                    "target_dependencies": [],
-                    **options,
-                }
-            )
-        )
-        getattr(importlib.import_module(generator), function)(str(arguments), *more)
-
-    run(
-        "rosidl_generator_type_description",
-        "hashes",
-        "generate_type_hash",
-        include_paths=[f"{one.name}:{one.share}" for one in dependencies],
-    )
-    hashes = work / "hashes" / package
-    run(
-        "rosidl_generator_c",
-        "c",
-        "generate_c",
-        type_description_tuples=[f"{name}:{(hashes / name).with_suffix('.json')}" for name in idls],
-        ros_interface_files=[str(source / file) for file in files],
-    )
-    run("rosidl_typesupport_fastrtps_c", "fastrtps", "generate_typesupport_fastrtps_c")
-    run("rosidl_typesupport_introspection_c", "introspection", "generate_c")
-    kinds = ["rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"]
-    run("rosidl_typesupport_c", "dispatch", "generate_c", kinds)
-    run("rosidl_generator_py", "python", "generate_py", ["rosidl_typesupport_c"])
+    names = [file.as_posix() for file in sorted(files)]
+    paths = [f"{one.name}:{one.share}" for one in dependencies]
+    _run("describe", package, str(work), names, paths)
+    steps = list(_GENERATORS)
+    each(lambda folder: _run("write", package, str(work), names, folder), steps, progress)
     for kind in _VISIBILITY:
         name = f"rosidl_{kind}__visibility_control.h"
         template = (_resources(f"rosidl_{kind}") / f"{name}.in").read_text("utf-8")
@@ -126,16 +103,84 @@ def _generate(package: str, files: list[Path], dependencies: list[Dependency], w
         header.write_text(text.replace("@PROJECT_NAME_UPPER@", package.upper()), "utf-8")
 
 
+def _run(function: str, package: str, *arguments: object) -> None:
+    words = [sys.executable, "-c", _PROGRAM.format(function)]
+    given = [sys.path, package, *arguments]
+    done = subprocess.run(
+        [*words, *map(json.dumps, given)],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        tail = "\n".join((done.stdout + done.stderr).strip().splitlines()[-5:])
+        raise InterfacesError(f"{package}: a generator of ROS failed:\n{tail}")
+
+
+# --- in the process of a generator -----------------------------------------------------------
+
+
+def describe(package: str, folder: str, names: list[str], paths: list[str]) -> None:
+    """Write .idl files and the hashes of the types, and keep what was parsed."""
+    warnings.simplefilter("ignore")  # of backslashes in comments
+    convert_to_idl: Any = importlib.import_module("rosidl_adapter").convert_to_idl
+    work, parsed = Path(folder), _parse_once({})
+    for name in names:
+        convert_to_idl(work / "source", package, Path(name), work / "idl")
+    module = importlib.import_module("rosidl_generator_type_description")
+    module.generate_type_hash(_job(package, work, names, "hashes", module, include_paths=paths))
+    (work / _PARSED).write_bytes(pickle.dumps(parsed))
+
+
+def write(package: str, folder: str, names: list[str], library: str) -> None:
+    """Write the sources of one library."""
+    work = Path(folder)
+    _parse_once(pickle.loads((work / _PARSED).read_bytes()))
+    _remember()
+    hashes = work / "hashes" / package
+    more = {
+        "type_description_tuples": [
+            f"{idl}:{(hashes / idl).with_suffix('.json')}" for idl in _idls(names)
+        ],
+        "ros_interface_files": [str(work / "source" / name) for name in names],
+    }
+    function, arguments = _GENERATORS[library]
+    module = importlib.import_module(LIBRARIES[library])
+    job = _job(package, work, names, library, module, **(more if library == "c" else {}))
+    getattr(module, function)(job, *arguments)
+
+
+def _job(
+    package: str, work: Path, names: list[str], folder: str, module: Any, **options: object
+) -> str:
+    """Write the file of arguments that each generator reads."""
+    output, path = work / folder / package, work / f"{folder}.json"
+    output.mkdir(parents=True)
+    job = {
+        "package_name": package,
+        "output_dir": str(output),
+        "template_dir": str(_resources(module.__name__)),
+        "idl_tuples": [f"{work / 'idl'}:{name}" for name in _idls(names)],
+        "target_dependencies": [],
+        **options,
+    }
+    path.write_text(json.dumps(job), "utf-8")
+    return str(path)
+
+
+def _idls(names: Iterable[str]) -> list[str]:
+    return [Path(name).with_suffix(".idl").as_posix() for name in names]
+
+
 def _resources(generator: str) -> Path:
     return Path(sys.prefix, "share", generator, "resource")
 
 
-@contextlib.contextmanager
-def _parsing_once() -> Iterator[None]:
-    """Parse each .idl file once, and not once for each generator: that is half of all the time."""
+def _parse_once(parsed: dict[str, Any]) -> dict[str, Any]:
+    """Have each .idl text parsed once only; return where what was parsed is kept."""
     parser: Any = importlib.import_module("rosidl_parser.parser")
     parse = parser.parse_idl_string
-    parsed: dict[str, Any] = {}
 
     def parse_once(text: str, *args: Any, **options: Any) -> Any:
         if text not in parsed:
@@ -143,24 +188,34 @@ def _parsing_once() -> Iterator[None]:
         return copy.deepcopy(parsed[text])
 
     parser.parse_idl_string = parse_once
-    try:
-        yield
-    finally:
-        parser.parse_idl_string = parse
+    return parsed
 
 
-@contextlib.contextmanager
-def _quiet() -> Iterator[Any]:
-    written = io.StringIO()
-    with (
-        contextlib.redirect_stdout(written),
-        contextlib.redirect_stderr(written),
-        warnings.catch_warnings(),
-    ):
-        warnings.simplefilter("ignore")  # of backslashes in comments
-        # empy 3 puts itself in front of the standard output that it finds first, and refuses to
-        # work where another takes its place: have it begin anew.
-        interpreter: Any = importlib.import_module("em").Interpreter
-        if hasattr(interpreter, "_wasProxyInstalled"):
-            interpreter._wasProxyInstalled = False
-        yield written
+def _remember() -> None:
+    """Have empy look once only where the expressions of a template end.
+
+    The two methods depend on nothing but the text and the place in it.
+    """
+    scanner: Any = getattr(importlib.import_module("em"), "Scanner", None)
+    for name in ("complex", "next"):
+        if hasattr(scanner, name):  # another empy may have no such methods
+            setattr(scanner, name, _remembering(getattr(scanner, name)))
+
+
+def _remembering(find: Callable[..., Any]) -> Callable[..., Any]:
+    known: dict[tuple[object, ...], tuple[Any, Exception | None]] = {}
+
+    def found(scanner: Any, *args: Any, **options: Any) -> Any:
+        place = getattr(scanner, "head", 0) + scanner.pointer  # empy 3 has no head
+        key = (scanner.buffer, place, args, *options.items())
+        if key not in known:
+            try:
+                known[key] = (find(scanner, *args, **options), None)
+            except Exception as problem:  # noqa: BLE001  that there is no end is an answer, too
+                known[key] = (None, problem)
+        value, error = known[key]
+        if error is not None:
+            raise error.with_traceback(None)
+        return value
+
+    return found

@@ -7,20 +7,20 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from actionkit._interfaces import compiler as compilers
-from actionkit._interfaces import generators, libraries, objects, wheel
-from actionkit._interfaces.compiler import Compiler
+from actionkit._interfaces import compile, generators, wheel
+from actionkit._interfaces.compile import Compiler
 from actionkit._interfaces.dependencies import Dependency
 from actionkit._interfaces.errors import InterfacesError
-from actionkit._interfaces.fingerprint import digest, of_dependency, of_machine
 from actionkit._interfaces.interface_file import InterfaceFile
 from actionkit._interfaces.source_tree import KINDS, Package
 from actionkit._interfaces.wheel import Target
 
 _RUN_TIME_DEPENDENCIES = "rosidl_default_runtime"
+_GENERATING = 0.4
+"""The part of the time that the generators take."""
 _LOAD = """
 import importlib, json, sys
 package, names = json.loads(sys.argv[1])
@@ -42,6 +42,7 @@ def make(
     tree: Path,
     target: Target,
     compiler: Compiler,
+    progress: Callable[[float], None],
 ) -> dict[str, int]:
     """Generate, compile and link a package, and try that Python can load it.
 
@@ -53,6 +54,7 @@ def make(
         tree: What becomes of `work/tree`: the files of the wheel.
         target: Where the package goes.
         compiler: What compiles it.
+        progress: Told which part of the work is done.
 
     Returns:
         The names of the libraries with their sizes in bytes.
@@ -67,8 +69,8 @@ def make(
         path = area / "source" / file.path
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(file.text, "utf-8")
-    generators.generate(package.name, [file.path for file in files], used, area)
-
+    names = [file.path for file in files]
+    generators.generate(package.name, names, used, area, lambda part: progress(_GENERATING * part))
     folder = tree / package.name
     shutil.copytree(
         area / "python" / package.name, folder, ignore=shutil.ignore_patterns("*.c", "__pycache__")
@@ -80,31 +82,18 @@ def make(
         only_headers = shutil.ignore_patterns("*.c", "*.cpp")
         shutil.copytree(source, headers, ignore=only_headers, dirs_exist_ok=True)
 
-    compiled = objects.compile_all(
+    made = compile.build_libraries(
+        package.name,
         area,
-        objects.units(area, generators.LIBRARIES),
-        _includes(area, used),
+        folder,
+        used,
         compiler,
-        digest(of_machine(), *(of_dependency(one) for one in used)),
+        target,
+        lambda part: progress(_GENERATING + (1 - _GENERATING) * part),
     )
-    made = libraries.link(package.name, folder, compiled, used, compiler, target)
     _fill_share(package, files, area, wheel.share(package, tree))
     _try_to_load(package, files, used, tree)
     return made
-
-
-def _includes(area: Path, used: Iterable[Dependency]) -> list[Path]:
-    import numpy
-
-    wheels = Path(sys.prefix, "include")
-    return [
-        *(area / library for library in ("c", "fastrtps", "introspection", "python")),
-        *(one.include for one in used if one.record is not None),
-        Path(compilers.python_headers()),
-        Path(numpy.get_include()),
-        wheels,  # Fast CDR's lie here, all others in a folder of their package's name
-        *sorted(path for path in wheels.iterdir() if path.is_dir()),
-    ]
 
 
 def _fill_share(package: Package, files: Iterable[InterfaceFile], area: Path, top: Path) -> None:

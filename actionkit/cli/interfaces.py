@@ -9,6 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+from typing_extensions import Self
 
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option
@@ -17,6 +20,7 @@ from actionkit.cli._say import say
 
 if TYPE_CHECKING:
     from actionkit._interfaces.build import Built
+    from actionkit._interfaces.source_tree import Package
 
 _EPILOG = """\b
 Examples:
@@ -101,8 +105,10 @@ def build_command(
     else:
         opened = wheel.opened("environment", wheel.site_packages())
     try:
-        with opened as target:
-            built = build(folder or own_package.folder(), target, tell=_tell)
+        with opened as target, _Progress() as progress:
+            built = build(
+                folder or own_package.folder(), target, tell=progress.tell, progress=progress.now
+            )
     except InterfacesError as error:
         usage, tools = isinstance(error, BadSourceError), isinstance(error, MissingToolError)
         raise Problem(
@@ -115,6 +121,44 @@ def build_command(
         # All by their files: so pip asks no index for one of them.
         say(f"To install: pip install {shlex.join(str(one.place) for one in built)}")
     return Exit.OK
+
+
+class _Progress:
+    """Says how far a build is, on standard error: a bar on a terminal, else a line each quarter."""
+
+    def __init__(self) -> None:
+        console = Console(stderr=True, highlight=False, markup=False, emoji=False)
+        self._quarter = -1
+        self._bar: Progress | None = None
+        if console.is_terminal:
+            columns = (BarColumn(bar_width=30), TextColumn("{task.description}", markup=False))
+            # Drawn by this thread alone, and gone when the package is built.
+            self._bar = Progress(*columns, console=console, auto_refresh=False, transient=True)
+            self._task = self._bar.add_task("", total=1.0)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def now(self, package: Package, part: float) -> None:
+        count = len(package.files)
+        text = f"{package.name}: building {count} type{'s' if count > 1 else ''}, {part:.0%}"
+        if self._bar is not None:
+            self._bar.start()
+            self._bar.update(self._task, completed=part, description=text)
+            self._bar.refresh()
+        elif int(4 * part) not in (self._quarter, 4):
+            self._quarter = int(4 * part)
+            say(text, err=True)
+
+    def tell(self, built: Built) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+        self._quarter = -1
+        _tell(built)
 
 
 def _tell(built: Built) -> None:

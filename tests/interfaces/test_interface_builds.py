@@ -143,6 +143,33 @@ def test_what_cannot_be_compiled_or_loaded_changes_nothing(points: Path, tmp_pat
     assert fields("points.msg", "Point", out) == ["x", "y"]
 
 
+MEETING = """#!/bin/sh
+if mkdir {here}/first 2> /dev/null; then read nothing < {here}/meet
+elif mkdir {here}/second 2> /dev/null; then echo > {here}/meet
+fi
+exec gcc "$@"
+"""
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="there is one processor only")
+def test_two_processors_compile_and_progress_is_told(points: Path, tmp_path: Path) -> None:
+    # The first two calls of the compiler wait for each other: one alone would wait for ever.
+    here = tmp_path / "meeting"
+    here.mkdir()
+    os.mkfifo(here / "meet")
+    compiler = here / "gcc"
+    compiler.write_text(MEETING.format(here=here))
+    compiler.chmod(0o755)
+    env = environment(CC=str(compiler))
+    done = actionkit("interfaces", "build", points, "-o", tmp_path / "out", env=env)
+    assert done.returncode == 0, done.stderr
+    assert (here / "second").is_dir()
+    told = re.findall(r"points: building 1 type, (\d+)%", done.stderr)
+    assert len(told) == 4
+    assert sorted(map(int, told)) == list(map(int, told))
+    assert told[0] == "0"
+
+
 # --- installed -------------------------------------------------------------------------------
 
 
