@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from actionkit._interfaces.compile import find_compiler
 from actionkit._interfaces.dependencies import IMPLIED, BuildRecord, read_record
 from actionkit._interfaces.fingerprint import of_package
 from actionkit._interfaces.interface_file import InterfaceFile
+from actionkit._interfaces.selection import select
 from actionkit._interfaces.source_tree import Package, find_packages
 from actionkit._interfaces.wheel import Target
 
@@ -39,6 +40,7 @@ def build(
     folder: Path,
     target: Target,
     *,
+    only: Collection[str] = (),
     tell: Callable[[Built], None],
     progress: Callable[[Package, float], None],
 ) -> list[Built]:
@@ -47,6 +49,7 @@ def build(
     Args:
         folder: A package, or a folder that has packages below it.
         target: Where they go.
+        only: Some types, as `action/Pick`; all if there are none.
         tell: Called after each package.
         progress: Called while one is built, with the part of the work that is done.
 
@@ -60,11 +63,18 @@ def build(
     checks.no_ros_installation([target.stage])
     generators.check_installed()
     packages = {one.name: one for one in find_packages(folder.absolute(), target.folder)}
-    for package in packages.values():
+    read = {name: _read(one) for name, one in packages.items()}
+    if only:
+        read = select(read, only)
+        packages = {
+            name: replace(packages[name], files=tuple(file.path for file in files))
+            for name, files in read.items()
+        }
+    for name, package in packages.items():
         checks.name(package, target.stage)
+        checks.files(package, read[name])
         if target.kind == "wheels":
             wheel.unpack_known(package, target)
-    read = {one.name: _read(one) for one in packages.values()}
     uses = {name: _uses(name, files) for name, files in read.items()}
     ordered = checks.order({name: uses[name] & set(packages) for name in packages})
     others = used_packages.with_all_they_use(
@@ -80,9 +90,7 @@ def build(
 
 
 def _read(package: Package) -> list[InterfaceFile]:
-    files = [interface_file.read(package.name, package.folder, path) for path in package.files]
-    checks.files(package, files)
-    return files
+    return [interface_file.read(package.name, package.folder, path) for path in package.files]
 
 
 def _uses(name: str, files: Iterable[InterfaceFile]) -> set[str]:

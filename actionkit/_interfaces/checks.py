@@ -13,6 +13,7 @@ from pathlib import Path
 from actionkit._interfaces.dependencies import Dependency, packages_with_message, read_record
 from actionkit._interfaces.errors import BadSourceError, TargetError
 from actionkit._interfaces.interface_file import InterfaceFile, Use, another_type
+from actionkit._interfaces.selection import Read, without
 from actionkit._interfaces.source_tree import Package
 from actionkit._interfaces.wheel import owner_of
 from actionkit._model.ros_packages import how_to_get, joined
@@ -102,7 +103,7 @@ def _foreign_type(use: Use, dependency: Dependency) -> list[str]:
     return [f"{use.place}: there is no message {use.name!r} in {use.package}.{hint}"]
 
 
-def missing(read: Mapping[str, Iterable[InterfaceFile]], names: Collection[str]) -> None:
+def missing(read: Read, names: Collection[str]) -> None:
     """Refuse packages that use others which are not here: all of them at once.
 
     Args:
@@ -118,7 +119,10 @@ def missing(read: Mapping[str, Iterable[InterfaceFile]], names: Collection[str])
     first = next((f"{use.place}: " for use in uses if use.package in names), "")
     are = "package {} is" if len(names) == 1 else "packages {} are"
     told = are.format(joined(sorted(names)))
-    _raise([f"{first}the {told} not here: {'. '.join(how_to_get(names))}"])
+    steps = how_to_get(names)
+    if (free := without(read, names)) is not None:
+        steps[-1] += f"; or build only what works without: --only {free}"
+    _raise([f"{first}the {told} not here: {'. '.join(steps)}"])
 
 
 def order(packages: Mapping[str, set[str]]) -> list[str]:

@@ -27,6 +27,7 @@ Examples:
   actionkit interfaces build pick_interfaces --install
   actionkit interfaces build src -o interfaces; export PYTHONPATH=$PWD/interfaces
   actionkit interfaces build src --wheel wheels
+  actionkit interfaces build nav2_msgs --only action/NavigateToPose --install
   actionkit interfaces build --own --install
 
 It needs a C++ compiler and the headers of Python, and says how to get them. The compiler's own
@@ -60,6 +61,12 @@ def command() -> None:
     "--install", is_flag=True, help="Install them into this Python environment, as pip would."
 )
 @click.option(
+    "--only",
+    metavar="KIND/NAME",
+    multiple=True,
+    help="Only this type, such as action/Pick, with what it needs. May be given several times.",
+)
+@click.option(
     "--own",
     is_flag=True,
     help="Instead of DIR: actionkit_interfaces, which the servers countdown and navigate speak.",
@@ -73,7 +80,12 @@ def command() -> None:
 )
 @debug_option
 def build_command(
-    folder: Path | None, output: Path | None, install: bool, wheels: Path | None, own: bool
+    folder: Path | None,
+    output: Path | None,
+    install: bool,
+    wheels: Path | None,
+    only: tuple[str, ...],
+    own: bool,
 ) -> int:
     """Build the interface packages in DIR, so that Python can import them.
 
@@ -107,7 +119,11 @@ def build_command(
     try:
         with opened as target, _Progress() as progress:
             built = build(
-                folder or own_package.folder(), target, tell=progress.tell, progress=progress.now
+                folder or own_package.folder(),
+                target,
+                only=only,
+                tell=progress.tell,
+                progress=progress.now,
             )
     except InterfacesError as error:
         usage, tools = isinstance(error, BadSourceError), isinstance(error, MissingToolError)

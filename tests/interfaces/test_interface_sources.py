@@ -153,16 +153,56 @@ def test_missing_packages_are_told_in_one_line_by_names_that_exist(
     )
     uses = "geographic_msgs/GeoPose a\nmy_msgs/It b\ngeometry_msgs/Pose c\nstd_msgs/Header d\n"
     here = tmp_path / "source" / "here"
-    write_package(here, {"msg/A.msg": "int32 n\n" + uses, "msg/B.msg": uses})
-    write_package(tmp_path / "source" / "there", {"msg/C.msg": uses + "here/A e\n"})
+    free = {"action/Free.action": "Free it\n---\n---\n", "msg/Free.msg": "int32 n\n"}
+    write_package(
+        here, {"msg/A.msg": "int32 n\n" + uses, "action/B.action": uses + "---\n---\n", **free}
+    )
+    write_package(tmp_path / "source" / "there", {"action/C.action": "here/A e\n---\n---\n"})
     error = refused(capsys, tmp_path / "source")
     assert error.splitlines() == [
         f"Error: {here}/msg/A.msg:2: the packages geographic_msgs, geometry_msgs, my_msgs and"
         " std_msgs are not here: pip install ros-jazzy-geometry-msgs ros-jazzy-std-msgs. PyPI is"
         " not known to have geographic_msgs"
         " (https://github.com/ros-geographic-info/geographic_info) or my_msgs: get the sources,"
-        " and build everything together"
+        " and build everything together; or build only what works without: --only action/Free"
     ]
+
+
+def test_only_some_types_with_what_they_need(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pick = {
+        "action/Pick.action": "Grip grip\nparts/Part part\n---\n---\n",
+        "action/Fly.action": "nowhere_msgs/Wings wings\n---\n---\n",
+        "msg/Grip.msg": "float64 force\n",
+        "msg/Wrong.msg": "nonsense\n",
+    }
+    source, out = tmp_path / "source", tmp_path / "out"
+    write_package(source / "pick_interfaces", pick, depends="parts")
+    parts = {"msg/Part.msg": "Size size\n", "msg/Size.msg": "int8 n\n", "srv/Find.srv": "---\n"}
+    write_package(source / "parts", parts)
+    write_package(source / "others", {"msg/Other.msg": "int8 n\n"})
+    build(source, "-o", out, "--only", "action/Pick", code=0)
+    show = """
+from parts import msg
+from pick_interfaces.action import Pick
+import pick_interfaces.msg
+print(Pick.Goal(), *(name for name in dir(msg) + dir(pick_interfaces.msg) if name[0].isupper()))
+"""
+    assert run_python(show, env=environment(out)).split(") ", 1)[1] == "Part Size Grip\n"
+    assert not (out / "others").exists()
+    assert sorted(path.name for path in (out / "share").glob("*/msg/*.msg")) == [
+        "Grip.msg",
+        "Part.msg",
+        "Size.msg",
+    ]
+    capsys.readouterr()
+    build(source, "-o", out, "--only", "parts/msg/Sise", code=2)
+    assert capsys.readouterr().err.startswith(
+        "Error: --only parts/msg/Sise: there is no such type here."
+    )
+    build(source, "-o", out, "--only", "action/Pikc", code=2)
+    assert "Did you mean action/Pick?" in capsys.readouterr().err
 
 
 def test_a_package_that_is_missing_for_every_action(
