@@ -197,15 +197,15 @@ def test_a_stub_names_nothing_but_what_there_is(path: Path) -> None:
     assert untrue(path) == []
 
 
-MADE_FROM = ["test_msgs"]
+MADE_FROM = ("test_msgs",)
 """Their stubs, and those of the packages that they use, are made by `actionkit stubs`."""
 
 
 def test_the_stubs_of_interface_packages_are_as_actionkit_makes_them() -> None:
-    from actionkit._stubs.loading import load
     from actionkit._stubs.modules import MARK, files, placeholders
+    from actionkit.cli.stubs import load_with_comments
 
-    loaded = load(MADE_FROM)
+    loaded = load_with_comments(MADE_FROM)
     wanted = {
         f"{package.name}/{name}": text
         for package in loaded.packages.values()

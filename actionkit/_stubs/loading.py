@@ -6,7 +6,7 @@ import ast
 import importlib
 import importlib.util
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -48,10 +48,13 @@ class Loaded:
     Attributes:
         packages: Name -> package.
         problems: Sentences on what could not be had; all the rest is there.
+        comments: Of `test_msgs/action/Fibonacci_Goal` or another message: the lines of comment on
+            it, and those on each field.
     """
 
     packages: dict[str, Package] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
+    comments: Callable[[str], tuple[list[str], dict[str, list[str]]]] = lambda name: ([], {})
 
     def has(self, package: str, kind: str, name: str) -> bool:
         """Tell whether there is such a type, or such a part of one."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from actionkit._stubs.fields import FieldType, Has, Names, class_path, constant, field_type
+from actionkit._stubs.fields import FieldType, Names, class_path, constant, field_type
 from actionkit._stubs.loading import Loaded, Package
 
 MARK = "# Made by `actionkit stubs`, which overwrites it."
@@ -32,7 +32,7 @@ def files(package: Package, loaded: Loaded) -> dict[str, str]:
             module = str(cls.__module__)
             body = bodies.setdefault(module, [])
             needed = imports.setdefault(module, set())
-            body += ["", *_type(kind, name, cls, loaded.has, needed)]
+            body += ["", *_type(kind, name, cls, loaded, needed)]
             handed_on = [extra for extra in package.extras[kind] if extra.startswith(f"{name}_")]
             body += ["", *(f"{e} = {class_path(kind, e)}" for e in handed_on)] if handed_on else []
         for module, body in bodies.items():
@@ -68,39 +68,39 @@ def _sorted(imports: set[str]) -> list[str]:
     return sorted(plain) + sorted(imports - set(plain))
 
 
-def _type(kind: str, name: str, cls: Any, has: Has, imports: set[str]) -> Iterator[str]:
+def _type(kind: str, name: str, cls: Any, loaded: Loaded, imports: set[str]) -> Iterator[str]:
     if kind == "msg":
-        yield from _message(cls, name, has, imports)
+        yield from _message(cls, name, loaded, imports)
     elif kind == "srv":
-        yield from _service(cls, name, has, imports)
+        yield from _service(cls, name, loaded, imports)
     else:
         yield f"class {name}:"
         for part in ("Goal", "Result", "Feedback"):
-            yield from _indented(_message(getattr(cls, part), part, has, imports))
+            yield from _indented(_message(getattr(cls, part), part, loaded, imports))
             yield ""
-        yield from _indented(_impl(cls.Impl, has, imports))
+        yield from _indented(_impl(cls.Impl, loaded, imports))
 
 
-def _impl(impl: Any, has: Has, imports: set[str]) -> Iterator[str]:
+def _impl(impl: Any, loaded: Loaded, imports: set[str]) -> Iterator[str]:
     """Write what rclpy's own action classes work with."""
     names = Names(imports, set())
     yield "class Impl:"
     for part in ("SendGoalService", "GetResultService"):
-        yield from _indented(_service(getattr(impl, part), part, has, imports))
+        yield from _indented(_service(getattr(impl, part), part, loaded, imports))
         yield ""
-    yield from _indented(_message(impl.FeedbackMessage, "FeedbackMessage", has, imports))
+    yield from _indented(_message(impl.FeedbackMessage, "FeedbackMessage", loaded, imports))
     yield ""
     for part, kind, name in (
         ("CancelGoalService", "srv", "CancelGoal"),
         ("GoalStatusMessage", "msg", "GoalStatusArray"),
     ):
-        if has("action_msgs", kind, name):
+        if loaded.has("action_msgs", kind, name):
             yield f"    {part} = {names.ros('action_msgs', kind, name)}"
         else:
             yield f"    {part}: {names.imported('typing', 'Any')}"
 
 
-def _service(cls: Any, name: str, has: Has, imports: set[str]) -> Iterator[str]:
+def _service(cls: Any, name: str, loaded: Loaded, imports: set[str]) -> Iterator[str]:
     yield f"class {name}:"
     first = True
     for part in ("Request", "Response", "Event"):
@@ -108,19 +108,22 @@ def _service(cls: Any, name: str, has: Has, imports: set[str]) -> Iterator[str]:
             if not first:
                 yield ""
             first = False
-            yield from _indented(_message(getattr(cls, part), part, has, imports))
+            yield from _indented(_message(getattr(cls, part), part, loaded, imports))
 
 
-def _message(cls: Any, name: str, has: Has, imports: set[str]) -> Iterator[str]:
+def _message(cls: Any, name: str, loaded: Loaded, imports: set[str]) -> Iterator[str]:
     said: dict[str, str] = cls.get_fields_and_field_types()
     constants: dict[str, Any] = getattr(type(cls), f"_Metaclass_{cls.__name__}__constants", {})
     names = Names(imports, {*said, *constants})
     types = {
-        field: field_type(slot, names, has)
+        field: field_type(slot, names, loaded.has)
         for field, slot in zip(said, cls.SLOT_TYPES, strict=True)
     }
     class_var = names.imported("typing", "ClassVar")
+    package, kind, *_ = cls.__module__.split(".")
+    head, comments = loaded.comments(f"{package}/{kind}/{cls.__name__}")
     yield f"class {name}:"
+    yield from _indented(_docstring(head))
     for each in sorted(constants):
         yield f"    {each}: {constant(constants[each], names)}"
     for field in said:
@@ -130,7 +133,8 @@ def _message(cls: Any, name: str, has: Has, imports: set[str]) -> Iterator[str]:
     anything = names.imported("typing", "Any")
     yield f"    SLOT_TYPES: {class_var}[{names.builtin('tuple')}[{anything}, ...]]"
     for field, type_ in types.items():
-        yield from _indented(_field(field, type_, said[field], names))
+        doc = list(_docstring(comments.get(field, ())))
+        yield from _indented(_field(field, type_, said[field], names, doc))
     yield from _indented(_init(cls, types, names))
     text = names.builtin("str")
     yield f"    @{names.builtin('classmethod')}"
@@ -141,12 +145,25 @@ def _message(cls: Any, name: str, has: Has, imports: set[str]) -> Iterator[str]:
         yield f"    __hash__: {class_var}[None]  # type: ignore[assignment]"
 
 
-def _field(name: str, type_: FieldType, said: str, names: Names) -> Iterator[str]:
+def _docstring(lines: Sequence[str]) -> Iterator[str]:
+    """Write comments of an interface file where editors look for them."""
+    shown = ["".join(c if c.isprintable() else " " for c in line).strip() for line in lines]
+    text = "\n".join(filter(None, shown))
+    if text:
+        quoted = text.replace("\\", "\\\\").replace('"', '\\"')
+        yield from f'"""{quoted}"""'.split("\n")
+
+
+def _field(
+    name: str, type_: FieldType, said: str, names: Names, doc: Sequence[str]
+) -> Iterator[str]:
     if type_.read == type_.given:
         yield f"{name}: {type_.read}  # {said}"
+        yield from doc
         return
     yield f"@{names.builtin('property')}"
-    yield f"def {name}(self) -> {type_.read}: ...  # {said}"
+    yield f"def {name}(self) -> {type_.read}:{'' if doc else ' ...'}  # {said}"
+    yield from _indented(doc)
     yield f"@{name}.setter"
     yield f"def {name}(self, value: {type_.given}) -> None: ..."
 

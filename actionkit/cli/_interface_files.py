@@ -1,4 +1,4 @@
-"""The comments of installed .action and .msg files, which no message class has."""
+"""The comments of installed .action, .msg and .srv files, which no message class has."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 _FIELD = re.compile(r"[A-Za-z][\w/]*(?:<=\d+)?(?:\[[<=\d]*\])?\s+([A-Za-z]\w*)\s*(=?)(.*)")
 """A type, a name, and a default value or, behind `=`, the value of a constant."""
 _TEXT = re.compile(r"\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'")
-_ACTION_PARTS = ("Goal", "Result", "Feedback")
+_PARTS = {"action": ("Goal", "Result", "Feedback"), "srv": ("Request", "Response")}
 _ABOVE = 6
 """Folders above a Python package in which `share` is looked for: lib/python3.12/site-packages/NAME
 is four below it."""
@@ -38,9 +38,11 @@ def comments_of(ros_type: str) -> Comments:
     """
     package, kind, name = ros_type.split("/")
     part = 0
-    if kind == "action":
-        name, _, word = name.rpartition("_")
-        part = _ACTION_PARTS.index(word)
+    if kind in _PARTS:
+        name, _, word = name.partition("_")
+        if word not in _PARTS[kind]:
+            return Comments()  # what every action or service has
+        part = _PARTS[kind].index(word)
     parts = _parsed(package, kind, name)
     return parts[part] if part < len(parts) else Comments()
 

@@ -11,6 +11,7 @@ import click
 from actionkit._model.similar_names import similar_names
 from actionkit._stubs.folders import ForeignFilesError, remove, replace
 from actionkit.cli._exits import Exit
+from actionkit.cli._interface_files import comments_of
 from actionkit.cli._options import HELP, debug_option
 from actionkit.cli._problems import Problem
 from actionkit.cli._say import say
@@ -54,7 +55,7 @@ def command(packages: tuple[str, ...], output: Path | None, install: bool, unins
         )
     if uninstall:
         return _uninstall(packages)
-    loaded = _load(packages)
+    loaded = load_with_comments(packages)
     problems = list(loaded.problems)
     where = None if install else output or Path("typings")
     for package in loaded.packages.values():
@@ -80,13 +81,14 @@ def command(packages: tuple[str, ...], output: Path | None, install: bool, unins
     return Exit.FAILED if problems else Exit.OK
 
 
-def _load(packages: tuple[str, ...]) -> Loaded:
+def load_with_comments(packages: tuple[str, ...]) -> Loaded:
+    """Return packages, all that they use, and the comments of their files."""
     from actionkit._stubs.loading import NoSuchPackageError, installed, load
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the parser that rosidl loads
         try:
-            return load(list(dict.fromkeys(packages)))
+            loaded = load(list(dict.fromkeys(packages)))
         except NoSuchPackageError as error:
             missing = next((name for name in packages if repr(name) in str(error)), "")
             near = [name for name in similar_names(missing, installed()) if name != missing]
@@ -95,6 +97,13 @@ def _load(packages: tuple[str, ...]) -> Loaded:
             raise Problem(Exit.NO_ROS, f"{error}{hint or source}") from error
         except ImportError as error:
             raise Problem(Exit.NO_ROS, f"rosidl_parser cannot be imported ({error}).") from error
+    loaded.comments = _comments
+    return loaded
+
+
+def _comments(ros_type: str) -> tuple[list[str], dict[str, list[str]]]:
+    found = comments_of(ros_type)
+    return found.head, found.fields
 
 
 def _write(package: Package, loaded: Loaded, where: Path | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import shutil
 from pathlib import Path
@@ -52,6 +53,32 @@ def test_two_runs_write_the_same_and_a_type_that_is_gone_leaves_no_file(
     done = stubs("plain_interfaces", path=packages)
     assert "wrote typings/plain_interfaces (1 message)" in done.stdout
     assert "plain_interfaces/msg/_second.pyi" not in tree(tmp_path / "typings")
+
+
+def test_comments_become_docstrings(stubs: Command, packages: Path, tmp_path: Path) -> None:
+    file = packages / "share" / "plain_interfaces" / "msg" / "Plain.msg"
+    file.parent.mkdir(parents=True)
+    file.write_text(
+        '''# What is "plain" \\ C:\\new
+uint8 STOP = 0  # at once
+
+# of the robot,
+# in m
+int32 number
+string[<=3] words  # """ odd \x07 "
+'''
+    )
+    assert stubs("plain_interfaces", path=packages).returncode == Exit.OK
+    text = (tmp_path / "typings/plain_interfaces/msg/_plain.pyi").read_text()
+    body = ast.parse(text).body[-1]
+    assert isinstance(body, ast.ClassDef)
+    assert ast.get_docstring(body) == 'What is "plain" \\ C:\\new\nSTOP = 0  at once'
+    names = [ast.unparse(node).partition(":")[0] for node in body.body]
+    after = body.body[names.index("number") + 1]
+    assert isinstance(after, ast.Expr)
+    assert ast.literal_eval(after.value).split() == ["of", "the", "robot,", "in", "m"]
+    words = next(n for n in body.body if isinstance(n, ast.FunctionDef) and n.name == "words")
+    assert ast.get_docstring(words) == '""" odd   "'
 
 
 def test_what_is_broken_is_told_and_the_rest_written(stubs: Command, tmp_path: Path) -> None:

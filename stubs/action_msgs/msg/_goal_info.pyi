@@ -10,7 +10,9 @@ from typing import ClassVar as _ClassVar
 class GoalInfo:
     SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
     goal_id: _unique_identifier_msgs_msg.UUID  # unique_identifier_msgs/UUID
+    """Goal ID"""
     stamp: _builtin_interfaces_msg.Time  # builtin_interfaces/Time
+    """Time when the goal was accepted"""
     def __init__(
         self,
         *,

@@ -7,6 +7,24 @@ from typing import Any as _Any
 from typing import ClassVar as _ClassVar
 
 class GoalStatus:
+    """An action goal can be in one of these states after it is accepted by an action
+    server.
+    For more information, see http://design.ros2.org/articles/actions.html
+    Indicates status has not been properly set.
+    STATUS_UNKNOWN = 0
+    The goal has been accepted and is awaiting execution.
+    STATUS_ACCEPTED = 1
+    The goal is currently being executed by the action server.
+    STATUS_EXECUTING = 2
+    The client has requested that the goal be canceled and the action server has
+    accepted the cancel request.
+    STATUS_CANCELING = 3
+    The goal was achieved successfully by the action server.
+    STATUS_SUCCEEDED = 4
+    The goal was canceled after an external request from an action client.
+    STATUS_CANCELED = 5
+    The goal was terminated by the action server without an external request.
+    STATUS_ABORTED = 6"""
     STATUS_ABORTED: _ClassVar[int] = 6
     STATUS_ACCEPTED: _ClassVar[int] = 1
     STATUS_CANCELED: _ClassVar[int] = 5
@@ -16,7 +34,9 @@ class GoalStatus:
     STATUS_UNKNOWN: _ClassVar[int] = 0
     SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
     goal_info: _action_msgs_msg.GoalInfo  # action_msgs/GoalInfo
+    """Goal info (contains ID and timestamp)."""
     status: int  # int8
+    """Action goal state-machine status."""
     def __init__(
         self,
         *,

@@ -10,7 +10,8 @@ from typing import ClassVar as _ClassVar
 class GoalStatusArray:
     SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
     @property
-    def status_list(self) -> list[_action_msgs_msg.GoalStatus]: ...  # sequence<action_msgs/GoalStatus>
+    def status_list(self) -> list[_action_msgs_msg.GoalStatus]:  # sequence<action_msgs/GoalStatus>
+        """An array of goal statuses."""
     @status_list.setter
     def status_list(self, value: _Sequence[_action_msgs_msg.GoalStatus]) -> None: ...
     def __init__(

@@ -18,6 +18,7 @@ class Fibonacci:
     class Goal:
         SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
         order: int  # int32
+        """goal definition"""
         def __init__(self, *, order: int = ..., check_fields: bool = ...) -> None: ...
         @classmethod
         def get_fields_and_field_types(cls) -> dict[str, str]: ...
@@ -26,7 +27,8 @@ class Fibonacci:
     class Result:
         SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
         @property
-        def sequence(self) -> _array[int]: ...  # sequence<int32>
+        def sequence(self) -> _array[int]:  # sequence<int32>
+            """result definition"""
         @sequence.setter
         def sequence(self, value: _Iterable[int]) -> None: ...
         def __init__(self, *, sequence: _Iterable[int] = ..., check_fields: bool = ...) -> None: ...
@@ -37,7 +39,8 @@ class Fibonacci:
     class Feedback:
         SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
         @property
-        def sequence(self) -> _array[int]: ...  # sequence<int32>
+        def sequence(self) -> _array[int]:  # sequence<int32>
+            """feedback"""
         @sequence.setter
         def sequence(self, value: _Iterable[int]) -> None: ...
         def __init__(self, *, sequence: _Iterable[int] = ..., check_fields: bool = ...) -> None: ...

@@ -17,6 +17,7 @@ class NestedMessage:
     class Goal:
         SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
         nested_field_no_pkg: _test_msgs_msg.Builtins  # test_msgs/Builtins
+        """goal definition"""
         nested_field: _test_msgs_msg.BasicTypes  # test_msgs/BasicTypes
         nested_different_pkg: _builtin_interfaces_msg.Time  # builtin_interfaces/Time
         def __init__(
@@ -34,6 +35,7 @@ class NestedMessage:
     class Result:
         SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
         nested_field_no_pkg: _test_msgs_msg.Builtins  # test_msgs/Builtins
+        """result definition"""
         nested_field: _test_msgs_msg.BasicTypes  # test_msgs/BasicTypes
         nested_different_pkg: _builtin_interfaces_msg.Time  # builtin_interfaces/Time
         def __init__(
@@ -51,6 +53,7 @@ class NestedMessage:
     class Feedback:
         SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
         nested_field_no_pkg: _test_msgs_msg.Builtins  # test_msgs/Builtins
+        """feedback"""
         nested_field: _test_msgs_msg.BasicTypes  # test_msgs/BasicTypes
         nested_different_pkg: _builtin_interfaces_msg.Time  # builtin_interfaces/Time
         def __init__(

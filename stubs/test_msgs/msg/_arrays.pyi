@@ -35,7 +35,8 @@ class Arrays:
     STRING_VALUES_DEFAULT__DEFAULT: _ClassVar[list[str]]
     SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
     @property
-    def bool_values(self) -> list[bool]: ...  # boolean[3]
+    def bool_values(self) -> list[bool]:  # boolean[3]
+        """Arrays of different types"""
     @bool_values.setter
     def bool_values(self, value: _Sequence[bool]) -> None: ...
     @property
@@ -159,6 +160,7 @@ class Arrays:
     @string_values_default.setter
     def string_values_default(self, value: list[str] | tuple[str, ...]) -> None: ...
     alignment_check: int  # int32
+    """Regression test: check alignment of basic field after an array field is correct"""
     def __init__(
         self,
         *,

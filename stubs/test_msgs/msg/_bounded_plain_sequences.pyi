@@ -25,7 +25,8 @@ class BoundedPlainSequences:
     UINT64_VALUES_DEFAULT__DEFAULT: _ClassVar[_array[int]]
     SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
     @property
-    def bool_values(self) -> list[bool]: ...  # sequence<boolean, 3>
+    def bool_values(self) -> list[bool]:  # sequence<boolean, 3>
+        """Bounded sequences of different POD types"""
     @bool_values.setter
     def bool_values(self, value: _Sequence[bool]) -> None: ...
     @property
@@ -141,6 +142,7 @@ class BoundedPlainSequences:
     @uint64_values_default.setter
     def uint64_values_default(self, value: _Iterable[int]) -> None: ...
     alignment_check: int  # int32
+    """Regression test: check alignment of basic field after a sequence field is correct"""
     def __init__(
         self,
         *,

@@ -6,6 +6,19 @@ from typing import Any as _Any
 from typing import ClassVar as _ClassVar
 
 class Constants:
+    """BOOL_CONST = true
+    BYTE_CONST = 50
+    CHAR_CONST = 100
+    FLOAT32_CONST = 1.125
+    FLOAT64_CONST = 1.125
+    INT8_CONST = -50
+    UINT8_CONST = 200
+    INT16_CONST = -1000
+    UINT16_CONST = 2000
+    INT32_CONST = -30000
+    UINT32_CONST = 60000
+    INT64_CONST = -40000000
+    UINT64_CONST = 50000000"""
     BOOL_CONST: _ClassVar[bool] = True
     BYTE_CONST: _ClassVar[bytes] = b'2'
     CHAR_CONST: _ClassVar[int] = 100

@@ -10,7 +10,8 @@ from typing import ClassVar as _ClassVar
 class MultiNested:
     SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
     @property
-    def array_of_arrays(self) -> list[_test_msgs_msg.Arrays]: ...  # test_msgs/Arrays[3]
+    def array_of_arrays(self) -> list[_test_msgs_msg.Arrays]:  # test_msgs/Arrays[3]
+        """Mulitple levels of nested messages"""
     @array_of_arrays.setter
     def array_of_arrays(self, value: _Sequence[_test_msgs_msg.Arrays]) -> None: ...
     @property

@@ -6,6 +6,7 @@ from typing import Any as _Any
 from typing import ClassVar as _ClassVar
 
 class Strings:
+    """STRING_CONST = \"Hello world!\""""
     STRING_CONST: _ClassVar[str] = 'Hello world!'
     STRING_VALUE_DEFAULT1__DEFAULT: _ClassVar[str]
     STRING_VALUE_DEFAULT2__DEFAULT: _ClassVar[str]

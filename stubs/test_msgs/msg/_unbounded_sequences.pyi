@@ -26,7 +26,8 @@ class UnboundedSequences:
     STRING_VALUES_DEFAULT__DEFAULT: _ClassVar[list[str]]
     SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
     @property
-    def bool_values(self) -> list[bool]: ...  # sequence<boolean>
+    def bool_values(self) -> list[bool]:  # sequence<boolean>
+        """Unbounded sequences of different types"""
     @bool_values.setter
     def bool_values(self, value: _Sequence[bool]) -> None: ...
     @property
@@ -150,6 +151,7 @@ class UnboundedSequences:
     @string_values_default.setter
     def string_values_default(self, value: list[str] | tuple[str, ...]) -> None: ...
     alignment_check: int  # int32
+    """Regression test: check alignment of basic field after a sequence field is correct"""
     def __init__(
         self,
         *,

@@ -15,7 +15,10 @@ class WStrings:
     wstring_value_default2: str  # wstring
     wstring_value_default3: str  # wstring
     @property
-    def array_of_wstrings(self) -> list[str]: ...  # wstring[3]
+    def array_of_wstrings(self) -> list[str]:  # wstring[3]
+        """wstring WSTRING_CONST=\"Hello world!\"
+        wstring<=22 bounded_wstring_value
+        wstring<=22 bounded_wstring_value_default1 \"Hello world!\""""
     @array_of_wstrings.setter
     def array_of_wstrings(self, value: list[str] | tuple[str, ...]) -> None: ...
     @property

@@ -9,6 +9,9 @@ from typing import Any as _Any
 from typing import ClassVar as _ClassVar
 
 class UUID:
+    """A universally unique identifier (UUID).
+    http://en.wikipedia.org/wiki/Universally_unique_identifier
+    http://tools.ietf.org/html/rfc4122.html"""
     SLOT_TYPES: _ClassVar[tuple[_Any, ...]]
     @property
     def uuid(self) -> _NDArray[_uint8]: ...  # uint8[16]
