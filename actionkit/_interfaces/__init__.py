@@ -3,10 +3,9 @@
 The generators come with rclpy's wheels; CMake, colcon and a ROS installation are not needed. Knows
 nothing of the client, the servers or rclpy, and no terminal. From the top down:
 
-- `build`: the steps for all packages of a folder; `staging`: one package, up to its libraries
+- `build`: all packages of a folder, each up to its wheel; `wheel`: where that goes
+- `checks`, `selection`: what is wrong, before anything is made; some types with what they need
 - `source_tree`, `interface_file`, `field_names`: what is in the folder, checked line by line
 - `dependencies`, `fingerprint`: the packages that are used; whether anything has changed
-- `generators`: the only module that touches rosidl's generators
-- `compiler`, `objects`, `libraries`: from C and C++ to libraries that Python loads
-- `publish`, `distribution`, `build_record`: into place in one step; what pip knows of it
+- `generators`: the only module that touches rosidl's generators; `compile`: from C to libraries
 """

@@ -106,10 +106,6 @@ def _foreign_type(use: Use, dependency: Dependency) -> list[str]:
 def missing(read: Read, names: Collection[str]) -> None:
     """Refuse packages that use others which are not here: all of them at once.
 
-    Args:
-        read: The checked files of each package.
-        names: The packages that are missing.
-
     Raises:
         BadSourceError: There are such packages; the text has one line.
     """

@@ -158,15 +158,6 @@ def build_libraries(
 ) -> dict[str, int]:
     """Compile and link a package.
 
-    Args:
-        package: The package's name.
-        work: The working folder of the generators.
-        folder: Where the libraries go for now.
-        used: All packages that are used.
-        compiler: What compiles.
-        target: Where the package goes.
-        progress: Told which part of the work is done.
-
     Returns:
         The names of the libraries with their sizes in bytes.
 

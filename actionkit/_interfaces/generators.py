@@ -78,13 +78,8 @@ def generate(
 ) -> None:
     """Write the sources of a package's libraries and its Python modules.
 
-    Args:
-        package: The package's name.
-        files: Its .msg, .srv and .action files, relative to `work/source`, where they have to be.
-        dependencies: All packages that these use, with those that they use in turn.
-        work: A folder. Below it come `idl` and `hashes` (files for `share`), and a folder for
-            each of `LIBRARIES`.
-        progress: Told which part of the work is done.
+    The files are in `work/source`. Beside it come `idl` and `hashes` (files for `share`), and a
+    folder for each of `LIBRARIES`.
 
     Raises:
         InterfacesError: A generator fails; the text has what it wrote.

@@ -70,13 +70,7 @@ class InterfaceFile:
 
 
 def read(package: str, folder: Path, path: Path) -> InterfaceFile:
-    """Read and check a file.
-
-    Args:
-        package: The name of its package, which types without one belong to.
-        folder: The package's folder.
-        path: The file, relative to that folder.
-    """
+    """Read and check a file."""
     shown = folder / path
     try:
         text = (folder / path).read_bytes().decode("utf-8-sig")

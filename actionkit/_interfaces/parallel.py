@@ -14,13 +14,7 @@ Out = TypeVar("Out")
 def each(
     work: Callable[[In], Out], things: Sequence[In], progress: Callable[[float], None]
 ) -> list[Out]:
-    """Return what `work`, which waits for a process, gives for each.
-
-    Args:
-        work: Called in a thread.
-        things: In the order in which they begin.
-        progress: Told which part of them is done, in this thread.
-    """
+    """Return what `work`, which waits for a process, gives for each."""
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         try:
             futures = [pool.submit(work, one) for one in things]

@@ -18,10 +18,6 @@ _Key = tuple[str, str]
 def select(read: Read, only: Collection[str]) -> dict[str, list[InterfaceFile]]:
     """Return the files of some types, and those of the messages that they use.
 
-    Args:
-        read: All files.
-        only: The types, as `action/Pick` or `pick_interfaces/action/Pick`.
-
     Raises:
         BadSourceError: There is no such type.
     """

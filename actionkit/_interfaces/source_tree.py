@@ -11,6 +11,8 @@ from xml.etree import ElementTree
 
 from actionkit._interfaces.errors import BadSourceError
 
+OWN = Path(__file__).parent / "actionkit_interfaces"
+"""The interface package that comes with ActionKit, as sources, which `colcon build` takes too."""
 KINDS = ("msg", "srv", "action")
 """The folders of a package, which are the endings of their files too."""
 _NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
@@ -51,11 +53,6 @@ class Package:
 
 def find_packages(folder: Path, skip: Path | None = None) -> list[Package]:
     """Return the interface packages of a folder: the folder itself, or those below it.
-
-    Args:
-        folder: Where to look. Hidden folders, virtual environments, and build/, install/ and log/
-            are left out, as are those with a file COLCON_IGNORE.
-        skip: One more folder to leave out.
 
     Raises:
         BadSourceError: There is none, two have one name, or a package.xml is wrong.

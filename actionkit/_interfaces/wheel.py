@@ -142,14 +142,7 @@ def _tag() -> str:
 
 
 def write(package: Package, tree: Path, used: Iterable[Dependency], folder: Path) -> Path:
-    """Write the wheel of a package.
-
-    Args:
-        package: The package.
-        tree: Its files, as they are in the wheel.
-        used: The packages whose types it uses.
-        folder: Where the wheel goes.
-    """
+    """Write the wheel of a package, of the files in `tree`, which are as they are in the wheel."""
     about = tree / f"{_stem(package)}.dist-info"
     about.mkdir()
     lines = [

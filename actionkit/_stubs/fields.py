@@ -20,12 +20,8 @@ class Names:
     """The names that one class of a stub file writes, and the imports that these need.
 
     Whatever a stub file imports has a name that begins with `_`, because a field cannot: fields
-    called `array`, `typing` or `numpy` hide nothing.
-
-    Args:
-        imports: Gets the lines of the imports that are needed.
-        taken: The names of the class's own members; those of Python that are among them are
-            written as `_builtins.int`.
+    called `array`, `typing` or `numpy` hide nothing. `taken` are the names of the class's members:
+    what Python has under one of them is written as `_builtins.int`.
     """
 
     def __init__(self, imports: set[str], taken: set[str]) -> None:
@@ -77,13 +73,7 @@ def class_path(kind: str, name: str) -> str:
 
 
 def field_type(slot: Any, names: Names, has: Has) -> FieldType:
-    """Return the types of a field.
-
-    Args:
-        slot: What `SLOT_TYPES` has for it.
-        names: Writes names for the class that has the field.
-        has: Tells whether there are stubs for a type; what has none is `Any`.
-    """
+    """Return the types of a field."""
     from rosidl_parser.definition import AbstractGenericString, AbstractNestedType, Array
 
     if not isinstance(slot, AbstractNestedType):

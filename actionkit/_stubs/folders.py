@@ -23,12 +23,7 @@ class ForeignFilesError(Exception):
 
 
 def replace(folder: Path, files: dict[str, str], *, partial: bool) -> bool:
-    """Make a folder have these files and no others.
-
-    Args:
-        folder: The stubs of one package; made, with those above it, where it is not there.
-        files: Path below the folder -> text.
-        partial: Whether it stands beside the package that it describes.
+    """Make a folder have these files and no others; `partial` beside the package described.
 
     Returns:
         Whether anything changed.

@@ -66,9 +66,6 @@ class Loaded:
 def load(names: list[str]) -> Loaded:
     """Return packages and all that their types use.
 
-    Args:
-        names: Packages that must be there; of those that they use some may be missing.
-
     Raises:
         NoSuchPackageError: One of `names` is no interface package that is installed here.
     """

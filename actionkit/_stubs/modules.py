@@ -19,10 +19,6 @@ def files(package: Package, loaded: Loaded) -> dict[str, str]:
     """Return the stub files of a package: path below its folder -> text.
 
     The same classes always give the same text.
-
-    Args:
-        package: What to write stubs for.
-        loaded: All packages that get stubs, for the types of fields.
     """
     written = {"__init__.pyi": _text(())}
     for kind, types in package.types.items():

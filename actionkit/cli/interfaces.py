@@ -106,9 +106,10 @@ def build_command(
             " choose another folder.",
             param_hint="-o",
         )
-    from actionkit._interfaces import own_package, wheel
+    from actionkit._interfaces import wheel
     from actionkit._interfaces.build import build
     from actionkit._interfaces.errors import BadSourceError, InterfacesError, MissingToolError
+    from actionkit._interfaces.source_tree import OWN
 
     if output is not None:
         opened = wheel.opened("folder", output)
@@ -119,7 +120,7 @@ def build_command(
     try:
         with opened as target, _Progress() as progress:
             built = build(
-                folder or own_package.folder(),
+                folder or OWN,
                 target,
                 only=only,
                 tell=progress.tell,
