@@ -23,7 +23,8 @@ from actionkit._interfaces.wheel import Target
 _SHOWN = 12
 """Lines of a compiler's errors that are shown; the first one is the cause."""
 _OPTIMIZE = "-O1"
-"""More takes half as long again, and makes nothing that was measured quicker."""
+"""`-O2` takes half as long again for the compiler. A message of 2,000 parts is then converted and
+written in 1.7 ms and read in 3.4 ms, as with `-O1` (within 3 %)."""
 _TYPES_IN_A_UNIT = 8
 """Files that are compiled as one. The headers cost more than the types: all files of a package at
 once take a fifth of the time that each alone takes; but all processors should have work."""
