@@ -181,12 +181,6 @@ MUTANTS = {
         " and not facts.away",
         "",
     ),
-    "a goal that may run on a second server is tried again": (
-        Goal,
-        "_news",
-        " and not self.facts.is_over",
-        " and False",
-    ),
     "an abandoned goal is not known to be left": (
         Goal,
         "close",
