@@ -22,6 +22,7 @@ from actionkit import Client, GoalFuture, GoalState, Outcome
 from actionkit._goal.stages import FIRST_REASK
 from actionkit._threads import diagnostics as _diagnostics
 from actionkit.servers import Server, ServerEvent
+from tests import shared_memory
 
 FORMS = ("blocking", "future", "await")
 NEVER = threading.Event()  # nobody sets it: waiting for it is how a test lets time pass
@@ -138,6 +139,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="deliver what servers write into their journals 100 ms late",
     )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):  # of pytest-xdist: the others have it
+        shared_memory.keep_mending()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

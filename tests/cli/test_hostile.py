@@ -53,6 +53,7 @@ OWN_WORDS = {
     "_demo_steps": ["print"] * 9,  # which is handed to each step, and is `DemoScreen.said`
     "_keeper": ["print"],
     "_signals": ["os.write"] * 2,
+    "interfaces": ["Console"],  # the names of packages, which were checked
     "timeline": ["sys.stdout.write"],  # a picture: test_picture.py
 }
 """Where it writes nothing that others wrote."""
