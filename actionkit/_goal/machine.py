@@ -124,6 +124,9 @@ class Goal(CancellableGoal):
         if facts.servers == 1:
             return []
         self._shown_at = now
+        if self.stage is Stage.ACCEPTED:
+            # Where one was seen to have ended it, and seemed to be alone, this one has not.
+            facts.over, self._terminal_seen = False, None
         cancel: list[fx.Effect] = [fx.AskCancel()] if self._unwanted else []
         return [fx.AskResult(anew=True), *cancel]
 

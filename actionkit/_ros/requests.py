@@ -78,6 +78,7 @@ class ServiceRequests:
         self._runtime = runtime
         self._entities = entities
         self._impl = impl
+        self._count_servers = count_servers
         self._servers = servers
         self._on_cancel_sent = on_cancel_sent
         self._closed = False
@@ -273,7 +274,9 @@ class ServiceRequests:
         key, sent_at, servers = request
         heard, knowing = self._heard.get((what, seq), (0, 0))
         heard, knowing = heard + 1, knowing + knows
-        everybody = heard >= len((servers | self._servers()) - UNNAMED)
+        # Servers that have no names so far count as one.
+        expected = max(len((servers | self._servers()) - UNNAMED), self._count_servers())
+        everybody = heard >= expected
         if everybody:
             del self._unanswered[what][seq]
             self._heard.pop((what, seq), None)

@@ -441,3 +441,19 @@ def test_what_one_of_two_servers_has_ended_is_not_asked_for_by_each_answer_again
     assert goal.result(GoalState.SUCCEEDED, 1, 1.0, **asked) == []
     assert not goal.settled  # the other server may run it
     assert any(isinstance(effect, Settle) for effect in goal.rejected(1.0))
+
+
+def test_a_second_server_that_accepts_what_one_has_ended_may_run_it() -> None:
+    goal = Goal(Timeouts(), None)
+    goal.start(0.0)
+    goal.server_ready(0.0)
+    goal.sent(0.0)  # for one server: the other is not in sight so far
+    goal.accepted(0.0)
+    goal.status(GoalState.SUCCEEDED, 1.0)
+    assert goal.facts.is_over
+    goal.accepted(1.0)
+    assert goal.facts.may_run
+    effects = goal.result(GoalState.SUCCEEDED, 1, 2.0, asked_at=1.0, everybody=False)
+    assert AskCancel() in effects
+    assert Settle in map(type, effects)
+    assert goal.facts.may_run

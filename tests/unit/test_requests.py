@@ -11,6 +11,7 @@ from actionkit._goal.stages import DOUBT
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.cancels import CancelWindow
 from actionkit._ros.requests import ServiceRequests
+from actionkit._ros.servers.readiness import UNNAMED
 from tests.unit import clock
 from tests.unit.call_life import CallLife
 
@@ -34,6 +35,7 @@ class Thread(clock.CommunicationThread):
     def __init__(self) -> None:
         super().__init__()
         self.servers = 1
+        self.unnamed = False
         self.cancelled: list[bytes] = []
 
     def window(self, kind: type[CancelWindow], action_name: str) -> CancelWindow:
@@ -63,7 +65,9 @@ def requests(thread: Thread, goal_source: Client) -> ServiceRequests:
         impl,
         action_name="/arm",
         count_servers=lambda: thread.servers,
-        servers=lambda: frozenset(bytes([n]) for n in range(thread.servers)),
+        servers=lambda: (
+            UNNAMED if thread.unnamed else frozenset(bytes([n]) for n in range(thread.servers))
+        ),
         on_cancel_sent=thread.cancelled.append,
     )
     made.send_goal(KEY, object())
@@ -142,6 +146,14 @@ def test_an_answer_counts_for_everybody_when_each_server_has_given_one(
     told = [requests.answered("result", 1, knows=ended) for ended in (False, True, True)]
     assert [(each.everybody, each.knowing) for each in told] == [(False, 0), (False, 1), (True, 2)]
     assert requests.answered("result", 1).key is None
+
+
+def test_servers_whose_names_are_not_known_so_far_are_counted_too(
+    requests: ServiceRequests, thread: Thread
+) -> None:
+    thread.servers, thread.unnamed = 2, True
+    requests.ask_result(KEY)
+    assert [requests.answered("result", 1).everybody for _ in range(2)] == [False, True]
 
 
 @pytest.mark.parametrize("first", [CancelAnswer.ACCEPTED, CancelAnswer.UNKNOWN_GOAL])
