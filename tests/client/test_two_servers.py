@@ -44,15 +44,6 @@ def test_what_one_server_aborts_is_not_sent_again_while_another_may_run_it(
     assert stopped.count("accepted") == 1
 
 
-def test_what_both_servers_have_ended_may_be_sent_again(action_server, make_client):
-    servers = [action_server("aborts") for _ in range(2)]
-    client = make_client(retry=RetryPolicy(attempts=2, initial=0.05), classify=retry_aborted())
-    assert sees(client, 2)
-    with pytest.raises(ak.GoalAbortedError):
-        client.call({"order": 1}, 10)
-    assert all(runs_nothing(server) for server in servers)
-
-
 def test_a_cancel_is_not_confirmed_by_one_server_where_the_other_has_gone(
     action_server, make_client
 ):
