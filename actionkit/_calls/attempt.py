@@ -21,7 +21,6 @@ from actionkit._model.values import GoalState
 from actionkit._threads.diagnostics import log_later
 
 _TIME_IS_UP = (fx.Timer.SERVER, fx.Timer.DEADLINE)
-_WAITING = (Stage.AWAITING_SERVER, Stage.RESENDING)
 
 
 class LivenessCheck(Protocol):
@@ -39,7 +38,6 @@ class AttemptLink(Protocol):
     def liveness(self) -> LivenessCheck: ...
     @property
     def others_confirmed_at(self) -> float: ...
-    def rebind(self, listener: Attempt) -> None: ...
     def await_server(self, listener: Attempt) -> None: ...
     def await_next_ready(self, listener: Attempt) -> None: ...
     def look_again(self) -> None: ...
@@ -82,7 +80,6 @@ class Attempt:
         deadline: float | None,
         owner: AttemptOwner,
         *,
-        resent: bool,
         on_out_of_sight: Callable[[Attempt], None],
     ) -> None:
         """Make an attempt that has not begun.
@@ -95,14 +92,13 @@ class Attempt:
             timeouts: The caps on the phases.
             deadline: Monotonic time at which the call's time is up, or `None`.
             owner: Who is told, and asked whether the goal may be sent.
-            resent: Whether the same goal id was sent before.
             on_out_of_sight: Called when nothing is left to watch for (`goal.stage` is OVER), or
                 can be for now, because the server is gone (LOST).
         """
         self.goal_id = goal_id
         self.number = 1
         """Which of its call's attempts it is; the owner counts."""
-        self.goal = Goal(timeouts, deadline, resent=resent)
+        self.goal = Goal(timeouts, deadline)
         self.goal.facts.goal_id = goal_id
         self._link = link
         self._liveness = timeouts.liveness
@@ -116,13 +112,11 @@ class Attempt:
         self._in_outbox = False
         self._has_result = False
         self._cancels = 0  # requests sent, less those of which a server did not know the goal
-        if resent:
-            link.rebind(self)  # answers to the first request are this attempt's from now on
 
     @property
     def unwanted(self) -> bool:
-        """Whether the caller has cancelled: then the goal must not be sent any more."""
-        return self._owner.unwanted
+        """Whether its caller has given up on the goal: then it must not be sent any more."""
+        return self._owner.unwanted or self.goal.cancel_reason is not None
 
     @property
     def cancel_is_ours(self) -> bool:
@@ -161,11 +155,6 @@ class Attempt:
         """End the attempt because the communication thread broke."""
         self._apply(self.goal.fail(reason, error, self._now()))
 
-    def supersede(self) -> None:
-        """Leave the goal to another attempt, which has the same goal id."""
-        self._apply(self.goal.supersede())
-        self._on_out_of_sight(self)
-
     def forget(self) -> None:
         """Look after the goal no more, though it may run."""
         self._apply(self.goal.forget())
@@ -178,7 +167,7 @@ class Attempt:
 
     def withdraw(self) -> None:
         """End an attempt that has sent nothing; its owner is told nothing more."""
-        self._apply([*self.goal.supersede(), fx.Withdraw()])
+        self._apply(self.goal.withdraw())
         self._on_out_of_sight(self)
 
     # --- what the link tells ---------------------------------------------------------------
@@ -202,6 +191,9 @@ class Attempt:
 
     def on_servers_changed(self, servers: int, away: int) -> None:
         self._apply(self.goal.servers_changed(servers, away))
+
+    def on_held_back(self) -> None:
+        self._apply(self.goal.held_back(self._now()))
 
     def on_send_failed(self, error: Exception) -> None:
         self._apply(self.goal.send_failed(error, self._now()))
@@ -286,7 +278,7 @@ class Attempt:
         finally:
             self._applying = False
             self._timers.settle(self._fire)
-        unanswered = self.goal.stage in (Stage.QUEUED, Stage.RESENDING, Stage.SENT)
+        unanswered = self.goal.stage in (Stage.QUEUED, Stage.SENT)
         waiting = unanswered and not self.goal.settled
         if self._in_outbox and not waiting:
             # Whatever told it, an answer or the end of patience: the next may be sent.
@@ -346,8 +338,6 @@ class Attempt:
         self._owner.on_over(self)
 
     def _send(self, _: fx.SendGoal) -> None:
-        if self._in_outbox:
-            return
         self._in_outbox = True
         self._link.send_goal(self, self._goal_message)
         if self._liveness is not None:
@@ -376,7 +366,7 @@ class Attempt:
         self._timers.settle(self._fire)
 
     def _time_is_up(self, timer: fx.Timer) -> None:
-        if timer in _TIME_IS_UP and self.goal.stage in _WAITING:
+        if timer in _TIME_IS_UP and self.goal.stage is Stage.AWAITING_SERVER:
             # A server of another type may have come into view only now (R21).
             self._link.look_again()
         confirmed_at = self._link.others_confirmed_at

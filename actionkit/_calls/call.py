@@ -41,8 +41,6 @@ class Carrier(ActionView, Clock, Protocol):
         timeouts: Timeouts,
         deadline: float | None,
         owner: Call,
-        *,
-        resent: bool,
     ) -> Attempt: ...
     def server_is_ready(self) -> bool: ...
     def begin(self, call: Call) -> None: ...
@@ -197,10 +195,7 @@ class Call:
         for effect in effects:
             self._CARRY_OUT[type(effect)](self, effect)
 
-    def _try(self, effect: mx.Try) -> None:
-        previous = self.machine.previous
-        if effect.resent and previous is not None:
-            previous.supersede()
+    def _try(self, _: mx.Try) -> None:
         self._latest_id = self.goal_id
         self._attempt = attempt = self._carrier.attempt(
             self.goal_id,
@@ -208,10 +203,9 @@ class Call:
             self._request.timeouts,
             self._deadline,
             self,
-            resent=effect.resent,
         )
         attempt.number = self.machine.attempts
-        self.machine.made(attempt, resent=effect.resent)
+        self.machine.made(attempt)
         attempt.start()
         for earlier in list(self.machine.earlier):
             # A server that is there is asked about a goal that was lost with another (C4.3).
@@ -256,11 +250,11 @@ class Call:
         self._record.note(self._latest_id, self.machine.attempts, GoalState.RETRYING, pause)
         self.state = GoalState.RETRYING
         until = time.monotonic() + effect.seconds
-        self._pause = self._carrier.call_at(until, partial(self._resume, effect.same_id))
+        self._pause = self._carrier.call_at(until, self._resume)
 
-    def _resume(self, resent: bool) -> None:
+    def _resume(self) -> None:
         self._pause = None
-        self._do(self.machine.resume(resent=resent))
+        self._do(self.machine.resume())
 
     def _stop_retrying(self, _: mx.StopRetrying) -> None:
         self._retrying.drop()

@@ -105,8 +105,6 @@ class PortCarrier:
         timeouts: Timeouts,
         deadline: float | None,
         owner: Call,
-        *,
-        resent: bool,
     ) -> Attempt:
         """Make an attempt, and watch it until its goal is over."""
         made = Attempt(
@@ -116,7 +114,6 @@ class PortCarrier:
             timeouts,
             deadline,
             owner,
-            resent=resent,
             on_out_of_sight=self._out_of_sight,
         )
         self._attempts[made] = None

@@ -47,15 +47,12 @@ class AttemptView(Protocol):
     def is_out_of_sight(self) -> bool: ...
     @property
     def cancel_is_ours(self) -> bool: ...
-    def supersede(self) -> None: ...
     def on_server_ready(self) -> None: ...
 
 
 @dataclass(slots=True)
 class Try:
-    """Make and start another attempt; with `resent`, of the goal of the attempt before."""
-
-    resent: bool
+    """Make and start another attempt."""
 
 
 @dataclass(slots=True)
@@ -92,7 +89,6 @@ class Pause:
     """Wait before the next attempt."""
 
     seconds: float
-    same_id: bool
 
 
 @dataclass(slots=True)
@@ -198,7 +194,7 @@ class CallMachine:
             return []
         if invalid is not None:
             return self._end(fx.Ending(fx.End.INVALID, GoalState.REJECTED, error=invalid))
-        return self._try(resent=False)
+        return self._try()
 
     def stop(self, end: fx.End, why: str) -> list[Effect]:
         """Its caller cancels or closes it, and no attempt is under way, to which that is told."""
@@ -228,12 +224,9 @@ class CallMachine:
 
     # --- what becomes of attempts ----------------------------------------------------------
 
-    def made(self, attempt: AttemptView, *, resent: bool) -> None:
+    def made(self, attempt: AttemptView) -> None:
         """The attempt that was asked for was made, and is about to start."""
         self.attempt = attempt
-        if resent:
-            assert self.previous is not None
-            attempt.goal.facts = self.previous.goal.facts
         self.goals.add(attempt.goal.facts)
 
     def ended(
@@ -321,27 +314,18 @@ class CallMachine:
             waited = f"{ending.not_retried}, and " if ending.not_retried else ""
             return self._end(replace(ending, not_retried=waited + plan.reason))
         self.phase = Phase.PAUSING
-        return [Pause(plan.seconds, plan.same_id)]
+        return [Pause(plan.seconds)]
 
-    def resume(self, *, resent: bool) -> list[Effect]:
+    def resume(self) -> list[Effect]:
         """The pause is over."""
-        stage = None if self.previous is None else self.previous.goal.stage
-        if resent and stage is Stage.ACCEPTED:
-            # Accepted after all, in the pause: it was cancelled then, and has not ended so far.
-            assert self._last is not None
-            late = "it was accepted late, and may still run"
-            return self._end(replace(self._last, not_retried=late))
-        return self._try(resent=resent and stage is Stage.SENT)
+        return self._try()
 
-    def _try(self, *, resent: bool) -> list[Effect]:
-        if resent:
-            assert self.previous is not None
-            self.earlier.remove(self.previous)
-        elif self.attempts:
+    def _try(self) -> list[Effect]:
+        if self.attempts:
             self.goal_id = self._new_id()
         self.attempts += 1
         self.phase = Phase.TRYING
-        return [Try(resent)]
+        return [Try()]
 
     def _judge(self, ending: fx.Ending) -> list[Effect]:
         self.phase = Phase.JUDGING

@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import Enum, auto
 from numbers import Real
 from typing import Any
 
@@ -16,18 +15,10 @@ from actionkit._model.settings import MOST, RetryPolicy
 from actionkit._threads.function_runner import described, name_of
 
 
-class Resend(Enum):
-    """How to try again."""
+def may_try_again(progress: GoalProgress, news: LastNews, resend: str) -> bool:
+    """Whether another goal may follow one that may have reached the server (C4.2).
 
-    NO = auto()
-    SAME_ID = auto()
-    """The same goal again to the same server, which takes an id only once (R5)."""
-    NEW_ID = auto()
-    """A new goal. It is held back while an earlier goal of the call may run (`Call.may_send`)."""
-
-
-def how_to_resend(progress: GoalProgress, news: LastNews, resend: str) -> Resend:
-    """Decide about a goal that may have reached the server (C4.2).
+    It is held back while an earlier goal of the call may run (`CallMachine.may_send`).
 
     Args:
         progress: How far it got.
@@ -35,16 +26,12 @@ def how_to_resend(progress: GoalProgress, news: LastNews, resend: str) -> Resend
         resend: `RetryPolicy.resend`.
     """
     if progress in (GoalProgress.NEVER_SENT, GoalProgress.REJECTED):
-        return Resend.NEW_ID
+        return True
     if resend == "always":
-        return Resend.NEW_ID
+        return True
     if resend == "never_accepted":
-        return Resend.NO  # an unanswered goal may have been accepted, an accepted one was
-    if news is LastNews.STOPPED or (news is LastNews.SERVER_GONE and resend == "server_gone"):
-        return Resend.NEW_ID
-    if news is LastNews.UNKNOWN_TO_SERVER and progress is GoalProgress.UNANSWERED:
-        return Resend.SAME_ID
-    return Resend.NO
+        return False  # an unanswered goal may have been accepted, an accepted one was
+    return news is LastNews.STOPPED or (news is LastNews.SERVER_GONE and resend == "server_gone")
 
 
 def after_no_server(
@@ -76,19 +63,15 @@ def after_no_server(
     why = f"no server was ready within {limit:g} s"
     if ready:
         why = "a server is there, but has not said whether the earlier goal still runs"
-    if ending.progress is GoalProgress.NEVER_SENT:
-        news = last.news if in_flight else LastNews.STOPPED
-    else:
-        news = ending.news  # it is the same goal, which was to be sent again
+    news = last.news if in_flight else LastNews.STOPPED
     return replace(last, news=news, not_retried=why)
 
 
 @dataclass(frozen=True)
 class Retry:
-    """Try again after so many seconds, with the same goal id or a new one."""
+    """Try again after so many seconds."""
 
     seconds: float
-    same_id: bool
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from functools import partial
 
 from actionkit._calls.budget import RetryBudget
-from actionkit._calls.retry import GiveUp, Resend, Retry, Schedule, how_to_resend
+from actionkit._calls.retry import GiveUp, Retry, Schedule, may_try_again
 from actionkit._goal.effects import Ending, Fault, LastNews
 from actionkit._model.settings import RetryPolicy
 from actionkit._threads.function_runner import Clock, FunctionRunner, NoAnswer
@@ -79,11 +79,10 @@ class RetryRunner:
         if deadline is not None and now + seconds >= deadline:
             return GiveUp(f"a pause of {seconds:.2g} s would have crossed the deadline")
         resend = self._policy.resend
-        how = how_to_resend(ending.progress, ending.news, resend)
-        if how is Resend.NO:
+        if not may_try_again(ending.progress, ending.news, resend):
             gone = ending.news is LastNews.SERVER_GONE and resend == "confirmed_stopped"
             hint = "; resend='server_gone' tries again after that" if gone else ""
             return GiveUp(f"the goal may still run, or have run (resend={resend!r}{hint})")
         if not self._budget.allows_retry:
             return GiveUp(f"the retry budget forbids it ({self._budget!r})")
-        return Retry(seconds, how is Resend.SAME_ID)
+        return Retry(seconds)

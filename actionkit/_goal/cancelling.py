@@ -71,15 +71,15 @@ class CancellableGoal(GoalRecord):
         self._phase = PHASE[self.stage]
         self.cancel_reason, self.cancelled_at = why, now
         self.facts.given_up = True
-        effects = self._stop_resending()
+        effects: list[fx.Effect] = []
         if not self.in_flight:
             if why is CancelReason.DEADLINE and self._phase == "server":
-                return self._no_server(now)
+                return self._no_server()
             if why is CancelReason.DEADLINE:
                 effects.append(fx.Record(GoalState.TIMED_OUT, "waiting to be sent"))
             cancelled = why is CancelReason.CANCELLED
             end = fx.End.CANCELLED_BY_CALLER if cancelled else END_AFTER[why]
-            return effects + self._never_sent(end, now)
+            return effects + self._never_sent(end)
         if why in WAITED_FOR:
             effects.append(fx.Record(GoalState.TIMED_OUT, f"waiting for {WAITED_FOR[why]}"))
         self._unknown_to_server = False  # what counts is what the server says from now on
@@ -98,11 +98,11 @@ class CancellableGoal(GoalRecord):
             self._arm_reask(now),
         ]
 
-    def _no_server(self, now: float) -> list[fx.Effect]:
+    def _no_server(self) -> list[fx.Effect]:
         """No server was ready in the time there was, whichever limit ended it (C2.7)."""
         self.cancel_reason = CancelReason.NO_SERVER
         waited = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
-        return [waited, *self._never_sent(fx.End.NO_SERVER, now)]
+        return [waited, *self._never_sent(fx.End.NO_SERVER)]
 
     # --- refusals --------------------------------------------------------------------------
 

@@ -42,7 +42,7 @@ class Goal(CancellableGoal):
         """The caller wants the goal done."""
         if self.stage is not Stage.NEW:
             return []
-        self.stage = Stage.RESENDING if self._resent else Stage.AWAITING_SERVER
+        self.stage = Stage.AWAITING_SERVER
         effects: list[fx.Effect] = [fx.Record(GoalState.SENDING)]
         if self._deadline is not None:
             if self._deadline <= now:
@@ -62,11 +62,10 @@ class Goal(CancellableGoal):
             return self._ask_about_lost(now)
         if self.stage is Stage.AWAITING_SERVER:
             self.stage = Stage.QUEUED
-        elif self.stage is not Stage.RESENDING:
-            # A new server on the name, or the same one restarted: one that does not know the
-            # goal says so (R1).
-            return [fx.AskResult()] if self.stage is Stage.ACCEPTED else []
-        return [fx.Disarm(fx.Timer.SERVER), fx.SendGoal()]
+            return [fx.Disarm(fx.Timer.SERVER), fx.SendGoal()]
+        # A new server on the name, or the same one restarted: one that does not know the goal says
+        # so (R1).
+        return [fx.AskResult()] if self.stage is Stage.ACCEPTED else []
 
     def server_back(self, now: float) -> list[fx.Effect]:
         """The very server that the goal was sent to can be talked to (again)."""
@@ -86,17 +85,19 @@ class Goal(CancellableGoal):
 
     def type_mismatch(self, served: tuple[str, ...], now: float) -> list[fx.Effect]:
         """The name is served with other types only."""
-        if self.stage not in (Stage.AWAITING_SERVER, Stage.RESENDING):
+        if self.stage is not Stage.AWAITING_SERVER:
             return []
-        return self._never_sent(fx.End.TYPE_MISMATCH, now, served=served)
+        return self._never_sent(fx.End.TYPE_MISMATCH, served=served)
 
     def sent(self, now: float, servers: int = 1) -> list[fx.Effect]:
         """The goal request was handed to the middleware, for so many servers."""
-        if self.stage not in (Stage.QUEUED, Stage.RESENDING):
+        if self.stage not in (Stage.QUEUED, Stage.SENT):
             return []
-        self.stage = Stage.SENT
+        repeated, self.stage = self.stage is Stage.SENT, Stage.SENT
         self.facts.requests += 1
         self.facts.servers = max(self.facts.servers, servers)
+        if repeated:
+            return []
         effects: list[fx.Effect] = [self._enter(GoalState.SENT)]
         if self._timeouts.accept is not None:
             effects.append(fx.Arm(fx.Timer.ACCEPT, now + self._timeouts.accept))
@@ -104,9 +105,16 @@ class Goal(CancellableGoal):
 
     def send_failed(self, error: Exception, now: float) -> list[fx.Effect]:
         """The middleware would not take the goal request."""
-        if self.stage not in (Stage.QUEUED, Stage.RESENDING):
+        if self.stage is not Stage.QUEUED:
             return []
-        return self._never_sent(fx.End.INVALID, now, error=error)
+        return self._never_sent(fx.End.INVALID, error=error)
+
+    def held_back(self, now: float) -> list[fx.Effect]:
+        """It is its turn to be sent, and an earlier goal of the call may run: it waits again."""
+        if self.stage is not Stage.QUEUED:
+            return []
+        self.stage = Stage.AWAITING_SERVER
+        return [fx.Withdraw(), *self._await_server(now)]
 
     # --- what the server says --------------------------------------------------------------
 
@@ -133,7 +141,7 @@ class Goal(CancellableGoal):
     def _shown(self, now: float) -> list[fx.Effect]:
         """The server has the goal: it said so, or sent something that proves it."""
         self._shown_at = now
-        effects = [*self._stop_resending(), fx.Disarm(fx.Timer.ACCEPT)]
+        effects: list[fx.Effect] = [fx.Disarm(fx.Timer.ACCEPT)]
         self.facts.accepted, self.facts.lost = True, False
         self._unknown_to_server = False
         if self.stage is Stage.SENT:
@@ -155,7 +163,7 @@ class Goal(CancellableGoal):
         """The server refused to accept the goal; it may be out of sight by now."""
         facts = self.facts
         lost = self.stage is Stage.LOST and self._progress is not fx.GoalProgress.ACCEPTED
-        if self.stage not in (Stage.SENT, Stage.RESENDING) and not lost:
+        if self.stage is not Stage.SENT and not lost:
             facts.noes += facts.servers > 1  # which is another one than the server that has it
             return self._look_elsewhere(now) if self.stage is Stage.ELSEWHERE else []
         facts.noes += 1
@@ -167,9 +175,8 @@ class Goal(CancellableGoal):
                 return []  # another of its servers may have taken it
             if facts.noes + facts.away >= facts.servers:
                 return self._gone(now)
-        effects = self._stop_resending()
         facts.rejected = True
-        effects.append(self._enter(GoalState.REJECTED))
+        effects = [self._enter(GoalState.REJECTED)]
         if self.settled and facts.is_over:
             effects.append(fx.LateResult(GoalState.REJECTED, None))
         end = fx.End.REJECTED
@@ -380,9 +387,7 @@ class Goal(CancellableGoal):
     def server_lost(self, reason: str, now: float) -> list[fx.Effect]:
         """The server that had the goal is gone, or another has taken its place."""
         if self.stage is Stage.QUEUED:
-            self.stage = Stage.AWAITING_SERVER
-            return [fx.Withdraw(), *self._await_server(now)]
-        effects = self._stop_resending()  # the id was meant for that server alone (R5)
+            return self.held_back(now)
         if self.stage is Stage.ELSEWHERE:
             self.stage, self.facts.lost = Stage.LOST, True
             return [fx.Disarm(fx.Timer.REASK), *self._settle_held()]
@@ -394,7 +399,7 @@ class Goal(CancellableGoal):
         self.stage = Stage.LOST
         self.facts.lost = True
         self._forget_refusals()  # it may have ended with its server
-        effects.append(fx.Disarm(fx.Timer.REASK))
+        effects: list[fx.Effect] = [fx.Disarm(fx.Timer.REASK)]
         if self.settled:
             return effects
         effects.append(self._enter(GoalState.LOST, reason))
@@ -416,9 +421,8 @@ class Goal(CancellableGoal):
             return self._reask(now)
         if self.settled:
             return []
-        waiting = self.stage in (Stage.AWAITING_SERVER, Stage.RESENDING)
-        if timer is fx.Timer.SERVER and waiting:
-            return self._no_server(now)
+        if timer is fx.Timer.SERVER and self.stage is Stage.AWAITING_SERVER:
+            return self._no_server()
         if timer is fx.Timer.RESULT and self._terminal_seen is not None:
             return self._result_lost(f"it did not come within {self._timeouts.result:g} s", now)
         if self.cancel_reason is not None:
@@ -442,8 +446,9 @@ class Goal(CancellableGoal):
         if ended and self.settled and self._reask_after >= LAST_RESULT_PAUSE:
             return self._over()
         # A server that has not answered since it was asked last may be busy, and take it yet.
-        dropped = self.settled and self.stage is Stage.SENT and self._denied_lately
-        self._denied_lately = False
+        denied, self._denied_lately = self._denied_lately, False
+        denied = denied and self.stage is Stage.SENT
+        dropped = self.settled and denied
         if dropped and self._reask_after >= LAST_UNKNOWN_PAUSE:
             return self.forget()
         effects: list[fx.Effect] = [fx.WatchStatus()]
@@ -453,6 +458,9 @@ class Goal(CancellableGoal):
         if doubted or self.stage is not Stage.ACCEPTED or self._reask_after >= LONG_PAUSE:
             # A goal that merely takes long is seen in the status topic, and not asked about.
             effects.append(fx.AskResult())
+        if denied and not self._unwanted and self.facts.requests == 1:
+            # The request may be lost (R4). Where it was not, the server takes the id once (R5).
+            effects.append(fx.SendGoal())
         longest = LONGEST_RESULT_PAUSE if ended else LONGEST_PAUSE
         if dropped:
             longest = LAST_UNKNOWN_PAUSE

@@ -26,14 +26,12 @@ _LEFT_ALONE = {Closing.ABANDONED, Closing.BROKEN}
 class GoalRecord:
     """The lowest layer of the machine: the facts, and the endings that follow from them."""
 
-    def __init__(self, timeouts: Timeouts, deadline: float | None, *, resent: bool = False) -> None:
+    def __init__(self, timeouts: Timeouts, deadline: float | None) -> None:
         """Make a goal that nothing has happened to.
 
         Args:
             timeouts: The limits of its phases.
             deadline: Monotonic time at which the whole call's time is up, or `None`.
-            resent: Whether an earlier attempt sent the same goal id to the same server, which
-                takes an id only once: a rejection may mean that it has the goal already (R5).
         """
         self.stage = Stage.NEW
         self.state = GoalState.SENDING
@@ -42,8 +40,7 @@ class GoalRecord:
         self.closing: Closing | None = None
         self._timeouts = timeouts
         self._deadline = deadline
-        self._resent = resent
-        self.facts = GoalFacts(requests=int(resent))
+        self.facts = GoalFacts()
         self._unknown_to_server = False
         self._denied_lately = False  # it said so since it was last asked
         self._forgotten_at: float | None = None  # when it first did not know it any more
@@ -96,7 +93,7 @@ class GoalRecord:
     @property
     def _unproven(self) -> bool:
         """Whether the goal may be on a server that has not shown, or not again, that it has it."""
-        return self.stage in (Stage.RESENDING, Stage.SENT, Stage.LOST)
+        return self.stage in (Stage.SENT, Stage.LOST)
 
     @property
     def _unwanted(self) -> bool:
@@ -120,26 +117,13 @@ class GoalRecord:
         self.state = state
         return fx.Record(state, detail)
 
-    def _stop_resending(self) -> list[fx.Effect]:
-        """Leave it at the request that was sent before, where the goal was to be sent again."""
-        if self.stage is not Stage.RESENDING:
-            return []
-        self.stage = Stage.SENT
-        return [fx.Withdraw(), fx.Disarm(fx.Timer.SERVER)]
-
     def _never_sent(
         self,
         end: fx.End,
-        now: float,
         *,
         served: tuple[str, ...] = (),
         error: BaseException | None = None,
     ) -> list[fx.Effect]:
-        if self._progress is fx.GoalProgress.UNANSWERED:
-            # Not sent this time; but the first request may have arrived, and is watched (C2.4).
-            self.stage = Stage.SENT
-            settle = self._settle(end, served=served, error=error)
-            return [fx.Withdraw(), fx.AskCancel(), *settle, self._arm_reask(now)]
         self.stage = Stage.OVER
         settle = self._settle(end, served=served, error=error)
         return [fx.Withdraw(), *settle, *self._release()]
@@ -220,10 +204,10 @@ class GoalRecord:
             return fx.LastNews.SERVER_GONE
         return fx.LastNews.UNKNOWN_TO_SERVER if self._unknown_to_server else fx.LastNews.NOTHING
 
-    def supersede(self) -> list[fx.Effect]:
-        """Another attempt takes over the goal, with its id (C4.2)."""
+    def withdraw(self) -> list[fx.Effect]:
+        """It was not sent, and is not wanted any more."""
         self.stage = Stage.OVER
-        return [fx.Disarm(timer) for timer in fx.Timer]
+        return [*(fx.Disarm(timer) for timer in fx.Timer), fx.Withdraw()]
 
     def _over(self) -> list[fx.Effect]:
         self.stage = Stage.OVER

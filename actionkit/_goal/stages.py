@@ -37,9 +37,6 @@ class Stage(Enum):
     NEW = auto()
     AWAITING_SERVER = auto()
     QUEUED = auto()
-    RESENDING = auto()
-    """Sent by an earlier attempt, not answered, and to be sent again with the same id. The server
-    may have it, so whatever it says of the goal counts already."""
     SENT = auto()
     ACCEPTED = auto()
     ELSEWHERE = auto()
@@ -88,7 +85,6 @@ PHASE = {
     Stage.NEW: "server",
     Stage.AWAITING_SERVER: "server",
     Stage.QUEUED: "accept",
-    Stage.RESENDING: "accept",
     Stage.SENT: "accept",
     Stage.ACCEPTED: "execute",
     Stage.ELSEWHERE: "execute",

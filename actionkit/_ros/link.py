@@ -127,17 +127,10 @@ class Link:
         self.monitor.await_next_ready(listener)
 
     def send_goal(self, listener: GoalListener, goal: Any) -> None:
-        """Queue a goal request; the listener is told when it was sent."""
-        self.monitor.stop_waiting(listener)
+        """Queue a goal request, also one that is repeated; the listener is told when it is sent."""
+        self.dequeue(listener)  # who repeats waits for its turn as all others do
         self._outbox.put(listener.goal_id.bytes, (listener, goal))
         self._send_next()
-
-    def rebind(self, listener: GoalListener) -> None:
-        """Tell this listener what servers say of its goal id, instead of the earlier listener."""
-        key = listener.goal_id.bytes
-        if key in self._listeners:
-            self._listeners[key] = listener
-            self._requests.cancels.stop(key)  # the caller wants the goal again
 
     def dequeue(self, listener: GoalListener) -> None:
         """Wait for no server any more for the listener, and do not send its goal."""
@@ -212,7 +205,7 @@ class Link:
                 continue  # the caller has cancelled, which this thread will hear soon
             if listener.held_back:
                 self._outbox.discard(key)
-                listener.on_server_lost("")  # that of an earlier goal is back: it waits again
+                listener.on_held_back()
                 continue
             self._feedback.start()
             try:

@@ -26,6 +26,9 @@ class GoalListener(Protocol):
     def on_servers_changed(self, servers: int, away: int) -> None:
         """So many servers may have the goal now, and so many of them are out of sight."""
 
+    def on_held_back(self) -> None:
+        """It was its turn to be sent, and it must not be sent now."""
+
     def on_send_failed(self, error: Exception) -> None: ...
     def on_accepted(self) -> None: ...
     def on_rejected(self) -> None: ...

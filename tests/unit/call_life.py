@@ -85,10 +85,6 @@ class Link:
         self.listeners: dict[bytes, Attempt] = {}
         self.other_types: tuple[str, ...] = ()
 
-    def rebind(self, listener: Attempt) -> None:
-        if listener.goal_id.bytes in self.listeners:
-            self.listeners[listener.goal_id.bytes] = listener
-
     def await_server(self, listener: Attempt) -> None:
         if self.ready:
             listener.on_server_ready()
@@ -114,7 +110,7 @@ class Link:
             if listener.unwanted:
                 continue
             if listener.held_back:
-                listener.on_server_lost("")
+                listener.on_held_back()
                 continue
             self.listeners[key] = listener
             self.life.note_sent(key)
@@ -252,8 +248,6 @@ class CallLife:
         timeouts: Timeouts,
         deadline: float | None,
         owner: Call,
-        *,
-        resent: bool,
     ) -> Attempt:
         return Attempt(
             self.link,
@@ -262,7 +256,6 @@ class CallLife:
             timeouts,
             deadline,
             owner,
-            resent=resent,
             on_out_of_sight=lambda _: None,
         )
 

@@ -17,7 +17,7 @@ from typing import Any
 from actionkit import CancelReport, Timeouts
 from actionkit._calls import machine as mx
 from actionkit._calls.machine import CallMachine, Phase
-from actionkit._calls.retry import GiveUp, Resend, Retry, how_to_resend
+from actionkit._calls.retry import GiveUp, Retry, may_try_again
 from actionkit._goal import effects as fx
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import Stage
@@ -76,9 +76,11 @@ class Attempt:
     def is_out_of_sight(self) -> bool:
         return self.goal.facts.lost and not self.sent_to & self.in_sight
 
-    def supersede(self) -> None:
-        self.goal.supersede()
-        self.released, self.timers = True, frozenset()
+    @property
+    def may_repeat(self) -> bool:
+        """Whether its request may be repeated when it is time to ask again."""
+        goal = self.goal
+        return goal.stage is Stage.SENT and goal._denied_lately and goal.facts.requests == 1
 
     def on_server_ready(self) -> None: ...
 
@@ -92,7 +94,7 @@ class Attempt:
         ]
         facts = astuple(self.goal.facts)[1:]
         mine = tuple(v for n, v in vars(self).items() if n not in ("goal_id", "goal", "in_sight"))
-        return (*fields, facts, mine, tuple(map(tuple, truth)))
+        return (*fields, self.may_repeat, facts, mine, tuple(map(tuple, truth)))
 
 
 class World:
@@ -106,7 +108,7 @@ class World:
         self.attempts: list[Attempt] = []
         self.truth: dict[uuid.UUID, list[list[Any]]] = {}
         self.asked: Any = None  # what is judged or planned
-        self.pause: bool | None = None
+        self.pause = False
         self.grace = self.closed = self.late = False
         self.settled, self.returns = 0, returns
         self.told_success = False  # a success was told, and nobody has judged it so far
@@ -171,17 +173,12 @@ class World:
         m = self.m
         for effect in effects:
             if isinstance(effect, mx.Try):
-                if effect.resent:
-                    m.previous.supersede()
-                goal = Goal(Timeouts(feedback=3.0), DEADLINE, resent=effect.resent)
+                goal = Goal(Timeouts(feedback=3.0), DEADLINE)
                 goal.facts.goal_id = m.goal_id
                 made = Attempt(m.goal_id, goal, m.attempts)
                 made.in_sight = self.up
-                if effect.resent:
-                    made.sent_to, made.told_end = m.previous.sent_to, m.previous.told_end
-                    made.shown = m.previous.shown
                 self.attempts.append(made)
-                m.made(made, resent=effect.resent)
+                m.made(made)
                 self.apply(made, goal.start(self.now))
                 for each in list(m.earlier):
                     if each.goal.stage is Stage.LOST and self.up:
@@ -191,12 +188,12 @@ class World:
             elif isinstance(effect, mx.CutJudging):
                 self.grace = True
             elif isinstance(effect, mx.Pause):
-                self.pause = effect.same_id
+                self.pause = True
             elif isinstance(effect, mx.StopRetrying):
-                self.asked = self.pause = None
+                self.asked, self.pause = None, False
             elif isinstance(effect, mx.Withdraw):
-                effect.attempt.supersede()
-                effect.attempt.queued = effect.attempt.awaiting = False
+                self.apply(effect.attempt, effect.attempt.goal.withdraw())
+                effect.attempt.released = True
             elif isinstance(effect, mx.AwaitEarlier):
                 self.grace = True
             elif isinstance(effect, mx.StopAwaiting):
@@ -233,6 +230,8 @@ class World:
                 attempt.released, attempt.timers = True, frozenset()
                 attempt.queued = attempt.awaiting = False
                 self.over(attempt)
+        if attempt.goal.stage not in (Stage.QUEUED, Stage.SENT) or attempt.goal.settled:
+            attempt.queued = False
 
     def over(self, attempt: Attempt) -> None:
         self.do(self.m.earlier_over())
@@ -256,8 +255,10 @@ class World:
         for each in self.attempts:
             for timer in sorted(each.timers):
                 yield "timer", (each.number, timer)
-            if each.queued and self.up and not m.unwanted:
+            if each.queued and self.up and not (m.unwanted or each.goal.cancel_reason):
                 yield "send", each.number
+            if each.may_repeat:
+                yield "timer", (each.number, fx.Timer.REASK)
         if not over:
             if not m.unwanted:
                 yield "cancel", None
@@ -279,7 +280,7 @@ class World:
                 yield "verdict", Verdict.TRANSIENT if transient else Verdict.PERMANENT
         if m.phase is Phase.PLANNING and self.asked:
             yield "plan", None
-        if self.pause is not None:
+        if self.pause:
             yield "resume", None
         for s, state in enumerate(self.servers):
             if state == UP:
@@ -359,14 +360,14 @@ class World:
             self.verdict(arg)
         elif event == "plan":
             ending, self.asked = self.asked, None
-            how = how_to_resend(ending.progress, ending.news, m._resend)
-            if how is Resend.NO or m.attempts >= self.most or self.late:
+            again = may_try_again(ending.progress, ending.news, m._resend)
+            if not again or m.attempts >= self.most or self.late:
                 self.do(m.planned(ending, GiveUp("no")))
             else:
-                self.do(m.planned(ending, Retry(0.1, how is Resend.SAME_ID)))
+                self.do(m.planned(ending, Retry(0.1)))
         elif event == "resume":
-            resent, self.pause = bool(self.pause), None
-            self.do(m.resume(resent=resent))
+            self.pause = False
+            self.do(m.resume())
         elif event in ("hangs", "dies", "comes"):
             self.at_graph(event, arg)
         else:
@@ -381,7 +382,7 @@ class World:
         m = self.m
         attempt.queued = False
         if not m.may_send():
-            self.apply(attempt, attempt.goal.server_lost("", self.now))
+            self.apply(attempt, attempt.goal.held_back(self.now))
             return
         if m.unwanted or m.closing or m.ending:
             raise Broken("sent though nobody wants it")
@@ -561,7 +562,7 @@ class World:
                 world.verdict(Verdict.PERMANENT)
             elif m.phase is Phase.PLANNING:
                 world.happens("plan", None)
-            elif world.pause is not None:
+            elif world.pause:
                 world.happens("resume", None)
             elif world.grace:
                 world.happens("grace", None)

@@ -31,7 +31,7 @@ from actionkit._goal.effects import (
     Withdraw,
 )
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import DOUBT
+from actionkit._goal.stages import DOUBT, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState
@@ -62,7 +62,6 @@ class OnServer:
         over: Whether it is known that the goal does not run and never will.
     """
 
-    resent: bool
     copies: int = 0
     awaiting: bool = False
     queued: bool = False
@@ -92,14 +91,11 @@ class OnServer:
 
     @property
     def waits(self) -> bool:
-        return self.awaiting or self.queued
+        return not self.copies and (self.awaiting or self.queued)
 
     def learn(self, event: str, args: tuple[Any, ...], now: float, asked_at: float) -> None:
         """Take in an event, before the machine is told of it."""
-        if event == "start" and self.resent:
-            self.copies = 1
-            self.progress = GoalProgress.UNANSWERED
-        elif event == "sent" and self.queued:
+        if event == "sent" and self.queued:
             self.copies += 1
             self.awaiting = self.queued = False
             self.progress = GoalProgress.UNANSWERED
@@ -161,20 +157,18 @@ class OnServer:
 class Life:
     """One goal with a clock that the test moves; timers fire when it passes them."""
 
-    def __init__(
-        self, deadline: float | None = None, *, resent: bool = False, **timeouts: float | None
-    ) -> None:
+    def __init__(self, deadline: float | None = None, **timeouts: float | None) -> None:
         self.now = 0.0
         self.others_confirmed_at = -math.inf
         self.deadline = deadline
         self.timeouts = Timeouts(**timeouts)  # type: ignore[arg-type]
-        self.goal = Goal(self.timeouts, deadline, resent=resent)
+        self.goal = Goal(self.timeouts, deadline)
         self.timers: dict[Timer, float] = {}
         self.all: list[Effect] = []
         self.told: list[tuple[Any, ...]] = []
         self.ending: Ending | None = None
-        self.server = OnServer(resent)
-        self.started = self.released = self.abandoned = self.broke = self.superseded = False
+        self.server = OnServer()
+        self.started = self.released = self.abandoned = self.broke = False
         self.cancel_asked = self.cancel_accepted = self.cancelling = False
         self.refused = self.refused_lately = self.refusal_meant = False
         self.refused_at: float | None = None
@@ -207,6 +201,9 @@ class Life:
             self.refused_at = None
         for effect in effects:
             self._carry_out(effect, event, args)
+        wanted = self.ending is None and self.goal.cancel_reason is None
+        if self.goal.stage not in (Stage.QUEUED, Stage.SENT) or not wanted:
+            self.server.queued = False  # the driver takes it out of the queue
         self.cancelling = Timer.CANCEL in self.timers
         self._check(event, before, effects)
         return effects
@@ -245,7 +242,7 @@ class Life:
     @property
     def left_alone(self) -> bool:
         """Whether this side takes care of the goal no more, whatever it does."""
-        return self.abandoned or self.broke or self.superseded
+        return self.abandoned or self.broke
 
     @property
     def in_flight(self) -> bool:
@@ -272,7 +269,6 @@ class Life:
             if event == "close" and not ended and not self.cancelling:
                 self.abandoned = options["abandon"]
         self.broke |= event == "fail" and not ended
-        self.superseded |= event == "supersede"
         if not self.left_alone and not self.released:
             self.server.learn(event, args, self.now, options.get("asked_at", self.now))
 
@@ -302,8 +298,10 @@ class Life:
         elif isinstance(effect, SendGoal):
             wanted = self.ending is None and not self.cancelling
             self._require(wanted, "nothing is sent that nobody wants")
-            first = self.server.copies == self.server.resent and not self.server.accepted
-            self._require(first, "nothing is sent twice")
+            once = self.server.copies == 1 and self.server.denied and event == "timer"
+            unshown = not (self.server.accepted or self.server.lost)
+            again = once and unshown  # the server takes an id once (R5)
+            self._require(not self.server.copies or again, "nothing is sent twice")
         elif isinstance(effect, AskCancel):
             self.cancel_asked = True
         elif isinstance(effect, LateResult):
@@ -371,18 +369,15 @@ class Life:
         may_run = self.in_flight and not (server.lost or denied or server.ended)
         self._require(goal.may_run == may_run, "`may_run`: a server in sight may be running it")
         known = server.over or server.lost or self.left_alone
-        self._require(settled or self.superseded or not known, "no caller is left waiting")
+        self._require(settled or not known, "no caller is left waiting")
         if Settle in map(type, effects):
             self._check_server_was_there(event, before)
-        if self.superseded:  # what the link holds is another's now, with the same id
-            self._require(not armed, "who is superseded leaves all to another")
-        else:
-            over = server.over or self.left_alone or (settled and not server.copies)
-            self._require(self.released or not over, "what is over is released")
-            # Nobody waits for ever for the result of a goal that ended.
-            dropped = server.denied and goal.facts.left and self.now > 600.0
-            forgotten = settled and (server.ended or dropped)
-            self._require(over or forgotten or not self.released, "what may run is watched on")
+        over = server.over or self.left_alone or (settled and not server.copies)
+        self._require(self.released or not over, "what is over is released")
+        # Nobody waits for ever for the result of a goal that ended.
+        dropped = server.denied and goal.facts.left and self.now > 600.0
+        forgotten = settled and (server.ended or dropped)
+        self._require(over or forgotten or not self.released, "what may run is watched on")
         if event == "result" and self.told[-1][1] is not None and settled:
             late = before.has_it and self._was_watched(effects)
             late = late and Settle not in map(type, effects)

@@ -143,7 +143,6 @@ class NetworkLife(CommunicationThread):
                 timeouts,
                 self.chance.choice([None, deadline]),
                 self,
-                resent=False,
                 on_out_of_sight=lambda _: None,
             )
             self.attempts.append(attempt)

@@ -139,6 +139,12 @@ MUTANTS = {
         "else fx.AskCancel()",
         "else fx.AskResult()",
     ),
+    "a request is repeated after its caller gave up": (
+        Goal,
+        "_reask",
+        " and not self._unwanted and",
+        " and",
+    ),
     "one of two servers rejects it, and so it does not run": (
         GoalFacts,
         "is_over",

@@ -119,8 +119,10 @@ UNKNOWN, ACCEPTED = CancelAnswer.UNKNOWN_GOAL, CancelAnswer.ACCEPTED
 RUNNING: list[Event] = [*SENT, ("accepted", 0)]
 PAUSE: list[Event] = [("wait", 0.5)]
 UNANSWERED: list[Event] = [*SENT, ("wait", 5.0), ("cancel_answer", 0, UNKNOWN)]
-"""In the pause, after which the same goal is sent again."""
-AGAIN: list[Event] = [*UNANSWERED, ("busy", True), *PAUSE]
+"""The server did not say in time whether it takes the goal, and does not know it."""
+REPEATED: list[Event] = [*SENT, ("wait", 1.0), ("result", 0, None), ("wait", 2.0)]
+"""The server did not know it, and it was sent again."""
+AGAIN: list[Event] = [*SENT, ("wait", 1.0), ("result", 0, None), ("busy", True), ("wait", 2.0)]
 """The same goal waits for its turn to be sent again."""
 LOST: list[Event] = [*RUNNING, ("gone",)]
 STALLED: list[Event] = [*RUNNING, ("wait", 1.0)]
@@ -160,7 +162,7 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
     ),
     "nor is what was sent again, where no cancel of ours can have done it": (
         {},
-        [*UNANSWERED, *PAUSE, ("accepted", 0), ("result", 0, GoalState.CANCELED), ("wait", 1.0)],
+        [*REPEATED, ("accepted", 0), ("result", 0, GoalState.CANCELED), ("wait", 1.0)],
         2,
     ),
     "nor where the server answered that it knew nothing of what we wanted cancelled": (
@@ -197,7 +199,8 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
         [*UNANSWERED, ("rejected", 0), *PAUSE],
         1,
     ),
-    "what was not known is sent again with the same id": ({}, [*UNANSWERED, *PAUSE], 2),
+    "what was not known is sent again with the same id, once": ({}, REPEATED, 2),
+    "and no more often": ({}, [*REPEATED, ("result", 0, None), ("wait", 4.0), *PAUSE], 2),
     "an id is not sent to another incarnation": (
         NO_LIMITS | {"accept": 5.0},
         [*AGAIN, ("gone",), ("busy", False), ("ready",)],
@@ -207,11 +210,6 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
         NO_LIMITS | {"accept": 5.0},
         [*AGAIN, ("restarted",), ("busy", False)],
         1,
-    ),
-    "an id is sent again to a server that was only out of reach": (
-        NO_LIMITS | {"accept": 5.0},
-        [*UNANSWERED, ("gone",), ("back",), *PAUSE],
-        2,
     ),
     "what its server may take yet, after an outage, keeps the next goal back": (
         NO_LIMITS,
@@ -227,6 +225,11 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
     "what was cancelled while it waited to be sent again is not sent, and watched": (
         {},
         [*AGAIN, ("cancel",), ("wait", 5.0), ("busy", False), ("accepted", 0)],
+        1,
+    ),
+    "nor what ran out of time while it waited to be sent again": (
+        {"timeout": 4.0},
+        [*AGAIN, ("wait", 1.5), ("busy", False)],
         1,
     ),
     "close ends a call that waits for what became of an unanswered goal": (
@@ -304,12 +307,10 @@ def test_a_cancel_that_was_repeated_is_ours() -> None:
     assert life.call.future.cancelled()
 
 
-def test_a_goal_sent_again_with_its_id_is_told_as_two_attempts() -> None:
-    life = lived([*UNANSWERED, *PAUSE, ("accepted", 0)])
-    life.happens("result", 0, GoalState.SUCCEEDED)
+def test_a_goal_sent_again_with_its_id_is_one_attempt() -> None:
+    life = lived([*REPEATED, ("accepted", 0), ("result", 0, GoalState.SUCCEEDED)])
     assert life.outcome.error is None
-    assert (life.outcome.attempts, life.outcome.goal_id) == (2, life.call.goal_id)
-    assert len({event.goal_id for event in life.outcome.timeline}) == 1
+    assert (life.sends, life.outcome.attempts) == (2, 1)
 
 
 @pytest.mark.parametrize("end", ["cancel", "close"])
@@ -424,9 +425,8 @@ WAITED_IN_VAIN: dict[type[BaseException], list[Event]] = {
     ],
     errors.ServerLostError: LOST,
     errors.FeedbackStalledError: [*STALLED, ("result", 0, GoalState.CANCELED), ("gone",)],
-    errors.AcceptanceTimeoutError: [*UNANSWERED, ("settling",)],
 }
-MAY_RUN = (errors.ServerLostError, errors.AcceptanceTimeoutError)
+MAY_RUN = (errors.ServerLostError,)
 
 
 @pytest.mark.parametrize("cls", WAITED_IN_VAIN, ids=lambda cls: cls.__name__)
@@ -444,14 +444,12 @@ def test_a_call_that_had_a_server_ends_with_what_came_of_it(
         **limits,
     )
     error: Any = life.outcome.error
-    again = cls is errors.AcceptanceTimeoutError  # the same goal, which may run
-    assert (life.sends, life.outcome.attempts) == (1, 3 if timeout is None and not again else 2)
+    assert (life.sends, life.outcome.attempts) == (1, 3 if timeout is None else 2)
     assert budget.tokens == 9.0  # for what the server did, and not for its absence
     assert [event.state for event in life.outcome.timeline][-1] is GoalState.TIMED_OUT
     if timeout is None:
         assert type(error) is cls
-        why = "the goal may still run" if again else "all 3 attempts"
-        assert f"no server was ready within 5 s, and {why}" in str(error)
+        assert "no server was ready within 5 s, and all 3 attempts" in str(error)
         assert error.goal_id == life.outcome.timeline[0].goal_id
         assert not re.search(r"(after|lost) 1\d\.\d s", str(error))  # but when it happened
         return

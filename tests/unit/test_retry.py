@@ -15,23 +15,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import GoalState, RetryBudget, RetryPolicy, ServerLostError
-from actionkit._calls.retry import GiveUp, Resend, Retry, Schedule, how_to_resend
+from actionkit._calls.retry import GiveUp, Retry, Schedule, may_try_again
 from actionkit._calls.retry_runner import RetryRunner
 from actionkit._goal.effects import End, Ending, Fault, GoalProgress, LastNews
 from actionkit._threads.clock import TimerHandle
 
 # --- resend safety (contract C4.2) -------------------------------------------------------------
 
-NO, SAME, NEW = Resend.NO, Resend.SAME_ID, Resend.NEW_ID
+NO, NEW = False, True
 POLICIES = ("never_accepted", "confirmed_stopped", "server_gone", "always")
-TABLE: dict[tuple[GoalProgress, LastNews], tuple[Resend, ...]] = {
+TABLE: dict[tuple[GoalProgress, LastNews], tuple[bool, ...]] = {
     # What became of the earlier goal: what each policy, in the order above, makes of it.
     (GoalProgress.NEVER_SENT, LastNews.NOTHING): (NEW, NEW, NEW, NEW),
     (GoalProgress.NEVER_SENT, LastNews.UNKNOWN_TO_SERVER): (NEW, NEW, NEW, NEW),
     (GoalProgress.NEVER_SENT, LastNews.SERVER_GONE): (NEW, NEW, NEW, NEW),
     (GoalProgress.NEVER_SENT, LastNews.STOPPED): (NEW, NEW, NEW, NEW),
     (GoalProgress.UNANSWERED, LastNews.NOTHING): (NO, NO, NO, NEW),
-    (GoalProgress.UNANSWERED, LastNews.UNKNOWN_TO_SERVER): (NO, SAME, SAME, NEW),
+    (GoalProgress.UNANSWERED, LastNews.UNKNOWN_TO_SERVER): (NO, NO, NO, NEW),
     (GoalProgress.UNANSWERED, LastNews.SERVER_GONE): (NO, NO, NEW, NEW),
     (GoalProgress.UNANSWERED, LastNews.STOPPED): (NO, NEW, NEW, NEW),
     (GoalProgress.REJECTED, LastNews.NOTHING): (NEW, NEW, NEW, NEW),
@@ -55,13 +55,13 @@ def test_the_table_is_total() -> None:
 @pytest.mark.parametrize("resend", POLICIES)
 def test_whether_a_goal_is_sent_again(progress: GoalProgress, news: LastNews, resend: str) -> None:
     expected = TABLE[progress, news][POLICIES.index(resend)]
-    assert how_to_resend(progress, news, resend) is expected
+    assert may_try_again(progress, news, resend) is expected
 
 
 @pytest.mark.parametrize("progress", [GoalProgress.UNANSWERED, GoalProgress.ACCEPTED])
 def test_only_at_least_once_sends_again_what_may_be_running(progress: GoalProgress) -> None:
     for policy in POLICIES[:3]:
-        assert how_to_resend(progress, LastNews.NOTHING, policy) is Resend.NO
+        assert not may_try_again(progress, LastNews.NOTHING, policy)
 
 
 # --- pauses and limits (contract C4.1) ---------------------------------------------------------
