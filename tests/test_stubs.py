@@ -202,13 +202,14 @@ MADE_FROM = ("test_msgs",)
 
 
 def test_the_stubs_of_interface_packages_are_as_actionkit_makes_them() -> None:
-    from actionkit._stubs.modules import MARK, files, placeholders
+    from actionkit._stubs.folders import MARK
+    from actionkit._stubs.modules import files, placeholders
     from actionkit.cli.stubs import load_with_comments
 
     loaded = load_with_comments(MADE_FROM)
     wanted = {
         f"{package.name}/{name}": text
-        for package in loaded.packages.values()
+        for package in loaded.packages
         for name, text in {**files(package, loaded), **placeholders(package)}.items()
     }
     texts = {path.relative_to(STUBS).as_posix(): path.read_text("utf-8") for path in STUB_FILES}

@@ -6,13 +6,12 @@ A folder of stubs is replaced as a whole, so that no file of a type that is gone
 
 from __future__ import annotations
 
-import os
 import shutil
 import tempfile
 from pathlib import Path
 
-from actionkit._stubs.modules import MARK
-
+MARK = "# Made by `actionkit stubs`, which overwrites it."
+"""The first line of each file: what lacks it is somebody else's."""
 _PARTIAL = "py.typed"
 """Beside installed packages it says, with its text `partial`, that what the stubs lack is to be
 read from the package itself (PEP 561)."""
@@ -23,46 +22,28 @@ class ForeignFilesError(Exception):
 
 
 def replace(folder: Path, files: dict[str, str], *, partial: bool) -> bool:
-    """Make a folder have these files and no others; `partial` beside the package described.
+    """Make a folder have these files and no others; return whether anything changed.
 
-    Returns:
-        Whether anything changed.
-
-    Raises:
-        ForeignFilesError: Somebody else's files are there.
-        OSError: The folder cannot be written.
+    `partial` is for folders beside the packages that they describe.
     """
     wanted = {**files, _PARTIAL: "partial\n"} if partial else files
-    there = _ours(folder)
-    if there == wanted:
+    if _ours(folder) == wanted:
         return False
     folder.parent.mkdir(parents=True, exist_ok=True)
-    # Beside it, so that a rename brings it there: whoever is killed leaves no half of it.
-    scratch = Path(tempfile.mkdtemp(prefix=".actionkit-stubs-", dir=folder.parent))
-    try:
-        new = scratch / "new"
+    # Moved there when it is complete: a file cut short by a kill would look like somebody else's.
+    with tempfile.TemporaryDirectory(prefix=".actionkit-stubs-", dir=folder.parent) as scratch:
+        new = Path(scratch, folder.name)
         for name, text in wanted.items():
             path = new / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, "utf-8")
-        if there is not None:
-            os.rename(folder, scratch / "old")
-        os.rename(new, folder)
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+        remove(folder)
+        new.rename(folder)
     return True
 
 
 def remove(folder: Path) -> bool:
-    """Remove a folder that `replace` has made.
-
-    Returns:
-        Whether there was one.
-
-    Raises:
-        ForeignFilesError: Somebody else's files are there.
-        OSError: It cannot be removed.
-    """
+    """Remove a folder that `replace` has made; return whether there was one."""
     if _ours(folder) is None:
         return False
     shutil.rmtree(folder)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
-from actionkit._stubs.fields import FieldType, Names, class_path, constant, field_type
+from actionkit._stubs.fields import Names, class_path, constant, field_types
+from actionkit._stubs.folders import MARK
 from actionkit._stubs.loading import Loaded, Package
 
-MARK = "# Made by `actionkit stubs`, which overwrites it."
-"""The first line of each file: what lacks it is somebody else's."""
 _QUIET = "# fmt: off\n# ruff: noqa"
 """Formatters and linters have no business here: each run must give the same text."""
 _WIDTH = 100
@@ -18,39 +18,37 @@ _WIDTH = 100
 def files(package: Package, loaded: Loaded) -> dict[str, str]:
     """Return the stub files of a package: path below its folder -> text.
 
-    The same classes always give the same text.
+    The same classes always give the same text. Packages that they use are added to `loaded`.
     """
     written = {"__init__.pyi": _text(())}
     for kind, types in package.types.items():
-        bodies: dict[str, list[str]] = {}
-        imports: dict[str, set[str]] = {}
+        handed_on = []
         for name, cls in types.items():
-            module = str(cls.__module__)
-            body = bodies.setdefault(module, [])
-            needed = imports.setdefault(module, set())
-            body += ["", *_type(kind, name, cls, loaded, needed)]
-            handed_on = [extra for extra in package.extras[kind] if extra.startswith(f"{name}_")]
-            body += ["", *(f"{e} = {class_path(kind, e)}" for e in handed_on)] if handed_on else []
-        for module, body in bodies.items():
-            stem = module.rpartition(".")[2]
-            written[f"{kind}/{stem}.pyi"] = _text([*_sorted(imports[module]), *body])
-        lines = []
-        for name, cls in types.items():
-            module = str(cls.__module__)
-            mine = [name, *(e for e in package.extras[kind] if e.startswith(f"{name}_"))]
-            lines += [f"from {module} import {each} as {each}" for each in mine]
-        written[f"{kind}/__init__.pyi"] = _text(lines)
+            parts = [part for part in package.parts[kind] if part.startswith(f"{name}_")]
+            handed_on += [
+                f"from {cls.__module__} import {each} as {each}" for each in (name, *parts)
+            ]
+            classes = _Classes(package.name, loaded)
+            body = list(classes.of_type(kind, name, cls))
+            if parts:
+                body += ["", *(f"{each} = {class_path(each)}" for each in parts)]
+            stem = cls.__module__.rpartition(".")[2]
+            # As isort has them: first the modules, then what comes from them.
+            imports = sorted(classes.imports, key=lambda line: (line.startswith("from "), line))
+            written[f"{kind}/{stem}.pyi"] = _text([*imports, "", *body])
+        written[f"{kind}/__init__.pyi"] = _text(handed_on)
     return written
 
 
 def placeholders(package: Package) -> dict[str, str]:
-    """Return files for what else the package has, which would be hidden without them."""
+    """Return files for other modules, such as `message_fixtures`, which would be hidden else."""
     lines = [
         "from typing import Any as _Any",
         "",
         "def __getattr__(name: str) -> _Any: ...  # pyright: ignore[reportIncompleteStub]",
     ]
-    return {f"{name}.pyi": _text(lines) for name in package.others}
+    modules = sorted(path.stem for path in package.folder.glob("[!_]*.py"))
+    return {f"{name}.pyi": _text(lines) for name in modules if name.isidentifier()}
 
 
 def _text(lines: Iterable[str]) -> str:
@@ -58,126 +56,117 @@ def _text(lines: Iterable[str]) -> str:
     return f"{MARK}\n{_QUIET}\n\n{body}\n" if body else f"{MARK}\n{_QUIET}\n"
 
 
-def _sorted(imports: set[str]) -> list[str]:
-    """Return imports as isort has them: first the modules, then what comes from them."""
-    plain = [line for line in imports if line.startswith("import ")]
-    return sorted(plain) + sorted(imports - set(plain))
+class _Classes:
+    """Writes the classes of one file, and gathers the imports that they need."""
 
+    def __init__(self, package: str, loaded: Loaded) -> None:
+        self.imports: set[str] = set()
+        self._comments = loaded.comments
+        self._has = partial(loaded.has, package)
 
-def _type(kind: str, name: str, cls: Any, loaded: Loaded, imports: set[str]) -> Iterator[str]:
-    if kind == "msg":
-        yield from _message(cls, name, loaded, imports)
-    elif kind == "srv":
-        yield from _service(cls, name, loaded, imports)
-    else:
+    def of_type(self, kind: str, name: str, cls: Any) -> Iterator[str]:
+        if kind == "msg":
+            return self._message(cls, name)
+        if kind == "srv":
+            return self._service(cls, name)
+        return _class(name, *self._parts(cls, "Goal", "Result", "Feedback"), self._impl(cls.Impl))
+
+    def _impl(self, impl: Any) -> Iterator[str]:
+        """Write what rclpy's own action classes work with."""
+        names = Names(self.imports, set(), self._has)
+        others = [
+            f"CancelGoalService = {names.ros('action_msgs', 'srv', 'CancelGoal')}",
+            f"GoalStatusMessage = {names.ros('action_msgs', 'msg', 'GoalStatusArray')}",
+        ]
+        return _class(
+            "Impl",
+            self._service(impl.SendGoalService, "SendGoalService"),
+            self._service(impl.GetResultService, "GetResultService"),
+            *self._parts(impl, "FeedbackMessage"),
+            others,
+        )
+
+    def _service(self, cls: Any, name: str) -> Iterator[str]:
+        return _class(name, *self._parts(cls, "Request", "Response", "Event"))
+
+    def _parts(self, cls: Any, *names: str) -> list[Iterator[str]]:
+        return [self._message(getattr(cls, name), name) for name in names]
+
+    def _message(self, cls: Any, name: str) -> Iterator[str]:
+        said: dict[str, str] = cls.get_fields_and_field_types()
+        constants: dict[str, Any] = getattr(type(cls), f"_Metaclass_{cls.__name__}__constants", {})
+        names = Names(self.imports, {*said, *constants}, self._has)
+        types = {
+            field: field_types(slot, names)
+            for field, slot in zip(said, cls.SLOT_TYPES, strict=True)
+        }
+        class_var = names.imported("typing", "ClassVar")
+        package, kind, *_ = cls.__module__.split(".")
+        head, comments = self._comments(f"{package}/{kind}/{cls.__name__}")
         yield f"class {name}:"
-        for part in ("Goal", "Result", "Feedback"):
-            yield from _indented(_message(getattr(cls, part), part, loaded, imports))
+        yield from _indented(_docstring(head))
+        for each in sorted(constants):
+            yield f"    {each}: {constant(constants[each], names)}"
+        for field in said:
+            default = f"{field.upper()}__DEFAULT"
+            if default in vars(cls):
+                yield f"    {default}: {class_var}[{types[field][0]}]"
+        anything = names.imported("typing", "Any")
+        yield f"    SLOT_TYPES: {class_var}[{names.builtin('tuple')}[{anything}, ...]]"
+        for field, (read, given) in types.items():
+            doc = list(_docstring(comments.get(field, ())))
+            yield from _indented(_field(field, read, given, said[field], names, doc))
+        yield from _indented(_init(cls, types, names))
+        said_type = "{0}[{1}, {1}]".format(names.builtin("dict"), names.builtin("str"))
+        yield f"    @{names.builtin('classmethod')}"
+        yield f"    def get_fields_and_field_types(cls) -> {said_type}: ..."
+        if cls.__hash__ is None:
+            yield f"    __hash__: {class_var}[None]  # type: ignore[assignment]"
+
+
+def _class(name: str, *parts: Iterable[str]) -> Iterator[str]:
+    """Write a class of other classes, with an empty line between them."""
+    yield f"class {name}:"
+    for number, part in enumerate(parts):
+        if number:
             yield ""
-        yield from _indented(_impl(cls.Impl, loaded, imports))
-
-
-def _impl(impl: Any, loaded: Loaded, imports: set[str]) -> Iterator[str]:
-    """Write what rclpy's own action classes work with."""
-    names = Names(imports, set())
-    yield "class Impl:"
-    for part in ("SendGoalService", "GetResultService"):
-        yield from _indented(_service(getattr(impl, part), part, loaded, imports))
-        yield ""
-    yield from _indented(_message(impl.FeedbackMessage, "FeedbackMessage", loaded, imports))
-    yield ""
-    for part, kind, name in (
-        ("CancelGoalService", "srv", "CancelGoal"),
-        ("GoalStatusMessage", "msg", "GoalStatusArray"),
-    ):
-        if loaded.has("action_msgs", kind, name):
-            yield f"    {part} = {names.ros('action_msgs', kind, name)}"
-        else:
-            yield f"    {part}: {names.imported('typing', 'Any')}"
-
-
-def _service(cls: Any, name: str, loaded: Loaded, imports: set[str]) -> Iterator[str]:
-    yield f"class {name}:"
-    first = True
-    for part in ("Request", "Response", "Event"):
-        if hasattr(cls, part):  # Event came with ROS 2 Iron
-            if not first:
-                yield ""
-            first = False
-            yield from _indented(_message(getattr(cls, part), part, loaded, imports))
-
-
-def _message(cls: Any, name: str, loaded: Loaded, imports: set[str]) -> Iterator[str]:
-    said: dict[str, str] = cls.get_fields_and_field_types()
-    constants: dict[str, Any] = getattr(type(cls), f"_Metaclass_{cls.__name__}__constants", {})
-    names = Names(imports, {*said, *constants})
-    types = {
-        field: field_type(slot, names, loaded.has)
-        for field, slot in zip(said, cls.SLOT_TYPES, strict=True)
-    }
-    class_var = names.imported("typing", "ClassVar")
-    package, kind, *_ = cls.__module__.split(".")
-    head, comments = loaded.comments(f"{package}/{kind}/{cls.__name__}")
-    yield f"class {name}:"
-    yield from _indented(_docstring(head))
-    for each in sorted(constants):
-        yield f"    {each}: {constant(constants[each], names)}"
-    for field in said:
-        default = f"{field.upper()}__DEFAULT"
-        if default in vars(cls):
-            yield f"    {default}: {class_var}[{types[field].read}]"
-    anything = names.imported("typing", "Any")
-    yield f"    SLOT_TYPES: {class_var}[{names.builtin('tuple')}[{anything}, ...]]"
-    for field, type_ in types.items():
-        doc = list(_docstring(comments.get(field, ())))
-        yield from _indented(_field(field, type_, said[field], names, doc))
-    yield from _indented(_init(cls, types, names))
-    text = names.builtin("str")
-    yield f"    @{names.builtin('classmethod')}"
-    yield (
-        f"    def get_fields_and_field_types(cls) -> {names.builtin('dict')}[{text}, {text}]: ..."
-    )
-    if cls.__hash__ is None:
-        yield f"    __hash__: {class_var}[None]  # type: ignore[assignment]"
+        yield from _indented(part)
 
 
 def _docstring(lines: Sequence[str]) -> Iterator[str]:
     """Write comments of an interface file where editors look for them."""
     shown = ["".join(c if c.isprintable() else " " for c in line).strip() for line in lines]
-    text = "\n".join(filter(None, shown))
-    if text:
+    if text := "\n".join(filter(None, shown)):
         quoted = text.replace("\\", "\\\\").replace('"', '\\"')
         yield from f'"""{quoted}"""'.split("\n")
 
 
 def _field(
-    name: str, type_: FieldType, said: str, names: Names, doc: Sequence[str]
+    name: str, read: str, given: str, said: str, names: Names, doc: Sequence[str]
 ) -> Iterator[str]:
-    if type_.read == type_.given:
-        yield f"{name}: {type_.read}  # {said}"
+    if read == given:
+        yield f"{name}: {read}  # {said}"
         yield from doc
         return
     yield f"@{names.builtin('property')}"
-    yield f"def {name}(self) -> {type_.read}:{'' if doc else ' ...'}  # {said}"
+    yield f"def {name}(self) -> {read}:{'' if doc else ' ...'}  # {said}"
     yield from _indented(doc)
     yield f"@{name}.setter"
-    yield f"def {name}(self, value: {type_.given}) -> None: ..."
+    yield f"def {name}(self, value: {given}) -> None: ..."
 
 
-def _init(cls: Any, types: dict[str, FieldType], names: Names) -> Iterator[str]:
+def _init(cls: Any, types: dict[str, tuple[str, str]], names: Names) -> Iterator[str]:
     # `self` is the first parameter of what ROS generates, so it can be no keyword.
-    given = [f"{field}: {t.given} = ..." for field, t in types.items() if field != "self"]
+    given = [f"{field}: {one} = ..." for field, (_, one) in types.items() if field != "self"]
     if "_check_fields" in cls.__slots__ and "check_fields" not in types:
         given.append(f"check_fields: {names.builtin('bool')} = ...")
-    if not given:
-        yield "def __init__(self) -> None: ..."
-        return
-    line = f"def __init__(self, *, {', '.join(given)}) -> None: ..."
+    parameters = ["self", "*", *given] if given else ["self"]
+    line = f"def __init__({', '.join(parameters)}) -> None: ..."
     if len(line) <= _WIDTH - 8:
         yield line
         return
     yield "def __init__("
-    yield from (f"    {each}," for each in ("self", "*", *given))
+    yield from (f"    {each}," for each in parameters)
     yield ") -> None: ..."
 
 

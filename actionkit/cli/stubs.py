@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -55,21 +56,10 @@ def command(packages: tuple[str, ...], output: Path | None, install: bool, unins
         )
     if uninstall:
         return _uninstall(packages)
-    loaded = load_with_comments(packages)
-    problems = list(loaded.problems)
     where = None if install else output or Path("typings")
-    for package in loaded.packages.values():
-        try:
-            told = _write(package, loaded, where)
-        except ForeignFilesError as error:
-            # Stubs that somebody else wrote for a package that is only used are as good as ours.
-            if package.name in packages:
-                problems.append(f"{error} Remove it, or choose another folder with -o DIR.")
-                continue
-            told = f"left  {error}"
-        except OSError as error:
-            raise _unwritable(error, where or package.folder.parent, install) from error
-        say(told)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the parser that rosidl loads, and of what it generated
+        problems = _write_all(packages, where)
     for problem in problems:
         say(f"Error: {problem}", err=True)
     if where is not None:
@@ -81,24 +71,41 @@ def command(packages: tuple[str, ...], output: Path | None, install: bool, unins
     return Exit.FAILED if problems else Exit.OK
 
 
-def load_with_comments(packages: tuple[str, ...]) -> Loaded:
-    """Return packages, all that they use, and the comments of their files."""
-    from actionkit._stubs.loading import NoSuchPackageError, installed, load
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of the parser that rosidl loads
+def _write_all(packages: tuple[str, ...], where: Path | None) -> list[str]:
+    """Write packages and those that they use; return what went wrong."""
+    loaded = load_with_comments(packages)
+    problems = []
+    for package in loaded.packages:  # they become more while these are written
         try:
-            loaded = load(list(dict.fromkeys(packages)))
-        except NoSuchPackageError as error:
-            missing = next((name for name in packages if repr(name) in str(error)), "")
-            near = [name for name in similar_names(missing, installed()) if name != missing]
-            hint = f" Did you mean {' or '.join(near)}?" if near else ""
-            source = " Source the setup file of the workspace that has it, or install it with pip."
-            raise Problem(Exit.NO_ROS, f"{error}{hint or source}") from error
-        except ImportError as error:
-            raise Problem(Exit.NO_ROS, f"rosidl_parser cannot be imported ({error}).") from error
-    loaded.comments = _comments
-    return loaded
+            told = _write(package, loaded, where)
+        except ForeignFilesError as error:
+            # Stubs that somebody else wrote for a package that is only used are as good as ours.
+            if package.name in packages:
+                problems.append(f"{error} Remove it, or choose another folder with -o DIR.")
+                continue
+            told = f"left  {error}"
+        except OSError as error:
+            folder = where or package.folder.parent
+            raise _unwritable(error, folder, where is None) from error
+        say(told)
+    return loaded.problems + problems
+
+
+def load_with_comments(packages: tuple[str, ...]) -> Loaded:
+    """Return packages with the comments of their files."""
+    from actionkit._stubs.loading import Loaded, NoSuchPackageError, installed
+
+    try:
+        importlib.import_module("rosidl_parser.definition")
+        return Loaded(packages, _comments)
+    except NoSuchPackageError as error:
+        missing = next((name for name in packages if repr(name) in str(error)), "")
+        near = [name for name in similar_names(missing, installed()) if name != missing]
+        hint = f" Did you mean {' or '.join(near)}?" if near else ""
+        source = " Source the setup file of the workspace that has it, or install it with pip."
+        raise Problem(Exit.NO_ROS, f"{error}{hint or source}") from error
+    except ImportError as error:
+        raise Problem(Exit.NO_ROS, f"rosidl_parser cannot be imported ({error}).") from error
 
 
 def _comments(ros_type: str) -> tuple[list[str], dict[str, list[str]]]:
@@ -111,7 +118,7 @@ def _write(package: Package, loaded: Loaded, where: Path | None) -> str:
 
     written = files(package, loaded)
     if where is None:
-        folder = package.folder.parent / f"{package.name}-stubs"
+        folder = package.folder.with_name(f"{package.name}-stubs")
     else:
         folder = where / package.name
         written |= placeholders(package)
@@ -124,13 +131,12 @@ def _write(package: Package, loaded: Loaded, where: Path | None) -> str:
 
 
 def _uninstall(packages: tuple[str, ...]) -> int:
-    import importlib.util
+    from actionkit._stubs.loading import folder_of
 
     for name in packages:
-        spec = importlib.util.find_spec(name) if name.isidentifier() else None
-        if spec is None or not spec.submodule_search_locations:
+        if (described := folder_of(name)) is None:
             raise Problem(Exit.NO_ROS, f"There is no package {name!r} here.")
-        folder = Path(next(iter(spec.submodule_search_locations))).parent / f"{name}-stubs"
+        folder = described.with_name(f"{name}-stubs")
         try:
             there = remove(folder)
         except ForeignFilesError as error:

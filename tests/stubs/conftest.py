@@ -38,10 +38,13 @@ ODD = {
         uint8 check_fields
     """,
     "msg/Part.msg": "int64 number 3\n",
-    "msg/Broken.msg": "int32 class\n",  # a word of Python's: what rosidl generates is no Python
     "msg/Lost.msg": "Part part\n",
     "msg/Wide.msg": "\n".join(f"int32 field{number}" for number in range(200)),
     "action/Pick.action": "string item\nOdd odd\n---\nbool ok\n---\nfloat32 percent\n",
+}
+BROKEN = {
+    "msg/Broken.msg": "int32 class\n",  # a word of Python's: what rosidl generates is no Python
+    "srv/Whole.srv": "int32 number\n---\n",
 }
 PLAIN = {"msg/Plain.msg": "int32 number\nstring[<=3] words\n", "msg/Second.msg": "Plain plain\n"}
 
@@ -65,10 +68,11 @@ def lose(folder: Path) -> None:
 
 @pytest.fixture(scope="session")
 def interfaces(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the packages odd_interfaces and plain_interfaces, to be read only."""
+    """A folder with the packages {odd,broken,plain}_interfaces, to be read only."""
     folder = tmp_path_factory.mktemp("interfaces")
     make(folder, "odd_interfaces", ODD)
     lose(folder)
+    make(folder, "broken_interfaces", BROKEN)
     make(folder, "plain_interfaces", PLAIN)
     return folder
 

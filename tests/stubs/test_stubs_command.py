@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from actionkit._stubs.modules import MARK
+from actionkit._stubs.folders import MARK
 from actionkit.cli._exits import Exit
 from tests.stubs.conftest import Command
 
@@ -82,16 +82,21 @@ string[<=3] words  # """ odd \x07 "
 
 
 def test_what_is_broken_is_told_and_the_rest_written(stubs: Command, tmp_path: Path) -> None:
-    done = stubs("odd_interfaces", "-o", "mine")
+    done = stubs("odd_interfaces", "broken_interfaces", "-o", "mine")
     assert done.returncode == Exit.FAILED
-    assert "odd_interfaces.msg._broken cannot be imported (SyntaxError: " in done.stderr
+    assert "broken_interfaces.msg cannot be imported (SyntaxError: " in done.stderr
+    assert "_broken.py, line " in done.stderr
     assert "There is no package 'gone' here" in done.stderr
     assert "odd_interfaces uses it: there its types are `Any`." in done.stderr
     written = tree(tmp_path / "mine")
     assert "odd_interfaces/msg/_odd.pyi" in written
     assert "part: _Any  # odd_interfaces/Part" in written["odd_interfaces/msg/_lost.pyi"]
     assert "builtin_interfaces/msg/_time.pyi" in written  # what actions use
-    assert not [name for name in written if "broken" in name or "Broken" in written[name]]
+    assert [name for name in written if "broken_interfaces" in name] == [
+        "broken_interfaces/__init__.pyi",
+        "broken_interfaces/srv/__init__.pyi",
+        "broken_interfaces/srv/_whole.pyi",
+    ]
     assert "mypy_path = 'mine'" in done.stdout
     assert all(text.startswith(MARK) for text in written.values())
 

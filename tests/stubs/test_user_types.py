@@ -80,7 +80,7 @@ def project(interfaces: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     for arguments in (PACKAGES, ["plain_interfaces", "--install"]):
         subprocess.run(
             [sys.executable, "-m", "actionkit", "stubs", *arguments],
-            check=arguments is not PACKAGES,  # odd_interfaces has a broken type
+            check=arguments is not PACKAGES,  # a type of odd_interfaces uses a package that is gone
             capture_output=True,
             timeout=120,
             cwd=project,
