@@ -1,4 +1,7 @@
-"""What is wrong with packages, found before anything is generated."""
+"""What is wrong with packages, found before anything is generated.
+
+Mistakes in the sources are a `BadSourceError`, with a line for each; the rest is a `TargetError`.
+"""
 
 from __future__ import annotations
 
@@ -10,26 +13,22 @@ from collections.abc import Collection, Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-from actionkit._interfaces.dependencies import Dependency, packages_with_message, read_record
+from actionkit._interfaces import dependencies
+from actionkit._interfaces.dependencies import Dependency, read_record
 from actionkit._interfaces.errors import BadSourceError, TargetError
-from actionkit._interfaces.interface_file import InterfaceFile, Use, another_type
-from actionkit._interfaces.selection import Read, without
+from actionkit._interfaces.interface_file import Use
+from actionkit._interfaces.lines import OTHER_LANGUAGES
+from actionkit._interfaces.selection import without
 from actionkit._interfaces.source_tree import Package
-from actionkit._interfaces.wheel import owner_of
 from actionkit._model.ros_packages import how_to_get, joined
 from actionkit._model.similar_names import similar_names
 
 
-def no_ros_installation(ours: Iterable[Path]) -> None:
-    """Refuse beside an installed ROS, whose packages colcon makes.
-
-    Raises:
-        TargetError: One is sourced.
-    """
-    prefixes = [Path(p) for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
-    mine = {Path(sys.prefix), *ours}
-    for prefix in prefixes:
-        if prefix not in mine and not any(prefix.glob("*/actionkit_build.json")):
+def no_ros_installation(ours: Path) -> None:
+    """Refuse beside an installed ROS, whose packages colcon makes."""
+    for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
+        is_ours = any(Path(prefix).glob(f"*/{dependencies.RECORD}"))
+        if not is_ours and Path(prefix) not in (Path(sys.prefix), ours):
             raise TargetError(
                 f"a ROS 2 installation is sourced here ({prefix}, by AMENT_PREFIX_PATH). There"
                 " `colcon build` makes interface packages, for C++ and all other programs too."
@@ -37,99 +36,92 @@ def no_ros_installation(ours: Iterable[Path]) -> None:
             )
 
 
-def files(package: Package, read: Iterable[InterfaceFile]) -> None:
-    """Refuse files that cannot be right.
+def name(package: Package, folder: Path) -> None:
+    """Refuse to take the place, or the name, of a package that somebody else made."""
+    place = folder / package.name
+    if read_record(place) is not None:
+        return
+    spec = importlib.util.find_spec(package.name)
+    found = None if spec is None or spec.origin is None else Path(spec.origin).parent
+    if found is not None and read_record(found) is None:
+        is_python = package.name in sys.stdlib_module_names
+        how = "is a module of Python itself" if is_python else f"is installed here ({found})"
+        raise TargetError(
+            f"{package.folder / 'package.xml'}: a package {package.name!r} {how}: two of one name"
+            " cannot be imported. Choose another <name>"
+        )
+    if place.exists() or place.is_symlink():  # the latter without what it leads to
+        raise TargetError(
+            f"{place}: this is here, and was not built by `actionkit interfaces build`: it is left"
+            " alone. Choose another folder with -o"
+        )
 
-    Raises:
-        BadSourceError: The text has one line for each problem.
-    """
+
+def files(package: Package) -> None:
+    """Refuse files that cannot be right."""
     snake = importlib.import_module("rosidl_pycommon").convert_camel_case_to_lower_case_underscore
-    found = list(read)
-    problems = [problem for file in found for problem in file.problems]
-    modules: dict[tuple[str, str], InterfaceFile] = {}
-    for file in found:
-        other = modules.setdefault((file.path.suffix, snake(file.path.stem)), file)
-        if other is not file:
+    problems = [problem for file in package.files for problem in file.problems]
+    modules: dict[tuple[str, str], Path] = {}
+    for path in (file.path for file in package.files):
+        other = modules.setdefault((path.suffix, snake(path.stem)), path)
+        if other is not path:
             problems.append(
-                f"{package.folder / file.path}: its module would be called as that of"
-                f" {other.path.name}: rename one of them"
+                f"{package.folder / path}: its module would be called as that of {other.name}:"
+                " rename one of them"
             )
     _raise(problems)
 
 
-def types(
-    package: Package,
-    read: Iterable[InterfaceFile],
-    dependencies: Mapping[str, Dependency],
-) -> None:
-    """Refuse fields of types that are not there, and messages that hold themselves.
-
-    Raises:
-        BadSourceError: The text has one line for each problem.
-    """
-    found = list(read)
-    own = {file.path.stem for file in found if file.path.suffix == ".msg"}
+def types(package: Package, used: Mapping[str, Dependency]) -> None:
+    """Refuse fields of types that are not there, and messages that hold themselves."""
+    messages = {file.path.stem: file for file in package.files if file.kind == "msg"}
     problems = []
-    inside: dict[str, set[str]] = {name: set() for name in own}
-    for file in found:
-        for use in file.uses:
-            if use.package != package.name:
-                problems += _foreign_type(use, dependencies[use.package])
-            elif use.name not in own:
-                problems.append(f"{use.place}: {_own_type(package, use, own)}")
-            elif file.path.suffix == ".msg":
-                inside[file.path.stem].add(use.name)
+    for use in (use for file in package.files for use in file.uses):
+        is_own = use.package == package.name
+        there = sorted(messages) if is_own else used[use.package].messages()
+        if use.name not in there:
+            problems.append(_no_message(use, there, is_own))
     _raise(problems)
+    inside = {
+        name: {use.name for use in file.uses if use.package == package.name}
+        for name, file in messages.items()
+    }
     if circle := _circle(inside):
         _raise([f"{package.folder}: messages hold each other without an end: {circle}"])
 
 
-def _own_type(package: Package, use: Use, own: set[str]) -> str:
-    text = f"there is no message {use.name!r} in {package.name}"
-    if (other := another_type(use.name)) is not None:
-        return f"{text}: use {other}"
-    if near := similar_names(use.name, sorted(own)):
+def _no_message(use: Use, there: list[str], is_own: bool) -> str:
+    text = f"{use.place}: there is no message {use.name!r} in {use.package}"
+    if use.name in OTHER_LANGUAGES:
+        return f"{text}: use {OTHER_LANGUAGES[use.name]}"
+    if near := similar_names(use.name, there):
         return f"{text}. Did you mean {' or '.join(near)}?"
-    if elsewhere := packages_with_message(use.name):
+    if elsewhere := dependencies.packages_with_message(use.name):
         return f"{text}: write {elsewhere[0]}/{use.name}"
-    return f"{text}: add msg/{use.name}.msg, or write the package before it"
+    here = f": add msg/{use.name}.msg, or write the package before it"
+    return f"{text}{here if is_own else ''}"
 
 
-def _foreign_type(use: Use, dependency: Dependency) -> list[str]:
-    if dependency.has_message(use.name):
-        return []
-    near = similar_names(use.name, dependency.messages())
-    hint = f" Did you mean {' or '.join(near)}?" if near else ""
-    return [f"{use.place}: there is no message {use.name!r} in {use.package}.{hint}"]
-
-
-def missing(read: Read, names: Collection[str]) -> None:
-    """Refuse packages that use others which are not here: all of them at once.
-
-    Raises:
-        BadSourceError: There are such packages; the text has one line.
-    """
+def missing(packages: Mapping[str, Package], names: Collection[str]) -> None:
+    """Refuse packages that use others which are not here: all of them in one line."""
     if not names:
         return
-    uses = [use for files in read.values() for file in files for use in file.uses]
+    uses = [use for one in packages.values() for file in one.files for use in file.uses]
     first = next((f"{use.place}: " for use in uses if use.package in names), "")
     are = "package {} is" if len(names) == 1 else "packages {} are"
-    told = are.format(joined(sorted(names)))
     steps = how_to_get(names)
-    if (free := without(read, names)) is not None:
+    if (free := without(packages, names)) is not None:
         steps[-1] += f"; or build only what works without: --only {free}"
-    _raise([f"{first}the {told} not here: {'. '.join(steps)}"])
+    _raise([f"{first}the {are.format(joined(sorted(names)))} not here: {'. '.join(steps)}"])
 
 
-def order(packages: Mapping[str, set[str]]) -> list[str]:
-    """Return the packages so that each comes after those that it uses.
-
-    Raises:
-        BadSourceError: There is no such order; the text names a circle.
-    """
-    if circle := _circle(packages):
+def order(packages: Iterable[Package]) -> list[Package]:
+    """Return packages so that each comes after those that it uses; refuse circles."""
+    by_name = {package.name: package for package in packages}
+    uses = {name: package.uses() & set(by_name) for name, package in by_name.items()}
+    if circle := _circle(uses):
         _raise([f"packages use each other's types in a circle, and none can be first: {circle}"])
-    return [name for name in TopologicalSorter(packages).static_order() if name in packages]
+    return [by_name[name] for name in TopologicalSorter(uses).static_order()]
 
 
 def _circle(graph: Mapping[str, set[str]]) -> str:
@@ -138,38 +130,6 @@ def _circle(graph: Mapping[str, set[str]]) -> str:
     except CycleError as error:
         return " -> ".join(reversed(error.args[1]))
     return ""
-
-
-def name(package: Package, folder: Path) -> None:
-    """Refuse to take the place, or the name, of a package that somebody else made.
-
-    Raises:
-        TargetError: It would.
-    """
-    place = folder / package.name
-    if read_record(place) is not None:
-        return
-    owner = None
-    if place.exists() or place.is_symlink():  # the latter without what it leads to
-        owner = owner_of(package.name) if (place / "__init__.py").is_file() else None
-        if owner is None:
-            raise TargetError(
-                f"{place}: this is here, and was not built by `actionkit interfaces build`: it is"
-                " left alone. Choose another folder with -o"
-            )
-    spec = importlib.util.find_spec(package.name)
-    if owner is not None:
-        how = f"is installed here, by {owner}"
-    elif package.name in sys.stdlib_module_names:
-        how = "is a module of Python itself"
-    elif spec is None or spec.origin is None or read_record(Path(spec.origin).parent) is not None:
-        return
-    else:
-        how = f"is installed here ({Path(spec.origin).parent})"
-    raise TargetError(
-        f"{package.folder / 'package.xml'}: a package {package.name!r} {how}: two of one name"
-        " cannot be imported. Choose another <name>"
-    )
 
 
 def _raise(problems: list[str]) -> None:

@@ -11,44 +11,30 @@ from pathlib import Path
 
 RECORD = "actionkit_build.json"
 """The file beside the libraries of a built package."""
-IMPLIED = {
-    "msg": frozenset[str](),
-    "srv": frozenset({"service_msgs", "builtin_interfaces"}),
-    "action": frozenset(
-        {"action_msgs", "unique_identifier_msgs", "builtin_interfaces", "service_msgs"}
-    ),
-}
-"""What the types of each kind use without naming it."""
 _INCLUDE = re.compile(r'#include "(\w+)/')
 
 
 @dataclass(frozen=True)
 class BuildRecord:
-    """What a built package says of itself.
-
-    Attributes:
-        name: The package.
-        version: From its package.xml.
-        key: The fingerprint of all that it was made from.
-        uses: The packages whose types it uses, and those that these use.
-        libraries: Its libraries with their sizes in bytes.
-    """
+    """What a built package says of itself."""
 
     name: str
     version: str
-    key: str
-    uses: list[str]
-    libraries: dict[str, int]
+    key: str  # the fingerprint of all that it was made from
+    uses: list[str]  # the packages whose types it uses, and those that these use
+    libraries: dict[str, int]  # with their sizes in bytes
 
     def write(self, folder: Path) -> None:
         (folder / RECORD).write_text(json.dumps(asdict(self), indent=1) + "\n", "utf-8")
 
     def is_complete(self, folder: Path) -> bool:
         """Return whether everything that was built is still there."""
-        return _share(folder) is not None and all(
-            path.is_file() and path.stat().st_size == size
-            for path, size in ((folder / name, size) for name, size in self.libraries.items())
-        )
+        return _share(folder) is not None and libraries_in(folder) == self.libraries
+
+
+def libraries_in(folder: Path) -> dict[str, int]:
+    """Return the libraries of a package of ours with their sizes in bytes."""
+    return {path.name: path.stat().st_size for path in folder.glob("*.so")}
 
 
 def read_record(folder: Path) -> BuildRecord | None:
@@ -68,24 +54,13 @@ def _share(folder: Path) -> Path | None:
 
 @dataclass(frozen=True)
 class Dependency:
-    """A package that is there already.
-
-    Attributes:
-        name: The package.
-        share: Its folder of .idl, .msg and .json files.
-        include: The folder of its C headers.
-        libraries: The folder of its libraries.
-        record: How it was built, if it was by us.
-    """
+    """A package that is there already, with its folders."""
 
     name: str
-    share: Path
+    share: Path  # of .idl, .msg and .json files
     include: Path
     libraries: Path
-    record: BuildRecord | None
-
-    def has_message(self, name: str) -> bool:
-        return (self.share / "msg" / f"{name}.idl").is_file()
+    record: BuildRecord | None  # how it was built, if it was by us
 
     def messages(self) -> list[str]:
         return sorted(path.stem for path in (self.share / "msg").glob("*.idl"))
@@ -106,24 +81,24 @@ def find(name: str, target: Path) -> Dependency | None:
             return Dependency(name, share, folder / "include", folder, record)
         if (folder / "__init__.py").is_file():
             break  # as installed, by a wheel of ROS
-    prefix = Path(sys.prefix)
-    if not (prefix / "share" / name / "package.xml").is_file():
+    prefix, share = Path(sys.prefix), Path(sys.prefix, "share", name)
+    if not (share / "package.xml").is_file():
         return None
-    return Dependency(
-        name, prefix / "share" / name, prefix / "include" / name, prefix / "lib", None
-    )
+    return Dependency(name, share, prefix / "include" / name, prefix / "lib", None)
 
 
-def with_all_they_use(names: Iterable[str], target: Path) -> dict[str, Dependency | None]:
-    """Return the packages and those that they use in turn; `None` for one that is not there."""
-    found: dict[str, Dependency | None] = {}
-    left = set(names)
+def with_all_they_use(names: Iterable[str], target: Path) -> tuple[dict[str, Dependency], set[str]]:
+    """Return the packages and those that they use in turn, and the names of those not there."""
+    found: dict[str, Dependency] = {}
+    left, missing = set(names), set[str]()
     while left:
         name = left.pop()
-        dependency = found[name] = find(name, target)
-        if dependency is not None:
-            left |= dependency.uses() - set(found)
-    return dict(sorted(found.items()))
+        if (dependency := find(name, target)) is None:
+            missing.add(name)
+        else:
+            found[name] = dependency
+            left |= dependency.uses() - set(found) - missing
+    return dict(sorted(found.items())), missing
 
 
 def packages_with_message(name: str) -> list[str]:

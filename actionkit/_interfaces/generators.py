@@ -11,39 +11,31 @@ import copy
 import importlib
 import json
 import pickle
-import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from actionkit._interfaces import processes
 from actionkit._interfaces.dependencies import Dependency
-from actionkit._interfaces.errors import InterfacesError, MissingToolError
-from actionkit._interfaces.parallel import each
+from actionkit._interfaces.errors import MissingToolError
+from actionkit._interfaces.processes import Progress
+from actionkit._interfaces.source_tree import Package
 from actionkit._model.missing import RCLPY
 
-LIBRARIES = {
-    "c": "rosidl_generator_c",
-    "fastrtps": "rosidl_typesupport_fastrtps_c",
-    "introspection": "rosidl_typesupport_introspection_c",
-    "dispatch": "rosidl_typesupport_c",
-    "python": "rosidl_generator_py",
-}
-"""Folder of generated sources -> the ending of the library that is made from them, in an order in
-which each needs only those before it. rosidl looks for some of them by these names."""
-_GENERATORS: dict[str, tuple[str, tuple[object, ...]]] = {
-    "python": ("generate_py", (["rosidl_typesupport_c"],)),
-    "fastrtps": ("generate_typesupport_fastrtps_c", ()),
-    "c": ("generate_c", ()),
-    "introspection": ("generate_c", ()),
-    "dispatch": (
+LIBRARIES: dict[str, tuple[object, ...]] = {
+    "rosidl_generator_c": ("generate_c",),
+    "rosidl_typesupport_fastrtps_c": ("generate_typesupport_fastrtps_c",),
+    "rosidl_typesupport_introspection_c": ("generate_c",),
+    "rosidl_typesupport_c": (
         "generate_c",
-        (["rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"],),
+        ["rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"],
     ),
+    "rosidl_generator_py": ("generate_py", ["rosidl_typesupport_c"]),
 }
-"""Folder -> the function of its generator, and more arguments; those that take longest first."""
-_VISIBILITY = ("generator_c", "typesupport_fastrtps_c", "typesupport_introspection_c")
+"""Each generator, with its function and more arguments of that. The libraries of a package end with
+these names, by which rosidl looks for some; each needs only those before it."""
 _PARSED = "parsed.pickle"
 _PROGRAM = """
 import json, sys
@@ -54,12 +46,8 @@ generators.{}(*map(json.loads, sys.argv[2:]))
 
 
 def check_installed() -> None:
-    """Import the generators.
-
-    Raises:
-        MissingToolError: One is not here.
-    """
-    for name in ("rosidl_adapter", "rosidl_generator_type_description", *LIBRARIES.values()):
+    """Raise a `MissingToolError` if one of the generators is not here."""
+    for name in ("rosidl_adapter", "rosidl_generator_type_description", *LIBRARIES):
         try:
             importlib.import_module(name)
         except ImportError as error:
@@ -69,48 +57,32 @@ def check_installed() -> None:
             ) from error
 
 
-def generate(
-    package: str,
-    files: Iterable[Path],
-    dependencies: Iterable[Dependency],
-    work: Path,
-    progress: Callable[[float], None],
-) -> None:
+def generate(package: Package, used: Iterable[Dependency], work: Path, progress: Progress) -> None:
     """Write the sources of a package's libraries and its Python modules.
 
-    The files are in `work/source`. Beside it come `idl` and `hashes` (files for `share`), and a
-    folder for each of `LIBRARIES`.
-
-    Raises:
-        InterfacesError: A generator fails; the text has what it wrote.
+    `work` gets the folders `idl` and `hashes` (files for `share`), and one for each of `LIBRARIES`.
     """
-    names = [file.as_posix() for file in sorted(files)]
-    paths = [f"{one.name}:{one.share}" for one in dependencies]
-    _run("describe", package, str(work), names, paths)
-    steps = list(_GENERATORS)
-    each(lambda folder: _run("write", package, str(work), names, folder), steps, progress)
-    for kind in _VISIBILITY:
-        name = f"rosidl_{kind}__visibility_control.h"
-        template = (_resources(f"rosidl_{kind}") / f"{name}.in").read_text("utf-8")
-        text = template.replace("@PROJECT_NAME@", package)
-        header = work / "c" / package / "msg" / name
-        header.parent.mkdir(exist_ok=True)
-        header.write_text(text.replace("@PROJECT_NAME_UPPER@", package.upper()), "utf-8")
+    for file in package.files:
+        path = work / "source" / file.path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(file.text, "utf-8")
+    given = [package.name, str(work), sorted(file.path.as_posix() for file in package.files)]
+    _run("describe", *given, [f"{one.name}:{one.share}" for one in used])
+    libraries = list(reversed(LIBRARIES))  # Python takes longest
+    processes.each(lambda library: _run("write", *given, library), libraries, progress)
+    headers = work / "rosidl_generator_c" / package.name / "msg"
+    headers.mkdir(exist_ok=True)
+    for library in LIBRARIES:
+        for template in _resources(library).glob("*__visibility_control.h.in"):
+            text = template.read_text("utf-8").replace("@PROJECT_NAME@", package.name)
+            text = text.replace("@PROJECT_NAME_UPPER@", package.name.upper())
+            (headers / template.stem).write_text(text, "utf-8")
 
 
-def _run(function: str, package: str, *arguments: object) -> None:
+def _run(function: str, *arguments: object) -> None:
     words = [sys.executable, "-c", _PROGRAM.format(function)]
-    given = [sys.path, package, *arguments]
-    done = subprocess.run(
-        [*words, *map(json.dumps, given)],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        tail = "\n".join((done.stdout + done.stderr).strip().splitlines()[-5:])
-        raise InterfacesError(f"{package}: a generator of ROS failed:\n{tail}")
+    words += map(json.dumps, [sys.path, *arguments])
+    processes.run(words, f"{arguments[0]}: a generator of ROS failed")
 
 
 # --- in the process of a generator -----------------------------------------------------------
@@ -133,17 +105,19 @@ def write(package: str, folder: str, names: list[str], library: str) -> None:
     work = Path(folder)
     _parse_once(pickle.loads((work / _PARSED).read_bytes()))
     _remember()
-    hashes = work / "hashes" / package
-    more = {
-        "type_description_tuples": [
-            f"{idl}:{(hashes / idl).with_suffix('.json')}" for idl in _idls(names)
-        ],
-        "ros_interface_files": [str(work / "source" / name) for name in names],
-    }
-    function, arguments = _GENERATORS[library]
-    module = importlib.import_module(LIBRARIES[library])
-    job = _job(package, work, names, library, module, **(more if library == "c" else {}))
-    getattr(module, function)(job, *arguments)
+    options = {}
+    if library == "rosidl_generator_c":
+        hashes = work / "hashes" / package
+        options = {
+            "type_description_tuples": [
+                f"{idl}:{(hashes / idl).with_suffix('.json')}" for idl in _idls(names)
+            ],
+            "ros_interface_files": [str(work / "source" / name) for name in names],
+        }
+    function, *arguments = LIBRARIES[library]
+    module = importlib.import_module(library)
+    job = _job(package, work, names, library, module, **options)
+    getattr(module, str(function))(job, *arguments)
 
 
 def _job(

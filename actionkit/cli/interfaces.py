@@ -111,21 +111,13 @@ def build_command(
     from actionkit._interfaces.errors import BadSourceError, InterfacesError, MissingToolError
     from actionkit._interfaces.source_tree import OWN
 
-    if output is not None:
-        opened = wheel.opened("folder", output)
-    elif wheels is not None:
-        opened = wheel.opened("wheels", wheels)
-    else:
-        opened = wheel.opened("environment", wheel.site_packages())
+    kind: wheel.Kind = "folder" if output else "wheels" if wheels else "environment"
     try:
-        with opened as target, _Progress() as progress:
-            built = build(
-                folder or OWN,
-                target,
-                only=only,
-                tell=progress.tell,
-                progress=progress.now,
-            )
+        with wheel.opened(kind, output or wheels) as target, _Progress() as progress:
+            built = []
+            for one in build(folder or OWN, target, only, progress.now):
+                built.append(one)
+                progress.tell(one)
     except InterfacesError as error:
         usage, tools = isinstance(error, BadSourceError), isinstance(error, MissingToolError)
         raise Problem(
@@ -183,7 +175,7 @@ def _tell(built: Built) -> None:
     if built.seconds is None:
         say(f"{name}: unchanged, in {built.place}")
     else:
-        kinds = Counter(file.suffix[1:] for file in built.package.files)
+        kinds = Counter(file.kind for file in built.package.files)
         what = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
         say(f"{name}: built in {built.seconds:.1f} s ({what}), in {built.place}")
     for note in built.notes:
