@@ -106,8 +106,7 @@ def _fingerprint(package: Package, used: Collection[Dependency], target: Target)
     read += sorted(Path(sys.prefix, "share").glob("rosidl_*/package.xml"))  # the generators
     for one in used:
         # In a folder for PYTHONPATH, the libraries say where those that they use are.
-        parts += [one.name, one.libraries if target.kind == "folder" else None]
-        parts.append(None if one.record is None else one.record.key)
+        parts += [one.name, one.record, one.libraries if target.kind == "folder" else None]
         read.append(one.share / "package.xml")
     parts += [path.read_bytes() for path in read]
     return hashlib.sha256(repr(parts).encode()).hexdigest()
@@ -145,10 +144,11 @@ def _fill_share(package: Package, work: Path, top: Path) -> None:
     """Write what colcon writes into `share`: the package's files, .idl, hashes and an index."""
     share = top / package.name
     _copy(work / "idl", share)
-    _copy(work / "hashes" / package.name, share)
     paths = [file.path for file in package.files]
     for path in (Path("package.xml"), *paths):
         shutil.copyfile(package.folder / path, share / path)
+    for path in (path.with_suffix(".json") for path in paths):
+        shutil.copyfile(work / generators.HASHES / package.name / path, share / path)
     files = [name.as_posix() for path in paths for name in (path, path.with_suffix(".idl"))]
     for name, text in (("packages", ""), ("rosidl_interfaces", "\n".join(sorted(files)))):
         path = top / "ament_index" / "resource_index" / name / package.name
@@ -169,6 +169,6 @@ def _try_to_load(package: Package, used: Collection[Dependency], tree: Path) -> 
     processes.run(
         [sys.executable, "-c", _LOAD, json.dumps([package.name, names])],
         f"{package.name}: was compiled, but Python cannot load it",
-        folder=tree,
-        environment={**os.environ, **paths, "PYTHONDONTWRITEBYTECODE": "1"},
+        tree,
+        {**os.environ, **paths, "PYTHONDONTWRITEBYTECODE": "1"},
     )

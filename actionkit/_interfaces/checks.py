@@ -1,6 +1,6 @@
 """What is wrong with packages, found before anything is generated.
 
-Mistakes in the sources are a `BadSourceError`, with a line for each; the rest is a `TargetError`.
+Mistakes in the sources are a `BadSourceError`, with a line for each.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from collections.abc import Collection, Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-from actionkit._interfaces import dependencies
-from actionkit._interfaces.dependencies import Dependency, read_record
-from actionkit._interfaces.errors import BadSourceError, TargetError
+from actionkit._interfaces.dependencies import RECORD, Dependency, read_record
+from actionkit._interfaces.errors import BadSourceError, InterfacesError
 from actionkit._interfaces.interface_file import Use
 from actionkit._interfaces.lines import OTHER_LANGUAGES
 from actionkit._interfaces.selection import without
@@ -27,9 +26,9 @@ from actionkit._model.similar_names import similar_names
 def no_ros_installation(ours: Path) -> None:
     """Refuse beside an installed ROS, whose packages colcon makes."""
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
-        is_ours = any(Path(prefix).glob(f"*/{dependencies.RECORD}"))
+        is_ours = any(Path(prefix).glob(f"*/{RECORD}"))
         if not is_ours and Path(prefix) not in (Path(sys.prefix), ours):
-            raise TargetError(
+            raise InterfacesError(
                 f"a ROS 2 installation is sourced here ({prefix}, by AMENT_PREFIX_PATH). There"
                 " `colcon build` makes interface packages, for C++ and all other programs too."
                 " This command is for rclpy from PyPI: use it in a shell where no ROS is sourced"
@@ -46,12 +45,12 @@ def name(package: Package, folder: Path) -> None:
     if found is not None and read_record(found) is None:
         is_python = package.name in sys.stdlib_module_names
         how = "is a module of Python itself" if is_python else f"is installed here ({found})"
-        raise TargetError(
+        raise InterfacesError(
             f"{package.folder / 'package.xml'}: a package {package.name!r} {how}: two of one name"
             " cannot be imported. Choose another <name>"
         )
     if place.exists() or place.is_symlink():  # the latter without what it leads to
-        raise TargetError(
+        raise InterfacesError(
             f"{place}: this is here, and was not built by `actionkit interfaces build`: it is left"
             " alone. Choose another folder with -o"
         )
@@ -96,8 +95,8 @@ def _no_message(use: Use, there: list[str], is_own: bool) -> str:
         return f"{text}: use {OTHER_LANGUAGES[use.name]}"
     if near := similar_names(use.name, there):
         return f"{text}. Did you mean {' or '.join(near)}?"
-    if elsewhere := dependencies.packages_with_message(use.name):
-        return f"{text}: write {elsewhere[0]}/{use.name}"
+    if elsewhere := sorted(Path(sys.prefix, "share").glob(f"*/msg/{use.name}.idl")):
+        return f"{text}: write {elsewhere[0].parents[1].name}/{use.name}"
     here = f": add msg/{use.name}.msg, or write the package before it"
     return f"{text}{here if is_own else ''}"
 

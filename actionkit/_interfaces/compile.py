@@ -30,15 +30,10 @@ VARIABLES = ("CC", "CXX", "CPPFLAGS", "CFLAGS", "CXXFLAGS", "LDFLAGS")
 """Variables of the environment that say how to compile."""
 _MODULE = "module"
 """What Python loads, beside the libraries."""
-_MODULE_ENDING = ".ep.rosidl_typesupport_c"
-_FLAGS = ("-fPIC", "-w", "-Ulinux", "-Uunix")
 
 
 def find_compiler() -> tuple[list[str], list[str]]:
-    """Return the commands for C and C++: CC and CXX, or the first of gcc, clang and ziglang.
-
-    Raises a `MissingToolError` where there is none, and where Python.h is missing.
-    """
+    """Return the commands for C and C++: CC and CXX, or the first of gcc, clang and ziglang."""
     if not Path(python_headers(), "Python.h").is_file():
         version = f"{sys.version_info.major}.{sys.version_info.minor}"
         raise MissingToolError(
@@ -53,7 +48,7 @@ def find_compiler() -> tuple[list[str], list[str]]:
         known.append(([*zig, "cc", *system], [*zig, "c++", *system]))
     cc, cxx = _variable("CC"), _variable("CXX")
     for c, cpp in known:
-        if (cc or _is_here(c)) and (cxx or _is_here(cpp)):
+        if (cc or shutil.which(c[0])) and (cxx or shutil.which(cpp[0])):
             cc, cxx = cc or c, cxx or cpp
     if not cc or not cxx:
         raise MissingToolError(
@@ -61,7 +56,7 @@ def find_compiler() -> tuple[list[str], list[str]]:
             " sudo apt install g++ (or, without root: pip install ziglang, which is slower)"
         )
     for name, words in (("CC", cc), ("CXX", cxx)):
-        if not _is_here(words):
+        if shutil.which(words[0]) is None:
             raise MissingToolError(
                 f"the variable {name} of the environment names {words[0]!r}, which is not here:"
                 f" install it, or unset {name}"
@@ -78,10 +73,6 @@ def _variable(name: str) -> list[str]:
     return shlex.split(os.environ.get(name, ""))
 
 
-def _is_here(words: list[str]) -> bool:
-    return shutil.which(words[0]) is not None
-
-
 @dataclass(frozen=True)
 class _Unit:
     """Generated files that are compiled as one, relative to the working folder."""
@@ -95,18 +86,16 @@ class _Unit:
 
 
 def _units(work: Path) -> Iterator[_Unit]:
-    for library in LIBRARIES:
-        groups: dict[tuple[str, ...], list[Path]] = {}
-        for path in sorted((work / library).rglob("*.c*")):
-            file = path.relative_to(work)
-            # Within one kind and role no two files define one name; descriptions all do.
-            alone = file.stem if file.stem.endswith(("__description", _MODULE_ENDING)) else ""
-            role = file.stem.rpartition("_")[2]
-            groups.setdefault((str(file.parent), role, alone), []).append(file)
-        for group in groups.values():
-            part_of = _MODULE if group[0].stem.endswith(_MODULE_ENDING) else library
-            for start in range(0, len(group), _TYPES_IN_A_UNIT):
-                yield _Unit(part_of, tuple(group[start : start + _TYPES_IN_A_UNIT]))
+    groups: dict[tuple[str, Path, str], list[Path]] = {}
+    for path in sorted(work.glob("rosidl_*/**/*.c*")):
+        file = path.relative_to(work)
+        part_of = _MODULE if ".ep." in file.name else file.parts[0]
+        # Within one kind and role no two files define one name; descriptions all do.
+        role = file.stem if file.stem.endswith("__description") else file.stem.rpartition("_")[2]
+        groups.setdefault((part_of, file.parent, role), []).append(file)
+    for (part_of, _, _), group in groups.items():
+        for start in range(0, len(group), _TYPES_IN_A_UNIT):
+            yield _Unit(part_of, tuple(group[start : start + _TYPES_IN_A_UNIT]))
 
 
 def build_libraries(
@@ -114,7 +103,7 @@ def build_libraries(
 ) -> None:
     """Compile and link the package in a folder, from the sources in `work`."""
     cc, cxx = find_compiler()
-    common = [*_FLAGS, *_variable("CPPFLAGS")]
+    common = ["-fPIC", "-w", "-Ulinux", "-Uunix", *_variable("CPPFLAGS")]
     common += [word for path in _includes(used) for word in ("-I", str(path))]
     c = [*cc, "-std=gnu11", *(_variable("CFLAGS") or [_OPTIMIZE]), *common]
     cpp = [*cxx, "-std=gnu++17", *(_variable("CXXFLAGS") or [_OPTIMIZE]), *common]
@@ -127,7 +116,7 @@ def build_libraries(
         text = objects[unit].with_suffix(unit.files[0].suffix)
         text.write_text("".join(f'#include "{file}"\n' for file in unit.files), "utf-8")
         words = [*(cpp if unit.is_cpp else c), "-c", str(text), "-o", str(objects[unit])]
-        processes.run(words, f"compiling {unit.files[0].name}: {words[0]} failed", folder=work)
+        processes.run(words, f"compiling {unit.files[0].name}: {words[0]} failed", work)
 
     processes.each(compile_unit, units, progress)
     own: list[Path] = []
@@ -139,7 +128,7 @@ def build_libraries(
         words = [*cxx, "-shared", "-o", str(folder / name), f"-Wl,-soname,{name}"]
         words += sorted(str(path) for unit, path in objects.items() if unit.part_of == part)
         words += _link_flags(own, used, target)
-        processes.run(words, f"linking {name}: {words[0]} failed", folder=folder)
+        processes.run(words, f"linking {name}: {words[0]} failed", folder)
         own.append(folder / name)
 
 

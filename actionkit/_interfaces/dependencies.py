@@ -99,9 +99,3 @@ def with_all_they_use(names: Iterable[str], target: Path) -> tuple[dict[str, Dep
             found[name] = dependency
             left |= dependency.uses() - set(found) - missing
     return dict(sorted(found.items())), missing
-
-
-def packages_with_message(name: str) -> list[str]:
-    """Return the names of installed packages that have a message of that name."""
-    found = Path(sys.prefix, "share").glob(f"*/msg/{name}.idl")
-    return sorted(path.parents[1].name for path in found)

@@ -13,7 +13,3 @@ class BadSourceError(InterfacesError):
 
 class MissingToolError(InterfacesError):
     """A compiler, Python.h or the generators are not here."""
-
-
-class TargetError(InterfacesError):
-    """The package cannot be put where it should go."""

@@ -36,6 +36,7 @@ LIBRARIES: dict[str, tuple[object, ...]] = {
 }
 """Each generator, with its function and more arguments of that. The libraries of a package end with
 these names, by which rosidl looks for some; each needs only those before it."""
+HASHES = "rosidl_generator_type_description"
 _PARSED = "parsed.pickle"
 _PROGRAM = """
 import json, sys
@@ -47,7 +48,7 @@ generators.{}(*map(json.loads, sys.argv[2:]))
 
 def check_installed() -> None:
     """Raise a `MissingToolError` if one of the generators is not here."""
-    for name in ("rosidl_adapter", "rosidl_generator_type_description", *LIBRARIES):
+    for name in ("rosidl_adapter", HASHES, *LIBRARIES):
         try:
             importlib.import_module(name)
         except ImportError as error:
@@ -60,7 +61,7 @@ def check_installed() -> None:
 def generate(package: Package, used: Iterable[Dependency], work: Path, progress: Progress) -> None:
     """Write the sources of a package's libraries and its Python modules.
 
-    `work` gets the folders `idl` and `hashes` (files for `share`), and one for each of `LIBRARIES`.
+    `work` gets the folders `idl` and `HASHES` (files for `share`), and one for each of `LIBRARIES`.
     """
     for file in package.files:
         path = work / "source" / file.path
@@ -82,7 +83,7 @@ def generate(package: Package, used: Iterable[Dependency], work: Path, progress:
 def _run(function: str, *arguments: object) -> None:
     words = [sys.executable, "-c", _PROGRAM.format(function)]
     words += map(json.dumps, [sys.path, *arguments])
-    processes.run(words, f"{arguments[0]}: a generator of ROS failed")
+    processes.run(words, f"{arguments[0]}: a generator of ROS failed", Path())
 
 
 # --- in the process of a generator -----------------------------------------------------------
@@ -95,8 +96,7 @@ def describe(package: str, folder: str, names: list[str], paths: list[str]) -> N
     work, parsed = Path(folder), _parse_once({})
     for name in names:
         convert_to_idl(work / "source", package, Path(name), work / "idl")
-    module = importlib.import_module("rosidl_generator_type_description")
-    module.generate_type_hash(_job(package, work, names, "hashes", module, include_paths=paths))
+    _call(HASHES, package, work, names, include_paths=paths)
     (work / _PARSED).write_bytes(pickle.dumps(parsed))
 
 
@@ -107,35 +107,28 @@ def write(package: str, folder: str, names: list[str], library: str) -> None:
     _remember()
     options = {}
     if library == "rosidl_generator_c":
-        hashes = work / "hashes" / package
-        options = {
-            "type_description_tuples": [
-                f"{idl}:{(hashes / idl).with_suffix('.json')}" for idl in _idls(names)
-            ],
-            "ros_interface_files": [str(work / "source" / name) for name in names],
-        }
-    function, *arguments = LIBRARIES[library]
-    module = importlib.import_module(library)
-    job = _job(package, work, names, library, module, **options)
-    getattr(module, str(function))(job, *arguments)
+        hashes = work / HASHES / package
+        described = [f"{idl}:{(hashes / idl).with_suffix('.json')}" for idl in _idls(names)]
+        sources = [str(work / "source" / name) for name in names]
+        options = {"type_description_tuples": described, "ros_interface_files": sources}
+    _call(library, package, work, names, **options)
 
 
-def _job(
-    package: str, work: Path, names: list[str], folder: str, module: Any, **options: object
-) -> str:
-    """Write the file of arguments that each generator reads."""
-    output, path = work / folder / package, work / f"{folder}.json"
+def _call(generator: str, package: str, work: Path, names: list[str], **options: object) -> None:
+    """Call a generator, with a file that says what to do."""
+    output, path = work / generator / package, work / f"{generator}.json"
     output.mkdir(parents=True)
     job = {
         "package_name": package,
         "output_dir": str(output),
-        "template_dir": str(_resources(module.__name__)),
+        "template_dir": str(_resources(generator)),
         "idl_tuples": [f"{work / 'idl'}:{name}" for name in _idls(names)],
         "target_dependencies": [],
         **options,
     }
     path.write_text(json.dumps(job), "utf-8")
-    return str(path)
+    function, *arguments = LIBRARIES.get(generator, ("generate_type_hash",))
+    getattr(importlib.import_module(generator), str(function))(str(path), *arguments)
 
 
 def _idls(names: Iterable[str]) -> list[str]:

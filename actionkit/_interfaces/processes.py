@@ -15,17 +15,11 @@ from actionkit._interfaces.errors import InterfacesError
 _SHOWN = 6
 """Lines that are shown: a compiler tells the cause first, and Python last."""
 Progress = Callable[[float], None]
-"""Is told which part is done."""
 In = TypeVar("In")
 
 
 def run(
-    words: Sequence[str],
-    failed: str,
-    *,
-    folder: Path | None = None,
-    environment: Mapping[str, str] | None = None,
-    error: type[InterfacesError] = InterfacesError,
+    words: Sequence[str], failed: str, folder: Path, environment: Mapping[str, str] | None = None
 ) -> None:
     """Run a command. If it fails, the error has the first and the last lines that it wrote."""
     done = subprocess.run(
@@ -35,7 +29,7 @@ def run(
         lines = done.stdout.decode(errors="replace").strip().splitlines()
         if len(lines) > 2 * _SHOWN:
             lines[_SHOWN:-_SHOWN] = ["..."]
-        raise error("\n".join([f"{failed} (exit code {done.returncode}):", *lines]))
+        raise InterfacesError("\n".join([f"{failed} (exit code {done.returncode}):", *lines]))
 
 
 def each(work: Callable[[In], None], things: Sequence[In], progress: Progress) -> None:

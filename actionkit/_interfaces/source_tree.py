@@ -77,10 +77,7 @@ def _nothing_in(folder: Path, is_package: bool) -> str:
         for path in sorted(folder.rglob(f"*.{kind}")):
             lost = path.relative_to(folder)
             return f"nothing to build. Is it {lost}? That file belongs into the folder {kind}/."
-    return (
-        "nothing to build. Put .msg files into msg/, .srv files into srv/ and .action files into"
-        " action/."
-    )
+    return "nothing to build. Put .msg files into msg/, .srv into srv/ and .action into action/."
 
 
 def _walk(folder: Path, skip: Path) -> Iterator[Path]:
@@ -109,9 +106,7 @@ def _read(folder: Path) -> Package:
         )
     if not _VERSION.fullmatch(version):
         raise BadSourceError(f"{path}: <version> is {version!r}; it has to be as 0.1.0")
-    declared = {
-        (node.text or "").strip() for node in root if node.tag.endswith(("depend", "depends"))
-    }
+    declared = {(node.text or "").strip() for node in root if node.tag.endswith("depend")}
     files = tuple(interface_file.read(name, folder, path) for path in _files(folder))
     return Package(name, version, summary, frozenset(declared), folder, files)
 

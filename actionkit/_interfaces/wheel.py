@@ -28,7 +28,7 @@ from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
 
 from actionkit._interfaces import processes
 from actionkit._interfaces.dependencies import Dependency
-from actionkit._interfaces.errors import MissingToolError, TargetError
+from actionkit._interfaces.errors import InterfacesError, MissingToolError
 from actionkit._interfaces.source_tree import Package
 
 Kind = Literal["environment", "folder", "wheels"]
@@ -50,8 +50,7 @@ class Target:
 
     def place(self, package: Package) -> Path:
         """Return where a package goes: its folder, or its wheel."""
-        is_wheel = self.kind == "wheels"
-        return self.folder / (_file_name(package) if is_wheel else package.name)
+        return self.folder / (_file_name(package) if self.kind == "wheels" else package.name)
 
 
 @contextlib.contextmanager
@@ -75,7 +74,7 @@ def opened(kind: Kind, folder: Path | None) -> Iterator[Target]:
                 shutil.rmtree(left, ignore_errors=True)
             work = Path(stack.enter_context(workshop(folder)))
         except OSError as error:
-            raise TargetError(
+            raise InterfacesError(
                 f"{folder}: nothing can be written here ({error.strerror}). Choose another folder"
                 " with -o, or install into a virtual environment of your own"
             ) from None
@@ -161,12 +160,11 @@ def _owners() -> dict[str, str]:
 def deliver(wheel: Path, package: Package, target: Target) -> None:
     """Put a package where it goes."""
     if target.kind == "environment":
-        processes.run(
-            [sys.executable, *_PIP, str(wheel)],
+        failed = (
             f"pip did not install {wheel.name}. Use a virtual environment of your own, or build a"
-            " wheel with --wheel FOLDER. pip says",
-            error=TargetError,
+            " wheel with --wheel FOLDER. pip says"
         )
+        processes.run([sys.executable, *_PIP, str(wheel)], failed, wheel.parent)
         return
     _unpack(wheel, package.name, target.stage)
     if target.kind == "folder":
@@ -188,9 +186,9 @@ def _unpack(wheel: Path, name: str, folder: Path) -> None:
         with ZipFile(wheel) as file:
             file.extractall(work)
         shared = next(Path(work).glob("*.data")) / "data" / "share"
-        index = Path("share", "ament_index")
-        shutil.copytree(shared / "ament_index", folder / index, dirs_exist_ok=True)
-        new = {folder / "share" / name: shared / name, folder / name: Path(work, name)}
+        to = folder / "share"
+        shutil.copytree(shared / "ament_index", to / "ament_index", dirs_exist_ok=True)
+        new = {to / name: shared / name, folder / name: Path(work, name)}
         for there, built in new.items():
             # Moved away first: whoever is killed while deleting leaves no half of a package there.
             if there.exists():

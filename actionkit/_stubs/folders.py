@@ -52,10 +52,10 @@ def remove(folder: Path) -> bool:
 
 def _ours(folder: Path) -> dict[str, str] | None:
     """Return the files of a folder that we have made; `None` where there is none."""
-    if not folder.exists() and not folder.is_symlink():
-        return None
-    if folder.is_symlink() or not folder.is_dir():
+    if folder.is_symlink() or folder.is_file():
         raise ForeignFilesError(f"{folder} is not a folder that `actionkit stubs` has made.")
+    if not folder.exists():
+        return None
     found: dict[str, str] = {}
     for path in sorted(folder.rglob("*")):
         if path.is_dir() or "__pycache__" in path.parts:
@@ -64,8 +64,7 @@ def _ours(folder: Path) -> dict[str, str] | None:
         # Whatever is no text of ours is told from it by its first line.
         text = path.read_bytes().decode("utf-8", "replace")
         if name != _PARTIAL and text.partition("\n")[0] != MARK:
-            raise ForeignFilesError(
-                f"{path} is not made by `actionkit stubs`, so {folder} stays as it is."
-            )
+            told = f"{path} is not made by `actionkit stubs`, so {folder} stays as it is."
+            raise ForeignFilesError(told)
         found[name] = text
     return found

@@ -61,10 +61,8 @@ class Loaded:
 
 def installed() -> list[str]:
     """Return the names of the interface packages that seem to be installed; none is imported."""
-    folders = [Path(entry) for entry in sys.path]
-    found = (
-        path for kind in _MARKS for one in folders for path in one.glob(f"*/{kind}/__init__.py")
-    )
+    patterns = [f"*/{kind}/__init__.py" for kind in _MARKS]
+    found = (path for entry in sys.path for one in patterns for path in Path(entry).glob(one))
     return sorted({path.parts[-3] for path in found})
 
 
@@ -84,21 +82,18 @@ def _package(name: str, problems: list[str]) -> Package:
         raise NoSuchPackageError(f"There is no package {name!r} here that could be imported.")
     package = Package(name, folder)
     for kind, mark in _MARKS.items():
+        module = f"{name}.{kind}"
         if not (folder / kind / "__init__.py").is_file():
             continue
         try:
-            found = sorted(vars(importlib.import_module(f"{name}.{kind}")).items())
+            found = sorted(vars(importlib.import_module(module)).items())
         except Exception as error:  # noqa: BLE001  the package's own code runs here
-            problems.append(
-                f"{name}.{kind} cannot be imported ({type(error).__name__}: {error}), so there are"
-                " no stubs for it."
-            )
+            problems.append(f"{module} cannot be imported ({type(error).__name__}: {error}).")
             continue
-        below = f"{name}.{kind}."
         classes = {
             n: value
             for n, value in found
-            if isinstance(value, type) and value.__module__.startswith(below)
+            if isinstance(value, type) and value.__module__.startswith(f"{module}.")
         }
         if types := {n: cls for n, cls in classes.items() if hasattr(cls, mark)}:
             package.types[kind] = types

@@ -25,9 +25,7 @@ def files(package: Package, loaded: Loaded) -> dict[str, str]:
         handed_on = []
         for name, cls in types.items():
             parts = [part for part in package.parts[kind] if part.startswith(f"{name}_")]
-            handed_on += [
-                f"from {cls.__module__} import {each} as {each}" for each in (name, *parts)
-            ]
+            handed_on += [f"from {cls.__module__} import {n} as {n}" for n in (name, *parts)]
             classes = _Classes(package.name, loaded)
             body = list(classes.of_type(kind, name, cls))
             if parts:
@@ -96,10 +94,8 @@ class _Classes:
         said: dict[str, str] = cls.get_fields_and_field_types()
         constants: dict[str, Any] = getattr(type(cls), f"_Metaclass_{cls.__name__}__constants", {})
         names = Names(self.imports, {*said, *constants}, self._has)
-        types = {
-            field: field_types(slot, names)
-            for field, slot in zip(said, cls.SLOT_TYPES, strict=True)
-        }
+        slots = zip(said, cls.SLOT_TYPES, strict=True)
+        types = {field: field_types(slot, names) for field, slot in slots}
         class_var = names.imported("typing", "ClassVar")
         package, kind, *_ = cls.__module__.split(".")
         head, comments = self._comments(f"{package}/{kind}/{cls.__name__}")
