@@ -36,6 +36,7 @@ def test_what_one_server_aborts_is_not_sent_again_while_another_may_run_it(
     stopped.pause()
     with pytest.raises(ak.GoalAbortedError, match="may still run"):
         client.call({"order": 1}, 10)
+    aborts.sync()
     assert aborts.count("accepted") == 1
     stopped.resume()
     # It takes the goal late, and is asked to cancel it.
