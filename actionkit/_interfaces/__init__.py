@@ -5,8 +5,7 @@ nothing of the client, the servers or rclpy, and no terminal. From the top down:
 
 - `build`: all packages of a folder that have changed, up to the wheel; `wheel`: where that goes
 - `checks`, `selection`: what is wrong, before anything is made; some types with what they need
-- `source_tree`, `interface_file`, `lines`: what is in the folder, checked line by line
-- `dependencies`: the packages that are used
+- `source_tree`, `interface_file`, `lines`: what is in the folder, line by line
+- `dependencies`: the packages that are used; `processes`: commands, many at the same time
 - `generators`: the only module that touches rosidl's generators; `compile`: from C to libraries
-- `processes`: commands that tell why they fail, many at the same time
 """

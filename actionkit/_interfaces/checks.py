@@ -106,12 +106,13 @@ def missing(packages: Mapping[str, Package], names: Collection[str]) -> None:
     if not names:
         return
     uses = [use for one in packages.values() for file in one.files for use in file.uses]
-    first = next((f"{use.place}: " for use in uses if use.package in names), "")
-    are = "package {} is" if len(names) == 1 else "packages {} are"
     steps = how_to_get(names)
     if (free := without(packages, names)) is not None:
-        steps[-1] += f"; or build only what works without: --only {free}"
-    _raise([f"{first}the {are.format(joined(sorted(names)))} not here: {'. '.join(steps)}"])
+        steps.append(f"Or build single types that do not need them, such as --only {free}")
+    # Of several, each is used in other places.
+    place = next((use.place for use in uses if names == {use.package}), joined(sorted(packages)))
+    missing = f"the package{'s' if len(names) > 1 else ''} {joined(sorted(names))}"
+    _raise([f"{place}: {missing} cannot be found here. {'. '.join(steps)}"])
 
 
 def order(packages: Iterable[Package]) -> list[Package]:

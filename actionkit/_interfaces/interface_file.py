@@ -105,7 +105,7 @@ def read(package: str, folder: Path, path: Path) -> InterfaceFile:
                 )
         types = [one.type for one in found.fields if not one.type.is_primitive_type()]
         file.uses += [Use(one.pkg_name, one.type, place) for one in types]
-    if len(lines_of) < len(parts):
+    if len(lines_of) < len(parts) and not any("line `---`" in each for each in file.problems):
         last = max(1, len(file.text.rstrip().split("\n")))
         lacking = parts[len(lines_of)]
         file.problems.append(f"{shown}:{last}: the {lacking} is missing: {_form(file.kind)}")
@@ -154,7 +154,7 @@ def _equal_constants(
             if other != part:
                 yield (
                     f"{shown}:{line}: {one.name} is the same as that of the {other} (line {first}),"
-                    " and ROS takes both for one: rename one, or write a comment behind it"
+                    " and ROS takes both for one: rename one, or add a comment to this line"
                 )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 OTHER_LANGUAGES = {
     "int": "int32", "long": "int64", "short": "int16", "float": "float32", "double": "float64",
-    "str": "string", "boolean": "bool", "time": "builtin_interfaces/Time",
+    "str": "string", "std::string": "string", "boolean": "bool", "time": "builtin_interfaces/Time",
     "duration": "builtin_interfaces/Duration", "Header": "std_msgs/Header",
     "Time": "builtin_interfaces/Time", "Duration": "builtin_interfaces/Duration",
 }  # fmt: skip
@@ -50,11 +50,11 @@ def check(package: str, line: str) -> Any:
     code = code.strip()
     if (odd := _ESCAPE_IN_COMMENT.search(comment)) is not None:
         raise BadLineError(
-            f"{odd[0]} in a comment: ROS takes the backslash for the begin of a special"
-            " character: write / for it"
+            f"{odd[0]} in a comment: for ROS, a special character begins with the backslash:"
+            " write / in its place"
         )
     if code and not code.strip("-"):
-        raise BadLineError(f"{code!r}: the parts are separated by a line `---`")
+        raise BadLineError(f"{code!r}: separate the parts with a line `---`")
     try:
         found = parse(package, line)
     except Exception as error:  # noqa: BLE001  it raises whatever comes to hand
@@ -81,7 +81,7 @@ def _problem_with_value(one: Any, code: str) -> str | None:
     value = one.value if hasattr(one, "value") else one.default_value
     values = value if isinstance(value, list) else [value]
     if any(isinstance(each, float) and not math.isfinite(each) for each in values):
-        return f"{code!r}: only finite numbers can be written here"
+        return f"{code!r}: only finite numbers can be written: leave it out, and set it later"
     if not values and not one.type.type.endswith("string"):
         return f"{code!r}: leave [] out: a list is empty by itself"
     if any(isinstance(each, str) for each in values) and _ESCAPE_IN_TEXT.search(code):
@@ -91,10 +91,9 @@ def _problem_with_value(one: Any, code: str) -> str | None:
 
 def _problem_with_name(name: str) -> str | None:
     """Return why no generator can write the name of a field."""
-    language = next((one for one, words in _RESERVED.items() if name in words), None)
-    if language is None:
-        return None
-    return f"{name!r} is a word of {language}, which ROS generates from this: use {name}_value"
+    for language in (one for one, words in _RESERVED.items() if name in words):
+        return f"{name!r} is a word of {language}, which ROS generates from this: use {name}_value"
+    return None
 
 
 def _explained(code: str, error: Exception) -> str:
@@ -106,11 +105,18 @@ def _explained(code: str, error: Exception) -> str:
         return f"{code!r}: write {'/'.join(match.groups())}, without the folder"
     if (match := re.fullmatch(r"(\S+)\s+([a-z]\w*)\s*=\s*(.*)", code)) is not None:
         return (
-            f"{code!r}: a default is written without `=`, as `{' '.join(match.groups())}`; and the"
-            " name of a constant has capital letters only"
+            f"{code!r}: a default is written without `=`, as `{' '.join(match.groups())}`; a"
+            f" constant has capital letters, as `{match[1]} {match[2].upper()}={match[3]}`"
         )
     if base in OTHER_LANGUAGES and base[0].islower():
         return _unknown_type(base)
+    if "invalid field name" in str(error):  # what follows are regular expressions
+        parts = re.findall("[A-Z]?[a-z0-9]+|[A-Z]+(?![a-z])", words[1].split()[0])
+        near = "_".join(parts).lower().lstrip("_0123456789") or "value"
+        near += "_value" if _problem_with_name(near) else ""
+        return f"{code!r}: names have small letters, digits and single underscores, as {near}"
+    if "invalid message name" in str(error):
+        return f"{code!r}: no type {words[0]!r}: write a line as `float64 x` or `float64[] xs`"
     return f"{code!r}: {str(error) or type(error).__name__}"
 
 

@@ -25,8 +25,7 @@ _MINIMAL = """<package format="3">
   <name>{name}</name>
   <version>0.1.0</version>
   <description>The interfaces of my robot.</description>
-  <maintainer email="me@example.com">Me</maintainer>
-  <license>Apache-2.0</license>
+  <maintainer email="me@example.com">Me</maintainer><license>Apache-2.0</license>
   <member_of_group>rosidl_interface_packages</member_of_group>
 </package>"""
 

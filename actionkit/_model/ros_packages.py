@@ -59,8 +59,8 @@ def how_to_get(names: Collection[str]) -> list[str]:
     steps = [f"pip install {' '.join(wheels)}"] if wheels else []
     if sources:
         steps.append(
-            f"PyPI is not known to have {joined(sources, 'or')}: get the source"
-            f"{'s' if len(sources) > 1 else ''}, and build everything together"
+            f"PyPI is not known to have {joined(sources, 'or')}: get the source, put it beside the"
+            " package that needs it, and build the folder that has both"
         )
     return steps
 

@@ -1,6 +1,5 @@
 """Type stubs for installed interface packages, made from their classes (C9.2).
 
-`loading` finds the classes, `fields` says what a field is to a type checker, `modules` writes the
-text of a stub file, and `folders` puts the files where checkers look. Nothing here needs rclpy, or
-the compiled type support of a package.
+`loading` finds the classes, `fields` has the types of a field, `modules` the text of a file, and
+`folders` puts files where checkers look. It needs no rclpy and no compiled type support.
 """

@@ -1,7 +1,6 @@
 """Puts stub files into folders where type checkers look, and takes them out again.
 
-A folder of stubs is replaced as a whole, so that no file of a type that is gone stays behind. What
-`actionkit stubs` has not made is never touched.
+A folder is replaced as a whole, so that no file of a type that is gone stays. Others' are left.
 """
 
 from __future__ import annotations
@@ -22,10 +21,7 @@ class ForeignFilesError(Exception):
 
 
 def replace(folder: Path, files: dict[str, str], *, partial: bool) -> bool:
-    """Make a folder have these files and no others; return whether anything changed.
-
-    `partial` is for folders beside the packages that they describe.
-    """
+    """Make a folder have these files and no others; return whether anything changed."""
     wanted = {**files, _PARTIAL: "partial\n"} if partial else files
     if _ours(folder) == wanted:
         return False

@@ -34,8 +34,10 @@ def refused(capsys: pytest.CaptureFixture[str], source: Path, *, code: int = 2) 
         ("action/Pick.action", "float b\n---\n---\n", 1, "'float': use float32"),
         ("action/Pick.action", "duration b\n---\n---\n", 1, "use builtin_interfaces/Duration"),
         ("action/Pick.action", "int32\n---\n---\n", 1, "a type and a name"),
-        ("action/Pick.action", "int32 Size\n---\n---\n", 1, "invalid field name"),
-        ("action/Pick.action", "int32 class_\n---\n---\n", 1, "invalid field name"),
+        ("action/Pick.action", "int32 PickSize\n---\n---\n", 1, "underscores, as pick_size"),
+        ("action/Pick.action", "string name;\n---\n---\n", 1, "underscores, as name"),
+        ("action/Pick.action", "x float64\n---\n---\n", 1, "no type 'x': write a line as"),
+        ("action/Pick.action", "std::string a\n---\n---\n", 1, "use string"),
         ("action/Pick.action", "# a\nint8 a\n# b\nint8 a\n---\n---\n", 4, "taken already, by"),
         ("action/Pick.action", "---\n---\nint8 a\nint8 a\n", 4, "taken already, by line 3"),
         ("action/Pick.action", "int32 class\n---\n---\n", 1, "word of Python"),
@@ -48,7 +50,7 @@ def refused(capsys: pytest.CaptureFixture[str], source: Path, *, code: int = 2) 
         ("action/Pick.action", "int32[<=x] a\n---\n---\n", 1, "int32[<=x] a"),
         ("action/Pick.action", "int32 a\n---\nint32 b\n", 3, "the feedback is missing"),
         ("action/Pick.action", GOOD + "---\n", 6, "one line `---` too many"),
-        ("action/Pick.action", "int32 a\n----\n---\n", 2, "by a line `---`"),
+        ("action/Pick.action", "int32 a\n----\n---\n", 2, "with a line `---`"),
         ("action/Pick.action", b"int32 a\r\n\r\n# \xff\r\n---\n---\n", 3, "save it as UTF-8"),
         ("action/Pick.action", "Waypont a\n---\n---\n", 1, "Did you mean Waypoint?"),
         ("action/Pick.action", "Pose a\n---\n---\n", 1, "write geometry_msgs/Pose"),
@@ -57,9 +59,9 @@ def refused(capsys: pytest.CaptureFixture[str], source: Path, *, code: int = 2) 
         ("action/Pick.action", "geometry_msgs/Pos a\n---\n---\n", 1, "Did you mean Pose"),
         ("action/Pick.action", "nav2_msgs/Map a\n---\n---\n", 1, "github.com/ros-navigation/"),
         ("action/Pick.action", "---\nint8 A=0\n---\n# x\n\nint8 A=0\n", 6, "result (line 2)"),
-        ("srv/Pick.srv", "int8 A=0\n---\nint8 A = 0\n", 3, "write a comment behind it"),
+        ("srv/Pick.srv", "int8 A=0\n---\nint8 A = 0\n", 3, "add a comment to this line"),
         ("action/Pick.action", "int8 a # C:\\users\\ann\n---\n---\n", 1, r"\users in a comment"),
-        ("action/Pick.action", "# to \\\n---\n---\n", 1, "write / for it"),
+        ("action/Pick.action", "# to \\\n---\n---\n", 1, "write / in its place"),
         ("action/Pick.action", "float64 b nan\n---\n---\n", 1, "only finite numbers"),
         ("action/Pick.action", "float64 b -inf\n---\n---\n", 1, "only finite numbers"),
         ("action/Pick.action", "float32 b 1e400\n---\n---\n", 1, "only finite numbers"),
@@ -160,11 +162,12 @@ def test_missing_packages_are_told_in_one_line_by_names_that_exist(
     write_package(tmp_path / "source" / "there", {"action/C.action": "here/A e\n---\n---\n"})
     error = refused(capsys, tmp_path / "source")
     assert error.splitlines() == [
-        f"Error: {here}/msg/A.msg:2: the packages geographic_msgs, geometry_msgs, my_msgs and"
-        " std_msgs are not here: pip install ros-jazzy-geometry-msgs ros-jazzy-std-msgs. PyPI is"
+        "Error: here and there: the packages geographic_msgs, geometry_msgs, my_msgs and std_msgs"
+        " cannot be found here. pip install ros-jazzy-geometry-msgs ros-jazzy-std-msgs. PyPI is"
         " not known to have geographic_msgs"
-        " (https://github.com/ros-geographic-info/geographic_info) or my_msgs: get the sources,"
-        " and build everything together; or build only what works without: --only action/Free"
+        " (https://github.com/ros-geographic-info/geographic_info) or my_msgs: get the source,"
+        " put it beside the package that needs it, and build the folder that has both. Or build"
+        " single types that do not need them, such as --only action/Free"
     ]
 
 
