@@ -47,7 +47,8 @@ class Client(Generic[ActionT_co]):
 
     It needs no `rclpy.init()`, node, executor or thread of yours; where there are any, it spins,
     shuts down and blocks none of them. Safe to use from any thread, from any callback of any
-    executor, and in a signal handler, whatever that interrupted.
+    executor, and in a signal handler, even if the signal came in the
+    middle of ActionKit's own code.
     """
 
     def __init__(
@@ -78,7 +79,7 @@ class Client(Generic[ActionT_co]):
                 of its own, and has until the call's deadline, 10 seconds at most. Where it raises,
                 does not answer or returns anything else, a goal that succeeded ends in a
                 `ClassifyError`, and one that failed keeps its own error. What was rejected or
-                canceled, or failed without a result, is no success: to call it one is a
+                canceled, or failed without a result, is not a success: to call it one is a
                 `ClassifyError`, too. Ready-made: `classify_by_field`, `retry_aborted`.
             observers: Are told of each transition: `JsonLines`, `Rosout`, `OpenTelemetry`, yours.
             on_close: What closing does to goals in flight: `"cancel"` or `"abandon"`.
@@ -87,7 +88,7 @@ class Client(Generic[ActionT_co]):
         Raises:
             TypeError: An argument of the wrong type, `action_type` and `node` included.
             ValueError: A bad name or `on_close`, or the same observer twice; a node that was
-                destroyed, or whose context was shut down; arguments of the process, or a
+                destroyed, or one with a context that was shut down; arguments of the process, or a
                 `ROS_DOMAIN_ID`, that ROS refuses.
             ImportError: rclpy is not importable.
             RuntimeError: gevent has replaced Python's threads.
@@ -215,7 +216,7 @@ class Client(Generic[ActionT_co]):
         classify: Classify | None = None,
         **unknown: Never,
     ) -> GoalFuture[ResultT, FeedbackT]:
-        """Send a goal and return at once, whatever the servers do.
+        """Send a goal and return at once. Does not wait for a server.
 
         The goal is copied: it may be changed and used again afterwards.
 

@@ -111,7 +111,7 @@ class Attempt:
         self._applying = False
         self._in_outbox = False
         self._has_result = False
-        self._cancels = 0  # requests sent, less those of which a server did not know the goal
+        self._cancels = 0  # requests sent, less those for which a server did not know the goal
 
     @property
     def unwanted(self) -> bool:
@@ -281,7 +281,7 @@ class Attempt:
         unanswered = self.goal.stage in (Stage.QUEUED, Stage.SENT)
         waiting = unanswered and not self.goal.settled
         if self._in_outbox and not waiting:
-            # Whatever told it, an answer or the end of patience: the next may be sent.
+            # An answer came, or the time to wait for it is up: the next may be sent.
             self._in_outbox = False
             self._link.leave_outbox(self)
 

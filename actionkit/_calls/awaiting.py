@@ -13,8 +13,9 @@ from actionkit._threads.function_runner import Clock
 from actionkit._threads.waiting import Flag
 
 _LOOK_PERIOD = 1.0
-"""Seconds between two looks whether an executor of rclpy that awaits a goal was shut down, which it
-tells nobody. A goal whose end nobody can hear of any more is cancelled so much later."""
+"""Seconds between two checks whether an executor of rclpy that awaits a goal was shut down; it
+tells nobody. If nobody can be told the goal's end any more, the goal is cancelled this much later.
+"""
 
 Wait = Callable[[], Coroutine[Any, Any, Any]]
 """Makes a coroutine that waits for the goal and returns its result."""
@@ -35,8 +36,8 @@ class Awaiters:
         self._waiting: set[object] = set()
         """One object for each coroutine that waits."""
         self._tasks: dict[object, Coroutine[Any, Any, Any]] = {}
-        """The waits of tasks of asyncio whose coroutine is the future itself, each at a step of its
-        own."""
+        """The waits of asyncio tasks that have the future itself as their coroutine, each at a step
+        of its own."""
 
     async def wait(self, cancel: Callable[[], object], grace: float) -> type[BaseException]:
         """Wait until the call is over.
@@ -103,7 +104,7 @@ class Awaiters:
             look = partial(self._look, has_ended, waiting, cancel)
             self._clock.call_at(time.monotonic() + _LOOK_PERIOD, look)
 
-    # --- tasks whose coroutine is the future itself ----------------------------------------
+    # --- tasks that have the future itself as their coroutine ------------------------------
 
     def send(self, wait: Wait, value: Any) -> Any:
         """Go on with the running task, or begin it.
@@ -119,7 +120,7 @@ class Awaiters:
         return self._step(task, partial(begun.send, value))
 
     def throw(self, wait: Wait, error: BaseException) -> Any:
-        """Raise an error in the running task, which begins where it has not so far."""
+        """Raise an error in the running task; if its wait has not begun yet, it begins now."""
         task = running_task()
         begun = self._tasks.get(task)
         if begun is None:

@@ -31,7 +31,7 @@ class RetryBudget:
             ratio: The share of a token that a success gives back, above 0.
 
         Raises:
-            TypeError: A value is no number.
+            TypeError: A value is not a number.
             ValueError: A value is not above 0, not finite, or above 1e9.
         """
         for name, value in (("capacity", capacity), ("ratio", ratio)):
@@ -46,7 +46,7 @@ class RetryBudget:
         self._tokens = self._capacity
         self._changes: deque[float] = deque()
         self._lock = threading.Lock()
-        """Nobody waits for it: whoever has it makes the changes of the others too."""
+        """Nobody waits for it: the thread that has it makes the changes of the others too."""
 
     def __repr__(self) -> str:
         state = "allows" if self.allows_retry else "forbids"
@@ -91,8 +91,8 @@ def check_budget(value: object) -> None:
     """Raise where `retry_budget=` is none.
 
     Raises:
-        TypeError: It is no `RetryBudget`, or of a class derived from it: its methods would run on
-            the communication thread, where nothing of the user's may (R8).
+        TypeError: It is not a `RetryBudget`, or of a class derived from it: its methods would run
+            on the communication thread, where nothing of the user's may (R8).
     """
     if type(value) is RetryBudget:
         return

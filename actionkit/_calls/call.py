@@ -53,7 +53,7 @@ class Call:
     def __init__(
         self, carrier: Carrier, request: Request, dispatcher: ObserverDispatcher = NO_OBSERVERS
     ) -> None:
-        """Take note of a request; its time runs from now."""
+        """Make a call of a request; its time runs from now."""
         self.machine = machine = CallMachine(request.retry.resend, request.timeouts.server)
         self.goals = machine.goals
         self._latest_id = machine.goal_id  # of the latest attempt

@@ -1,6 +1,6 @@
 """What users are shown of one call: its timeline, its feedback and its outcome.
 
-All of it happens on the communication thread, but for the making.
+All of it happens on the communication thread, except the constructor.
 """
 
 from __future__ import annotations

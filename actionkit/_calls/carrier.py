@@ -1,6 +1,6 @@
 """The calls and attempts that one port carries, until none is left and the port can be freed.
 
-Everything happens on the communication thread, but for the constructor, `begin` and `running`.
+Everything happens on the communication thread, except the constructor, `begin` and `running`.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class PortCarrier:
         """Set when `release` has run, and has freed the port if nothing was in flight."""
         self._on_freed = on_freed
         self._attempts: dict[Attempt, None] = {}
-        """Those whose goal may run, oldest first."""
+        """Those with a goal that may run, oldest first."""
         self._releasing = False
         self._linger_timer: TimerHandle | None = None
         self._node_timer: TimerHandle | None = None
@@ -233,7 +233,7 @@ class PortCarrier:
 
     @property
     def _done(self) -> bool:
-        # A goal whose server is gone is watched only for as long as the client lives (C2.4).
+        # If its server is gone, a goal is watched only for as long as the client lives (C2.4).
         watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)
         return not self.calls and not watched and not self.port.link.orphans.confirmed
 
@@ -242,7 +242,7 @@ class PortCarrier:
             self.call_soon(self.free)  # not from within the link's own callback
 
     def free(self) -> None:
-        """Free the port now, whatever is in flight. Does nothing the second time."""
+        """Free the port now, even if goals are in flight. Does nothing the second time."""
         if not self.port.freed.is_set():
             # The thread may live on, with other clients. A timer that is left there would keep this
             # carrier, and with it the whole client, in memory until it is due.

@@ -51,7 +51,7 @@ def call_classifier(classify: Classify, outcome: Outcome[Any]) -> Verdict | Faul
                 cause=outcome.error,
                 impossible=True,
             )
-    except BaseException as error:  # noqa: BLE001  whatever it is, the call must end (C3.1)
+    except BaseException as error:  # noqa: BLE001  any error: the call must end (C3.1)
         return Fault(f"{label_of(classify)} raised {described(error)}", error)
     return verdict
 
@@ -132,7 +132,7 @@ class FieldClassifier:
             )
 
     def __call__(self, outcome: Outcome[Any]) -> Verdict | None:
-        """Judge an outcome; `None` where its error is to stand.
+        """Judge an outcome; `None` to keep its error.
 
         Raises:
             ValueError: The goal succeeded, and its result does not have the element of an array
@@ -156,7 +156,7 @@ class FieldClassifier:
 
 
 def _may_equal(value: object, kind: str) -> bool:
-    """Whether a field of a ROS type can have a value: "102" is no number."""
+    """Whether a field of a ROS type can have a value: "102" is not a number."""
     if kind.startswith(("string", "wstring")):
         return isinstance(value, str)
     if kind == "boolean":
@@ -177,10 +177,11 @@ def classify_by_field(
 
         Client(..., classify=classify_by_field("error_code", transient={102}, ok={0}))
 
-    A goal that succeeded, but whose result does not have the element of an array that the path
-    names, is no success: the call ends with a `ClassifyError`. A goal that did not succeed keeps
-    its own error where its value is named nowhere. An `ok` value makes no success of one that was
-    cancelled, or whose result is empty, which is what servers send whose callback raised.
+    If the path names an element of an array, and the result of a goal that succeeded does not have
+    that element, this is not a success: the call ends with a `ClassifyError`. A goal that did not
+    succeed keeps its own error if its value is not in any of the sets. An `ok` value does not make
+    a goal a success if it was cancelled, or if its result is empty. Servers send an empty result
+    when their callback has raised.
 
     Args:
         path: The field, such as `error_code`, `status.code` or `codes[0]`. A client refuses, when
@@ -191,8 +192,8 @@ def classify_by_field(
             succeeded with a value named nowhere is a permanent failure.
 
     Raises:
-        TypeError: `path` is no string, or what is given is no collection of values.
-        ValueError: `path` is empty, a value is NaN or stands in two of the sets, or none is given.
+        TypeError: `path` is not a string, or a set is not a collection of values.
+        ValueError: `path` is empty, a value is NaN or is in two of the sets, or none is given.
     """
     if not isinstance(path, str):
         raise TypeError(f"classify_by_field: path={path!r} must be a string")
@@ -235,7 +236,7 @@ def check_classify(classify: Classify | None, action_type: Any) -> None:
     """Raise where `classify=` cannot judge the outcomes of an action.
 
     Raises:
-        TypeError: It is no function, or a class or a coroutine function.
+        TypeError: It is not a function, or it is a class or a coroutine function.
         ValueError: It looks at a field that the action's results do not have.
     """
     if classify is None:

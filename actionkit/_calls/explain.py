@@ -158,7 +158,7 @@ def _what(call: ErrorContext) -> str:
 
 
 def _cancel_sentence(ending: Ending, call: ErrorContext) -> str:
-    """Say what became of a goal that was given up on."""
+    """Say what happened to a goal that was given up on."""
     if ending.ended_first and ending.result is None:
         return f" It had ended as {ending.ended_as}, and only its result is missing."
     if ending.own_cancel is CancelReport.CONFIRMED:

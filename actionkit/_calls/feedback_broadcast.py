@@ -54,7 +54,7 @@ class FeedbackBroadcast(Generic[FeedbackT]):
             return None
 
     def stream(self) -> FeedbackStream[FeedbackT]:
-        """Return a reader of what comes from now on, beginning with the newest so far."""
+        """Return a reader that begins with the newest message and goes on with those to come."""
         stream: FeedbackStream[FeedbackT] = FeedbackStream()
         self._streams.append(weakref.ref(stream, self._forget))
         latest = self._latest
@@ -76,7 +76,7 @@ class FeedbackBroadcast(Generic[FeedbackT]):
 class FeedbackStream(Generic[FeedbackT]):
     """`for` and `async for` over feedback; ends when the goal ends.
 
-    A bounded buffer for one reader. Whoever puts messages in never waits.
+    A bounded buffer for one reader. The thread that puts messages in never waits.
     """
 
     def __init__(self) -> None:

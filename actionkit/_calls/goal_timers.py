@@ -1,6 +1,6 @@
 """The timers of one goal, all on one timer of the communication thread.
 
-A call that takes milliseconds arms and disarms half a dozen timers of seconds, most of which never
+A call that takes milliseconds arms and disarms half a dozen timers of seconds; most of them never
 fire. Here that is a few entries in a table: the thread is told only where the earliest one comes
 sooner than what it knows.
 """

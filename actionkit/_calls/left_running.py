@@ -16,7 +16,7 @@ _muted = False
 
 
 def mute() -> None:
-    """Warn of nothing from now on: the command line itself reports what became of its goal."""
+    """Warn of nothing from now on: the command line itself reports what happened to its goal."""
     global _muted  # noqa: PLW0603  a process runs one command
     _muted = True
 

@@ -137,7 +137,7 @@ _GIVEN_UP = (fx.End.CANCELLED_BY_CALLER, fx.End.CLOSED)
 
 
 class CallMachine:
-    """One call: its attempts in turn, and whatever may still run."""
+    """One call: its attempts in turn, and the goals that may still run."""
 
     def __init__(
         self, resend: str, server_limit: float | None, new_id: Callable[[], uuid.UUID] = uuid.uuid4
@@ -154,7 +154,7 @@ class CallMachine:
         self.goal_id = new_id()  # that of the goal which is told of
         self.attempts = 0
         self.attempt: AttemptView | None = None
-        # The attempts whose goal may run, or whose result may come; not the one under way.
+        # Earlier attempts: their goal may run, or their result may come. Not the one under way.
         self.earlier: list[AttemptView] = []
         self.ending: fx.Ending | None = None
         self.cause: BaseException = RejectedByClassifier()  # the last failure, for strategies
@@ -222,7 +222,7 @@ class CallMachine:
         """This side cannot send, and has sent nothing."""
         return self._end(fx.Ending(fx.End.LOST, GoalState.SENDING, lost_because=reason))
 
-    # --- what becomes of attempts ----------------------------------------------------------
+    # --- what happens to attempts ----------------------------------------------------------
 
     def made(self, attempt: AttemptView) -> None:
         """The attempt that was asked for was made, and is about to start."""
@@ -297,7 +297,7 @@ class CallMachine:
             return []  # cancelled or closed meanwhile
         effects: list[Effect] = [Count(success=True)] if verdict is Verdict.SUCCESS else []
         self._last = ending = apply_verdict(ending, verdict)
-        # What somebody else cancelled is not tried again, whatever `classify=` says (C4.4).
+        # What somebody else cancelled is not tried again, even if `classify=` says so (C4.4).
         if verdict is not Verdict.TRANSIENT or ending.end is fx.End.CANCELED_BY_OTHER:
             return effects + self._end(ending)
         effects.append(Count(success=False))

@@ -42,11 +42,12 @@ def after_no_server(
     ready: bool,
     in_flight: bool,
 ) -> Ending:
-    """Return how a call stands after an attempt that waited for a server in vain (C2.7).
+    """Return how a call goes on after an attempt for which no server became ready (C2.7).
 
-    One that never had a server has none, and is not tried again: waiting longer is no other
-    attempt. One that had a server ends with its deadline, or else goes on, by its policy, with what
-    came of that server, which may be back later than it is waited for once.
+    A call that never had a server ends without one, and is not tried again: waiting longer is not
+    another attempt. A call that had a server ends with its deadline, or goes on, by its policy,
+    from how the attempt before this one ended: that server may need longer than one wait to be
+    back.
 
     Args:
         ending: How the attempt ended.
@@ -112,7 +113,7 @@ class Schedule:
 
         Args:
             error: How the last attempt failed; tenacity's strategies may look at it.
-            attempts: Attempts made so far.
+            attempts: How many attempts were made.
             now: Monotonic seconds.
         """
         policy, state = self._policy, self._state
@@ -135,7 +136,7 @@ class Schedule:
                 wrong = f"{described(pause)}, which is no number of seconds from 0 to {MOST:g}"
                 return Fault(f"{self.strategy} returned {wrong}")
             seconds = float(pause)
-        except BaseException as problem:  # noqa: BLE001  whatever it is, the call must end (C2.1)
+        except BaseException as problem:  # noqa: BLE001  any error: the call must end (C2.1)
             return Fault(f"{self.strategy} raised {described(problem)}", problem)
         if policy.wait is None:
             seconds *= 1 + policy.jitter * random.uniform(-1, 1)

@@ -1,4 +1,4 @@
-"""Finds out whether one call tries again: its policy, its budget, and what became of its goal.
+"""Finds out whether one call tries again: its policy, its budget, and what happened to its goal.
 
 The decisions are those of `retry`. Strategies of the user's run off the communication thread.
 """
@@ -45,7 +45,7 @@ class RetryRunner:
         Args:
             ending: How the last attempt ended.
             error: The same as an exception.
-            attempts: Attempts made so far.
+            attempts: How many attempts were made.
             now: Returns the monotonic seconds.
             deadline: When the call's time is up, or `None`.
             on_plan: Called with what to do, or with how a strategy of the user's failed to say so;

@@ -99,7 +99,7 @@ class Session:
         return self._current().port
 
     def prepare(self, request: Request) -> Call:
-        """Make a call, whose time runs from now, and which sends nothing so far.
+        """Make a call. Its time runs from now; it sends nothing yet.
 
         Raises:
             ClientClosedError: The session was closed.
@@ -319,7 +319,7 @@ class Session:
         )
 
     def free(self) -> None:
-        """Free every port now, whatever goals need it."""
+        """Free every port now, even if goals need it."""
         for carrier in self._carriers:
             carrier.call_soon(carrier.free)
             carrier.port.freed.wait(FREEING_TIMEOUT)

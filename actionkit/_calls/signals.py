@@ -1,9 +1,9 @@
 """A process that is told to end by a signal cancels its goals first (C2.6).
 
 What is done runs in the main thread, as all signal handlers of Python do, between two bytecodes of
-whatever that does. Where it is in C and stays there, as in rclpy's `spin` while nothing happens, no
-handler runs until it comes back. So a thread of ours hears of signals, too, by Python's wakeup file
-descriptor, and does it where the main thread does not begin.
+that thread's own code. Where it is in C and stays there, as in rclpy's `spin` while nothing
+happens, no handler runs until it comes back. So a thread of ours hears of signals, too, by Python's
+wakeup file descriptor, and does it where the main thread does not begin.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _before: dict[int, Handler] = {}
 _users: Counter[int] = Counter()
 """How many `cancel_on_signals` each signal is handled for."""
 _at_work: dict[str, _Work] = {}
-"""Who cancels the goals at the moment; `setdefault` lets only one begin."""
+"""The work that cancels the goals at the moment; `setdefault` lets only one begin."""
 _watcher: _Watcher | None = None
 _libc = ctypes.CDLL(None)
 _pythons_handler = 0
@@ -48,7 +48,7 @@ _pythons_handler = 0
 
 
 def _nothing(hurry: Callable[[], bool]) -> None:
-    """Cancel the goals of a process that has had no client so far."""
+    """Cancel the goals of a process that has had no client yet."""
 
 
 cancel_goals: Callable[[Callable[[], bool]], None] = _nothing
@@ -92,13 +92,13 @@ class cancel_on_signals:
         """Handle signals.
 
         Args:
-            signals: Left out, SIGTERM and SIGHUP, but for one that is ignored, as SIGHUP is under
+            signals: Left out, SIGTERM and SIGHUP, except one that is ignored, as SIGHUP is under
                 `nohup`. One that is given is handled also where it was ignored, as SIGINT is in a
                 script's background; afterwards it ends the process then.
 
         Raises:
             RuntimeError: Not called in the main thread.
-            TypeError, ValueError: What is given is no signal that can be handled.
+            TypeError, ValueError: A value is not a signal that can be handled.
         """
         if threading.current_thread() is not threading.main_thread():
             raise RuntimeError(
@@ -193,7 +193,7 @@ def _rclpy_handles(number: int) -> bool:
 
 def _c_handler(number: int) -> int:
     """Return the address of a signal's handler in C: the first field of `struct sigaction`."""
-    action = (ctypes.c_size_t * 64)()  # of which it has 19
+    action = (ctypes.c_size_t * 64)()  # it has 19 of these
     _libc.sigaction(number, None, action)
     return action[0]
 
@@ -256,7 +256,7 @@ class _Watcher:
         threading.Thread(target=self._main, name="actionkit-signals", daemon=True).start()
 
     def main_hears(self) -> bool:
-        """Take note that the main thread has heard; return whether the watcher had not so far."""
+        """Record that the main thread saw the signal; return True if it was first."""
         another = bool(self._read())
         self._heard.set()
         return another

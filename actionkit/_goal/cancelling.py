@@ -58,7 +58,7 @@ class CancellableGoal(GoalRecord):
         return self._release()
 
     def fail(self, reason: str, error: BaseException, now: float) -> list[fx.Effect]:
-        """This side broke: nothing more can be learnt of the goal."""
+        """This side broke: it cannot follow the goal any more."""
         self.lose_touch()
         if self.settled:
             return []
@@ -99,7 +99,7 @@ class CancellableGoal(GoalRecord):
         ]
 
     def _no_server(self) -> list[fx.Effect]:
-        """No server was ready in the time there was, whichever limit ended it (C2.7)."""
+        """No server was ready in time; one error, whichever limit ended the wait (C2.7)."""
         self.cancel_reason = CancelReason.NO_SERVER
         waited = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
         return [waited, *self._never_sent(fx.End.NO_SERVER)]
@@ -145,7 +145,7 @@ class CancellableGoal(GoalRecord):
         if self.closing is not None:
             self.cancel_reason = CancelReason.CLOSED  # nobody is left to wait for it
             return [*told]
-        # The goal runs on whatever the caller wants, so the caller's future stays pending.
+        # The goal runs on although the caller cancelled it, so the caller's future stays pending.
         self._refused_reason, self.cancel_reason = self.cancel_reason, None
         return [fx.Disarm(fx.Timer.CANCEL), *told, *self._arm_stall(now)]
 

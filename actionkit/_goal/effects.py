@@ -72,7 +72,7 @@ class End(Enum):
     REJECTED_BY_CLASSIFIER = auto()
     """The goal succeeded, and `classify=` says that this is a failure."""
     CLASSIFIER_FAILED = auto()
-    """`classify=` gave no answer that can count, so the call is no success (C3.3)."""
+    """`classify=` gave no valid answer, so the call is not a success (C3.3)."""
 
 
 @dataclass(slots=True)
@@ -149,7 +149,7 @@ class Ending:
 
     @property
     def cancel(self) -> CancelReport | None:
-        """What became of the goals of the call that may run, or that its caller gave up on."""
+        """What happened to the goals of the call that may run, or that its caller gave up on."""
         if self.may_run:  # the worst counts (C2.8)
             running = (goal for goal in self.goals if goal.fate is GoalFate.RUNNING)
             refused = self.refused or any(goal.cancel_refused for goal in running)
@@ -158,7 +158,7 @@ class Ending:
 
     @property
     def own_cancel(self) -> CancelReport | None:
-        """What became of the goal that this is about, where its caller gave up on it."""
+        """What happened to the goal that this is about, if its caller gave up on it."""
         if not self.given_up:
             return CancelReport.REFUSED if self.refused else None
         if self.ended_as is not None:
@@ -188,8 +188,8 @@ class AskResult:
     """Ask the server for the goal's result; harmless to repeat (R3).
 
     Attributes:
-        anew: Whether more is known than when this was asked before. Then an answer to the earlier
-            request that the server does not know the goal no longer counts.
+        anew: Whether more is known than when this was asked before. Then, if a server answers the
+            earlier request that it does not know the goal, this no longer counts.
     """
 
     anew: bool = False

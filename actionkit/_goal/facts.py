@@ -1,6 +1,6 @@
 """The facts about one goal id, and what follows from them: whether it may run, and its fate.
 
-Facts are only added. Whoever has to know whether a goal may run asks here, and nobody else decides.
+Facts are only added. Code that has to know whether a goal may run asks here; nothing else decides.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class GoalFacts:
 
     @property
     def undecided(self) -> bool:
-        """Whether one of several servers has not said so far whether it takes the goal."""
+        """Whether one of several servers has not said yet whether it takes the goal."""
         answers = self.yeses + self.noes
         shown = max(self.yeses, self.ends)
         return shown < self.servers > 1 and answers < self.servers * self.requests

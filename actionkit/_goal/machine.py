@@ -74,7 +74,7 @@ class Goal(CancellableGoal):
         if self.facts.ended or self.facts.rejected:
             self.stage = Stage.ELSEWHERE
         elif self._progress is not fx.GoalProgress.ACCEPTED:
-            # It may take the goal yet (R6): that it does not know it so far means nothing.
+            # It may still take the goal (R6): if it does not know it yet, this means nothing.
             self.stage = Stage.SENT
         self.facts.lost = False
         return self._ask_about_lost(now)
@@ -123,7 +123,7 @@ class Goal(CancellableGoal):
         facts = self.facts
         facts.yeses += 1
         if facts.yeses > facts.requests:
-            facts.servers = max(facts.servers, facts.yeses)  # one of them was not in sight so far
+            facts.servers = max(facts.servers, facts.yeses)  # one of them was not in sight yet
         if self.stage is Stage.OVER:
             # A second server on the name took what the first refused or finished (R14).
             return [fx.AskCancel()]
@@ -379,7 +379,7 @@ class Goal(CancellableGoal):
         """A live server does not know a goal that it was sent; it may yet (R6)."""
         self._unknown_to_server = self._denied_lately = True
         if self.cancel_reason is CancelReason.UNANSWERED and not self.settled:
-            return self._settle_given_up()  # nothing more is to be learnt by waiting
+            return self._settle_given_up()  # waiting would tell nothing more
         return []
 
     # --- what the server does not say ------------------------------------------------------

@@ -54,7 +54,7 @@ class GoalRecord:
         self._refused_reason: CancelReason | None = None  # dropped, as the server refused
         self._phase = ""
         self._shown_at = -math.inf  # when a server last showed that it has it
-        # How it ends for its caller, who waits for other servers to stop it, too.
+        # How it ends for its caller, once other servers have stopped it, too.
         self._held: tuple[fx.End, Any, str] | None = None
 
     @property
@@ -87,7 +87,7 @@ class GoalRecord:
         return fx.GoalProgress.UNANSWERED if unanswered else fx.GoalProgress.REJECTED
 
     def lose_touch(self) -> None:
-        """Nothing is learnt of the goal any more, and nothing done about it, though it may run."""
+        """Stop tracking the goal and do nothing more about it; it may still be running."""
         self.facts.left = self.facts.left or self.in_flight
 
     @property
@@ -146,7 +146,7 @@ class GoalRecord:
         return [*effects, self._arm_reask(now)]
 
     def _settle_held(self) -> list[fx.Effect]:
-        """Give the ending to the caller who waits for other servers, whatever those have said."""
+        """Give the caller the ending that was held back, no matter what other servers have said."""
         if self._held is None:
             return []
         end, result, lost_because = self._held

@@ -18,7 +18,7 @@ LONGEST_PAUSE = 30.0
 LONGEST_RESULT_PAUSE = 4.0
 """The same for a goal that has ended: somebody waits for its result, and the result may expire."""
 LAST_UNKNOWN_PAUSE = 300.0
-"""Pause, in seconds, after which a goal is forgotten whose request was never answered, while its
+"""Pause, in seconds, after which a goal is forgotten if its request was never answered, while its
 server answers each time that it does not know the goal. The server has dropped the request. That
 is 14 minutes after the caller has gone; a server that answers has read all requests by then."""
 LAST_RESULT_PAUSE = 4.0
@@ -44,7 +44,7 @@ class Stage(Enum):
     LOST = auto()
     """The server is gone from view; the goal may run on where it cannot be seen."""
     OVER = auto()
-    """Nothing more is to be learnt: it runs no more, was never sent, or is left alone."""
+    """It is not followed any more: it does not run, was never sent, or is left alone."""
 
 
 class CancelReason(Enum):
@@ -78,7 +78,7 @@ class Closing(Enum):
     ABANDONED = auto()
     """The client closed, and left the goal to run, as its user had said."""
     BROKEN = auto()
-    """This side failed, and can learn nothing more."""
+    """This side failed, and cannot follow the goal any more."""
 
 
 PHASE = {
@@ -101,9 +101,9 @@ END_AFTER = {
     CancelReason.STALLED: End.STALLED,
     CancelReason.CLOSED: End.CLOSED,
 }
-"""How an attempt ends that was given up on, and whose goal did not end first."""
+"""How an attempt ends if it was given up on before its goal ended."""
 WITH_END = {End.SUCCEEDED, End.ABORTED, End.CANCELED_BY_OTHER, End.RESULT_LOST}
-"""The ends of attempts whose goal came to an end of its own."""
+"""The ends of attempts if the goal came to an end of its own."""
 RANK = {GoalState.ACCEPTED: 1, GoalState.EXECUTING: 2, GoalState.CANCELING: 3}
 """The order of the states in which a goal goes on; a goal never goes back to a lower one."""
 WAITED_FOR = {

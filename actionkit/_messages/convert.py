@@ -129,7 +129,7 @@ def _converter(cls: type) -> Converter:
                 setattr(message, name, converted)
             except AssertionError as error:
                 # ROS's own checks, which ROS_PYTHON_CHECK_FIELDS=1 turns on. They are laxer than
-                # ours, but for the very largest float: their bound is rounded down.
+                # ours, except for the very largest float: their bound is rounded down.
                 problem_text = f"{shown(item)} is refused by ROS itself: {error}"
                 raise FieldError(name, item, problem_text) from error
         return message

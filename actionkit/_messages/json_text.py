@@ -16,7 +16,7 @@ def to_json(data: dict[str, Any], *, compact_ascii: bool = False) -> str:
 
     Args:
         data: Plain values, as `to_plain` returns them.
-        compact_ascii: Without spaces, and with whatever is not ASCII escaped: for files.
+        compact_ascii: For files: without spaces, and with all that is not ASCII escaped.
     """
     separators = (",", ":") if compact_ascii else None
 

@@ -10,7 +10,7 @@ from actionkit._threads.diagnostics import log_here
 
 
 class UndecodableError(Exception):
-    """A message whose bytes are not those of its type. It is left out wherever it is used."""
+    """The bytes of a message do not fit its type. Every user of the message leaves it out."""
 
 
 class LazyMessage:
@@ -34,7 +34,7 @@ class LazyMessage:
             decode, message = pending
             try:
                 self._value = decode(message)
-            except Exception as error:  # noqa: BLE001  whatever the middleware makes of bad bytes
+            except Exception as error:  # noqa: BLE001  any error that bad bytes cause
                 self._value = UndecodableError(str(error))
                 log_here(logging.WARNING, "feedback is left out: %s", error)
             self._pending = None

@@ -115,7 +115,7 @@ def _resolve(cls: type, path: str) -> tuple[tuple[tuple[str, int | None, str], .
     """Find a path's way through a message class.
 
     Returns:
-        The steps (field name, index or None, path so far), and the ROS type at the end.
+        The steps (field name, index or None, the path up to there), and the ROS type at the end.
     """
     from rosidl_parser.definition import AbstractNestedType, NamespacedType
 

@@ -5,7 +5,7 @@ their C conversion trusts what it finds: a wrong number is cut to its width, a w
 is read past its end. So every value is checked here, before it gets into a message.
 
 Each function makes a converter, once per message class; a converter takes one value of the user's
-and returns a new, valid one. Errors carry a path relative to the converted value; whoever converts
+and returns a new, valid one. Errors carry a path relative to the converted value; the converter of
 the value around it prepends its own part, so that the good case pays nothing for paths.
 """
 

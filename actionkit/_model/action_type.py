@@ -29,8 +29,8 @@ class ActionType(Protocol[GoalT, ResultT, FeedbackT]):  # type: ignore[misc]
     `ActionType` mypy refuses the first two and pyright the last.
 
     Its type variables could be covariant, as checkers remark. But then pyright takes `GoalT` of
-    `ActionBehaviour(name, client, goal)` for the union of the client's goal and whatever `goal`
-    is, and refuses nothing.
+    `ActionBehaviour(name, client, goal)` for the union of the client's goal and the type of
+    `goal`, and refuses nothing.
     """
 
     @property

@@ -21,7 +21,7 @@ UNSET = Unset()
 
 
 def check_type(name: str, value: object, cls: type) -> None:
-    """Raise where `value` is no `cls`.
+    """Raise if `value` is not a `cls`.
 
     Raises:
         TypeError: It is not.

@@ -11,6 +11,6 @@ class CancelAnswer(Enum):
     ACCEPTED = auto()
     REFUSED = auto()
     UNKNOWN_GOAL = auto()
-    """Not accepted so far, expired, or accepted by the server's process before a restart."""
+    """Not accepted yet, expired, or accepted by the server's process before a restart."""
     TERMINATED = auto()
     """The goal had ended before the request came, or is being cancelled already."""

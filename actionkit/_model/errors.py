@@ -40,7 +40,7 @@ def _picklable(cause: BaseException | None) -> BaseException | None:
     """Return the cause, or one of the same text where it cannot be pickled."""
     try:
         pickle.dumps(cause)
-    except Exception:  # noqa: BLE001  pickling raises whatever the objects within raise
+    except Exception:  # noqa: BLE001  pickling raises what the objects within raise
         return RuntimeError(f"{type(cause).__name__}: {cause}")
     return cause
 
@@ -104,9 +104,9 @@ class TransientError(ActionKitError):
 class ServerUnavailableError(TransientError, TimeoutError):
     """No action server was ready in the time there was; nothing was sent.
 
-    That time is `timeouts.server` or what is left to the call, whichever is shorter. Waiting longer
-    is no other attempt, so this is not tried again within the call, whatever its `RetryPolicy`. A
-    call that had a server ends with another error.
+    That time is `timeouts.server` or what is left to the call: the shorter of the two. Waiting
+    longer is not another attempt, so no `RetryPolicy` tries this again within the call. A call that
+    had a server ends with another error.
     """
 
 
@@ -180,7 +180,7 @@ class ResultLostError(PermanentError):
 
 
 class ClassifyError(PermanentError):
-    """The function given as `classify=` gave no verdict that can count, so this is no success.
+    """The function given as `classify=` gave no valid verdict, so this is not a success.
 
     It raised, returned neither a `Verdict` nor `None`, or did not answer: by the call's deadline,
     within 10 seconds where that is later or there is none, or within `timeouts.cancel` once the

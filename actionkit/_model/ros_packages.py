@@ -1,7 +1,7 @@
 """Where packages of ROS come from: only names and addresses that are known to exist.
 
 A package index lets anybody register a name that is still free. So an error never proposes a
-package whose name was only derived from that of a ROS package.
+package if its name was only derived from that of a ROS package.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ def check_seconds(name: str, value: object, *, optional: bool = True) -> float |
         optional: Whether `None` is allowed.
 
     Raises:
-        TypeError: `value` is no number.
+        TypeError: `value` is not a number.
         ValueError: `value` is negative, NaN, infinite or above `MOST`.
     """
     if value is None and optional:
@@ -90,7 +90,7 @@ class Timeouts:
             asks until then. A server that is gone, or no longer knows the goal, ends the wait.
 
     Raises:
-        TypeError: A value is no number.
+        TypeError: A value is not a number.
         ValueError: A value is negative, NaN, infinite, or above 1e9.
     """
 

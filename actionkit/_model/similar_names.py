@@ -8,7 +8,7 @@ from collections.abc import Iterable
 _LAST_PART_ALIKE = 0.8
 """The share of the last parts that must be alike: more, because they are short."""
 _MOST = 5
-"""More names than that are no hint."""
+"""More names than that do not help."""
 
 
 def similar_names(name: str, known: Iterable[str], *, alike: float = 0.6) -> list[str]:

@@ -40,7 +40,7 @@ class GoalState(str, Enum):
     RETRYING = "RETRYING"
     """Between two attempts of one call."""
     TIMED_OUT = "TIMED_OUT"
-    """The caller gave up; what became of the goal is told by the outcome's `cancel`."""
+    """The caller gave up; the outcome's `cancel` says what happened to the goal."""
 
     def __str__(self) -> str:
         return self.value
@@ -207,7 +207,7 @@ class Outcome(Generic[ResultT]):
 
     Attributes:
         status: The last known state of the last goal.
-        result: The action's result message wherever the server sent one, else `None`.
+        result: The action's result message if the server sent one, else `None`.
         error: What `result()` raises; `None` for a success.
         attempts: How many goals were sent.
         timeline: The call's events, oldest first; `print` it to read it.

@@ -1,7 +1,7 @@
 """The cancel requests of one client: a few at a time, each repeated until it is answered.
 
 A client that cancels a thousand goals at once has a thousand requests, and a server's queue holds
-ten (R3). So they go through an outbox. Those whose caller has little time left go first.
+ten (R3). So they go through an outbox. Goals with a caller that has little time left go first.
 
 A request is repeated, at growing intervals, when it is not answered, or when the server answers
 that it does not know the goal, because it may still accept it (R6). The interval is counted from
@@ -45,7 +45,7 @@ class CancelWindow(Window):
         self.progressed_at = -math.inf
         """Monotonic time at which a goal was last confirmed while other requests waited.
 
-        It may be one of another process, whose requests are in the server's queue, too. As long as
+        It may be a goal of another process: its requests are in the server's queue, too. As long as
         a server goes on like that, it is worth waiting for (contract C2.5).
         """
 
@@ -110,7 +110,7 @@ class CancelQueue:
 
         Args:
             timers: The clock and timers of the thread.
-            window: Shared by all in this process who cancel goals of the same servers.
+            window: One for all code in this process that cancels goals of the same servers.
             send: Sends the request to cancel the goal with this id.
             cancel_timer: Cancels a timer.
         """

@@ -50,7 +50,7 @@ class Rclpy:
         left = Flag()
 
         def resume() -> None:
-            # An executor passes over a task whose step is not over, and is not woken again.
+            # If a task's step is not over, an executor passes over it, and is not woken again.
             while task.executing() and not left.is_set():
                 time.sleep(_STEP)
             executor = self._executor()

@@ -53,7 +53,7 @@ class Entities:
                 them are new.
 
         Raises:
-            Exception: Whatever rclpy raises for a bad name or type.
+            Exception: Anything that rclpy raises for a bad name or type.
         """
         self._node = node
         self._impl = impl
@@ -74,7 +74,7 @@ class Entities:
             self.goal = ResponseSource(self._goal_client(), on_goal)
             self.result = ResponseSource(self._result_client(), on_result)
             self.cancel = ResponseSource(self._cancel_client(), on_cancel)
-        except BaseException:  # whatever it was goes on, but no entity is left behind
+        except BaseException:  # the error goes on, but no entity is left behind
             self.destroy()
             raise
 
@@ -82,7 +82,7 @@ class Entities:
         """Make others on another node after `destroy`; the sources are about these from now on.
 
         Raises:
-            Exception: Whatever rclpy raises.
+            Exception: Anything that rclpy raises.
         """
         self._node = node
         try:
@@ -113,7 +113,7 @@ class Entities:
         return all(client.service_is_ready() for client in self._clients)
 
     def subscribe_status(self, on_status: Callable[[], None]) -> MessageSource:
-        """Subscribe to the status messages, of which the latest comes at once."""
+        """Subscribe to the status messages; the latest one comes at once."""
         subscription = self._node.create_subscription(
             self._impl.GoalStatusMessage,
             self._names.status,
@@ -173,4 +173,4 @@ class Entities:
 
 
 def _unused(_: Any) -> None:
-    """Stand in for a callback, which rclpy demands. No executor calls it: the sources take."""
+    """Do nothing: rclpy demands a callback, but no executor calls it; the sources take."""

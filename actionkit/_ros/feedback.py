@@ -48,7 +48,7 @@ class FeedbackWatch:
         """Wait for the event, if the middleware has it. Feedback is passed on after `start`.
 
         Args:
-            runtime: Whose thread this is.
+            runtime: All this happens on its thread.
             messages: The subscription. `look` is to be called when it is readable.
             matched: Its event that tells of servers, or `None`.
             goals: The ids of the goals wanted. Read at each message.
@@ -137,7 +137,7 @@ class FeedbackWatch:
             self._runtime.disable(self._messages)
 
     def _take(self) -> int:
-        """Read some, and pass on what is ours; return how many there were, for whomever."""
+        """Read some, and pass on what is ours; return how many there were, ours or not."""
         messages = self._messages.take()
         ours: dict[bytes, list[bytes]] = {}
         for message in messages:

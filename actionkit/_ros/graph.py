@@ -138,7 +138,7 @@ def versions(node: Node, names: ActionNames, of_client: str | None = None) -> li
     Args:
         node: Asks the graph.
         names: The names of the action.
-        of_client: The name of the node whose clients are meant; `None` means all.
+        of_client: The name of a node: only its clients are meant; `None` means all.
 
     Raises:
         RCLError: The node's context was shut down.

@@ -38,13 +38,13 @@ class Link:
         """Make the entities and look for servers. On the communication thread.
 
         Args:
-            runtime: Whose thread and node to use.
+            runtime: Its thread and node are used.
             action_type: The action's class.
             type_name: Such as `test_msgs/action/Fibonacci`.
             names: The names of the action.
 
         Raises:
-            Exception: Whatever rclpy raises for a bad name or type.
+            Exception: Anything that rclpy raises for a bad name or type.
         """
         self.runtime = runtime
         self._listeners: dict[bytes, GoalListener] = {}  # of the goals that were sent, by id
@@ -117,7 +117,7 @@ class Link:
         self.monitor.await_server(listener)
 
     def look_again(self) -> None:
-        """Tell those who wait for a server now whether another type is served."""
+        """Tell the goals that wait for a server whether another type is served now."""
         self._feedback.poll_now()
         self.readiness.look_again()
 
@@ -153,7 +153,7 @@ class Link:
         """Ask for the goal's result.
 
         Args:
-            listener: Whose goal it is.
+            listener: The owner of the goal.
             supersedes_earlier: Whether to ask at once, because more is known of the goal than
                 when it was asked before. Else a goal asks again at a limited rate.
         """
@@ -182,7 +182,7 @@ class Link:
         """Tell the listener nothing any more, and free what its goal held (R16).
 
         Args:
-            listener: Whose goal it is.
+            listener: The owner of the goal.
             abandoned: Whether the goal is to be left running on purpose.
             finished: Whether a server has told its result.
         """
@@ -332,7 +332,7 @@ class Link:
             listener.on_result(
                 state, response.result, asked_at, outdated=outdated, everybody=everybody, ends=ends
             )
-        # A state in which a goal goes on is no answer to this: it is asked for again.
+        # A state in which a goal goes on does not answer this: the result is asked for again.
 
     def _take_cancel(self, seq: int, response: Any) -> None:
         self.liveness.heard()

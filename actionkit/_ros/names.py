@@ -94,7 +94,7 @@ def type_name_of(action_type: Any) -> str:
     """Return the ROS name of an action class.
 
     Raises:
-        TypeError: It is no action class.
+        TypeError: It is not an action class.
     """
     wanted = ("Goal", "Result", "Feedback", "Impl")
     if not isinstance(action_type, type) or not all(hasattr(action_type, n) for n in wanted):
@@ -114,7 +114,7 @@ def check_name(action_name: object, *, has_node: bool) -> str:
         has_node: Whether a node of the user's is there that it may refer to.
 
     Raises:
-        TypeError: The name is no string.
+        TypeError: The name is not a string.
         ValueError: No node could resolve it.
     """
     if not isinstance(action_name, str):

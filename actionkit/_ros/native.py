@@ -140,7 +140,7 @@ class ResponseSource(Source):
         self.use(client)
 
     def use(self, client: ServiceClient) -> None:
-        """Be about this service client from now on."""
+        """Switch to another service client."""
         self._before = self._latest  # its own numbers start at 1 again; here they go on
         self._handle = client.handle
         self._type = client.srv_type.Response
@@ -172,7 +172,7 @@ class MessageSource(Source):
         self.use(subscription)
 
     def use(self, subscription: Subscription) -> None:
-        """Be about this subscription from now on."""
+        """Switch to another subscription."""
         self.subscription = subscription
         self._handle = subscription.handle
 
@@ -206,7 +206,7 @@ class EventSource(Source):
         self.use(handler)
 
     def use(self, handler: EventHandler) -> None:
-        """Be about this event from now on."""
+        """Switch to another event handler."""
         self._handler = handler
 
     def add_to(self, wait_set: Any) -> int:

@@ -66,7 +66,7 @@ class _CancelRequest:
 
 @dataclass(slots=True)
 class _Orphan:
-    """A goal that is to be cancelled wherever it runs.
+    """A goal that is to be cancelled on every server that runs it.
 
     Attributes:
         late: How many servers accepted it after it had ended here, or beside the one it ended on.
@@ -104,12 +104,12 @@ class OrphanedGoals:
             timers: The clock and timers of the thread.
             action_name: For the log.
             count_servers: Returns how many servers are in sight.
-            window: Shared by all in this process who cancel goals of the same servers.
+            window: One for all code in this process that cancels goals of the same servers.
             cancel: Asks every server to cancel a goal; returns the request's number.
             on_change: Called when there are more or fewer answers to wait for.
         """
         self.requests: dict[int, _CancelRequest] = {}
-        """The cancel requests whose answers matter, by number."""
+        """The cancel requests that may be answered, by number."""
         self.on_none_confirmed: Callable[[], None] = lambda: None
         """Called when something has changed and no orphan is confirmed."""
         self._timers = timers
@@ -121,7 +121,7 @@ class OrphanedGoals:
         self._closed = False
         self._ended: OrderedDict[int, _Ended] = OrderedDict()
         self._orphans: dict[bytes, _Orphan] = {}
-        # Those whose cancellation is to be asked for next, in order.
+        # Those to ask the servers to cancel next, in order.
         self._confirmed: OrderedDict[bytes, None] = OrderedDict()
         self._suspected: OrderedDict[bytes, None] = OrderedDict()
         self._unanswered: set[int] = set()
@@ -137,7 +137,7 @@ class OrphanedGoals:
 
     @property
     def awaited(self) -> Sized:
-        """The goal requests whose late acceptances are worth waking up for."""
+        """The goal requests for which a late acceptance is worth waking up."""
         return self._ended if self._count_servers() > 1 else ()
 
     def ended(self, seq: int, key: bytes, *, accepted: int, pending: bool = False) -> None:
@@ -146,7 +146,7 @@ class OrphanedGoals:
         Args:
             seq: The number of its request.
             key: Its id.
-            accepted: How many servers have accepted it so far.
+            accepted: How many servers have accepted it.
             pending: Whether the acceptance by the server that ended it has yet to come.
         """
         self._ended[seq] = (key, self._timers.now(), accepted, pending)
@@ -244,7 +244,7 @@ class OrphanedGoals:
         self._changed()
 
     def _end_wait(self, seq: int) -> None:
-        """Let the next request be sent, whatever has come of this one."""
+        """Let the next request be sent, even if this one has not been answered."""
         if seq in self._unanswered:
             self._unanswered.discard(seq)
             self._window.leave()

@@ -1,4 +1,4 @@
-"""Queues of requests of which only a few may be unanswered at a time.
+"""Queues of requests; only a few of them may be unanswered at a time.
 
 A server's request queue is 10 deep and drops what does not fit (R3). So no more than a window of
 requests is unanswered at any time; the others wait in an outbox (contract C1.12). All clients of
@@ -72,7 +72,7 @@ class Outbox(Generic[T]):
         """Make an outbox without requests.
 
         Args:
-            window: Shared by all who send to the same servers.
+            window: One for all code that sends to the same servers.
             on_free: Called when `take` has returned `None` and may return something now.
         """
         self._window = window
@@ -99,7 +99,7 @@ class Outbox(Generic[T]):
         return None
 
     def waiting(self) -> list[T]:
-        """Return the requests that were not taken so far."""
+        """Return the requests that were not taken yet."""
         return [*self._urgent.values(), *self._others.values()]
 
     def discard(self, key: bytes) -> None:

@@ -130,7 +130,7 @@ class Port:
             executors.wake_executors(context)
 
     def is_up_again(self) -> bool:
-        """Return whether a client can go on after that: not with a node, whose end is final."""
+        """Return whether a client can go on after that; with a node it cannot."""
         return self._node is None and native.default_context_is_up()
 
     def decode_feedback(self, message: bytes) -> Any:

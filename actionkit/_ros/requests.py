@@ -26,7 +26,7 @@ from actionkit._ros.servers.readiness import UNNAMED
 _UUIDS = 64
 """Messages kept; several times as many as there are requests on their way."""
 _PROBES = 64
-"""Probes whose answers count; many more than are sent while one is unanswered."""
+"""Probes that may be answered; many more than are sent while one is unanswered."""
 _ASKS_AT_ONCE = 4
 """Repeated result requests; half of what a server's queue holds (R3), as others ask too."""
 _ASK_PAUSE = 0.01
@@ -37,7 +37,7 @@ class Answered(NamedTuple):
     """What an answer is about. Every server on the name answers every request; none says which.
 
     Attributes:
-        key: The goal's id, or `None` if it was no request of ours.
+        key: The goal's id, or `None` if the request was not ours.
         sent_at: When the request was sent.
         everybody: Whether each server in sight has answered it by now.
         knowing: How many of them have told that the goal has ended; of a request to cancel it, how
@@ -64,10 +64,10 @@ class ServiceRequests:
         servers: Callable[[], frozenset[bytes]],
         on_cancel_sent: Callable[[bytes], None],
     ) -> None:
-        """Send nothing so far.
+        """Make them. Sends nothing yet.
 
         Args:
-            runtime: Whose thread this is.
+            runtime: All this happens on its thread.
             entities: What sends.
             impl: The action type's `Impl`.
             action_name: For the log.
@@ -89,7 +89,8 @@ class ServiceRequests:
         }
         """The goal of each request, when it was sent, and to which servers; by kind and number."""
         self._heard: dict[tuple[str, int], tuple[int, int]] = {}
-        """How many servers have answered, and know the goal; where others have not so far."""
+        """How many servers have answered, and how many of them know the goal, while others have not
+        answered yet."""
         self._made: dict[bytes, list[tuple[str, int]]] = {}  # all requests of each goal
         self._accepted: dict[int, tuple[bytes, int]] = {}
         """The goal of each request that was accepted, and by how many servers; until forgotten."""
@@ -135,7 +136,7 @@ class ServiceRequests:
             goal: The action's goal message.
 
         Raises:
-            Exception: Whatever rclpy's converters raise. Then nothing was sent.
+            Exception: Anything that rclpy's converters raise. Then nothing was sent.
         """
         request = self._impl.SendGoalService.Request()
         request.goal_id = _to_uuid(key)
@@ -274,7 +275,7 @@ class ServiceRequests:
         key, sent_at, servers = request
         heard, knowing = self._heard.get((what, seq), (0, 0))
         heard, knowing = heard + 1, knowing + knows
-        # Servers that have no names so far count as one.
+        # Servers that have no names yet count as one.
         expected = max(len((servers | self._servers()) - UNNAMED), self._count_servers())
         everybody = heard >= expected
         if everybody:

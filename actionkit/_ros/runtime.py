@@ -81,7 +81,7 @@ class Runtime:
             apart: Whether to have a participant of our own, also beside a context of the user's.
 
         Raises:
-            Exception: Whatever rclpy raises where the context or node cannot be made.
+            Exception: Anything that rclpy raises where the context or node cannot be made.
         """
         self.timers = TimerQueue()
         self.call_at = self.timers.arm
@@ -181,7 +181,7 @@ class Runtime:
         """Call `function` on the communication thread and return what it returns.
 
         Raises:
-            Exception: Whatever `function` raises.
+            Exception: Anything that `function` raises.
             TimeoutError: The thread has not called it within half a minute.
         """
         if self.in_thread:

@@ -37,7 +37,7 @@ class _Registry:
         self.by_place: dict[Place, Runtime] = {}
         self.ending: WeakSet[Runtime] = WeakSet()
         self.unheard: WeakSet[Context] = WeakSet()
-        """Contexts of the user's whose participants some servers do not find any more."""
+        """Contexts of the user's with participants that some servers do not find any more."""
 
     def forget(self, runtime: Runtime) -> None:
         """Remove a runtime that is ending. Called on its thread, while it is still usable."""
@@ -61,7 +61,7 @@ def acquire(place: Context | int | None, user: object) -> Runtime:
     Args:
         place: A context of the user's that is up. Or a ROS domain, or `None` for the one that the
             environment names: that is in a context of our own.
-        user: Whoever calls `release` with it later; the runtime lives at least until then.
+        user: The object that `release` is called with later; the runtime lives until then at least.
 
     Raises:
         ValueError: The environment names no domain, or rcl refuses the arguments of the process.

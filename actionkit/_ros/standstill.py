@@ -1,10 +1,10 @@
 """Notices that this process did not run for a while, and that the middleware misunderstood that.
 
-A process that is stopped (a debugger, `docker pause`), or whose computer sleeps, announces itself
-to nobody and reads no announcement. After 20 s the others drop it. When it goes on, Fast DDS says
-first that the servers are gone, because its own leases ran out in the same moment. The same
-servers, with the same ids, are back with their next announcement, 0.1 to 3 s later. So a loss is
-not believed at once (`monitor.stood_still`).
+A process that is stopped (a debugger, `docker pause`), or that is on a computer that sleeps,
+announces itself to nobody and reads no announcement. After 20 s the others drop it. When it goes
+on, Fast DDS says first that the servers are gone, because its own leases ran out in the same
+moment. The same servers, with the same ids, are back with their next announcement, 0.1 to 3 s
+later. So a loss is not believed at once (`monitor.stood_still`).
 
 The servers have dropped this process, too. If its own lease of them did not run out, as it read
 their announcements first, then they find its publishers again, but not its subscriptions: nothing
@@ -39,7 +39,8 @@ _ASKED_AGAIN = 0.5
 """Seconds between two questions whether a server answers."""
 _QUESTIONS = 6
 """After so many without an answer, 3 s, the node is replaced, once for each standstill. A server
-that is busy for so long does not answer either; then that is in vain, and nothing is lost by it."""
+that is busy for so long does not answer either; then the new node does not help, and does no
+harm."""
 FOUND_WITHIN = 5.0
 """Seconds in which a new node finds the servers: one announcement may be missed. So the loss of a
 server is told 8.5 s after a standstill, where the node could be replaced at once."""
@@ -83,7 +84,7 @@ class Standstill:
 
         Args:
             timers: The clock and timers of the thread.
-            links: Whose entities are on the node.
+            links: Their entities are on the node.
             can_leave: Whether the node can be replaced now.
             replace_node: Replaces it, with the entities of all links.
             clock: Seconds that go on while the computer sleeps.
@@ -137,7 +138,7 @@ class Standstill:
 
     def _ask(self, since: float, left: int) -> None:
         if since != self._since:
-            return  # it stood still again
+            return  # it was stopped again
         # A list, so that all of them ask.
         heard = [link.hears(since + _SETTLED) for link in self._links]
         if all(heard):

@@ -41,13 +41,13 @@ class StatusWatch:
         """Do nothing until `start` is called.
 
         Args:
-            runtime: Whose thread this is.
+            runtime: All this happens on its thread.
             entities: What makes the subscription.
             goals: The goals wanted, by id. Read at each message.
             on_state: Called with a goal's id and its status code.
             awaits_cancels: Whether a request to cancel a goal of ours is unanswered.
-            on_cancels: Called when the server has cancelled more goals than before, whoever sent
-                them, while one of ours awaits that.
+            on_cancels: Called when the server has cancelled more goals than before, those of other
+                clients too, while one of ours awaits that.
         """
         self._runtime = runtime
         self._entities = entities

@@ -77,6 +77,6 @@ def count_goals(message: bytes, codes: Collection[int]) -> int:
 
 
 def _status_at(at: int) -> int:
-    """Return the offset of the status byte of the entry whose id starts at `at`."""
+    """Return the offset of the status byte of an entry; `at` is the offset of its id."""
     stamp = -(-(at - _HEADER + ID_SIZE) // 4) * 4  # the stamp is aligned to 4 in the body
     return _HEADER + stamp + _STAMP

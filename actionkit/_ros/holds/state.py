@@ -1,9 +1,9 @@
 """What is known of the holds in a ROS domain, and how what others know is added. Pure.
 
-Whoever takes part tells all that it knows, and adds what it is told. Adding gives the same in any
-order and however often, so it does not matter who is told first, who was away, or whose clock was
-set: no time is compared with another here. A hold ends only by its name: a release names those that
-it ends, and cannot end one that it does not know of.
+A process that takes part tells all that it knows, and adds what it is told. Adding gives the same
+in any order and however often, so it does not matter which process is told first, which was away,
+or which clock was set: no time is compared with another here. A hold ends only by its name: a
+release names those that it ends, and cannot end one that it does not know of.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ VERSION = 1
 MOST_HOLDS = 100
 """Holds that are kept. There is one for each human who holds."""
 MOST_RELEASED = 100
-"""Ended holds that are remembered, so that whoever was away does not bring them back. Those that
-were released first are forgotten first; whoever still had one would hold it again, until the next
-release."""
+"""Ended holds that are remembered, so that a process that was away does not bring them back. Those
+that were released first are forgotten first; a process that still had one would hold it again,
+until the next release."""
 LONGEST = 100_000
 """Characters of a message or a file; all that may be kept is about 20,000."""
 _LONGEST_WORD = 300
@@ -87,10 +87,10 @@ def released(state: HoldState, holds: Iterable[Hold]) -> HoldState:
 
 
 def older_of_same(state: HoldState, own: Hold) -> tuple[Hold, ...]:
-    """Return the holds of the same human that `own` stands for, too.
+    """Return the holds of the same human that `own` replaces.
 
     Of two, each with a keeper, only one is an older one of the other; so they never end each other,
-    whatever their clocks say.
+    even if their clocks differ.
     """
     return tuple(hold for hold in state.active if hold.by == own.by and hold < own)
 
@@ -102,7 +102,7 @@ class Sender:
     Attributes:
         node: The name of its node, which no other process has.
         role: Such as `"agent"` or `"keeper"`.
-        by: Whose process it is, as `user@host`.
+        by: The owner of the process, as `user@host`.
         pid: Its number there.
     """
 
@@ -151,7 +151,7 @@ def decode(text: str) -> tuple[HoldState, Sender | None]:
 
 
 UNREADABLE = "somebody whose message cannot be read"
-"""Stands for who holds, where that is not known."""
+"""Takes the place of the name, where it is not known who holds."""
 
 
 def _hold(hold_id: Any, by: Any, since: Any) -> Hold:

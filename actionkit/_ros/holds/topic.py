@@ -2,7 +2,7 @@
 
 Each publisher keeps its last message for those who come later ("transient local"), so a hold is
 told as long as one process that knows of it lives. The type is one that rclpy itself needs, so it
-is there wherever rclpy is; the message's text is JSON (see `state`).
+is installed with rclpy; the message's text is JSON (see `state`).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Speaker:
 
     Attributes:
         node: The name of its node, or the placeholder while that is not known.
-        gid: Its id; its first bytes stand for the middleware and the computer.
+        gid: Its id; its first bytes are for the middleware and the computer.
     """
 
     node: str
@@ -63,10 +63,11 @@ class HoldTopic:
         Args:
             domain_id: The ROS domain.
             on_text: Called with the text of each message, on the communication thread.
-            speaks: Whether `say` will be called. Others wait for the first words of whoever speaks.
+            speaks: Whether `say` will be called. Others wait for the first words of a
+                process that speaks.
 
         Raises:
-            Exception: Whatever rclpy raises where a node cannot be made.
+            Exception: Anything that rclpy raises where a node cannot be made.
         """
         self._on_text = on_text
         self._publisher: Any = None
@@ -153,4 +154,4 @@ def _qos(depth: int) -> QoSProfile:
 
 
 def _unused(_: Any) -> None:
-    """Stand in for a callback, which rclpy demands. No executor calls it: the source takes."""
+    """Do nothing: rclpy demands a callback, but no executor calls it; the source takes."""

@@ -222,11 +222,11 @@ class HoldView:
             try:
                 self._trouble = self._look()
                 wait = _PERIOD if self._settled else _STEP
-            except Exception as error:  # noqa: BLE001  whatever it is, nothing is known then
+            except Exception as error:  # noqa: BLE001  after any error nothing is known
                 self._trouble = f"{type(error).__name__}: {error}"
                 self._leave()
                 wait = _RETRY
-            # First whoever obeys, then those elsewhere, and a disk, which may be slow, at last.
+            # First the code here, which obeys, then other processes, then the disk (it may be slow).
             now = self._take_texts(), self._unknown(), self._speakers
             if now != before:
                 before = now

@@ -1,4 +1,4 @@
-"""Holds in words for people. Pure but for the time zone."""
+"""Holds in words for people. Pure, except that it reads the time zone."""
 
 from __future__ import annotations
 

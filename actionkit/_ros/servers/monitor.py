@@ -70,7 +70,7 @@ class ServerMonitor:
         """Begin to look for servers.
 
         Args:
-            runtime: Whose thread and node to use.
+            runtime: Its thread and node are used.
             entities: What sees the servers.
             names: The names of the action.
             type_name: Such as `test_msgs/action/Fibonacci`.
@@ -125,7 +125,7 @@ class ServerMonitor:
         self.readiness.close()
         self._way_back.stop()
 
-    # --- who waits for a server ------------------------------------------------------------
+    # --- waiting for a server --------------------------------------------------------------
 
     def await_server(self, listener: GoalListener) -> None:
         """Tell the listener once when a server is ready, or while another type is served."""
@@ -165,7 +165,7 @@ class ServerMonitor:
     def goal_sent(self, key: bytes) -> int:
         """Note that a goal was sent just now; return how many servers may have it.
 
-        If it was sent before, only this time counts (R5), but for those that had it then, too.
+        If it was sent before, only this time counts (R5), except for the servers that had it then.
         """
         servers = self.readiness.servers
         given_to = (
@@ -266,7 +266,7 @@ class ServerMonitor:
     # --- who is told -----------------------------------------------------------------------
 
     def _sent_goals(self) -> Iterator[tuple[GoalListener, _SentGoal]]:
-        """Yield each sent goal with its listener, but for those forgotten in the meantime."""
+        """Yield each sent goal with its listener, except those forgotten in the meantime."""
         for key, goal in list(self._goals.items()):
             if (listener := self._listeners.get(key)) is not None:
                 yield listener, goal
@@ -346,7 +346,7 @@ class ServerMonitor:
             goal.given_to = goal.given_to - UNNAMED | self.readiness.servers
 
     def _on_one_answers(self) -> None:
-        """Find the goals whose server was replaced: of several servers only one answers."""
+        """Find the goals of a server that was replaced: of several servers only one answers."""
         nodes = {server.gid: server.node for server in self._list_servers() or ()}
         for listener, goal in self._sent_goals():
             newer = {nodes.get(gid, "") for gid in self.readiness.servers - goal.servers} - {""}

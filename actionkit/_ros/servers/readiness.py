@@ -43,10 +43,10 @@ matched; those of the new server have been seen to take 4 s."""
 _GRAPH_PERIOD = 1.0
 """Seconds between two looks for servers of another type while somebody waits (C7.4)."""
 _NAMED_WITHIN = 10.0
-"""Seconds until the graph shows a server of which there was an event; it takes milliseconds."""
+"""Seconds until the graph shows a server after there was an event; it takes milliseconds."""
 
 UNNAMED = frozenset({b"unnamed"})
-"""Stands for a server that is there, and that the graph does not show yet."""
+"""In place of the name of a server that is there, but that the graph does not show yet."""
 
 
 class State(Enum):
@@ -55,7 +55,7 @@ class State(Enum):
     ABSENT = auto()
     """No server is there."""
     SETTLING = auto()
-    """A server is there, and has not answered a probe so far."""
+    """A server is there, and has not answered a probe yet."""
     READY = auto()
     """Goals can be sent."""
 
@@ -147,7 +147,7 @@ class ServerReadiness:
         before = self.servers
         self._outdated = frozenset()
         self._compare()
-        # One that had no name so far may be among those that have one now.
+        # One that had no name before may be among those that have one now.
         expected = came + len(before & UNNAMED)
         if count and expected > len(self.servers - before - UNNAMED):
             # One came in the place of one that went, and the graph still shows that one. What is

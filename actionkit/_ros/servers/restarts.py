@@ -5,7 +5,7 @@ until its lease runs out. Two servers that both live look just the same. They di
 they answer: a probe, which every server answers, gets two answers from two servers that live, and
 one answer if one of them is dead.
 
-A server that is alive but busy answers nothing either (C5.5). So silence alone is no proof: the
+A server that is alive but busy answers nothing either (C5.5). So silence alone is not a proof: the
 monitor also checks that the server was replaced by one on a node of the same name.
 """
 

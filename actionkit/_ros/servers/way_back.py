@@ -1,9 +1,9 @@
-"""Notices that a server knows the way back to this side, before anything is asked of it.
+"""Detects that a server has discovered our endpoints, before anything is asked of it.
 
-A server learns of a process's subscriptions and response readers in the order in which they are
-made. So one more subscription is made last, to the action's status, of which a server sends the
-latest message to each newcomer: when that comes, the server knows all the others, too. A server
-that has had no goal so far has no status to send.
+A server discovers a process's subscriptions and response readers in the order in which they are
+made. So one more subscription is made last, to the action's status. A server sends its latest
+status to each newcomer: when that comes, the server knows all the others, too. A server that has
+had no goal yet has no status to send.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class WayBack:
         """Do nothing until `watch` is called.
 
         Args:
-            runtime: Whose thread this is.
+            runtime: All this happens on its thread.
             entities: What makes the subscription, and has made all the others.
             on_known: Called once for each `watch`, when a status message has come.
         """

@@ -1,4 +1,4 @@
-"""Asks the servers of an action to cancel goals by their ids, whoever sent them.
+"""Asks the servers of an action to cancel goals by their ids, those of other clients too.
 
 The request has the same type for all actions, so the package that defines the action is not needed.
 """

@@ -86,7 +86,7 @@ class AllGoalsCanceller:
             # The graph of a context that was shut down refuses; requests still go out (R10).
             ready = True
         if ready:
-            # All zeros, in the id and in the stamp, stand for all goals.
+            # All zeros, in the id and in the stamp, mean all goals.
             self._numbers[self._source.send(CancelGoal.Request())] = number
         else:
             again = self._runtime.now() + _NOT_READY

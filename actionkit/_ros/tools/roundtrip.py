@@ -56,7 +56,7 @@ def measure(action_name: str, timeout: float) -> RoundTrip:
         timeout: Seconds for the matching, and again for the first answer.
 
     Raises:
-        Exception: Whatever rclpy raises where the endpoint cannot be made.
+        Exception: Anything that rclpy raises where the endpoint cannot be made.
     """
     user = object()
     runtime = runtimes.acquire(None, user)

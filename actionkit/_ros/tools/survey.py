@@ -1,4 +1,4 @@
-"""Who serves and who uses which action, as the ROS graph shows it to a newcomer."""
+"""Which nodes serve and use which action, as the ROS graph shows it to a newcomer."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Survey:
         """Make a node, which begins to discover others.
 
         Raises:
-            Exception: Whatever rclpy raises where a node cannot be made.
+            Exception: Anything that rclpy raises where a node cannot be made.
         """
         began = time.monotonic()
         self.runtime = runtimes.acquire(None, self)

@@ -101,7 +101,7 @@ class StatusReader:
         for message in self._source.take():
             try:
                 array = deserialize_message(message, GoalStatusArray)
-            except RuntimeError as error:  # what rclpy makes of bytes that are no such message
+            except RuntimeError as error:  # what rclpy raises if the bytes are not such a message
                 _log.debug("a status message of %s is left out: %s", self._name, error)
                 continue
             self._on_goals([_seen(entry) for entry in array.status_list])
@@ -127,4 +127,4 @@ def _seen(entry: GoalStatus) -> GoalSeen:
 
 
 def _unused(_: Any) -> None:
-    """Stand in for a callback, which rclpy demands. No executor calls it: the source takes."""
+    """Do nothing: rclpy demands a callback, but no executor calls it; the source takes."""
