@@ -226,7 +226,7 @@ class HoldView:
                 self._trouble = f"{type(error).__name__}: {error}"
                 self._leave()
                 wait = _RETRY
-            # First the code here, which obeys, then other processes, then the disk (it may be slow).
+            # First our own code, which obeys; then other processes; at last a disk: it may be slow.
             now = self._take_texts(), self._unknown(), self._speakers
             if now != before:
                 before = now
