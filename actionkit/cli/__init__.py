@@ -27,11 +27,11 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         # What was half-made at that moment, such as an event loop, may complain when it is freed.
         sys.unraisablehook = lambda _: None
         warnings.simplefilter("ignore")
-        code = 130  # Exit.INTERRUPTED, whose import may be what was interrupted
+        code = 130  # Exit.INTERRUPTED; its import may be what was interrupted
         with contextlib.suppress(OSError):  # its reader was interrupted as well
             print("\nInterrupted.", file=sys.stderr)
     except BrokenPipeError:
-        # Whoever read our output (`| head`) went away, and Python flushes it once more at exit.
+        # The reader of our output (`| head`) went away, and Python flushes it once more at exit.
         from actionkit.cli._signals import discard_output
 
         discard_output()

@@ -1,4 +1,4 @@
-"""One call from the command line: it is reported, and whatever ends it cancels the goal."""
+"""One call from the command line: it is reported, and if it ends early, its goal is cancelled."""
 
 from __future__ import annotations
 

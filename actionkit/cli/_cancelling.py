@@ -1,4 +1,4 @@
-"""What became of each goal that `actionkit cancel` cancels. Pure: no clock, no middleware."""
+"""What happened to each goal that `actionkit cancel` cancels. Pure: no clock, no middleware."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _EXITS = {
 
 @dataclass(frozen=True)
 class Fate:
-    """What became of a goal.
+    """What happened to a goal.
 
     Attributes:
         goal_id: With dashes.

@@ -19,7 +19,7 @@ _ROUND_TRIP = 5.0
 _SLOW = 0.1
 """Seconds of an answer on which there is a note; on one machine it takes about a millisecond."""
 _LISTED = 10
-"""Servers of which each gets lines of its own."""
+"""Servers that get lines of their own."""
 
 
 def actions_in_sight(survey: Survey, name: str | None, wait: float) -> Iterator[Finding]:

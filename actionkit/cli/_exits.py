@@ -86,7 +86,7 @@ _MAY_RUN = {"REFUSED": Exit.CANCEL_REFUSED, "UNKNOWN": Exit.CANCEL_UNKNOWN}
 
 
 def ended_without_result(outcome: Outcome[Any]) -> str | None:
-    """Return how a goal ended by itself whose result did not come, or `None`."""
+    """Return how a goal ended by itself if its result did not come, else `None`."""
     status = getattr(outcome.error, "status", None)
     late = getattr(outcome.error, "late_result", None)
     return str(status) if status in ("SUCCEEDED", "ABORTED") and late is None else None
@@ -104,6 +104,6 @@ def exit_of(outcome: Outcome[Any]) -> Exit:
 
 def _of_error(outcome: Outcome[Any]) -> Exit:
     if ended_without_result(outcome) is not None:
-        return Exit.RESULT_LOST  # whichever limit ended the wait for it
+        return Exit.RESULT_LOST  # no matter which limit ended the wait for it
     names = [cls.__name__ for cls in type(outcome.error).__mro__]
     return next((code for name, code in _OF_ERRORS if name in names), Exit.FAILED)

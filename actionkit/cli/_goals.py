@@ -35,7 +35,7 @@ def parse(text: str, goal_class: type) -> Any:
 
     Args:
         text: YAML or JSON: a mapping of the goal's fields. Those that are missing keep their
-            defaults. `now` stands for the present time, in a stamp and in a header.
+            defaults. `now` means the present time, in a stamp and in a header.
         goal_class: Such as `Fibonacci.Goal`.
 
     Raises:
@@ -68,7 +68,7 @@ def _message(value: Any, goal_class: type) -> Any:
 
 
 def fill_now(cls: type, value: Any, nanoseconds: int) -> Any:
-    """Return the value with the time wherever a stamp or header says `now`.
+    """Return the value with the time in each stamp or header that says `now`.
 
     Numbers that YAML 1.1 takes for text become numbers, where the field is one.
 

@@ -115,7 +115,7 @@ def show_status(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
 def release(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
     """End every hold that there is, and wait until everybody in sight knows it.
 
-    Whoever stops the robot after that is not overruled: once all has been heard, what comes stays.
+    A stop of the robot after that is not overruled: once all has been heard, a new hold stays.
     """
     ended: dict[str, Hold] = {}
     complete = False

@@ -60,7 +60,7 @@ def _parsed(package: str, kind: str, name: str) -> list[Comments]:
 
 
 def parsed(text: str) -> list[Comments]:
-    """Return the comments of each part of a file; its parts are parted by `---`."""
+    """Return the comments of each part of a file; `---` separates its parts."""
     parts = [Comments()]
     above: list[str] = []
     for line in map(str.strip, text.splitlines()):

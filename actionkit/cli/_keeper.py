@@ -69,7 +69,7 @@ def _wait(changed: queue.SimpleQueue[None], seconds: float) -> None:
 
 
 def _let_go() -> None:
-    """Keep nothing of whoever started this: no pipe, and no directory that could be unmounted."""
+    """Keep nothing of the process that started this: no pipe, and no directory to unmount."""
     os.chdir("/")
     nowhere = os.open(os.devnull, os.O_RDWR)
     for descriptor in (0, 1, 2):

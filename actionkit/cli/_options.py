@@ -80,7 +80,7 @@ wait_option = click.option(
 def complete_names(
     ctx: click.Context, param: click.Parameter, incomplete: str
 ) -> list[CompletionItem]:
-    """Return the names of the actions in sight; nothing where that fails, whatever the reason."""
+    """Return the names of the actions in sight; nothing if that fails for any reason."""
     try:
         from actionkit._ros.tools.survey import Survey
         from actionkit.cli._stdout import keep_clean

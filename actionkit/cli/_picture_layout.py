@@ -173,7 +173,7 @@ def _row(lines: Sequence[LoggedLine], shift: float, end_of_all: float) -> Row:
 
 
 def _lane(events: list[GoalEvent], shift: float, until: float) -> Lane:
-    """Return the lane of one attempt, whose last phase lasts until `until`."""
+    """Return the lane of one attempt; its last phase lasts until `until`."""
     kept = _without_middle_feedback(events)
     lane = Lane(events[0].attempt, str(events[0].goal_id), text=str(Timeline(kept)))
     phase, since = None, 0.0

@@ -314,4 +314,4 @@ def _short(text: str, most: int) -> str:
 def _text(text: str) -> str:
     """Return the text for XML, which cannot carry control characters."""
     shown = "".join(c if c.isprintable() or c == "\n" else "\ufffd" for c in text)
-    return escape(shown, {'"': "&quot;"})  # it may stand in an attribute
+    return escape(shown, {'"': "&quot;"})  # it may be in an attribute

@@ -66,7 +66,7 @@ def chosen(text: str, feedback_class: type) -> Field:
 
 
 def found(feedback_class: type) -> Field | None:
-    """Return the outermost field whose name says that it is the progress, or `None`."""
+    """Return the outermost field with a name that says that it is the progress, or `None`."""
     level: list[tuple[str, type]] = [("", feedback_class)]
     for _ in range(_DEEP):
         candidates: list[Field] = []
@@ -111,7 +111,7 @@ class Progress:
         """Return how much is done, 0 to 1; `None` where the feedback does not tell."""
         try:
             value = get_field(feedback, self.field.path)
-        except FieldError:  # an array that is too short so far
+        except FieldError:  # an array that is still too short
             return None
         value = _number(value)
         if not math.isfinite(value):

@@ -33,7 +33,7 @@ _WITH_RESULT = (GoalState.SUCCEEDED, GoalState.ABORTED, GoalState.CANCELED)
 
 @dataclass(frozen=True)
 class Now:
-    """How a call stands.
+    """How far a call is.
 
     Attributes:
         state: The goal's.
@@ -62,7 +62,7 @@ class Report:
 
 
 def became(outcome: Outcome[Any]) -> str:
-    """Return a sentence about what became of a goal that was interrupted."""
+    """Return a sentence about what happened to a goal that was interrupted."""
     if outcome.status in (GoalState.SUCCEEDED, GoalState.ABORTED):
         return f"Too late to cancel: the goal had ended as {outcome.status}."
     if (ended_as := ended_without_result(outcome)) is not None:
@@ -194,7 +194,7 @@ def not_shown(count: int) -> str:
 
 
 def described(now: Now) -> str:
-    """Return in a few words how a call stands."""
+    """Return in a few words how far a call is."""
     share = "" if now.share is None else f"{now.share:4.0%}, "
     some = "feedback message" if now.feedbacks == 1 else "feedback messages"
     return f"{share}{now.feedbacks} {some}, {now.elapsed:.1f} s, {now.state}"

@@ -11,7 +11,7 @@ def say(text: str = "", *, err: bool = False, label: str = "") -> None:
     """Write lines, at once; what others wrote in them cannot control the terminal.
 
     Args:
-        text: What to write, whoever wrote it.
+        text: What to write. It may come from somebody else.
         err: Whether to write to standard error.
         label: Words of our own to put before it, which may be styled.
     """

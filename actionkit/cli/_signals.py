@@ -34,7 +34,7 @@ def handled(first: Callable[[Exit], object], farewell: Callable[[], str]) -> Ite
 
     Args:
         first: Called with the exit code of the first, in the main thread, in the middle of
-            whatever it does.
+            its work.
         farewell: Returns what to say at the second.
     """
     told: list[float] = []

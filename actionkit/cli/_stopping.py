@@ -1,4 +1,4 @@
-"""What becomes of all goals of an action that is stopped. Pure: no clock, no middleware."""
+"""What happens to all goals of an action that is stopped. Pure: no clock, no middleware."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Stopping:
         return self._number
 
     def to_ask_singly(self, now: float) -> list[str]:
-        """Return the goals for whose cancellation a server is to be asked by their ids now."""
+        """Return the goals that a server is to be asked to cancel by their ids now."""
         new = []
         for goal_id, asked in self._asked.items():
             goal = self.board.goals.get(goal_id)
@@ -109,7 +109,7 @@ class Stopping:
         return new
 
     def settle(self, now: float, *, over: bool) -> None:
-        """Find out what became of the goals; `over` if nothing more is waited for."""
+        """Find out what happened to the goals; `over` if nothing more is waited for."""
         self._cancelling.to_ask(self.board.goals)
         self._cancelling.settle(self.board.goals, now, over=over)
 
@@ -122,7 +122,7 @@ class Stopping:
         answers = (self._answers[number] for number in range(self._first, self._number + 1))
         return max(answers, default=0) < max(1, len(self.board.servers))
 
-    # --- what became of it -----------------------------------------------------------------
+    # --- what happened to it ---------------------------------------------------------------
 
     @property
     def fates(self) -> list[Fate]:

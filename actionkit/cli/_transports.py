@@ -42,8 +42,8 @@ def use_udp_only() -> None:
         return
     own = any(os.environ.get(name) for name in _OWN)
     if not own and _FILE.is_file():
-        # With LOCALHOST rmw_fastrtps sets up shared memory itself, whatever the other variables
-        # say. The file has the same range without it; SYSTEM_DEFAULT makes it count.
+        # With LOCALHOST rmw_fastrtps sets up shared memory itself, even if the other variables
+        # say otherwise. The file has the same range without it; SYSTEM_DEFAULT makes it count.
         os.environ.pop(_LOCALHOST_ONLY, None)
         os.environ[_RANGE] = "SYSTEM_DEFAULT"
         os.environ[_profiles_variable()] = str(_FILE)

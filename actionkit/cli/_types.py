@@ -80,7 +80,7 @@ def load(text: str) -> Any:
         if error.name != f"{package}.action":
             raise _broken(package, error) from error
         raise _bad(f"the package {package!r} has no actions.", text) from None
-    except Exception as error:  # whatever a broken package raises
+    except Exception as error:  # any error of a broken package
         raise _broken(package, error) from error
     found = getattr(module, name, None)
     if not all(hasattr(found, part) for part in ("Goal", "Result", "Feedback", "Impl")):

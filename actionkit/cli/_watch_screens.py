@@ -47,7 +47,7 @@ class Screen:
         """Show that a goal has changed."""
 
     def tick(self, board: Board) -> None:
-        """Draw anew; called a few times a second."""
+        """Draw again; called a few times a second."""
 
     def __enter__(self) -> Self:
         return self
@@ -70,7 +70,7 @@ class TextScreen(Screen):
 
 
 def goal_line(goal: WatchedGoal) -> str:
-    """Return how a goal stands."""
+    """Return the state of a goal in words."""
     after = f"{goal.since - goal.accepted:.1f} s"
     words = (
         f"{after} after its acceptance, was {goal.before}"
@@ -107,7 +107,7 @@ class JsonScreen(Screen):
             goal_id, 1, state, goal.since + to_monotonic, goal.since,
             f"was {goal.before}" if goal.before else "",
         )  # fmt: skip
-        # Whose call it is nobody tells; the goal's own id and its acceptance stand for it.
+        # Nobody tells which call it is; the goal's own id and its acceptance take its place.
         call = CallInfo(
             goal_id, self._name, self._type, "", goal.accepted + to_monotonic, goal.accepted
         )

@@ -1,4 +1,4 @@
-"""`actionkit call`: send one goal and wait for what becomes of it."""
+"""`actionkit call`: send one goal and wait until it has ended."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def command(
     from actionkit.cli._progress import Progress
     from actionkit.cli._reports import JsonReport
 
-    mute()  # the report says what became of the goal
+    mute()  # the report says what happened to the goal
 
     calling = Calling(
         client,
@@ -176,7 +176,7 @@ def _read_goal() -> str:
     from actionkit.cli._goals import MOST_TEXT
 
     try:
-        return sys.stdin.read(MOST_TEXT + 1)  # whoever writes may never end
+        return sys.stdin.read(MOST_TEXT + 1)  # the writer may never end
     except UnicodeDecodeError as error:
         raise click.BadParameter(
             f"standard input is no text ({error}). Nothing was sent.", param_hint="GOAL"

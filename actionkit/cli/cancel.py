@@ -1,4 +1,4 @@
-"""`actionkit cancel`: cancel goals of an action, whoever sent them."""
+"""`actionkit cancel`: cancel goals of an action, those of other clients too."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def _cancel(
     timeout: float,
     show: Callable[[Fate], None],
 ) -> None:
-    """Cancel the goals, or all that run, until it is known what became of each."""
+    """Cancel the goals, or all that run, until it is known what happened to each."""
     from actionkit._ros.tools.cancel import CancelSaid
 
     began = progressed = now = time.monotonic()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _PERIOD = 0.25
 """Seconds that the server takes for each number: slow enough to watch, and ten numbers in 2.5 s."""
-# Each of these could lead to peers beyond this machine, whatever the discovery range.
+# Each of these could lead to peers beyond this machine, with any discovery range.
 _LEADING_OUT = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
 
 
@@ -89,7 +89,7 @@ def _came_out(run: Callable[[Demo], None], demo: Demo) -> bool:
         if not demo.server.alive:
             raise RuntimeError(f"the server process has ended: {demo.server.stderr.strip()}")
         run(demo)
-    except Exception as error:  # noqa: BLE001  whatever it is, it is shown, and fails the demo
+    except Exception as error:  # noqa: BLE001  any error is shown, and fails the demo
         demo.screen.failure(f"{type(error).__name__}: {error}")
         return False
     finally:

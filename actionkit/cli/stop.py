@@ -192,7 +192,7 @@ def _tell_of_hold(view: Any, hold: Hold, keeper: Keeper, as_json: bool) -> Exit:
 
 @contextlib.contextmanager
 def _shown(actions: list[Stopping], as_json: bool) -> Iterator[None]:
-    """Show what became of the actions at the end, also where that is Ctrl-C."""
+    """Show what happened to the actions at the end, also if that is Ctrl-C."""
     try:
         yield
     finally:
@@ -243,7 +243,7 @@ def _cancel_all(survey: Survey, stopped: list[Stopping], timeout: float, *, name
     began = now = time.monotonic()
     again = False
     broken: set[str] = set()
-    """Names that rclpy refuses; whoever made them does not use it."""
+    """Names that rclpy refuses; the program that made them does not use rclpy."""
     with contextlib.ExitStack() as stack:
         while True:
             for seen in survey.actions().values():

@@ -16,7 +16,7 @@ from actionkit.cli._problems import Problem
 from actionkit.cli._say import say
 
 _SHOWN = 10
-"""Lines that could not be read of which each is told; more of them tell nothing new."""
+"""How many lines that could not be read are told; more of them tell nothing new."""
 _EPILOG = """\b
 Examples:
   actionkit timeline goals.jsonl
