@@ -1,4 +1,4 @@
-"""Whether arguments fit the shape of a goal. All limits hold here, whatever a schema says."""
+"""Whether arguments fit the shape of a goal. All limits hold, also those that no schema says."""
 # C10.2
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class Problems:
 def check_size(arguments: object) -> str | None:
     """Return what is wrong with the size of arguments, or `None`.
 
-    It also refuses what is no JSON. Fast whatever it is given: nothing is walked through that is
-    too large, and nothing is recursive.
+    It also refuses what is not JSON. Fast with any input: nothing that is too large is walked
+    through, and nothing is recursive.
     """
     values = characters = 0
     level: list[Any] = [arguments]
@@ -143,7 +143,7 @@ def _group(shape: Group, value: Any, problems: Problems, path: str) -> dict[str,
 
 
 def _left_out(field: Shape, problems: Problems, path: str) -> Any:
-    """Return what is sent for a field in which something is sent whatever the model says."""
+    """Return what is sent for a field if something in it is sent no matter what the model says."""
     if isinstance(field, Group):
         return _group(field, {}, problems, path)
     assert isinstance(field, Array)

@@ -115,7 +115,7 @@ class GoalCalls:
     ) -> ToolResult:
         """Send the goal and wait for its end. Nothing is awaited before it is in good hands."""
         record = GoalRecord(tool.name)
-        # Counted in before the last look at what may forbid it: whoever forbids it later finds it.
+        # Counted in before the last look at what may forbid it: what forbids it later finds it.
         if not self._goals.add(record, tool.concurrent):
             return _too_many(tool, self._goals.counting(tool.name))
         teller = None if on_progress is None else ProgressTeller(record, on_progress)
@@ -207,7 +207,7 @@ def question_of(goal: Any) -> str:
 
 
 async def _answer(approve: Approve, request: ApprovalRequest) -> object:
-    """Return what a human says; being cancelled counts, whatever `approve` makes of it.
+    """Return what a human says; being cancelled counts, even if `approve` swallows it.
 
     Awaited as it is, it could swallow the cancellation (as `asyncio.wait_for` may before Python
     3.12), and the goal of a caller that has given up would be sent.

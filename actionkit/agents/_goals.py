@@ -1,4 +1,4 @@
-"""The goals of a toolbox: which are in flight, and what became of the others."""
+"""The goals of a toolbox: which are in flight, and what happened to the others."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class GoalRecord:
         outcome = future.outcome(0)
         try:
             value = goal_value(self.tool, outcome, future.latest_feedback, self.why_cancelled)
-        except Exception as error:  # noqa: BLE001  the caller must hear something whatever it was
+        except Exception as error:  # noqa: BLE001  after any error the caller must hear something
             _log.exception("a result could not be told")
             text = f"the goal ended as {outcome.status}, and its result cannot be told: {error}"
             advice = "Look at the state of the robot before going on."
@@ -128,8 +128,8 @@ class GoalRecord:
     def counts(self) -> bool:
         """Whether it counts among the goals of its tool: in flight, or not known to have ended.
 
-        One whose server has left the graph does not: nothing may ever be heard of it. A server
-        that is only silent may go on with its goal.
+        A goal does not count if its server has left the graph: nothing may ever be heard of it. A
+        server that is only silent may go on with its goal.
         """
         return self.value is None or self._goals is None or not self._goals.gone
 

@@ -70,7 +70,7 @@ class HoldListener:
         try:
             state, unknown = self._view.known()
             return why(state) or (_not_known(unknown) if unknown else None)
-        except Exception as error:  # noqa: BLE001  whatever it is, nothing is known then
+        except Exception as error:  # noqa: BLE001  after any error nothing is known
             return _not_known(f"{type(error).__name__}: {error}")
 
     @property

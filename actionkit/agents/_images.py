@@ -66,7 +66,7 @@ def to_image(message: Any, longest: int) -> tuple[Image, str]:
         picture.save(file, kind, **({"quality": _QUALITY} if kind == "JPEG" else {}))
     except ImageError:
         raise
-    except Exception as error:  # whatever Pillow raises for bytes from anywhere
+    except Exception as error:  # Pillow raises many kinds for bytes from anywhere
         raise ImageError(f"this is no image that can be read: {error}") from error
     width, height = picture.size
     scaled = "" if picture.size == size else f", scaled from {size[0]} x {size[1]}"

@@ -74,7 +74,7 @@ def comments(ros_type: str) -> Mapping[str, str]:
         if (share / package / relative).is_file():
             try:
                 return _parsed(share / package, relative).get(ros_type, _NONE)
-            except Exception:  # noqa: BLE001  whatever the parser raises for what it cannot read
+            except Exception:  # noqa: BLE001  the parser raises many kinds for what it cannot read
                 _log.debug("no comments of %s", ros_type, exc_info=True)
                 return _NONE
     return _NONE

@@ -1,4 +1,4 @@
-"""Calls of the tools that only read: topics, and what became of goals."""
+"""Calls of the tools that only read: topics, and what happened to goals."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ async def read_topic(
 
 
 def goals_result(goals: Goals, arguments: Mapping[str, Any]) -> ToolResult:
-    """Return what became of the goals, or of the one asked for."""
+    """Return what happened to the goals, or to the one asked for."""
     goal_id = arguments.get("goal_id")
     unknown = [name for name in arguments if name != "goal_id"]
     problem = ""

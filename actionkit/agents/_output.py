@@ -1,4 +1,4 @@
-"""The schemas of what tools take and return, but for the goals of actions."""
+"""The schemas of what tools take and return, except the goals of actions."""
 
 from __future__ import annotations
 

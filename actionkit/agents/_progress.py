@@ -40,7 +40,7 @@ class ProgressTeller:
         self._began = time.monotonic()
 
     def on_feedback(self, feedback: object) -> None:
-        """Take note of feedback, on a thread of ActionKit's."""
+        """Count feedback and keep the newest. On a thread of ActionKit's."""
         self._latest = feedback
         self._count += 1
         if not self._woken:  # one wake for all that comes meanwhile

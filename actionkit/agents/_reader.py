@@ -14,7 +14,7 @@ class Reader:
     """Notes every problem; each method returns something of the right type all the same.
 
     Attributes:
-        problems: What is wrong so far.
+        problems: What was found to be wrong.
     """
 
     def __init__(self, source: str) -> None:
@@ -35,7 +35,7 @@ class Reader:
             raise ConfigError(tuple(self.problems))
 
     def table(self, place: str, value: object, known: Sequence[str]) -> Mapping[str, Any]:
-        """Return a table whose keys are all known."""
+        """Return a table; a key that is not known is a problem."""
         if not isinstance(value, Mapping):
             self.add(place, f"{shown(value)} must be a table")
             return {}

@@ -94,7 +94,7 @@ def error_value(kind: str, message: str, *, retry: bool, advice: str) -> dict[st
 
 
 def refusal(tool: str, kind: str, message: str, *, retry: bool, advice: str) -> ToolResult:
-    """Return the result of a call of which nothing was sent."""
+    """Return the result of a call that sent nothing."""
     error = error_value(kind, message, retry=retry, advice=advice)
     return ToolResult({**_blank(tool, "refused"), "error": error}, is_error=True)
 

@@ -120,7 +120,7 @@ class RosNode:
             executor.add_node(node)
             while self._serve(node):
                 executor.spin_once(timeout_sec=_PERIOD)
-        except Exception as error:  # noqa: BLE001  whatever rclpy raises, nobody waits for ever
+        except Exception as error:  # noqa: BLE001  after any error nobody waits for ever
             _log.debug("reading topics failed", exc_info=True)
             with self._lock:
                 failed, self._requests = self._requests, []
@@ -172,7 +172,7 @@ def _close_all() -> None:
 
 
 class _Request:
-    """One reading of a topic. On the thread of the node, but for its future."""
+    """One reading of a topic. On the thread of the node, except its future."""
 
     def __init__(
         self, topic: str, ros_type: str, cls: Any, wait: float, max_age: float | None

@@ -31,7 +31,7 @@ class Leaf:
         limits: Of the configuration.
         ros_default: What ROS sends where the field is left out, as plain values.
         shown: Whether the model sees it.
-        forced: Whether something in it is sent whatever the model says.
+        forced: Whether something in it is sent no matter what the model says.
         required: Whether the model must give it, because the default is outside of the limits.
     """
 
@@ -58,7 +58,7 @@ class Number(Leaf):
         low: The smallest, by its type and the configuration.
         high: The largest.
         whole: Whether it is an integer.
-        single: Whether it has 32 bits and is no integer.
+        single: Whether it has 32 bits and is not an integer.
     """
 
     low: float | int = 0
@@ -224,7 +224,7 @@ def number_bounds(ros_type: str) -> tuple[float | int, float | int] | None:
 
 
 def _show(shape: Shape, *, shown: bool) -> None:
-    """Work out what the model sees, and what is sent whatever it says; parents after children."""
+    """Work out what the model sees, and what is sent anyway; parents after children."""
     limits = shape.limits
     shown = shown if limits.expose is None else limits.expose
     if limits.const is not ABSENT or isinstance(shape, Opaque):
@@ -232,7 +232,7 @@ def _show(shape: Shape, *, shown: bool) -> None:
     if isinstance(shape, Group):
         for below in shape.fields.values():
             _show(below, shown=shown and limits.const is ABSENT)
-        # A part of something hidden may be shown; a whole of which nothing is shown is not.
+        # A part of something hidden may be shown; a whole is hidden if no part of it is shown.
         shown = any(below.shown for below in shape.fields.values())
         shape.forced = any(below.forced for below in shape.fields.values())
     elif isinstance(shape, Array):

@@ -92,7 +92,7 @@ class Toolbox:
         """Return the name of the action that a tool sends goals to.
 
         Raises:
-            KeyError: It is no tool of an action.
+            KeyError: It is not a tool of an action.
         """
         return self._actions[tool].action
 
@@ -107,7 +107,7 @@ class Toolbox:
         """Call a tool. What goes wrong is told in the result.
 
         Cancelling the task that awaits this cancels the goal, and waits for the server's
-        confirmation, `timeouts.cancel` seconds at most; `goals` tells what became of it.
+        confirmation, `timeouts.cancel` seconds at most; `goals` tells what happened to it.
 
         Args:
             name: The tool.
@@ -138,7 +138,7 @@ class Toolbox:
         """Cancel every goal in flight, and every call that waits to send one.
 
         Returns:
-            What became of each, as `goals()` tells it, when the servers have confirmed it or
+            What happened to each, as `goals()` tells it, when the servers have confirmed it or
             `timeouts.cancel` seconds are over.
         """
         records = self._calls.cancel_all("all goals were cancelled")
@@ -147,7 +147,7 @@ class Toolbox:
         return tuple(record.report() for record in records)
 
     def goals(self, goal_id: str | None = None) -> tuple[Json, ...]:
-        """What became of the goals of this toolbox, the latest first; those in flight too.
+        """What happened to the goals of this toolbox, the latest first; those in flight too.
 
         Args:
             goal_id: Only this one.

@@ -33,12 +33,13 @@ class Tool:
     Attributes:
         name: What `Toolbox.call` takes.
         description: What it does, for the model.
-        input_schema: JSON Schema (2020-12) of its arguments. Numbers that JSON Schema cannot
-            tell apart and whatever else a limit says are checked by `Toolbox.call` all the same.
+        input_schema: JSON Schema (2020-12) of its arguments. `Toolbox.call` also checks what a
+            schema cannot say: numbers that JSON Schema cannot tell apart, and all else that a limit
+            says.
         output_schema: JSON Schema (2020-12) of `ToolResult.value`.
         confirm: Whether a human approves each call.
-        kind: `"action"` (moves something), `"topic"` (reads only) or `"goals"` (what became of
-            goals; reads only).
+        kind: `"action"` (moves something), `"topic"` (reads only) or `"goals"` (what
+            happened to goals; reads only).
     """
 
     name: str

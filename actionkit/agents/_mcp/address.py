@@ -88,7 +88,7 @@ def listen(where: Address) -> socket.socket:
     """Open the socket, which notices clients that are gone without a word.
 
     Raises:
-        OSError: It is in use, or is no address of this machine.
+        OSError: It is in use, or is not an address of this machine.
     """
     family, kind, protocol, _, name = socket.getaddrinfo(
         where.host, where.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -96,8 +96,8 @@ def listen(where: Address) -> socket.socket:
     opened = socket.socket(family, kind, protocol)
     try:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        # Linux hands these on to the connections. A client whose machine lost its power or its
-        # network is told from a silent one within 11 seconds; without them it takes hours.
+        # Linux hands these on to the connections. A client on a machine that lost its power or
+        # its network is told from a silent one within 11 seconds; without them it takes hours.
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 5)
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 2)
@@ -106,7 +106,7 @@ def listen(where: Address) -> socket.socket:
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 10_000)
         opened.bind(name)
         opened.listen(128)
-    except BaseException:  # no socket is left behind, whatever it was
+    except BaseException:  # after any error no socket is left behind
         opened.close()
         raise
     return opened

@@ -46,7 +46,7 @@ class Calls:
         on_progress: OnProgress | None,
         approve: Approve | None,
     ) -> ToolResult:
-        """Call a tool. Being cancelled cancels its goal, and waits for what becomes of that.
+        """Call a tool. Being cancelled cancels its goal, and waits until that is settled.
 
         Args:
             name: The tool.

@@ -1,7 +1,7 @@
 """Why and when the process ends: a signal, or its host is gone; and that it does end.
 
-Hosts close standard input, send SIGTERM 2 seconds later and SIGKILL 2 seconds after that. Whatever
-hangs by then, the event loop included, does not hold up the cancelling or the end.
+Hosts close standard input, send SIGTERM 2 seconds later and SIGKILL 2 seconds after that. A part
+that hangs by then, even the event loop, does not hold up the cancelling or the end.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ PATIENCE = 2.5
 _LOOP_HEARS = 0.8
 """Seconds for the event loop to begin, before another thread does it: it takes milliseconds."""
 _LAST = 3.7
-"""Seconds after which the process ends, whatever it waits for."""
+"""Seconds after which the process ends, even if it waits for something."""
 
 _EXITS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
 
@@ -104,7 +104,7 @@ def _heard_elsewhere(number: int, frame: FrameType | None) -> None:
 
 
 def leave(code: int, words: str = "") -> NoReturn:
-    """End the process here and now, whatever threads wait for. Does not return.
+    """End the process here and now, even if threads wait for something. Does not return.
 
     Python would wait for what is written to a host that reads nothing, and for the event loop's
     tasks that do.

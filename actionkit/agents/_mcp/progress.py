@@ -31,11 +31,11 @@ class Reporter:
         self._began = time.monotonic()
 
     def __call__(self, progress: Progress) -> None:
-        """Take note of progress."""
+        """Keep the newest progress, to be sent."""
         self.say(progress.message)
 
     def say(self, message: str) -> None:
-        """Take note of a line for people."""
+        """Keep the newest line for people, to be sent."""
         self._newest = message
         self._changed.set()
 
@@ -68,7 +68,7 @@ class Reporter:
         while True:
             await self._changed.wait()
             self._changed.clear()
-            # The protocol asks for numbers that grow; seconds do, whatever the feedback says.
+            # The protocol asks for numbers that grow; seconds do, with any feedback.
             told = max(round(time.monotonic() - self._began, 3), told + _LEAST_STEP)
             await self._send(told, None, self._newest)
             await asyncio.sleep(_PERIOD)

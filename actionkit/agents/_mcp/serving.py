@@ -1,4 +1,4 @@
-"""A process that serves a toolbox: from its beginning to its end, whoever asks for that."""
+"""A process that serves a toolbox: from its beginning to its end, with any reason to end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a client is answered: its tools, and what became of their calls."""
+"""What a client is answered: its tools, and what happened to their calls."""
 
 from __future__ import annotations
 

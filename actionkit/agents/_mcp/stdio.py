@@ -72,7 +72,7 @@ def _problem(line: bytes) -> str:
 
 
 def _id_of(line: str) -> str | int | None:
-    """Return the id of a request that cannot be read, so that its sender learns of it.
+    """Return the id of a request that cannot be read, so that its sender can be told.
 
     Only what is outside of all inner objects and arrays is looked at: what is wrong is mostly
     how deep these are.

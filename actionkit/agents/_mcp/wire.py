@@ -1,7 +1,7 @@
 """Standard input and output, taken away from everything else in the process.
 
-Imports nothing heavy: the wire is taken before libraries, which may print, are imported. Whatever
-writes to standard output afterwards, in Python or in C, lands on standard error.
+Imports nothing heavy: the wire is taken before libraries, which may print, are imported. All that
+is written to standard output afterwards, in Python or in C, goes to standard error.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class Wire:
         await written
 
     async def flush(self) -> None:
-        """Return when all is written that was to be written so far."""
+        """Return when everything that was given to `write` is written."""
         await self.write(b"")
 
     # -- threads ---------------------------------------------------------------------------
