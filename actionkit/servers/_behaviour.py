@@ -53,7 +53,7 @@ class Behaviour:
         options: The options of its own, with their defaults.
         choices: The values that an option may have, where there are only a few.
         action_type: The type of the action.
-        other_types: Types besides that one whose fields it knows.
+        other_types: Other types with fields that it knows.
         any_type: Whether it makes sense for actions of other types: it then reads nothing of a goal
             but `run.order`, and its feedback and results are empty messages.
         servers: How many action servers there are on the name, each with its own node.

@@ -58,7 +58,7 @@ class Fibonacci(Behaviour):
         "cancel_takes": 0.0,
     }
     gate_at_end: ClassVar[bool] = True
-    """Whether the gate, if there is one, stands before the end (and not somewhere else)."""
+    """Whether the gate, if there is one, comes before the end (and not somewhere else)."""
 
     def decide(self, run: Run) -> bool:
         return 0 <= run.order <= int(self.option["max_order"])

@@ -14,7 +14,7 @@ class Flaky(Fibonacci):
 
     how=aborts: ends them as ABORTED, half-way, with the sequence so far. how=rejects. how=silent:
     does not answer the goal request. how=crashes: half-way it vanishes, as by SIGKILL, and comes
-    back at once. A ``Server.restart()`` does not begin the count anew.
+    back at once. A ``Server.restart()`` does not start the count again.
     """
 
     any_type = True
@@ -49,7 +49,7 @@ class Restarts(Fibonacci):
 
     The goal is gone after it. how=clean: the server leaves the ROS graph properly. how=kill: it
     vanishes, as by SIGKILL. Either way it is back as soon as its program has started again, in
-    the same process, with nothing but the count of goals: whoever started it notices nothing.
+    the same process, with nothing but the count of goals: its parent notices nothing.
 
     point=feedback: while the goal executes, after a first feedback. point=accepted: nothing
     executes. Both wait until a client has asked for the result: any sooner, the acceptance

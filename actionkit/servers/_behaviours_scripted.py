@@ -23,7 +23,7 @@ class ByScript(Behaviour):
             process.enable_self_cancel()
 
     def scripts(self) -> list[Script]:
-        """Return a script for each goal in turn, the last of which repeats."""
+        """Return a script for each goal in turn; the last one repeats."""
         raise NotImplementedError
 
     def begin_step(self, run: Run, step: Step) -> None:
@@ -143,7 +143,7 @@ class Scripted(ByScript):
         servers.start("scripted", script=[["reject"], [{"crash": "kill"}], [{"succeed": [0, 1]}]])
 
     A script is a list of steps, the same for every goal; or a list of scripts, one for each goal
-    in turn, restarts included, the last of which repeats. In a shell it is JSON:
+    in turn, restarts included; the last one repeats. In a shell it is JSON:
     ``--option 'script=[["reject"], [{"feedback": 3}]]'``.
 
     How the request is answered. Where none of these is in the script, the goal is accepted before

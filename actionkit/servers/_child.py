@@ -91,7 +91,7 @@ def main(
     # A pipe from a program carries commands, and its end ends the server; a terminal does not.
     piped = not given.human and stat.S_ISFIFO(os.fstat(0).st_mode)
     human = given.human or os.isatty(0)
-    # Nothing but the journal may get into stdout, whatever a library prints.
+    # Only the journal may get into stdout, even if a library prints something.
     sys.stdout.flush()
     stdout = os.dup(1)
     os.dup2(2, 1)

@@ -58,7 +58,7 @@ class Journal:
     """All events of a server, in order, over its restarts. Thread-safe.
 
     Attributes:
-        events: Those so far; only to be copied.
+        events: Those that have happened; only to be copied.
         counts: How many there were of each name.
         goals: How many goals the server was asked for.
         max_running: The most goals that ever executed at one time.
@@ -72,7 +72,7 @@ class Journal:
         """Make an empty one.
 
         Args:
-            whose: Who writes it, for error texts.
+            whose: The writer's name, for error texts.
             gives_up: Whether to wait no more; asked at each event, and by `wake`.
         """
         self._whose = whose
@@ -134,13 +134,13 @@ class Journal:
         return self._incarnation
 
     def wake(self) -> None:
-        """Have all who wait look whether to give up."""
+        """Have all threads that wait look whether to give up."""
         with self._changed:
             self._changed.notify_all()
 
     def _follow(self, event: ServerEvent) -> None:
         if event.event == "restarting":
-            # The last event before the process starts its program anew.
+            # The last event before the process starts its program again.
             self._incarnation += 1
             self._accepted.clear()
             self._executing.clear()
@@ -180,7 +180,7 @@ class Journal:
             with contextlib.suppress(RuntimeError):  # what it wrote last is still to be read
                 ask(n=mark)
             with self._changed:
-                # A process that starts anew loses what it was asked before.
+                # A process that starts again loses what it was asked before.
                 if self._changed.wait_for(is_over, min(left, _ASKED_AGAIN)):
                     return
         raise TimeoutError(f"{self._whose} did not answer within {timeout:g} s")

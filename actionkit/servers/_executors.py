@@ -1,6 +1,6 @@
 # rclpy has annotations here and there only.
 # mypy: disable-error-code="no-untyped-call"
-"""Executors that suit a server whose goals run long, many at a time."""
+"""Executors that suit a server with goals that run long, many at a time."""
 
 from __future__ import annotations
 
@@ -88,6 +88,6 @@ def spin(
             executor.spin_once()
         except ServerStopping:
             return
-        except Exception as error:  # noqa: BLE001 - reported, whatever it is
+        except Exception as error:  # noqa: BLE001 - any error is reported
             if executor.context.ok():  # else rclpy's signal handler has just shut it down
                 on_error(error)

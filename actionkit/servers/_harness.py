@@ -36,7 +36,7 @@ class JournalledServer(ActionServer):
         self._behaviour = harness.behaviour
         self._index = index
         self._goals: dict[str, Run] = {}
-        # The callbacks are not told whose request they serve; they run on the thread that
+        # The callbacks are not told which client's request they serve; they run on the thread that
         # takes the request in `execute`.
         self._request = threading.local()
         super().__init__(
@@ -222,7 +222,7 @@ class Harness:
             self.behaviour = make_behaviour(options, self)
             for index in range(self.behaviour.servers):
                 self._servers[index] = JournalledServer(self, self._add_node(), index)
-        except BaseException:  # whatever it was goes on, but nothing is left of the start
+        except BaseException:  # the error goes on, but nothing is left of the start
             self._take_down()
             raise
         self._spinner = threading.Thread(

@@ -12,13 +12,13 @@ from typing import NoReturn
 from actionkit.servers._run import Journal, Run
 
 INSTANCE_VARIABLE = "ACTIONKIT_SERVER_INSTANCE"
-"""Names the server among others, over its restarts; set by whoever starts it."""
+"""Names the server among others, over its restarts; set by the program that starts it."""
 GOALS_VARIABLE = "_ACTIONKIT_SERVER_GOALS"
 """Tells a new process how many goals those before it were asked for."""
 END_SIGNALS = frozenset({signal.SIGINT, signal.SIGTERM})
 """They end the process cleanly. Blocked, and taken by sigwait, as the next one is."""
 RESTART_SIGNAL = signal.SIGUSR1
-"""It ends the process cleanly and starts it anew."""
+"""It ends the process cleanly and starts it again."""
 
 
 class Life:
@@ -46,7 +46,7 @@ class Life:
         os.kill(os.getpid(), signal.SIGTERM)
 
     def restart(self, how: str) -> None:
-        """Start anew, with nothing kept but the count of goals.
+        """Start again, with nothing kept but the count of goals.
 
         Args:
             how: "clean" ends properly before, returns, and the end comes a little later; "kill"

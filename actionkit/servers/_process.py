@@ -64,7 +64,7 @@ class Server:
         self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed by stop()
         try:
             self._launch()
-        except BaseException:  # whatever it was goes on, but no file is left open
+        except BaseException:  # the error goes on, but no file is left open
             self._stderr.close()
             raise
 
@@ -255,8 +255,8 @@ class Server:
             stdout=subprocess.PIPE,
             stderr=self._stderr,
             env=environment,
-            # Away from the terminal's process group: a Ctrl-C there is meant for the client,
-            # whose goal is to be cancelled on a server that still lives. When we die, the
+            # Away from the terminal's process group: a Ctrl-C there is meant for the client:
+            # its goal is to be cancelled on a server that still lives. When we die, the
             # child sees its stdin close and ends, so it is not left behind.
             start_new_session=True,
         )
@@ -337,7 +337,7 @@ def start(
         The running server, already announced to the ROS graph.
 
     Raises:
-        TypeError: `action_type` is no action type.
+        TypeError: `action_type` is not an action type.
         ValueError: There is no such server or option, an option's value is not right, or the
             server cannot serve that type.
         RuntimeError: The process ended, or was not up within 20 seconds; says what it said.

@@ -1,9 +1,9 @@
 """Waiting for a moment in which a process does nothing, before it is stopped for good.
 
-Fast DDS shares memory, and locks in it, with every process on the machine. One that is killed
-while it holds such a lock blocks whoever talks to it for seconds, and may crash it; see
-`docs/losing-the-server.md`. A test that kills a server for another reason should not meet that one
-now and then.
+Fast DDS shares memory, and locks in it, with every process on the machine. One that is killed while
+it holds such a lock blocks each process that talks to it for seconds, and may crash that process;
+see `docs/losing-the-server.md`. A test that kills a server for another reason should not meet that
+one now and then.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def await_quiet(pid: int) -> None:
 
 
 def _threads(pid: int) -> list[tuple[str, str]]:
-    """Return the state of each thread, and how often it has gone to sleep so far."""
+    """Return the state of each thread, and how often it has gone to sleep."""
     found = []
     for path in sorted(Path(f"/proc/{pid}/task").glob("*/status")):
         try:

@@ -115,8 +115,8 @@ class Run:
         self.reason: str | None = None  # of its rejection
         self.content: Content = ()  # what its result says, unless its end says otherwise
         self.notes: Any = None  # the behaviour's own
-        self.earlier: frozenset[Run] = frozenset()  # the goals whose place it takes
-        self.steps = 0  # of its script, begun so far
+        self.earlier: frozenset[Run] = frozenset()  # the goals that it replaces
+        self.steps = 0  # of its script that have begun
         self.heeds_cancel = True  # whether an accepted cancel stops the goal
         self.refuses_cancel = False
         self.cancelled = False
@@ -200,7 +200,7 @@ class Run:
         self._wait(lambda: self.result_requested, None)
 
     def wait_until(self, condition: Callable[[], bool]) -> None:
-        """Wait until a condition is true; whoever makes it true calls `wake`."""
+        """Wait until a condition is true; the code that makes it true calls `wake`."""
         self._wait(condition, None)
 
     def wait_cancel(self) -> None:
@@ -223,7 +223,7 @@ class Run:
     def _sleep(self, until: Callable[[], bool], seconds: float | None) -> None:
         deadline = None if seconds is None else time.monotonic() + seconds
         while True:
-            # Cleared before looking: whoever changes something after that sets it again.
+            # Cleared before looking: code that changes something after that sets it again.
             self._wake.clear()
             if self._control.stopping:
                 raise ServerStopping
@@ -254,7 +254,7 @@ class Run:
         """End as SUCCEEDED.
 
         Args:
-            content: What the result says; `None` stands for `self.content`.
+            content: What the result says; `None` means `self.content`.
 
         Returns:
             The result message, which `execute` has to return.

@@ -65,14 +65,14 @@ def _alone(value: object) -> bool:
 
 @dataclass(frozen=True)
 class _Word:
-    """How a step is written, and where it may stand.
+    """How a step is written, and where it may be.
 
     Attributes:
         example: How it is written.
         right: Whether a value fits.
         decides: It answers the request, so it comes at most once, and nothing that executes comes
             before.
-        early: It may stand before the answer.
+        early: It may come before the answer.
         ends: Nothing follows.
     """
 
@@ -115,7 +115,7 @@ def parse_scripts(text: str) -> list[Script]:
     """Return the scripts, one or more, in a text of JSON.
 
     Raises:
-        ValueError: It is no JSON, or a step of it is not right; says which one, and why.
+        ValueError: It is not JSON, or a step of it is not right; says which one, and why.
     """
     try:
         raw = json.loads(text)

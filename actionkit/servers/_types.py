@@ -45,7 +45,7 @@ def load_type(name: str) -> Any:
     package, _, kind = name.split("/")
     try:
         found = getattr(importlib.import_module(f"{package}.action"), kind, None)
-    except Exception as error:  # whatever a broken package raises
+    except Exception as error:  # any error of a broken package
         raise ValueError(
             f"the action type {name} cannot be imported ({type(error).__name__}: {error})."
             f" {_remedy(package)}"
