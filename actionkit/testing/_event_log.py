@@ -28,7 +28,7 @@ class EventLog(Generic[T]):
         self._items: list[T] = []
 
     def append(self, item: T) -> None:
-        """Note `item` and wake those who wait. From any thread."""
+        """Note `item` and wake the threads that wait. From any thread."""
         with self._changed:
             self._items.append(item)
             self._changed.notify_all()

@@ -28,7 +28,7 @@ def check_name(name: object) -> str:
     """Return the name of an action.
 
     Raises:
-        TypeError: It is no string.
+        TypeError: It is not a string.
         ValueError: ROS refuses it.
     """
     if not isinstance(name, str):
@@ -44,7 +44,7 @@ def check_name(name: object) -> str:
 
 
 class Goals:
-    """The goals that a fake server has received, and whose plan is which.
+    """The goals that a fake server has received, and the plan of each.
 
     Attributes:
         received: The goals' messages, in the order of their requests.

@@ -95,7 +95,7 @@ class Plan:
 
 
 class Script:
-    """Which plan is whose: those of the script in turn, then the server's own settings.
+    """Gives each goal its plan: those of the script in turn, then the server's own settings.
 
     Safe to use from any thread.
     """
@@ -187,7 +187,7 @@ def feedback_of(action: Any, value: Any, path: str) -> Iterator[Any]:
     """Yield feedback messages, each checked when its turn comes.
 
     Raises:
-        TypeError, ValueError: It is no list of feedback, or one of them is not right.
+        TypeError, ValueError: It is not a list of feedback, or one of them is not right.
     """
     single = isinstance(value, (str, bytes, Mapping)) or is_message_class(type(value))
     if single or not isinstance(value, Iterable):

@@ -194,7 +194,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
     ) -> list[ServerEvent]:
         """Block until an event was seen, however long ago it happened. Never polls.
 
-        It blocks its thread. In a coroutine whose event loop has to go on meanwhile, write
+        It blocks its thread. In a coroutine, if the event loop has to go on meanwhile, write
         `await asyncio.to_thread(server.wait_for, "executing")`.
 
         Args:

@@ -45,7 +45,7 @@ def tick_until(
         How many ticks it took, at least 1.
 
     Raises:
-        TypeError, ValueError: A time is no number of seconds.
+        TypeError, ValueError: A time is not a number of seconds.
         AssertionError: (also a `TimeoutError`) It did not come in time; or the tree ended with
             SUCCESS where FAILURE or RUNNING was wanted, or the like. The message shows the tree.
     """

@@ -1,4 +1,4 @@
-"""The pytest plugin. Loaded by pytest itself wherever ActionKit is installed.
+"""The pytest plugin. Pytest itself loads it if ActionKit is installed.
 
 So nothing heavy is imported here: people run pytest for other things, and may have no rclpy.
 """

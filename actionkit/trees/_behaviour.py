@@ -33,13 +33,13 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         ActionBehaviour("dock", (Dock, "dock"), {"speed": 0.2}, timeout=30.0)
 
     SUCCESS where the call succeeded, retries included, FAILURE otherwise; `feedback_message` says
-    how far the goal is, or the error's sentence. Where the tree moves on (`stop(INVALID)`, by
-    whatever interrupts it) the goal is cancelled, be it accepted or not; a tree that is shut down
-    or dropped cancels its goals, too. A tick never blocks: it sends, cancels and looks.
+    how far the goal is, or the error's sentence. If the tree moves on and interrupts it
+    (`stop(INVALID)`), the goal is cancelled, accepted or not; a tree that is shut down or dropped
+    cancels its goals, too. A tick never blocks: it sends, cancels and looks.
 
     A new run sends its goal only when the earlier one is known to have stopped. Until then it is
-    RUNNING and says so. Where that cannot be learnt within `timeouts.server` of the client, as the
-    server is gone or silent, it is FAILURE, and says that the goal may still run.
+    RUNNING and says so. If this does not become known within `timeouts.server` of the client,
+    because the server is gone or silent, it is FAILURE, and says that the goal may still run.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         server_timeout: float | None = 5.0,
         **unknown: Never,
     ) -> None:
-        """Make a leaf. Sends nothing, and makes no client so far.
+        """Make a leaf. Sends nothing, and makes no client yet.
 
         Args:
             name: The behaviour's name in the tree.
@@ -120,7 +120,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
 
     @property
     def future(self) -> GoalFuture[ResultT, FeedbackT] | None:
-        """The handle on the goal of the latest run; `None` where that has sent none so far."""
+        """The handle on the goal of the latest run; `None` if that has sent none yet."""
         return None if self._run is None else self._run.future
 
     # --- what py_trees calls -----------------------------------------------------------------
@@ -141,7 +141,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         self._hold.make(node)
         for leaf in self._leaves_of_tree():
             # It comes again in the leaf's own setup. No others: py_trees' limit for the setup
-            # raises whatever goes on here, and once.
+            # raises in the middle of this code, and once.
             with suppress(ImportError, TypeError, ValueError, ActionKitError):
                 leaf._hold.make(node)  # so that all find their servers at the same time
         self._hold.await_server(self._server_timeout, self.name)
@@ -242,7 +242,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         return False
 
     def _follow(self, future: GoalFuture[ResultT, FeedbackT]) -> Status:
-        done = future.done()  # before the feedback, of which more may have come with the end
+        done = future.done()  # before the feedback: more may have come with the end
         feedback = future.latest_feedback
         if feedback is not None and feedback is not self._shown[1] and self._feedback_key:
             self._board.set(self._feedback_key, feedback)

@@ -18,7 +18,7 @@ class ClientHold:
     """What one leaf holds of a client."""
 
     def __init__(self, client: object) -> None:
-        """Take note of the client; makes none so far.
+        """Keep the client, or what to make it from. Makes none yet.
 
         Args:
             client: A `Client`, or the action's type and name.

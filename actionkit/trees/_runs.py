@@ -28,14 +28,14 @@ class Run:
     """One run of a leaf: from its first tick until it ends, or is interrupted."""
 
     def __init__(self, timeout: float | None) -> None:
-        """Begin a run, whose time runs from now; it has no goal so far."""
+        """Begin a run. Its time runs from now; it has no goal yet."""
         self.future: AnyFuture | None = None
         self.unwanted = False
         self.problem = ""
         """Why it fails without a goal, as a sentence."""
         self.deadline = None if timeout is None else time.monotonic() + timeout
         self.unknown_since: float | None = None
-        """Since when it waits for an earlier goal of which nothing is known."""
+        """Since when it waits for an earlier goal that nothing is known about."""
         self._client: AnyClient | None = None
         self._tickets = deque([None])
 
@@ -56,7 +56,7 @@ class Run:
         self._client = client
         try:
             call = client._prepare(goal, None, left, retry, classify)
-            # Before it begins, so that whatever interrupts it here leaves no goal unknown.
+            # Before it begins, so that an interruption here leaves no goal unknown.
             self.future = call.future
             if not self.unwanted:
                 client._session.begin(call)
@@ -91,8 +91,9 @@ class Run:
     def holds_up(self) -> bool:
         """Whether nothing may be started beside it.
 
-        A goal whose server has left the graph does not: that server may never be seen again, and if
-        it is, the client cancels the goal. A server that is only silent may go on with its goal.
+        A goal does not hold it up if its server has left the graph: that server may never be seen
+        again, and if it is, the client cancels the goal. A server that is only silent may go on
+        with its goal.
         """
         known, future = self.known_to_run, self.future
         if known is not None or future is None:
@@ -101,7 +102,7 @@ class Run:
 
 
 class Runs:
-    """The runs of one leaf of which a goal may be running. It does not hold the leaf."""
+    """The runs of one leaf that may have a running goal. Holds no reference to the leaf."""
 
     def __init__(self) -> None:
         self._runs: deque[Run] = deque()
@@ -110,7 +111,7 @@ class Runs:
         """Whether nothing is to be started any more."""
 
     def begin(self, timeout: float | None) -> Run:
-        """Begin a run, and give up all others, those too that have sent nothing so far."""
+        """Begin a run, and give up all others, those too that have sent nothing yet."""
         run = Run(timeout)
         # First, so that of two threads that begin one sees the other (C11.1).
         self._runs.append(run)

@@ -23,14 +23,14 @@ class NoGoalError(Exception):
 
 @dataclass(frozen=True)
 class FromBlackboard:
-    """The goal of a behaviour is what stands on the blackboard when it is sent.
+    """The goal of a behaviour is the value on the blackboard when the goal is sent.
 
     Attributes:
-        key: Its name there, such as `"target"`, `"/mission/target"` or `"mission.target"`, the
-            attribute of what stands under `mission`. A goal message, or a mapping of its fields.
+        key: Its name there, such as `"target"`, `"/mission/target"` or `"mission.target"`, an
+            attribute of the value of `mission`. A goal message, or a mapping of its fields.
 
     Raises:
-        TypeError: The key is no text.
+        TypeError: The key is not a string.
         ValueError: The key is empty.
     """
 
@@ -44,7 +44,7 @@ def check_key(name: str, key: object, *, nested: bool = False) -> None:
     """Raise where this cannot be the key of a blackboard variable.
 
     Raises:
-        TypeError: It is no text.
+        TypeError: It is not a string.
         ValueError: It is empty, or has a dot where it must not.
     """
     if not isinstance(key, str):
@@ -117,7 +117,7 @@ def _is_message(value: object) -> bool:
 def _ask(function: Callable[[Any], Any], behaviour: object) -> Any:
     try:
         return function(behaviour)
-    except Exception as error:  # noqa: BLE001  whatever a function of the user's raises
+    except Exception as error:  # noqa: BLE001  any error of the user's function
         log_later(logging.ERROR, "the function for a goal raised", exc_info=error)
         raise NoGoalError(
             f"the function for the goal raised {type(error).__name__}: {error}; nothing was sent"
