@@ -99,7 +99,7 @@ class CancellableGoal(GoalRecord):
         ]
 
     def _no_server(self) -> list[fx.Effect]:
-        """No server was ready in time; one error, whichever limit ended the wait (C2.7)."""
+        """No server was ready in time. The error is the same for each limit of that wait (C2.7)."""
         self.cancel_reason = CancelReason.NO_SERVER
         waited = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
         return [waited, *self._never_sent(fx.End.NO_SERVER)]

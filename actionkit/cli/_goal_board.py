@@ -56,7 +56,7 @@ class Board:
             now: Seconds since the epoch.
 
         Returns:
-            The goals whose state changed, and whether the servers did.
+            The goals with a new state, and whether the servers changed.
         """
         if isinstance(news, tuple):
             self.servers = news

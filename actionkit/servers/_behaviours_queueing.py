@@ -100,8 +100,8 @@ class Preemptive(Queued):
     """A new goal preempts the running one, which is aborted before the new one executes.
 
     Both as by fibonacci, with the sequence so far as the result of the older one.
-    ends=canceled: it ends as CANCELED. rclpy permits that to none but a goal whose cancel was
-    asked for, so another client, in the server process, asks. Goals that come in a burst are
+    ends=canceled: it ends as CANCELED. rclpy permits that only after a request to cancel the
+    goal, so another client, in the server process, asks. Goals that come in a burst are
     preempted in turn: each executes, if for no time, since no goal may be aborted before.
     """
 

@@ -1,4 +1,4 @@
-"""The server whose script is written by the test that uses it, and others that are scripts."""
+"""The server with a script from the test that uses it, and others that are scripts."""
 
 from __future__ import annotations
 
