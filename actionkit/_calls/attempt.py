@@ -91,7 +91,7 @@ class Attempt:
             goal_message: The action's goal message; not changed by anybody any more.
             timeouts: The caps on the phases.
             deadline: Monotonic time at which the call's time is up, or `None`.
-            owner: Who is told, and asked whether the goal may be sent.
+            owner: It is told what happens, and asked whether the goal may be sent.
             on_out_of_sight: Called when nothing is left to watch for (`goal.stage` is OVER), or
                 can be for now, because the server is gone (LOST).
         """

@@ -1,4 +1,4 @@
-"""Who awaits a goal: coroutines of asyncio, trio and rclpy, one or several (C1.4, C1.13)."""
+"""The coroutines that await a goal: of asyncio, trio and rclpy, one or several (C1.4, C1.13)."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class Awaiters:
     def _look(
         self, has_ended: Callable[[], bool], waiting: object, cancel: Callable[[], object]
     ) -> None:
-        """Look now and then whether an executor still is there. On the communication thread."""
+        """Check once in a while whether an executor is still there. On the communication thread."""
         if self._over.is_set() or waiting not in self._waiting:
             return
         if has_ended():

@@ -179,7 +179,7 @@ class Call:
         self._do(self.machine.ended(attempt, ending, late=late, ready=ready))
 
     def on_over(self, attempt: Attempt) -> None:
-        """An attempt's goal is known to run no more, or its server went out of sight."""
+        """An attempt's goal is known not to run any more, or its server went out of sight."""
         self._do(self.machine.earlier_over())
         current = self._attempt
         if attempt is not current and current is not None and self._carrier.server_is_ready():

@@ -12,7 +12,7 @@ from actionkit._model.timeline import Recorder
 from actionkit._model.values import GoalFate, GoalReport, GoalState
 
 _KEPT = 100
-"""How many goals of a call are kept that run no more, for `Outcome.goals`."""
+"""How many goals of a call that do not run any more are kept, for `Outcome.goals`."""
 
 
 class GoalsOfCall:
@@ -61,7 +61,7 @@ class GoalsOfCall:
 
     @property
     def known_to_run(self) -> bool | None:
-        """Whether a goal is known to run, or to run no more; `None` where neither is."""
+        """True if a goal is known to run, False if none runs any more; else `None`."""
         known = {goal.known_to_run for goal in self._goals}
         return True if True in known else None if None in known else False
 

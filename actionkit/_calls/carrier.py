@@ -144,7 +144,7 @@ class PortCarrier:
 
     @property
     def confirming(self) -> bool:
-        """Whether any goal may be confirmed soon to run no more: a server in sight may have it."""
+        """Whether any goal may soon be confirmed to have stopped: a server in sight may have it."""
         return any(each.goal.may_run for each in list(self._attempts))
 
     def given_up_at(self, orphans_at: float) -> float:

@@ -33,7 +33,7 @@ class Phase(Enum):
     """The policy is asked whether there is another attempt."""
     PAUSING = auto()
     CONFIRMING = auto()
-    """It has ended, but a server may yet confirm that its earlier goals run no more."""
+    """It has ended, but a server may still confirm that its earlier goals do not run any more."""
     ENDED = auto()
 
 
@@ -254,7 +254,7 @@ class CallMachine:
         self.attempt = None
         if ending.end is not fx.End.NO_SERVER:
             return self._judge(ending)
-        # It found no server, and goes on with what came of the one it had, if it did (C2.7).
+        # It found no server. If it had one before, it goes on with the ending from that one (C2.7).
         in_flight = bool(self.goals.may_run)
         if self.previous is not None and (in_flight or not late):
             self.goal_id = self.previous.goal_id
@@ -282,7 +282,7 @@ class CallMachine:
         return effects + self._judge(fx.Ending(end, state, result=result, progress=progress))
 
     def earlier_over(self) -> list[Effect]:
-        """An earlier goal is known to run no more, or its server went out of sight."""
+        """An earlier goal is known not to run any more, or its server went out of sight."""
         if self.phase is Phase.CONFIRMING and not self.confirming:
             return [StopAwaiting(), *self._finish()]
         return []

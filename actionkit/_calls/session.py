@@ -1,7 +1,7 @@
 """The calls of one client, on one port or on several in turn, and their end.
 
 A session outlives its client by as much as its goals need: one that was given up on is watched
-until it is known to run no more (C2.4).
+until it is known not to run any more (C2.4).
 """
 
 from __future__ import annotations
@@ -269,7 +269,7 @@ class Session:
 
     @property
     def confirming(self) -> bool:
-        """Whether any goal may be confirmed soon to run no more."""
+        """Whether any goal may soon be confirmed to have stopped."""
         return any(carrier.confirming for carrier in self._carriers)
 
     def give_up_waiting(self) -> list[tuple[str, uuid.UUID]]:

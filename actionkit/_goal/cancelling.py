@@ -133,7 +133,7 @@ class CancellableGoal(GoalRecord):
         return self._believe_refusal(now)
 
     def _believe_refusal(self, now: float) -> list[fx.Effect]:
-        """The goal runs on. What that means depends on who is left to wait for it."""
+        """The goal runs on. What that means depends on whether anybody still waits for it."""
         told = [] if self._refusal_told else [fx.Record(self.state, _REFUSED, cancel_refused=True)]
         self._refusal_told = self.facts.refused = True
         if self.settled or self.cancel_reason not in _CALLER_MAY_WAIT:

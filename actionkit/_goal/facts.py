@@ -80,7 +80,7 @@ class GoalFacts:
 
         Where it is over for its caller by what one server said, another one that has never shown
         that it has the goal does not count: nobody could say more of it than a guess. It counts
-        where the caller gave up on the goal, because he relies on its being cancelled.
+        where the caller gave up on the goal, because the caller relies on the cancellation.
         """
         if self.is_over:
             return False

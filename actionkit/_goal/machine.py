@@ -3,7 +3,7 @@
 Each method is something that happened, with the time at which it did; it returns what is to
 be done about it. The caller's view of a goal (`settled`) and the goal's life on the server
 (`stage`) are two things: a goal that its caller gave up on is watched, and cancelled as soon
-as that is possible, until it is known to run no more (C2.4).
+as that is possible, until it is known not to run any more (C2.4).
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Goal(CancellableGoal):
         return [fx.AskResult()] if self.stage is Stage.ACCEPTED else []
 
     def server_back(self, now: float) -> list[fx.Effect]:
-        """The very server that the goal was sent to can be talked to (again)."""
+        """The same server that the goal was sent to can be talked to (again)."""
         if self.stage is not Stage.LOST:
             return self.server_ready(now)
         if self.facts.ended or self.facts.rejected:
@@ -456,7 +456,7 @@ class Goal(CancellableGoal):
             effects.append(fx.AskCancel())
         doubted = ended or self._forgotten_at is not None
         if doubted or self.stage is not Stage.ACCEPTED or self._reask_after >= LONG_PAUSE:
-            # A goal that merely takes long is seen in the status topic, and not asked about.
+            # A goal that only takes long is seen in the status topic, and not asked about.
             effects.append(fx.AskResult())
         if denied and not self._unwanted and self.facts.requests == 1:
             # The request may be lost (R4). Where it was not, the server takes the id once (R5).

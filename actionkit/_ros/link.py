@@ -94,7 +94,7 @@ class Link:
         self.readiness = self.monitor.readiness
         """Whether servers are there."""
         self.liveness = self.monitor.liveness
-        """Probes the servers now and then, where the user wants that."""
+        """Probes the servers from time to time, if the user wants that."""
         self.stood_still = self.monitor.stood_still
         self.ask_about_goals = self.monitor.tell_sent_goals
         self._feedback = FeedbackWatch(

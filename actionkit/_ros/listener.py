@@ -1,4 +1,4 @@
-"""Who is told what the servers say of a goal."""
+"""The interface of an object that is told what the servers say about a goal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from actionkit._model.values import GoalState
 
 
 class GoalListener(Protocol):
-    """Who is told what the servers say of one goal."""
+    """Is told what the servers say about one goal."""
 
     goal_id: uuid.UUID
 

@@ -239,7 +239,7 @@ class Runtime:
             kind: The class of the window: requests of each kind have one of their own.
             action_name: The action's full name.
         """
-        # Not setdefault: nothing but the caller would hold what it makes.
+        # Not setdefault: only the caller would hold what it makes.
         window = self._windows.get((kind, action_name))
         if window is None:
             window = self._windows[kind, action_name] = kind()
@@ -375,7 +375,7 @@ class Runtime:
         if self._waited_for is None:
             self._waited_for = tuple(self._sources)
         ready = self._waiter.wait(self._waited_for, timeout)
-        self.standstill.turn()  # before what came of it is read
+        self.standstill.turn()  # before its results are read
         for source in ready:
             if source in self._sources:  # a callback for an earlier one may have disabled it
                 self._guarded(source.on_readable)

@@ -100,7 +100,7 @@ class Standstill:
         self._since = 0.0  # the end of the latest standstill
 
     def watch(self) -> None:
-        """Look at the clock now and then, until nothing has been in flight for a while."""
+        """Look at the clock from time to time, until nothing has been in flight for a while."""
         self._was_busy = True
         if self._looked_at is None:
             self._looked_at = self._clock()

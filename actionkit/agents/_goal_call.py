@@ -44,7 +44,7 @@ class GoalCalls:
 
     def cancel_all(self, why: str) -> list[GoalRecord]:
         """Cancel what is in flight, and what waits to be sent; never blocks, from any thread."""
-        self._stops += 1  # first: who is not in the list yet looks at this
+        self._stops += 1  # first: a call that is not in the list yet looks at this
         records = self._goals.counting()
         for record in records:
             record.cancel(why)
@@ -148,7 +148,7 @@ class GoalCalls:
         return ToolResult(record.value, is_error=record.value["error"] is not None)
 
     def _last_look(self, tool: ActionConfig, hold: HoldListener, stops: int) -> ToolResult | None:
-        """Return what forbids the goal at the very last; waits for nothing."""
+        """Return what forbids the goal at the last moment; waits for nothing."""
         if self._clients.closed:
             return _closed(tool)
         if (why := hold.why_held()) is not None:

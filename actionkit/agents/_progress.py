@@ -1,4 +1,4 @@
-"""Telling of progress: from feedback, and now and then while nothing changes."""
+"""Telling of progress: from feedback, and from time to time while nothing changes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The steps of `actionkit demo`: what each runs and shows, and how what came of it is checked.
+"""The steps of `actionkit demo`: what each runs and shows, and how its result is checked.
 
 Each function that has no underscore is shown as a user would write it: its docstring as the title
 and the explanation, then its body without a `return` at the end. `print` prints into the demo's

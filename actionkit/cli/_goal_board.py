@@ -46,7 +46,7 @@ class Board:
         self.goals: dict[str, WatchedGoal] = {}
         self.servers: tuple[str, ...] = ()
         self.holds: tuple[Hold, ...] = ()
-        """Who has stopped the robot by `actionkit stop`."""
+        """The holds of people who have stopped the robot by `actionkit stop`."""
 
     def take(self, news: Any, now: float) -> tuple[list[WatchedGoal], bool]:
         """Update the goals from a status message, or the servers.

@@ -1,4 +1,4 @@
-"""`actionkit info`: who is on an action."""
+"""`actionkit info`: the nodes on an action."""
 
 from __future__ import annotations
 

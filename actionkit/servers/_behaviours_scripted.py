@@ -164,7 +164,7 @@ class Scripted(ByScript):
     - ``{"crash": "kill"}``, ``{"crash": "clean"}``: the end of the process, until
       ``Server.restart()``; ``{"restart": "kill"}``, ``{"restart": "clean"}``: it is back at once
 
-    What comes of cancels. A goal ends CANCELED at once, with the last feedback as the result,
+    What happens at a cancel. A goal ends CANCELED at once, with the last feedback as the result,
     unless one of these came before:
 
     - ``"refuse_cancel"``: requests are refused; ``"ignore_cancel"``: accepted, without effect;

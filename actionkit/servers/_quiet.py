@@ -2,8 +2,8 @@
 
 Fast DDS shares memory, and locks in it, with every process on the machine. One that is killed while
 it holds such a lock blocks each process that talks to it for seconds, and may crash that process;
-see `docs/losing-the-server.md`. A test that kills a server for another reason should not meet that
-one now and then.
+see `docs/losing-the-server.md`. A test that kills a server for another reason should not meet this
+fault from time to time.
 """
 
 from __future__ import annotations

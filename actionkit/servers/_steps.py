@@ -108,7 +108,7 @@ _WORDS = {
 }
 
 MODES = ("refuse_cancel", "ignore_cancel", "heed_cancel", "cancel_after")
-"""The steps that say what comes of a cancel."""
+"""The steps that say what happens at a cancel."""
 
 
 def parse_scripts(text: str) -> list[Script]:

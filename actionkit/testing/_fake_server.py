@@ -87,7 +87,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
                 A function is called when the goal is about to end.
             end: How goals end. `"never"`: they execute until they are cancelled. `"canceled"`: as
                 if somebody else had cancelled them.
-            cancel: What comes of requests to cancel: `"accept"`, the goal ends CANCELED at once;
+            cancel: What happens at a request to cancel: `"accept"`, the goal ends CANCELED at once;
                 `"refuse"`; or `"ignore"`, accepted, and the goal goes on to its `end`. A goal that
                 a client cancelled has an empty result, unless `end` is `"never"` or `"canceled"`:
                 then it has `result`.

@@ -76,7 +76,7 @@ class Run:
 
     @property
     def known_to_run(self) -> bool | None:
-        """Whether its goal is known to run, or to run no more; `None` where neither is."""
+        """True if its goal is known to run, False if it does not run any more; else `None`."""
         unwanted = self.unwanted  # first: `start` looks for it after it has set `future`
         if self.future is None:
             return False if unwanted else None
@@ -120,7 +120,7 @@ class Runs:
         return run
 
     def before(self, run: Run) -> list[Run]:
-        """Return the other runs that hold it up; those that do not are let go."""
+        """Return the other runs that hold it up; forget those that do not."""
         others = [each for each in list(self._runs) if each is not run]
         for each in others:
             if not each.holds_up:

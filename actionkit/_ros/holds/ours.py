@@ -1,4 +1,4 @@
-"""Who we are, and a hold of ours. No rclpy here: a hold is asked for before that is imported."""
+"""Our name, and a hold of ours. No rclpy here: it is imported after a hold was asked for."""
 
 from __future__ import annotations
 

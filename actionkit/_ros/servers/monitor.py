@@ -75,7 +75,7 @@ class ServerMonitor:
             names: The names of the action.
             type_name: Such as `test_msgs/action/Fibonacci`.
             probe: Asks what every live server answers; returns the sequence number.
-            listeners: Who is told of the goals that may be on a server, by id. Only read here.
+            listeners: The listeners of the goals that may be on a server, by id. Only read here.
             queued: Returns the listeners of the goals that wait to be sent.
             on_ready: Called when goals can be sent to a server that has come.
         """
@@ -263,7 +263,7 @@ class ServerMonitor:
         except (RCLError, InvalidHandle):
             return ()
 
-    # --- who is told -----------------------------------------------------------------------
+    # --- listeners -------------------------------------------------------------------------
 
     def _sent_goals(self) -> Iterator[tuple[GoalListener, _SentGoal]]:
         """Yield each sent goal with its listener, except those forgotten in the meantime."""

@@ -27,7 +27,7 @@ _SETTLING_STEP = 0.25
 _SETTLING = 10.0
 """Seconds for which the services are looked at that often; they are either there by then or not."""
 _LAST_STEP = 1.0
-"""Seconds between two looks after that; an idle client may do so no oftener (C7.4)."""
+"""Seconds between two looks after that; an idle client may not do so more often (C7.4)."""
 _HEAD_START = 0.1
 """Seconds that a server has to find our endpoints before it is probed. rclpy's own wait for a
 server gives it as much: it looks every 0.25 s, so the first goal is 0.125 s late on average."""

@@ -29,7 +29,7 @@ _JOIN = 5.0
 
 @dataclass(frozen=True)
 class ActionSeen:
-    """One action name, and who is on it."""
+    """One action name, and the nodes on it."""
 
     name: str
     servers: tuple[graph.Endpoint, ...]

@@ -148,7 +148,7 @@ def _answered(result: ToolResult) -> t.CallToolResult:
 def _clean(value: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return a JSON object as text, and as dict, without what UTF-8 cannot have.
 
-    A server's strings need not be valid; what has come of a goal is told all the same.
+    A server's strings need not be valid; what happened to a goal is told all the same.
     """
     text = json.dumps(value, ensure_ascii=False)
     try:
