@@ -109,7 +109,7 @@ class OrphanedGoals:
             on_change: Called when there are more or fewer answers to wait for.
         """
         self.requests: dict[int, _CancelRequest] = {}
-        """The cancel requests that may be answered, by number."""
+        """The cancel requests with answers that matter, by number."""
         self.on_none_confirmed: Callable[[], None] = lambda: None
         """Called when something has changed and no orphan is confirmed."""
         self._timers = timers

@@ -26,7 +26,7 @@ from actionkit._ros.servers.readiness import UNNAMED
 _UUIDS = 64
 """Messages kept; several times as many as there are requests on their way."""
 _PROBES = 64
-"""Probes that may be answered; many more than are sent while one is unanswered."""
+"""Probes with answers that still count; many more than are sent while one is unanswered."""
 _ASKS_AT_ONCE = 4
 """Repeated result requests; half of what a server's queue holds (R3), as others ask too."""
 _ASK_PAUSE = 0.01
