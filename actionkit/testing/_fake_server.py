@@ -244,7 +244,10 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         """
         with self._life:
             if self._harness is not None:
-                raise RuntimeError(f"{self!r} was started already")
+                raise RuntimeError(
+                    f"{self!r} was started already. The fixture `fake_server` starts its servers"
+                    " itself: write `server = fake_server(...)`, without `with`"
+                )
             harness = self._ros.make_harness(
                 self._goals,
                 self._action,
