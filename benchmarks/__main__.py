@@ -42,7 +42,7 @@ _SHOWN = Path(__file__).parent / "results.json"
 @click.option(
     "--write-docs",
     is_flag=True,
-    help="Put what is measured into docs/cost.md and its pictures; the rest of them stays.",
+    help="Put what is measured into docs/cost.md, its pictures and benchmarks/figures.md.",
 )
 def main(quick: bool, only: tuple[str, ...], out: Path, write_docs: bool) -> None:
     """Measure what ActionKit costs, in alternation with hand-written rclpy clients."""
@@ -69,7 +69,8 @@ def main(quick: bool, only: tuple[str, ...], out: Path, write_docs: bool) -> Non
         if write_docs:
             shown = {**report.read_json(_SHOWN), number: known[number]}
             report.write_json(shown, _SHOWN)
-            report.write_docs(shown, _ROOT / "docs" / "cost.md")
+            for page in ("docs/cost.md", "benchmarks/figures.md"):
+                report.write_docs(shown, _ROOT / page)
             plot.write(shown, _ROOT / "docs")
     missed = [
         verdict.target for one in known.values() for verdict in one.verdicts if not verdict.met

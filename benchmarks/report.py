@@ -125,7 +125,7 @@ def read_json(path: Path) -> dict[int, Report]:
 
 
 def write_docs(reports: Mapping[int, Report], path: Path) -> None:
-    """Replace the generated parts of the page: the targets, and all tables."""
+    """Replace the generated parts of a page: the targets, or all tables."""
     text = path.read_text("utf-8")
     ordered = [reports[number] for number in sorted(reports)]
     for name, lines in (
