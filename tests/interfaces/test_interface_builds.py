@@ -74,7 +74,7 @@ def test_packages_that_were_built_elsewhere(points: Path, tmp_path: Path) -> Non
     here.symlink_to(tmp_path / "a" / "b")
     user = write_package(tmp_path / "lines", {"msg/Line.msg": "points/Point[] points\n"})
     refused = actionkit("interfaces", "build", user, "-o", here)
-    assert "the package points is not here" in refused.stderr
+    assert "the package points cannot be found here" in refused.stderr
     # Compiled anew, and not taken from the cache.
     env = environment(XDG_CACHE_HOME=str(tmp_path / "cache"))
     built(points, "-o", there, env=env)

@@ -214,8 +214,8 @@ def test_a_package_that_is_missing_for_every_action(
     monkeypatch.setattr(dependencies, "find", lambda name, to: None)
     source = write_package(tmp_path / "pick_interfaces", {"srv/Ask.srv": "---\n"})
     assert refused(capsys, source) == (
-        "Error: the packages builtin_interfaces and service_msgs are not here:"
-        " pip install ros-jazzy-builtin-interfaces ros-jazzy-service-msgs\n"
+        "Error: pick_interfaces: the packages builtin_interfaces and service_msgs cannot be found"
+        " here. pip install ros-jazzy-builtin-interfaces ros-jazzy-service-msgs\n"
     )
 
 
