@@ -115,8 +115,8 @@ class Attempt:
 
     @property
     def unwanted(self) -> bool:
-        """Whether its caller has given up on the goal: then it must not be sent any more."""
-        return self._owner.unwanted or self.goal.cancel_reason is not None
+        """Whether the caller has cancelled: then the goal must not be sent any more."""
+        return self._owner.unwanted
 
     @property
     def cancel_is_ours(self) -> bool:

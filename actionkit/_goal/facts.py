@@ -17,10 +17,10 @@ class GoalFacts:
 
     Attributes:
         goal_id: The id, or `None` before it has one.
-        requests: How many requests for it were sent. Each reaches every server on the name.
+        requests: How many requests for it were sent: 0 or 1. It reaches every server on the name.
         servers: How many servers may have got them; nearly always one.
         away: How many of those are out of sight.
-        noes: How many answers were "no". A duplicate is answered so, too.
+        noes: How many answers were "no".
         yeses: How many were "yes": each is a server that runs it, or did.
         accepted: Whether a server has shown that it has it.
         ends: How many servers have told that it has ended there.

@@ -91,13 +91,11 @@ class Goal(CancellableGoal):
 
     def sent(self, now: float, servers: int = 1) -> list[fx.Effect]:
         """The goal request was handed to the middleware, for so many servers."""
-        if self.stage not in (Stage.QUEUED, Stage.SENT):
+        if self.stage is not Stage.QUEUED:
             return []
-        repeated, self.stage = self.stage is Stage.SENT, Stage.SENT
+        self.stage = Stage.SENT
         self.facts.requests += 1
         self.facts.servers = max(self.facts.servers, servers)
-        if repeated:
-            return []
         effects: list[fx.Effect] = [self._enter(GoalState.SENT)]
         if self._timeouts.accept is not None:
             effects.append(fx.Arm(fx.Timer.ACCEPT, now + self._timeouts.accept))
@@ -168,9 +166,6 @@ class Goal(CancellableGoal):
             return self._look_elsewhere(now) if self.stage is Stage.ELSEWHERE else []
         facts.noes += 1
         if not facts.is_over:
-            if facts.requests > 1:
-                # A duplicate is answered so, too. What was said of it before says nothing of it.
-                return [fx.AskResult(anew=True), fx.WatchStatus()]
             if lost:
                 return []  # another of its servers may have taken it
             if facts.noes + facts.away >= facts.servers:
@@ -446,9 +441,8 @@ class Goal(CancellableGoal):
         if ended and self.settled and self._reask_after >= LAST_RESULT_PAUSE:
             return self._over()
         # A server that has not answered since it was asked last may be busy, and take it yet.
-        denied, self._denied_lately = self._denied_lately, False
-        denied = denied and self.stage is Stage.SENT
-        dropped = self.settled and denied
+        dropped = self.settled and self.stage is Stage.SENT and self._denied_lately
+        self._denied_lately = False
         if dropped and self._reask_after >= LAST_UNKNOWN_PAUSE:
             return self.forget()
         effects: list[fx.Effect] = [fx.WatchStatus()]
@@ -458,9 +452,6 @@ class Goal(CancellableGoal):
         if doubted or self.stage is not Stage.ACCEPTED or self._reask_after >= LONG_PAUSE:
             # A goal that only takes long is seen in the status topic, and not asked about.
             effects.append(fx.AskResult())
-        if denied and not self._unwanted and self.facts.requests == 1:
-            # The request may be lost (R4). Where it was not, the server takes the id once (R5).
-            effects.append(fx.SendGoal())
         longest = LONGEST_RESULT_PAUSE if ended else LONGEST_PAUSE
         if dropped:
             longest = LAST_UNKNOWN_PAUSE

@@ -127,8 +127,8 @@ class Link:
         self.monitor.await_next_ready(listener)
 
     def send_goal(self, listener: GoalListener, goal: Any) -> None:
-        """Queue a goal request, also one that is repeated; the listener is told when it is sent."""
-        self.dequeue(listener)  # who repeats waits for its turn as all others do
+        """Queue a goal request; the listener is told when it was sent."""
+        self.monitor.stop_waiting(listener)
         self._outbox.put(listener.goal_id.bytes, (listener, goal))
         self._send_next()
 

@@ -76,12 +76,6 @@ class Attempt:
     def is_out_of_sight(self) -> bool:
         return self.goal.facts.lost and not self.sent_to & self.in_sight
 
-    @property
-    def may_repeat(self) -> bool:
-        """Whether its request may be repeated when it is time to ask again."""
-        goal = self.goal
-        return goal.stage is Stage.SENT and goal._denied_lately and goal.facts.requests == 1
-
     def on_server_ready(self) -> None: ...
 
     def key(self, truth: Any) -> tuple[Any, ...]:
@@ -94,7 +88,7 @@ class Attempt:
         ]
         facts = astuple(self.goal.facts)[1:]
         mine = tuple(v for n, v in vars(self).items() if n not in ("goal_id", "goal", "in_sight"))
-        return (*fields, self.may_repeat, facts, mine, tuple(map(tuple, truth)))
+        return (*fields, facts, mine, tuple(map(tuple, truth)))
 
 
 class World:
@@ -230,8 +224,6 @@ class World:
                 attempt.released, attempt.timers = True, frozenset()
                 attempt.queued = attempt.awaiting = False
                 self.over(attempt)
-        if attempt.goal.stage not in (Stage.QUEUED, Stage.SENT) or attempt.goal.settled:
-            attempt.queued = False
 
     def over(self, attempt: Attempt) -> None:
         self.do(self.m.earlier_over())
@@ -255,10 +247,8 @@ class World:
         for each in self.attempts:
             for timer in sorted(each.timers):
                 yield "timer", (each.number, timer)
-            if each.queued and self.up and not (m.unwanted or each.goal.cancel_reason):
+            if each.queued and self.up and not m.unwanted:
                 yield "send", each.number
-            if each.may_repeat:
-                yield "timer", (each.number, fx.Timer.REASK)
         if not over:
             if not m.unwanted:
                 yield "cancel", None
@@ -397,6 +387,8 @@ class World:
                 continue
             if m._resend != "server_gone" or any(t and s in self.up for s, t in enumerate(there)):
                 raise Broken("sent while an earlier goal may run (C4.2)")
+        if attempt.goal_id in self.truth:
+            raise Broken("an id is sent twice (R5)")
         truth = self.truth.setdefault(attempt.goal_id, [[0, NO] for _ in self.servers])
         for s in self.up:
             truth[s][0] += 1

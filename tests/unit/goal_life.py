@@ -31,7 +31,7 @@ from actionkit._goal.effects import (
     Withdraw,
 )
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import DOUBT, Stage
+from actionkit._goal.stages import DOUBT
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState
@@ -201,9 +201,6 @@ class Life:
             self.refused_at = None
         for effect in effects:
             self._carry_out(effect, event, args)
-        wanted = self.ending is None and self.goal.cancel_reason is None
-        if self.goal.stage not in (Stage.QUEUED, Stage.SENT) or not wanted:
-            self.server.queued = False  # the driver takes it out of the queue
         self.cancelling = Timer.CANCEL in self.timers
         self._check(event, before, effects)
         return effects
@@ -298,10 +295,7 @@ class Life:
         elif isinstance(effect, SendGoal):
             wanted = self.ending is None and not self.cancelling
             self._require(wanted, "nothing is sent that nobody wants")
-            once = self.server.copies == 1 and self.server.denied and event == "timer"
-            unshown = not (self.server.accepted or self.server.lost)
-            again = once and unshown  # the server takes an id once (R5)
-            self._require(not self.server.copies or again, "nothing is sent twice")
+            self._require(not self.server.copies, "nothing is sent twice")
         elif isinstance(effect, AskCancel):
             self.cancel_asked = True
         elif isinstance(effect, LateResult):

@@ -97,7 +97,7 @@ MUTANTS = {
         "if self.unwanted or self.closing:",
         "if False:",
     ),
-    "a duplicate's rejection counts": (
+    "one server's rejection counts for the others": (
         Goal,
         "rejected",
         "if not facts.is_over:",
@@ -138,12 +138,6 @@ MUTANTS = {
         "_give_up",
         "else fx.AskCancel()",
         "else fx.AskResult()",
-    ),
-    "a request is repeated after its caller gave up": (
-        Goal,
-        "_reask",
-        " and not self._unwanted and",
-        " and",
     ),
     "one of two servers rejects it, and so it does not run": (
         GoalFacts,

@@ -120,10 +120,8 @@ RUNNING: list[Event] = [*SENT, ("accepted", 0)]
 PAUSE: list[Event] = [("wait", 0.5)]
 UNANSWERED: list[Event] = [*SENT, ("wait", 5.0), ("cancel_answer", 0, UNKNOWN)]
 """The server did not say in time whether it takes the goal, and does not know it."""
-REPEATED: list[Event] = [*SENT, ("wait", 1.0), ("result", 0, None), ("wait", 2.0)]
-"""The server did not know it, and it was sent again."""
-AGAIN: list[Event] = [*SENT, ("wait", 1.0), ("result", 0, None), ("busy", True), ("wait", 2.0)]
-"""The same goal waits for its turn to be sent again."""
+UNKNOWN_YET: list[Event] = [*SENT, ("wait", 1.0), ("result", 0, None), ("wait", 2.0)]
+"""Its server has said that it does not know the goal."""
 LOST: list[Event] = [*RUNNING, ("gone",)]
 STALLED: list[Event] = [*RUNNING, ("wait", 1.0)]
 NO_LIMITS = {"server": None, "accept": None}
@@ -160,11 +158,6 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
         [*LOST, *PAUSE, ("result", 0, GoalState.CANCELED), ("ready",)],
         1,
     ),
-    "nor is what was sent again, where no cancel of ours can have done it": (
-        {},
-        [*REPEATED, ("accepted", 0), ("result", 0, GoalState.CANCELED), ("wait", 1.0)],
-        2,
-    ),
     "nor where the server answered that it knew nothing of what we wanted cancelled": (
         NO_LIMITS | {"feedback": 1.0},
         [*STALLED, ("cancel_answer", 0, UNKNOWN), ("result", 0, GoalState.CANCELED), *PAUSE],
@@ -199,16 +192,14 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
         [*UNANSWERED, ("rejected", 0), *PAUSE],
         1,
     ),
-    "what was not known is sent again with the same id, once": ({}, REPEATED, 2),
-    "and no more often": ({}, [*REPEATED, ("result", 0, None), ("wait", 4.0), *PAUSE], 2),
-    "an id is not sent to another incarnation": (
-        NO_LIMITS | {"accept": 5.0},
-        [*AGAIN, ("gone",), ("busy", False), ("ready",)],
+    "an id is not sent twice, also where its server does not know it": (
+        {},
+        [*UNKNOWN_YET, ("result", 0, None), ("wait", 4.0), ("result", 0, None), *PAUSE],
         1,
     ),
-    "an id is not sent to another incarnation either where that came at once": (
+    "nor is it sent to another incarnation": (
         NO_LIMITS | {"accept": 5.0},
-        [*AGAIN, ("restarted",), ("busy", False)],
+        [*UNKNOWN_YET, ("gone",), ("ready",)],
         1,
     ),
     "what its server may take yet, after an outage, keeps the next goal back": (
@@ -220,17 +211,6 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
         NO_LIMITS,
         [*LOST, *PAUSE, ("back",), ("cancel_answer", 0, UNKNOWN)],
         2,
-    ),
-    "what was accepted late is not sent again": ({}, [*AGAIN, ("accepted", 0), ("busy", False)], 1),
-    "what was cancelled while it waited to be sent again is not sent, and watched": (
-        {},
-        [*AGAIN, ("cancel",), ("wait", 5.0), ("busy", False), ("accepted", 0)],
-        1,
-    ),
-    "nor what ran out of time while it waited to be sent again": (
-        {"timeout": 4.0},
-        [*AGAIN, ("wait", 1.5), ("busy", False)],
-        1,
     ),
     "close ends a call that waits for what became of an unanswered goal": (
         {},
@@ -305,12 +285,6 @@ def test_a_cancel_that_was_repeated_is_ours() -> None:
     life.result(0, GoalState.CANCELED)
     assert life.done
     assert life.call.future.cancelled()
-
-
-def test_a_goal_sent_again_with_its_id_is_one_attempt() -> None:
-    life = lived([*REPEATED, ("accepted", 0), ("result", 0, GoalState.SUCCEEDED)])
-    assert life.outcome.error is None
-    assert (life.sends, life.outcome.attempts) == (2, 1)
 
 
 @pytest.mark.parametrize("end", ["cancel", "close"])

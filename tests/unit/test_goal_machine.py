@@ -361,77 +361,28 @@ def test_a_result_that_is_unknown_before_acceptance_says_nothing() -> None:
     assert life.end is End.SUCCEEDED
 
 
-# --- a request that is repeated (R4) -----------------------------------------------------------
+# --- a request that is not answered (R4, R5) ---------------------------------------------------
 
 
-def sent_twice() -> Life:
+@pytest.mark.parametrize("accept", [None, 5.0])
+def test_a_request_is_never_sent_twice(accept: float | None) -> None:
+    """A server in C++ that has the goal dies of the second one."""
+    life = Life(accept=accept)
+    life.see(*UNTIL_SENT)
+    for _ in range(4):
+        life.tell("result", None, None)
+        life.wait_until(life.now + 50.0)
+    assert life.count(SendGoal) == 1
+
+
+def test_a_goal_not_known_so_far_was_not_rejected() -> None:
     life = Life()
     life.see(*UNTIL_SENT)
-    life.tell("result", None, None)
-    life.wait_until(4.0)
-    assert life.count(SendGoal) == 2
-    life.see("sent")
-    return life
-
-
-def test_the_first_no_to_a_goal_sent_again_may_be_the_answer_to_a_duplicate() -> None:
-    life = sent_twice()
-    assert life.see("rejected") == [AskResult(anew=True), WatchStatus()]  # (R5)
-    life.tell("result", GoalState.SUCCEEDED, 1)
-    assert life.ending is not None
-    assert (life.end, life.ending.progress) == (End.SUCCEEDED, GoalProgress.ACCEPTED)
-
-
-@pytest.mark.parametrize("proof", ["accepted", "feedback", "status"])
-def test_a_denied_goal_that_shows_signs_of_life_was_a_duplicate(proof: str) -> None:
-    life = sent_twice()
-    life.see("rejected")
-    life.tell(proof, *([GoalState.EXECUTING] if proof == "status" else []))
-    assert life.goal.stage is Stage.ACCEPTED
-    assert GoalState.REJECTED not in life.states
-
-
-def test_a_goal_is_rejected_when_each_request_for_it_is() -> None:
-    life = sent_twice()
-    life.see("rejected")
-    life.tell("result", None, None)  # the first request may be accepted yet (R6)
-    assert life.end is None
-    assert life.goal.facts.may_run
-    life.see("rejected")
-    assert life.ending is not None
-    assert (life.end, life.ending.progress) == (End.REJECTED, GoalProgress.REJECTED)
-    assert life.count(Release) == 1
-
-
-def test_a_goal_sent_again_and_not_known_so_far_was_not_rejected() -> None:
-    life = sent_twice()
     life.tell("result", None, None)  # asked before the server took it (R6)
     assert life.end is None
     life.see("accepted")
     life.tell("result", GoalState.SUCCEEDED, 1)
     assert life.end is End.SUCCEEDED
-
-
-@pytest.mark.parametrize("end", ["cancel", "close", "accepted", "rejected"])
-def test_a_request_is_not_repeated_when_that_says_nothing_new(end: str) -> None:
-    life = Life()
-    life.see(*UNTIL_SENT)
-    life.tell("result", None, None)
-    life.tell(end, **({"abandon": False} if end == "close" else {}))
-    life.wait_until(100.0)
-    assert life.count(SendGoal) == 1
-
-
-def test_a_request_is_repeated_once_and_only_where_the_server_does_not_know_the_goal() -> None:
-    life = Life(accept=None)
-    life.see(*UNTIL_SENT)
-    life.wait_until(50.0)
-    assert life.count(SendGoal) == 1  # it is busy, and has it in its queue
-    for _ in range(4):
-        life.tell("result", None, None)
-        life.wait_until(life.now + 50.0)
-        life.see("sent")
-    assert life.count(SendGoal) == 2
 
 
 def test_what_one_of_two_servers_has_ended_is_not_asked_for_by_each_answer_again() -> None:

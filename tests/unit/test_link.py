@@ -300,18 +300,6 @@ def test_a_goal_that_waits_for_its_turn_is_told_that_the_last_server_went(world:
     assert [goal.news() for goal in goals] == WINDOW * [["sent", "server_lost"]] + [["server_lost"]]
 
 
-def test_a_goal_that_is_sent_again_waits_for_its_turn_as_others_do(world: World) -> None:
-    world.serve(A)
-    goals = [world.send() for _ in range(WINDOW)]
-    last = world.send()
-    world.link.send_goal(goals[0], Fibonacci.Goal())
-    assert (last.news(), goals[0].news()) == (["sent"], ["sent"])
-    world.link.leave_outbox(last)
-    assert goals[0].news() == ["sent"]
-    world.link.leave_outbox(goals[0])
-    assert world.link.table_sizes()["outbox"] == WINDOW - 1
-
-
 def test_what_a_server_said_before_it_went_is_read_first(world: World) -> None:
     world.serve(A)
     goal = world.send()

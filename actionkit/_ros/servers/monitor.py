@@ -163,16 +163,10 @@ class ServerMonitor:
     # --- which server may have which goal --------------------------------------------------
 
     def goal_sent(self, key: bytes) -> int:
-        """Note that a goal was sent just now; return how many servers may have it.
-
-        If it was sent before, only this time counts (R5), except for the servers that had it then.
-        """
+        """Note that a goal was sent just now; return how many servers may have it."""
         servers = self.readiness.servers
-        given_to = (
-            servers if (before := self._goals.get(key)) is None else servers | before.given_to
-        )
-        self._goals[key] = _SentGoal(self._runtime.now(), servers, servers, given_to)
-        return len(given_to)
+        self._goals[key] = _SentGoal(self._runtime.now(), servers, servers, servers)
+        return len(servers)
 
     def forget(self, key: bytes) -> None:
         """Free what is held for a sent goal."""
