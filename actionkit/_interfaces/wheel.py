@@ -55,7 +55,7 @@ class Target:
 
 @contextlib.contextmanager
 def opened(kind: Kind, folder: Path | None) -> Iterator[Target]:
-    """Hold a target for one build; others wait. Whoever dies with it lets go of it."""
+    """Hold a target for one build; others wait. A build that is killed lets go of it."""
     if kind == "environment" and importlib.util.find_spec("pip") is None:
         raise MissingToolError(
             "there is no pip in this environment to install with: build a wheel, `--wheel wheels`,"
@@ -190,7 +190,7 @@ def _unpack(wheel: Path, name: str, folder: Path) -> None:
         shutil.copytree(shared / "ament_index", to / "ament_index", dirs_exist_ok=True)
         new = {to / name: shared / name, folder / name: Path(work, name)}
         for there, built in new.items():
-            # Moved away first: whoever is killed while deleting leaves no half of a package there.
+            # Moved away first: a build that is killed while deleting leaves no half of a package.
             if there.exists():
                 there.rename(Path(tempfile.mkdtemp(dir=work), name))
             built.rename(there)
