@@ -60,7 +60,8 @@ def test_a_refused_cancel_leaves_the_goal_to_wait_for(action_server, make_client
     future.cancel()
     assert list(future.result(10).sequence)
     server.sync()
-    assert server.count("cancel_refused") in (1, 2)  # asked once more, where it runs for so long
+    # Asked once more, where it runs for so long; a request that is not answered soon is repeated.
+    assert 1 <= server.count("cancel_refused") <= 4
     assert future.outcome().cancel is CancelReport.REFUSED
 
 

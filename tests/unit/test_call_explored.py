@@ -20,12 +20,13 @@ from tests.unit.explore_call import Broken, explore, hunt
 
 SMALL = 8_000
 """States, those that are reached soonest."""
-MANY = 60_000
+MANY = 20_000
 
 
 @pytest.mark.parametrize("resend", ["never_accepted", "confirmed_stopped", "server_gone", "always"])
 @pytest.mark.parametrize("servers", [1, 2])
 @pytest.mark.parametrize("most", [SMALL, pytest.param(MANY, marks=pytest.mark.long)])
+@pytest.mark.timeout(900)
 def test_no_promise_is_broken(resend: str, servers: int, most: int) -> None:
     states, transitions = explore(resend, attempts=2, servers=servers, most=most)
     assert transitions > states >= SMALL
@@ -95,12 +96,6 @@ MUTANTS = {
         CallMachine,
         "judged",
         "if self.unwanted or self.closing:",
-        "if False:",
-    ),
-    "one server's rejection counts for the others": (
-        Goal,
-        "rejected",
-        "if not facts.is_over:",
         "if False:",
     ),
     "a late acceptance is not cancelled": (

@@ -413,3 +413,25 @@ def test_a_second_server_that_accepts_what_one_has_ended_may_run_it() -> None:
     assert AskCancel() in effects
     assert Settle in map(type, effects)
     assert goal.facts.may_run
+
+
+def test_what_one_of_two_servers_rejects_may_run_on_the_one_that_has_gone() -> None:
+    goal = Goal(Timeouts(), None)
+    goal.start(0.0)
+    goal.server_ready(0.0)
+    goal.sent(0.0, servers=2)
+    goal.servers_changed(2, 1)
+    (settle,) = (each for each in goal.rejected(1.0) if isinstance(each, Settle))
+    assert settle.ending.end is End.LOST
+    assert goal.facts.may_run
+
+
+def test_what_one_of_two_servers_rejects_after_both_were_lost_is_still_followed() -> None:
+    goal = Goal(Timeouts(), None)
+    goal.start(0.0)
+    goal.server_ready(0.0)
+    goal.sent(0.0, servers=2)
+    goal.server_lost("it is gone", 1.0)
+    assert goal.rejected(2.0) == []
+    assert goal.facts.may_run
+    assert AskCancel() in goal.server_back(3.0)
