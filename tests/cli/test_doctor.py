@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
+import subprocess
+import sys
+import tempfile
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +20,7 @@ from actionkit.cli._doctor_machine import origin, shared_memory
 from actionkit.cli._doctor_settings import settings
 from actionkit.cli._exits import Exit
 from actionkit.cli._findings import Finding, problem
-from tests.cli.conftest import FIBONACCI, Done, World
+from tests.cli.conftest import FIBONACCI, PATIENCE, Done, World
 
 
 def findings(done: Done) -> list[Finding]:
@@ -123,18 +127,96 @@ def test_an_rclpy_that_does_not_work_is_told(
     assert not of("middleware", found)
 
 
-def test_a_port_that_a_killed_process_left_empty(tmp_path: Path) -> None:
-    for name, content, age in [
-        ("fastrtps_port7006", b"", 10.0),
-        ("fastrtps_port7007", b"", 0.0),  # somebody is making it just now
-        ("fastrtps_port7008", b"made", 10.0),
-        ("fastrtps_port7009_el", b"", 10.0),  # a file for locks
-    ]:
-        (tmp_path / name).write_bytes(content)
-        os.utime(tmp_path / name, (time.time() - age,) * 2)
-    (finding,) = shared_memory(tmp_path)
-    assert (finding.level, finding.topic) == ("problem", "shared memory")
-    assert finding.remedy == f"rm {tmp_path / 'fastrtps_port7006'}"
+def test_a_port_that_a_killed_process_did_not_finish(tmp_path: Path) -> None:
+    left = {"7001": b"", "7002": bytes(4096), "7003": b"\1\0\0\0\0\0\0\0"}
+    # In use; marked as broken, in two ways; a file for locks.
+    well = {"7004": b"\2\0\0\0\0\0\0\0", "7005": b"\3\0\0\0", "7006": b"\0", "7007_el": b""}
+    for name, content in {**left, **well}.items():
+        (tmp_path / f"fastrtps_port{name}").write_bytes(content)
+    (tmp_path / "fastrtps_port7008").mkdir()
+    os.mkfifo(tmp_path / "fastrtps_port7009")
+    found = list(shared_memory(tmp_path, lambda _: None))
+    assert {(finding.level, finding.topic) for finding in found} == {("problem", "shared memory")}
+    for finding, name in zip(found, left, strict=True):
+        assert finding.text.startswith(f"{tmp_path}/fastrtps_port{name} is unfinished")
+        assert "kill -9" in finding.remedy
+        assert finding.remedy.endswith(f"rm {tmp_path}/fastrtps_port{name}")
+    assert list(shared_memory(tmp_path / "missing")) == []
+
+
+def test_a_port_that_is_being_made_is_no_finding(tmp_path: Path) -> None:
+    paths = [tmp_path / f"fastrtps_port{number}" for number in (7001, 7002, 7003)]
+    finished, removed, late = paths
+    finished.touch()
+    removed.touch()
+    os.utime(removed, (time.time() - 60,) * 2)
+    waits = []
+
+    def others_go_on(seconds: float) -> None:
+        waits.append(seconds)
+        finished.write_bytes(b"\2\0\0\0")
+        removed.unlink()
+        late.touch()
+
+    assert list(shared_memory(tmp_path, others_go_on)) == []
+    late.unlink()
+    assert list(shared_memory(tmp_path, others_go_on)) == []
+    assert waits == [2.0], "nothing was unfinished the second time"
+
+
+_AS_ANOTHER_USER = """
+import os, sys
+from pathlib import Path
+from actionkit.cli._doctor_machine import shared_memory
+if os.getuid() == 0:
+    os.setuid(54321)
+print(*(finding.remedy for finding in shared_memory(Path(sys.argv[1]), lambda _: None)))
+"""
+
+
+def test_a_port_that_this_user_cannot_open_is_no_finding() -> None:
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
+        Path(folder).chmod(0o755)
+        for number, mode in (7001, 0o000), (7002, 0o444), (7003, 0o666):
+            path = Path(folder) / f"fastrtps_port{number}"
+            path.touch()
+            path.chmod(mode)
+        words = [sys.executable, "-c", _AS_ANOTHER_USER, folder]
+        told = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    assert told.endswith(f"rm {folder}/fastrtps_port7003\n")
+    assert told.count("rm ") == 1
+
+
+_OWN_SHARED_MEMORY = ["unshare", "--mount", *([] if os.getuid() == 0 else ["--map-root-user"])]
+# Each node opens the port 7000, in every domain.
+_LEAVE = 'mount -t tmpfs none /dev/shm && touch /dev/shm/fastrtps_port7000 && exec "$@"'
+_WHERE_NODES_HANG = [*_OWN_SHARED_MEMORY, "sh", "-c", _LEAVE, "sh"]
+
+
+def can_make_nodes_hang() -> bool:
+    done = subprocess.run([*_WHERE_NODES_HANG, "true"], check=False, capture_output=True)
+    return done.returncode == 0
+
+
+def test_it_does_not_hang_where_nodes_do(empty_world: World) -> None:
+    """In a /dev/shm of its own, or other programs would hang there, too."""
+    if shutil.which("unshare") is None or not can_make_nodes_hang():
+        pytest.skip("needs the right to mount a /dev/shm of its own")
+    done = subprocess.run(
+        [*_WHERE_NODES_HANG, sys.executable, "-m", "actionkit", "doctor", "--json"],
+        capture_output=True,
+        text=True,
+        env=empty_world.environment,
+        timeout=2 * PATIENCE,
+        check=False,
+    )
+    found = findings(Done(done.returncode, done.stdout, done.stderr))
+    assert done.returncode == Exit.FAILED, done
+    (left,) = of("shared memory", found)
+    assert left.remedy.endswith("; then: rm /dev/shm/fastrtps_port7000")
+    # The settings are told all the same, and nobody tries to join the graph.
+    assert of("ROS_DOMAIN_ID", found)
+    assert not of("middleware", found)
 
 
 def test_that_no_server_was_started_yet_is_no_problem(empty_world: World) -> None:
