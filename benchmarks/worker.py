@@ -19,7 +19,6 @@ _KINDS = {
     "actionkit": "communication",
     "actionkit-callbacks": "callbacks",
     "actionkit-observers": "callbacks",
-    "actionkit-watcher": "callbacks",
 }
 
 

@@ -23,7 +23,6 @@ from actionkit._calls.session import (
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._observers import observer_queue
 from actionkit._ros import runtimes
-from actionkit._threads import blocked as _blocked
 from actionkit._threads import diagnostics as _diagnostics
 from actionkit._threads import in_hand as _in_hand
 from actionkit._threads.waiting import Flag
@@ -144,7 +143,6 @@ def forget_inherited() -> None:
     _inherited.extend(open_sessions)
     open_sessions.clear()
     runtimes.forget_inherited()
-    _blocked.after_fork()
     _in_hand.after_fork()
     observer_queue.after_fork()
     _diagnostics.after_fork()

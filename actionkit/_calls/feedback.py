@@ -16,10 +16,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from actionkit._messages.lazy import UndecodableError
-from actionkit._threads.blocked import Label
 from actionkit._threads.diagnostics import is_interrupt, log_here, log_later
 from actionkit._threads.event_loop import running_loop, running_task
-from actionkit._threads.in_hand import InHand
+from actionkit._threads.in_hand import InHand, Label
 from actionkit._threads.pool import Pool, in_callback
 from actionkit._threads.serial_queue import SerialQueue
 from actionkit._threads.waiting import taken_from

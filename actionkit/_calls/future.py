@@ -23,9 +23,9 @@ from actionkit._model.action_type import FeedbackT, ResultT
 from actionkit._model.arguments import refuse_unknown
 from actionkit._model.errors import ActionKitError, ClientClosedError
 from actionkit._model.values import GoalState, Outcome
-from actionkit._threads.blocked import Label
 from actionkit._threads.diagnostics import is_interrupt, log_here, log_later
 from actionkit._threads.function_runner import Clock
+from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Pool
 from actionkit._threads.waiting import Flag, run_in_thread, taken_from
 
@@ -314,10 +314,11 @@ class GoalFuture(
         if not notified:
             run_in_thread(self._notify_base)
         for callback in taken_from(self._user_callbacks):
-            label = Label("done callback", callback, "a thread, but no other callback")
+            label = Label("done callback", callback, "one of its client's threads for callbacks")
             self._pool.submit(partial(self._call_back, callback), label)
         if due is not None:
             dues.done(due)
+        self._pool.look()  # a callback may still be at this call's feedback
 
     def _wait_until_over(self, seconds: float) -> bool:
         """Wait so long at most; return whether the call is over."""

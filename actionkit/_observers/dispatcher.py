@@ -13,7 +13,7 @@ from actionkit._model.values import GoalEvent, GoalState, Outcome
 from actionkit._observers.goal_log import GoalLog
 from actionkit._observers.observer_queue import ObserverQueue
 from actionkit._observers.protocol import CallInfo, Observer
-from actionkit._threads.blocked import Label
+from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Job, Pool
 
 
@@ -70,7 +70,7 @@ class ObserverDispatcher:
         # A thread for each, if need be: no observer waits for another.
         most = 1 + len(observers)
         self._pool = Pool(
-            action_name, name="actionkit-observers", most=most, limit=most, awaited=False
+            action_name, name="actionkit-observers", busy=most, most=most, awaited=False
         )
         self._log = GoalLog()
         log_label = Label(f"a handler of {self._log!r}", None, "the client's other records")

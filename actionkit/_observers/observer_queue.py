@@ -10,8 +10,8 @@ from __future__ import annotations
 import logging
 import time
 
-from actionkit._threads.blocked import Label
 from actionkit._threads.diagnostics import is_interrupt, log_here, log_later, write_to_stderr
+from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Job, Pool
 from actionkit._threads.serial_queue import SerialQueue
 from actionkit._threads.waiting import Flag

@@ -13,16 +13,14 @@ from dataclasses import dataclass
 from types import BuiltinFunctionType, FunctionType, MethodType
 from typing import Any, Protocol
 
-from actionkit._threads.blocked import Label
 from actionkit._threads.clock import TimerHandle
-from actionkit._threads.pool import Pool
+from actionkit._threads.in_hand import Label
+from actionkit._threads.pool import MOST_THREADS, Pool
 
 LONGEST_ANSWER = 10.0
 """Seconds that a function is given where the call's deadline is later, or there is none.
 
 A function that judges a result takes milliseconds; one that needs longer is nearly always stuck."""
-_MOST_THREADS = 64
-"""Threads of a client for these functions: as many as for callbacks. Further functions wait."""
 _LONGEST_TEXT = 200
 """Characters of a user's value in an error text: a few lines."""
 _LABEL = Label("function", None, "its call")
@@ -31,18 +29,11 @@ Job = Callable[[], None]
 
 
 def function_pool(owner: str) -> Pool:
-    """Return the pool for the functions of a client, whose threads nobody watches.
+    """Return the pool for the functions of a client.
 
     A function that does not return is reported by the error of its call, so no warning is needed.
     """
-    return Pool(
-        owner,
-        name="actionkit-questions",
-        most=_MOST_THREADS,
-        limit=_MOST_THREADS,
-        watched=False,
-        awaited=False,
-    )
+    return Pool(owner, name="actionkit-questions", busy=MOST_THREADS, warns=False, awaited=False)
 
 
 @dataclass(frozen=True)

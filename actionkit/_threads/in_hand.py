@@ -1,17 +1,25 @@
 """Callbacks that are due or running: the end of a client, and of the interpreter, waits for them.
 
+One that runs for long is named in the log when more comes for its client. Nothing watches it: what
+holds up nobody is named at the end, if it has not returned by then.
+
 Threads of the user's call `finish` and `end`, also in signal handlers: so these take no lock.
 """
 
 from __future__ import annotations
 
+import functools
 import logging
+import math
+import sys
 import threading
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable
+from types import BuiltinFunctionType, FunctionType, MethodType
+from typing import Any, NamedTuple, Protocol
 
-from actionkit._threads.blocked import Label, Work
 from actionkit._threads.diagnostics import log_later
 from actionkit._threads.waiting import Flag, in_signal_handler, interrupted_at, taken_from
 
@@ -20,6 +28,47 @@ _PATIENCE = 5.0
 no hang for a human."""
 _IN_HANDLER = 0.5
 """The same in a signal handler: what it interrupted may hold what the callbacks wait for."""
+WARN_AFTER = 5.0
+"""Seconds after which the log names a callback: one that waits for a slow disk has returned by
+then."""
+
+
+class Label(NamedTuple):
+    """What the log says of a callback that does not return.
+
+    Attributes:
+        kind: Such as `on_feedback`.
+        function: The user's function, where there is one.
+        holds_up: What waits until it returns.
+    """
+
+    kind: str
+    function: object
+    holds_up: str
+
+    def __str__(self) -> str:
+        return self.kind if self.function is None else f"{self.kind} {name_of(self.function)}"
+
+
+def name_of(function: Any) -> str:
+    """Return what a callable is called in its source. Runs nothing of the user's, unlike `repr`."""
+    while isinstance(function, functools.partial):
+        function = function.func
+    if isinstance(function, MethodType):
+        function = function.__func__
+    named = (FunctionType, BuiltinFunctionType, type)
+    known = function if isinstance(function, named) else type(function)
+    return f"{known.__module__}.{known.__qualname__}" if known.__module__ else known.__qualname__
+
+
+class Work(Protocol):
+    """One callback, or several that run one after the other."""
+
+    label: Label
+
+    def step(self) -> bool:
+        """Run the next one; return whether there may be another."""
+        ...
 
 
 def patience(cancel_grace: float) -> float:
@@ -30,7 +79,7 @@ def patience(cancel_grace: float) -> float:
 class InHand:
     """Work that is due or running."""
 
-    __slots__ = ("_runs", "label", "thread", "work")
+    __slots__ = ("_runs", "label", "named", "since", "thread", "work")
 
     def __init__(
         self,
@@ -43,12 +92,24 @@ class InHand:
         self.work = work
         self.thread = thread
         """The thread that runs it, once one does. It cannot wait for itself."""
+        self.since = math.inf
+        """When its latest callback began, on a thread of a pool."""
+        self.named = False
+        """Whether the log has named it."""
         self._runs = runs
 
     @property
     def can_go_on(self) -> bool:
         """Whether what runs it goes on: an event loop may have ended, a thread has not."""
         return self._runs is None or self._runs()
+
+    def stack(self) -> str | None:
+        """Return where its callback stands now, if it runs on a thread of a pool."""
+        frame = sys._current_frames().get(self.thread or 0)
+        if self.since == math.inf or frame is None:
+            return None
+        lines = traceback.format_stack(frame)
+        return "".join(["Where it is now (most recent call last):\n", *lines]).rstrip()
 
 
 class Dues:
@@ -65,6 +126,8 @@ class Dues:
         self._awaited = awaited
         self._ended = False
         self._hurried = False
+        self._look_at = 0.0
+        """Before that monotonic time, no callback has been running for long."""
         self._in_hand: dict[InHand, None] = {}
         self._rests: deque[Callable[[], None]] = deque()
         self._finishing: list[int] = []  # the threads that wait in `finish`
@@ -113,6 +176,40 @@ class Dues:
     def _note_busy(self) -> None:
         if self._awaited and not self._ended:
             _busy[self] = None
+
+    def look(self, now: float) -> None:
+        """Name in the log, once, what has been running for long at the monotonic time `now`."""
+        if now < self._look_at:
+            return
+        earliest = now
+        for due in list(self._in_hand):
+            since = due.since
+            if due.named:
+                continue
+            if now - since >= WARN_AFTER:
+                due.named = True
+                self._name(due, now - since)
+            else:
+                earliest = min(earliest, since)
+        self._look_at = earliest + WARN_AFTER
+
+    def running_for(self, seconds: float) -> int:
+        """Return how many callbacks have been running for so long, on threads of the pool."""
+        now = time.monotonic()
+        return sum(now - due.since >= seconds for due in list(self._in_hand))
+
+    def _name(self, due: InHand, seconds: float) -> None:
+        log_later(
+            logging.WARNING,
+            "%s of action %r was called at %s, %.0f s ago, and has not returned. Until it does, it"
+            " holds up %s. Let it return sooner, and do long work on a thread of your own",
+            str(due.label),
+            self._owner,
+            time.strftime("%H:%M:%S", time.localtime(time.time() - seconds)),
+            seconds,
+            due.label.holds_up,
+            stack=due.stack(),
+        )
 
     def finish(self, until: float, run_one: Callable[[], bool] | None = None) -> bool:
         """Wait for what is due or running, but for what waits for the caller.
@@ -178,6 +275,7 @@ class Dues:
                 str(due.label),
                 self._owner,
                 began,
+                stack=due.stack(),
             )
 
 

@@ -12,21 +12,26 @@ that are due or running, within a bound, and then nothing of the user's begins a
 from __future__ import annotations
 
 import contextvars
-import logging
 import queue
 import threading
+import time
 from collections.abc import Callable
 
-from actionkit._threads.blocked import Label, Turn, Work, Worker, watcher
-from actionkit._threads.diagnostics import log_later, log_own_error
-from actionkit._threads.in_hand import Dues, InHand
+from actionkit._threads.diagnostics import log_own_error
+from actionkit._threads.in_hand import Dues, InHand, Label, Work
 
-MOST_THREADS = 8
-"""Threads of a client for its callbacks; one that is blocked does not count. Callbacks that wait
-for nothing keep no more than that busy, with Python's one lock for all."""
-MOST_BLOCKED = 64
-"""Threads of a client for its callbacks in all, those that are blocked included: so many megabytes
-of stack at the most, and more blocked callbacks than a program has that works."""
+MOST_BUSY = 8
+"""Threads of a client for its callbacks; one that is blocked does not count. Those that compute
+take turns at Python's one lock with the communication thread: beside 50 of them, a call of another
+client took 3 to 30 s, beside 8 of them 0.2 s."""
+MOST_THREADS = 64
+"""Threads of a client for its callbacks in all: so many megabytes of stack at the most, and more
+blocked callbacks than a program has that works."""
+BLOCKED_AFTER = 1.0
+"""Seconds after which a callback counts as blocked. One that only computes has returned long
+before."""
+_LOOK = 0.1
+"""Seconds between looks whether others are blocked, while work waits for a thread."""
 _IDLE_SECONDS = 1.0
 """Seconds until an idle thread ends: longer than between two feedback messages of most servers."""
 
@@ -37,9 +42,10 @@ Job = Callable[[], object]
 
 
 class Pool:
-    """A few daemon threads. Jobs must not raise.
+    """Daemon threads: another one while all are busy, up to a limit. Jobs must not raise.
 
-    A thread that is blocked by its job is replaced by another, up to a limit.
+    Beyond the first few there is one spare thread at a time, and only while work waits. It does
+    that work when others are blocked.
     """
 
     def __init__(
@@ -47,10 +53,10 @@ class Pool:
         owner: str = "",
         *,
         name: str = "actionkit-callbacks",
+        busy: int = MOST_BUSY,
         most: int = MOST_THREADS,
-        limit: int = MOST_BLOCKED,
         idle: float = _IDLE_SECONDS,
-        watched: bool = True,
+        warns: bool = True,
         awaited: bool = True,
     ) -> None:
         """Make one without threads.
@@ -58,28 +64,26 @@ class Pool:
         Args:
             owner: The name of the client's action, for the log.
             name: The name of the threads.
-            most: How many threads there are at most, but for those that are blocked.
-            limit: How many there are at most in any case.
+            busy: How many threads there are at most, but for those that are blocked.
+            most: How many there are at most in any case.
             idle: Seconds that a thread waits for more work before it ends.
-            watched: Whether a thread that is blocked is replaced, and named in the log.
+            warns: Whether the log names what runs for long.
             awaited: Whether the interpreter's exit waits for its work.
         """
-        self._owner = owner
         self._name = name
+        self._busy = busy
         self._most = most
-        self._limit = limit
         self._idle_seconds = idle
-        self._watched = watched
+        self._warns = warns
         self.dues = Dues(owner, awaited=awaited)
         """What is due or running, and its end."""
         self.dues.run_one = self._run_one_here
         self._waiting: queue.SimpleQueue[InHand] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._threads = 0
-        self._blocked = 0
         self._free = 0  # threads that wait for work, less work that waits for a thread
+        self._has_spare = False
         self._lacks_threads = False
-        self._warned_of_limit = False
 
     def submit(self, job: Job, label: Label) -> str:
         """Run one job soon. Never blocks.
@@ -106,39 +110,37 @@ class Pool:
         due = self.dues.begin(work.label, work)
         with self._lock:
             self._free -= 1
-            start = self._needs_a_thread()
         self._waiting.put(due)
-        return self._start() if start else ""
+        self.look()
+        return self._grow()
 
-    def _needs_a_thread(self) -> bool:
-        """Whether to start one for what waits; if so, it is counted. Under the lock."""
-        if self._free >= 0 or self._threads - self._blocked >= self._most:
-            return False
-        if self._threads >= self._limit:
-            if not self._warned_of_limit:
-                self._warned_of_limit = True
-                log_later(
-                    logging.WARNING,
-                    "%d callbacks of a client of action %r do not return, and there are no more"
-                    " threads for it: its other callbacks wait until one of these returns",
-                    self._blocked,
-                    self._owner,
-                )
-            return False
-        self._threads += 1
-        self._free += 1
-        return True
+    def look(self) -> None:
+        """Name in the log what has been running for long. To be called when more comes."""
+        if self._warns:
+            self.dues.look(time.monotonic())
 
-    def _start(self) -> str:
+    def _grow(self) -> str:
+        """Start a thread if work waits and there may be another; return why it could not start."""
+        with self._lock:
+            if self._free >= 0 or self._has_spare or self._threads >= self._most:
+                return ""
+            spare = self._has_spare = self._threads >= self._busy
+            self._threads += 1
+            if not spare:
+                self._free += 1
+        work = self._work_as_spare if spare else self._work
         try:
-            threading.Thread(target=self._work, name=self._name, daemon=True).start()
+            threading.Thread(target=work, name=self._name, daemon=True).start()
         except RuntimeError as error:
             # No more threads; from Python 3.12 on there are none at the interpreter's exit. The
             # work waits for one that is there, or for the exit. What rests on it must not break.
             with self._lock:
                 self._lacks_threads = True
                 self._threads -= 1
-                self._free -= 1
+                if spare:
+                    self._has_spare = False
+                else:
+                    self._free -= 1
             return str(error)
         return ""
 
@@ -162,19 +164,37 @@ class Pool:
 
     # --- on a thread of the pool -----------------------------------------------------------
 
+    def _work_as_spare(self) -> None:
+        if self._is_needed():
+            self._grow()
+            self._work()
+
+    def _is_needed(self) -> bool:
+        """Wait until work waits only because others are blocked; return whether any waits."""
+        while True:
+            time.sleep(_LOOK)
+            others = self._threads - 1 - self.dues.running_for(BLOCKED_AFTER)
+            with self._lock:
+                waits = self._free < 0
+                if waits and others >= self._busy:
+                    continue
+                self._has_spare = False
+                if waits:
+                    self._free += 1
+                else:
+                    self._threads -= 1
+                return waits
+
     def _work(self) -> None:
         in_callback.set(True)
-        worker = Worker(self._owner, self._replace)
-        if self._watched:
-            watcher.add(worker)
-        try:
-            while (due := self._next()) is not None:
-                self._carry_out(worker, due)
-                del due  # or an idle thread would keep the last goal alive
-                if not self._stays():
+        while (due := self._next()) is not None:
+            self._carry_out(due)
+            del due  # or an idle thread would keep the last goal alive
+            with self._lock:
+                if self._free >= self._busy:  # others took its place while it was blocked
+                    self._threads -= 1
                     return
-        finally:
-            watcher.remove(worker)
+                self._free += 1
 
     def _next(self) -> InHand | None:
         """Wait for work; `None` where the thread is to end, and is counted out."""
@@ -189,49 +209,17 @@ class Pool:
                     self._free -= 1
                     return None
 
-    def _carry_out(self, worker: Worker, due: InHand) -> None:
+    def _carry_out(self, due: InHand) -> None:
         work, more = due.work, True
         assert work is not None
         due.thread = threading.get_ident()
         while more and not self.dues.ended:
-            worker.begin(work)
+            due.since = time.monotonic()
             try:
                 more = work.step()
             except BaseException:  # noqa: BLE001  a thread of the pool is not to be lost
                 log_own_error()
-            worker.end()
-            if worker.replaced is not None:
-                self._take_back(worker)
         self.dues.done(due)
-
-    def _stays(self) -> bool:
-        """Count the thread as free, or out where others took its place while it was blocked."""
-        with self._lock:
-            if self._threads - self._blocked > self._most:
-                self._threads -= 1
-                return False
-            self._free += 1
-            return True
-
-    # --- threads that are blocked ----------------------------------------------------------
-
-    def _replace(self, worker: Worker, turn: Turn) -> None:
-        """Let another thread take the place of one that is blocked. On the watcher's thread."""
-        with self._lock:
-            worker.replaced = turn
-            if worker.turn is not turn:  # looked at after `replaced` was set: see `_carry_out`
-                worker.replaced = None
-                return
-            self._blocked += 1
-            start = self._needs_a_thread()
-        if start:
-            self._start()
-
-    def _take_back(self, worker: Worker) -> None:
-        with self._lock:
-            if worker.replaced is not None:
-                worker.replaced = None
-                self._blocked -= 1
 
 
 class _Single:

@@ -6,7 +6,7 @@ import threading
 import time
 from collections import deque
 
-from actionkit._threads.blocked import Label
+from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Job, Pool
 from actionkit._threads.waiting import taken_from
 
@@ -46,10 +46,13 @@ class SerialQueue:
             self._jobs.extend(jobs)
             while len(self._jobs) > self._most:
                 self._jobs.popleft()
-            if self._scheduled:
-                return
-            self._schedule()
-        self._pool.run(self)
+            waits = self._scheduled
+            if not waits:
+                self._schedule()
+        if waits:
+            self._pool.look()  # what runs may have been running for long
+        else:
+            self._pool.run(self)
 
     def finish(self, then: Job) -> None:
         """Call `then` once, when no job waits or runs; at once if that is so, or it is closed."""

@@ -9,8 +9,9 @@ from contextlib import ExitStack, contextmanager
 import pytest
 
 from actionkit import RetryPolicy
-from actionkit._threads import blocked as _blocked
+from actionkit._threads import in_hand
 from actionkit.testing import EventLog
+from tests.conftest import all_is_logged
 
 LONG = 20.0  # the bound of a wait that is over soon when all is well
 ONCE = RetryPolicy.none()
@@ -210,11 +211,11 @@ def use(how, client, stuck):
     ],
     ids=["feedback", "done", "observer", "log"],
 )
-def test_the_log_names_what_blocks_and_tells_when_it_returns(
+def test_the_log_names_what_blocks_once_when_more_comes(
     how, named, action_server, make_client, stuck, monkeypatch
 ):
-    monkeypatch.setattr(_blocked, "WARN_AFTER", 0.5)
-    action_server("fibonacci", period=0.02)
+    monkeypatch.setattr(in_hand, "WARN_AFTER", 0.1)
+    action_server("fibonacci", period=0.05)
     told = EventLog()
     client = make_client(observers=[stuck] if how == "observer" else [])
     with ExitStack() as stack:
@@ -222,12 +223,16 @@ def test_the_log_names_what_blocks_and_tells_when_it_returns(
             stack.enter_context(handled_by(GOALS, stuck))
         stack.enter_context(handled_by(OURS, told, logging.WARNING))
         use(how, client, stuck)
+        stuck.entered.wait_for(1, LONG)
+        assert client.call({"order": 5}, LONG)  # it takes longer than 0.1 s
         warning = told.wait_for(lambda record: "has not returned" in record.getMessage(), LONG)
         assert warning.getMessage().startswith(named)
         assert "self.leave.wait(" in warning.stack_info  # where it stands
+        assert client.call({"order": 5}, LONG)
         stuck.leave.set()
-        back = told.wait_for(lambda record: "has returned" in record.getMessage(), LONG)
-        assert back.getMessage().startswith(named)
+        client.close()
+        assert all_is_logged()
+        assert list(told) == [warning]
 
 
 STUCK_AT_EXIT = """

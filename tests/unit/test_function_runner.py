@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from actionkit._threads import blocked
-from actionkit._threads.blocked import Label
+from actionkit._threads import in_hand
 from actionkit._threads.clock import TimerHandle, TimerQueue
 from actionkit._threads.function_runner import (
     FunctionRunner,
@@ -18,7 +17,9 @@ from actionkit._threads.function_runner import (
     function_pool,
     name_of,
 )
+from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Pool
+from tests.conftest import all_is_logged
 
 IT = Label("it", None, "the rest")
 LONG = 10.0  # the bound of a wait that is over at once when all is well
@@ -49,6 +50,7 @@ def test_each_function_that_runs_has_a_thread_for_itself() -> None:
     pool, gates = function_pool("/arm"), [Gate() for _ in range(20)]
     for gate in gates:
         assert pool.submit(gate, IT) == ""
+    assert pool._threads == 20  # at once: none waits until others count as blocked
     assert all(gate.entered.wait(LONG) for gate in gates)
     assert len({gate.thread for gate in gates}) == 20
     for gate in gates:
@@ -58,15 +60,20 @@ def test_each_function_that_runs_has_a_thread_for_itself() -> None:
         gate.leave.set()
 
 
-def test_nobody_warns_of_a_function_that_does_not_return(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nobody_warns_of_a_function_that_does_not_return(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     """The error of its call tells of it."""
-    watched: list[object] = []
-    monkeypatch.setattr(blocked.watcher, "add", watched.append)
-    pool, gate = function_pool("/arm"), Gate()
-    pool.submit(gate, IT)
-    assert gate.entered.wait(LONG)
-    gate.leave.set()
-    assert watched == []
+    monkeypatch.setattr(in_hand, "WARN_AFTER", 0.0)
+    pool, gates = function_pool("/arm"), [Gate() for _ in range(3)]
+    for gate in gates:
+        pool.submit(gate, IT)
+        assert gate.entered.wait(LONG)
+    pool.dues.end()
+    for gate in gates:
+        gate.leave.set()
+    assert all_is_logged()
+    assert caplog.records == []
 
 
 def test_where_no_thread_can_be_started_the_pool_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -189,7 +196,7 @@ def test_a_new_function_takes_the_place_of_the_last() -> None:
 
 def test_a_function_that_is_dropped_in_time_does_not_run() -> None:
     thread, gate = Thread(), Gate()
-    pool = Pool(most=1, limit=1, idle=0.01)
+    pool = Pool(busy=1, most=1, idle=0.01)
     pool.submit(gate, IT)
     assert gate.entered.wait(LONG)
     runner, ran = FunctionRunner(thread, pool), list[int]()

@@ -30,7 +30,7 @@ from actionkit._observers.words import (
     outcome_word,
 )
 from actionkit._threads import diagnostics
-from actionkit._threads.blocked import Label, Work
+from actionkit._threads.in_hand import Label, Work
 from actionkit._threads.pool import Pool
 from actionkit.testing import EventLog
 
@@ -291,7 +291,7 @@ AT_EXIT = """
 import atexit, threading
 from actionkit._observers import observer_queue
 import time
-from actionkit._threads.blocked import Label
+from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Pool
 queue = observer_queue.ObserverQueue(Label("it", None, ""), Pool(), "/fibonacci")
 def at_exit():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from actionkit._threads.blocked import Label
+from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Pool, in_callback
 from actionkit._threads.serial_queue import SerialQueue
 

@@ -25,7 +25,7 @@ from actionkit._goal.effects import End
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import Timeline
 from actionkit._observers.observer_queue import ObserverQueue
-from actionkit._threads.blocked import Label
+from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Pool
 from actionkit._threads.waiting import Flag, taken_from
 
