@@ -26,7 +26,6 @@ from unique_identifier_msgs.msg import UUID
 
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.entities import Entities
-from actionkit._ros.joining import joining
 from actionkit._ros.names import ActionNames
 from actionkit._ros.native import Waiter
 from actionkit._ros.wire import feedback_alone, feedback_goal_id
@@ -42,10 +41,9 @@ class Floor(Variant):
     def open(self, name: str) -> None:
         self.context = Context()
         self.context.init(args=[], initialize_logging=False)
-        with joining():
-            self.node = Node(
-                "floor", context=self.context, enable_rosout=False, start_parameter_services=False
-            )
+        self.node = Node(
+            "floor", context=self.context, enable_rosout=False, start_parameter_services=False
+        )
         self._entities = Entities(
             self.node,
             _IMPL,

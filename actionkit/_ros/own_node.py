@@ -10,7 +10,6 @@ from rclpy.parameter import Parameter
 
 from actionkit._ros.discovery import stop_listening
 from actionkit._ros.graph import is_last
-from actionkit._ros.joining import joining
 from actionkit._ros.names import ActionNames, resolve
 from actionkit._ros.native import node_is_destroyed
 
@@ -45,8 +44,7 @@ def make_node(name: str, context: Context) -> Node:
     Raises:
         Exception: Whatever rclpy raises where that cannot be done.
     """
-    with joining():
-        return _node(name, context, use_global_arguments=False)
+    return _node(name, context, use_global_arguments=False)
 
 
 def resolve_without_node(context: Context, node: Node, action_name: str) -> ActionNames:

@@ -15,7 +15,6 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from actionkit._ros.discovery import stop_listening
-from actionkit._ros.joining import joining
 from actionkit._ros.native import shut_down
 from actionkit.servers._behaviour import Behaviour, Process
 from actionkit.servers._contents import message_of
@@ -312,13 +311,12 @@ class Harness:
 
     def _add_node(self) -> Node:
         number = f"_{len(self._nodes)}" if self._nodes else ""
-        with joining():
-            node = Node(
-                f"{self._node_name}{number}",
-                context=self._context,
-                enable_rosout=False,
-                start_parameter_services=False,
-            )
+        node = Node(
+            f"{self._node_name}{number}",
+            context=self._context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
         self._nodes.append(node)
         self.executor.add_node(node)
         return node

@@ -18,7 +18,6 @@ from rclpy.node import Node
 from test_msgs.action import Fibonacci, NestedMessage
 
 from actionkit import Client
-from actionkit._ros.joining import joining
 from actionkit._ros.native import RCLError
 from actionkit.testing import isolated_domain
 from tests.client.test_node import in_use
@@ -177,15 +176,14 @@ def planner(case: Case, domain: int) -> Iterator[Node]:
 
     context = Context()
     context.init(arguments(case.init), domain_id=domain)
-    with joining():
-        node = Node(
-            "planner",
-            context=context,
-            namespace=case.namespace,
-            cli_args=arguments(case.node),
-            use_global_arguments=case.takes_global,
-            start_parameter_services=False,
-        )
+    node = Node(
+        "planner",
+        context=context,
+        namespace=case.namespace,
+        cli_args=arguments(case.node),
+        use_global_arguments=case.takes_global,
+        start_parameter_services=False,
+    )
     with in_use(node):
         yield node
 

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from actionkit._ros.joining import SWITCH
+from actionkit._ros.rejoining import SWITCH
 
 PROGRAM = """
 import json, sys, time

@@ -155,7 +155,7 @@ def test_there_are_no_cycles() -> None:
 def test_servers_use_nothing_of_the_client_but_what_every_node_needs() -> None:
     used = {o for name in modules() if package_of(name) == "servers" for o in own_imports(name)}
     others = {name for name in used if package_of(name) != "servers"}
-    assert others == {"_ros.discovery", "_ros.joining", "_ros.native"}
+    assert others == {"_ros.discovery", "_ros.native"}
 
 
 def test_helpers_for_tests_use_one_tool_of_the_client() -> None:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import signal
-import sys
 import threading
 import time
 from typing import Any
@@ -17,7 +15,7 @@ from rclpy.node import Node
 
 from actionkit import Client, Timeouts
 from actionkit._ros import own_node
-from actionkit._ros.joining import SWITCH
+from actionkit._ros.rejoining import SWITCH
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.tools.survey import Survey
 from tests.conftest import NEVER
@@ -212,30 +210,3 @@ def test_a_goal_of_a_node_apart_ends_with_the_users_context(number, action_serve
     assert code == (-number if number is signal.SIGINT else 1), err
     assert "died" not in err
     assert len(server.wait_for("canceled")) == 1
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="what Linux can do")
-def test_no_thread_stays_on_one_core(action_server, make_client):
-    """Neither of the client's process nor of a reference server's."""
-    expected = os.sched_getaffinity(0), os.SCHED_OTHER
-    server = action_server("fibonacci")
-    make_client().call(GOAL, timeout=60)
-    for process in (os.getpid(), server.pid):
-        threads = [int(name) for name in os.listdir(f"/proc/{process}/task")]
-        assert len(threads) > 3  # those of the middleware
-        states = {(frozenset(os.sched_getaffinity(t)), os.sched_getscheduler(t)) for t in threads}
-        assert states == {(frozenset(expected[0]), expected[1])}
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="what Linux can do")
-def test_the_node_is_made_on_one_core(make_client, monkeypatch):
-    seen: list[tuple[int, int]] = []
-
-    def make(*args: Any, **kwargs: Any) -> Node:
-        node = Node(*args, **kwargs)
-        seen.append((len(os.sched_getaffinity(0)), os.sched_getscheduler(0)))
-        return node
-
-    monkeypatch.setattr(own_node, "Node", make)
-    make_client()
-    assert seen[0] == (1, os.SCHED_BATCH)
