@@ -1,4 +1,4 @@
-"""Each transition as one record of the standard library's logging (C6.2)."""
+"""Writes each transition as one record of the standard library's logging (C6.2)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from actionkit._observers.words import (
 from actionkit._threads.diagnostics import dated, is_enabled_for
 
 logger = logging.getLogger("actionkit.goal")
-logger.addHandler(logging.NullHandler())  # silent where the user has set up no logging
+logger.addHandler(logging.NullHandler())  # silent if the user has not set up logging
 
 
 class GoalLog:
@@ -28,15 +28,15 @@ class GoalLog:
         return "the log 'actionkit.goal'"
 
     def wants(self, event: GoalEvent) -> bool:
-        """Whether the logger takes a record of a transition."""
+        """Whether the logger writes this transition."""
         return is_enabled_for(logger, level_of(event))
 
     def wants_feedback(self) -> bool:
-        """Whether the logger takes records of feedback messages."""
+        """Whether the logger writes feedback messages."""
         return is_enabled_for(logger, LEVELS[GoalState.FEEDBACK])
 
     def wants_outcome(self, outcome: Outcome[Any]) -> bool:
-        """Whether the logger takes a record of the end of a call."""
+        """Whether the logger writes the end of this call."""
         return is_enabled_for(logger, level_of_outcome(outcome))
 
     def on_event(self, event: GoalEvent, call: CallInfo) -> None:

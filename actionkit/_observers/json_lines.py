@@ -1,4 +1,4 @@
-"""Events as lines of JSON in a file that rotates, and survives the end of its process."""
+"""Writes events as lines of JSON to a file that rotates and survives a crash."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class JsonLines:
         with JsonLines("goals.jsonl") as log, Client(Fibonacci, "fibonacci", observers=[log]):
             ...
 
-    Each line is handed to the operating system by itself: of what came to this observer, a process
-    that is killed loses at most the line it was about to write. Any number of clients and threads
-    of a process may share one; `read_json_lines` reads the files back. The lines are described in
-    docs/logging.md.
+    Each line is given to the operating system at once. So a process that is killed loses at most
+    one line of the events that have reached this observer. Any number of clients and threads of a
+    process may share one observer. `read_json_lines` reads the files back. docs/logging.md
+    describes the lines.
     """
 
     def __init__(
@@ -38,20 +38,21 @@ class JsonLines:
         messages: bool = True,
         max_items: int | None = 100,
     ) -> None:
-        """Open the file for appending; make it where there is none.
+        """Open the file for appending, or make it.
 
         Args:
-            path: Where. Its folder must exist.
-            max_bytes: The size at which the file is set aside as `path.1`, and a new one begun;
-                `None` for never.
-            backups: How many files set aside are kept: `path.1`, the newest, to `path.N`.
+            path: The file. Its folder must exist.
+            max_bytes: The size at which the file is renamed to `path.1` and a new file begins;
+                `None` means never.
+            backups: How many renamed files are kept: `path.1`, the newest, to `path.N`.
             messages: Whether goals, feedback and results are written, too.
-            max_items: The most elements written of each array in a message, or `None` for all.
+            max_items: The most elements that are written of each array in a message; `None` means
+                all.
 
         Raises:
             OSError: The file cannot be written.
-            TypeError: An argument of the wrong type.
-            ValueError: A number out of range.
+            TypeError: An argument has the wrong type.
+            ValueError: A number is out of range.
         """
         if not isinstance(path, (str, os.PathLike)):
             raise TypeError(f"JsonLines: path={path!r} must be a string or a path")
@@ -73,7 +74,7 @@ class JsonLines:
         return f"<JsonLines {str(self.path)!r}>"
 
     def on_event(self, event: GoalEvent, call: CallInfo) -> None:
-        """Write a transition; the first also has the goal."""
+        """Write a transition. The first line of a call also has the goal."""
         first = event.state is GoalState.SENDING and event.attempt == 1
         self._write(event_line(event, call, goal=self._plain(call.goal) if first else None))
 
@@ -86,7 +87,7 @@ class JsonLines:
         self._write(outcome_line(outcome, call, self._plain(outcome.result)))
 
     def close(self) -> None:
-        """Close the file. An event that comes afterwards opens it again."""
+        """Close the file. A later event opens it again."""
         with self._lock:
             self._close()
 
@@ -102,9 +103,9 @@ class JsonLines:
         self.close()
 
     def __del__(self, close: Callable[[int], None] = os.close) -> None:
-        file = getattr(self, "_file", None)  # it has none where its making failed
+        file = getattr(self, "_file", None)  # absent if `__init__` failed
         if file is not None:
-            close(file)  # bound above, since at the interpreter's end modules are gone
+            close(file)  # a default argument: at the interpreter's end, modules are gone
 
     def _plain(self, message: Any) -> dict[str, Any] | None:
         if message is None or not self._messages:
@@ -112,7 +113,7 @@ class JsonLines:
         return to_plain(message, max_items=self._max_items)
 
     def _write(self, line: str) -> None:
-        data = line.encode() + b"\n"  # ASCII: whatever is not is escaped
+        data = line.encode() + b"\n"  # ASCII: all other characters are escaped
         with self._lock:
             if self._file is None:
                 self._open()
@@ -127,13 +128,13 @@ class JsonLines:
             written = os.write(self._file, rest)
             self._size += written
             rest = rest[written:]
-            self._torn = bool(rest)  # true for those who come next where the disk is full
+            self._torn = bool(rest)  # for the next line, if the disk is full
 
     def _open(self) -> None:
         flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC
         self._file = os.open(self.path, flags, 0o666)
         self._size = os.fstat(self._file).st_size
-        # What a killed process left: the next line must not be joined to it.
+        # A killed process may have left half a line: the next one must not be joined to it.
         self._torn = self._size > 0 and os.pread(self._file, 1, self._size - 1) != b"\n"
 
     def _close(self) -> None:
@@ -153,7 +154,7 @@ class JsonLines:
 
 
 def backup(path: Path, number: int) -> Path:
-    """Return the name of the file that was set aside `number` rotations ago."""
+    """Return the name of the file that was renamed `number` rotations ago."""
     return path.with_name(f"{path.name}.{number}") if number else path
 
 

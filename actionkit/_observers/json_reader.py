@@ -1,4 +1,4 @@
-"""Reads the files of `JsonLines` back, rotated ones and broken ones included."""
+"""Reads the files of `JsonLines` back, also rotated and damaged files."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ class LogFile:
 
     Attributes:
         lines: Every line that could be read, the oldest first.
-        problems: What could not, each as `file:line: why`; a killed process leaves one at most.
+        problems: Every line that could not be read, as `file:line: why`. A killed process leaves
+            one at most.
     """
 
     lines: tuple[LoggedLine, ...]
     problems: tuple[str, ...]
 
     def calls(self) -> dict[uuid.UUID, list[LoggedLine]]:
-        """Return the lines of each call by its id, the call that began first first."""
+        """Return the lines of each call by its id, in the order in which the calls began."""
         calls: dict[uuid.UUID, list[LoggedLine]] = {}
         for line in self.lines:
             calls.setdefault(line.call_id, []).append(line)
@@ -45,13 +46,13 @@ def _timeline(lines: list[LoggedLine]) -> Timeline:
 
 
 def read_json_lines(path: str | os.PathLike[str]) -> LogFile:
-    """Read a file that `JsonLines` wrote, together with those that it set aside before.
+    """Read a file that `JsonLines` wrote, and the files that it renamed before.
 
     Args:
         path: The name that `JsonLines` was given.
 
     Returns:
-        All lines, and what could not be read; a last line that was cut off is told there.
+        All lines, and the problems: a last line that was cut off is one of them.
 
     Raises:
         OSError: There is no such file, or it cannot be read.
@@ -78,6 +79,6 @@ def _files(path: Path) -> list[Path]:
         stem, _, number = each.name.rpartition(".")
         if stem == path.name and number.isdecimal() and number.isascii():
             numbered[int(number)] = each
-    # A process killed between two renamings leaves the backups without the file itself.
+    # A process that is killed between two renamings leaves the backups without the file itself.
     current = [path] if path.exists() or not numbered else []
     return [numbered[number] for number in sorted(numbered, reverse=True)] + current

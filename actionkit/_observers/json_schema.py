@@ -1,4 +1,4 @@
-"""One line of JSON for each event and each outcome, and back (described in docs/logging.md)."""
+"""Writes and reads the JSON lines of events and outcomes (described in docs/logging.md)."""
 
 from __future__ import annotations
 
@@ -16,22 +16,19 @@ from actionkit._observers.protocol import CallInfo
 from actionkit._observers.words import outcome_word
 
 VERSION = 1
-"""Of the schema. Fields may be added to it; what is there keeps its name and meaning."""
+"""Of the schema. Fields may be added; existing fields keep their names and meanings."""
 _NOTES = ("servers", "cancel", "stop", "hold")
-"""Kinds of lines that commands write beside those of calls."""
+"""Kinds of lines that commands write, and that are not about a call."""
 
 
 class NoteLine(ValueError):
-    """The line is of this schema, and about no call."""
+    """The line has this schema, but it is not about a call."""
 
 
 def event_line(event: GoalEvent, call: CallInfo, **messages: Mapping[str, Any] | None) -> str:
     """Return the line of an event.
 
-    Args:
-        event: The event.
-        call: The call that it belongs to.
-        messages: `goal=` or `feedback=`, the message as plain data; `None` is left out.
+    `messages` may have `goal=` or `feedback=`, a message as plain data; `None` is left out.
     """
     return to_json(
         {
@@ -53,7 +50,7 @@ def event_line(event: GoalEvent, call: CallInfo, **messages: Mapping[str, Any] |
 def outcome_line(
     outcome: Outcome[Any], call: CallInfo, result: Mapping[str, Any] | None, **more: Any
 ) -> str:
-    """Return the line of a call's end, with its result as plain data, and what else is known."""
+    """Return the line of a call's end; `result` is plain data, and `more` are further fields."""
     return to_json(
         {
             **_head("outcome", call),
@@ -78,13 +75,9 @@ def outcome_line(
 
 
 def note_line(kind: str, action_name: str, wall: float, **more: Any) -> str:
-    """Return a line about no call.
+    """Return a line that is not about a call; `kind` is one of `_NOTES`.
 
-    Args:
-        kind: One of `_NOTES`.
-        action_name: The full name of the action; `""` where it is about none.
-        wall: When, in seconds since the epoch.
-        more: What it tells.
+    `action_name` is `""` if the line is not about an action. `wall` is in seconds since the epoch.
     """
     head = {"v": VERSION, "kind": kind, "pid": os.getpid(), "action_name": action_name}
     return to_json({**head, "wall": wall, **more}, compact_ascii=True)
@@ -111,9 +104,9 @@ class LoggedLine:
         call_id: The id of the call's first goal; it stays the same for all attempts.
         action_name: The full name of the action.
         action_type: Such as `test_msgs/action/Fibonacci`.
-        node_name: The full name of the client's `node=`, `""` where there was none.
+        node_name: The full name of the client's `node=`, or `""` without one.
         pid: The process that wrote it.
-        event: The event, equal to the one that was told; `None` for an outcome.
+        event: The event, equal to the original; `None` for an outcome.
         data: The whole line, with the messages in it.
     """
 
@@ -131,8 +124,8 @@ def parse_line(text: str | bytes) -> LoggedLine:
     """Return what a line says.
 
     Raises:
-        NoteLine: It is a line of this schema, and about no call.
-        ValueError: It is no line of this schema; the text says why.
+        NoteLine: It has this schema, but it is not about a call.
+        ValueError: It does not have this schema; the text says why.
     """
     try:
         data = json.loads(text)
@@ -169,11 +162,11 @@ _MOST = 1e15
 """The largest time that is read, in seconds: 30 million years. The times of a file are added, and
 floats of this size are still exact to a second."""
 _MOST_WHY = 200
-"""Characters of a reason, which may quote a value of any length."""
+"""Characters of an error's reason, which may quote a long value."""
 
 
 def _check(data: Mapping[str, Any]) -> None:
-    """Raise where a field that others read is missing, or is not what they take it for."""
+    """Raise if a field that other code reads is missing or has the wrong type."""
     for name in _NUMBERS:
         number = data[name]
         if isinstance(number, bool) or not isinstance(number, (int, float)):

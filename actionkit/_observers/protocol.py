@@ -1,4 +1,4 @@
-"""What an observer is, and what it is told of the call beside the event."""
+"""Defines what an observer is, and what it is told about a call."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class CallInfo:
         call_id: The id of the call's first goal; it stays the same for all attempts.
         action_name: The full name of the action.
         action_type: Such as `test_msgs/action/Fibonacci`.
-        node_name: The full name of the client's `node=`, `""` where there is none.
+        node_name: The full name of the client's `node=`, or `""` without one.
         monotonic: When the call was made, in seconds on the monotonic clock.
         wall: The same in seconds since the epoch.
-        goal: The goal message, for reading only; `None` where it was not valid.
-        context: The context variables of the caller, such as its OpenTelemetry span. To look
-            into it, run a copy of it.
+        goal: The goal message, for reading only; `None` if it was not valid.
+        context: The context variables of the caller, such as its OpenTelemetry span. To read
+            them, run code in a copy: `context.copy().run(...)`.
     """
 
     call_id: uuid.UUID
@@ -43,30 +43,30 @@ class CallInfo:
 
 
 class Observer(Protocol):
-    """Is told what happens to the goals of a client: `Client(..., observers=[...])`.
+    """Gets every transition of a client's goals: `Client(..., observers=[...])`.
 
-    Two more methods are called where an observer has them:
+    An observer may have two more methods:
 
     - `on_feedback(event, feedback, call)` gets each `FEEDBACK` event, in place of `on_event`,
-      with the action's feedback message. Where that cannot be decoded, `on_event` is called.
-    - `on_outcome(outcome, call)` gets the `Outcome` of each call, once, when it ended. Of a goal
-      that its caller gave up on there may be events afterwards.
+      with the action's feedback message. If that cannot be decoded, `on_event` is called.
+    - `on_outcome(outcome, call)` gets the `Outcome` of each call, once, when the call has ended. If
+      the caller gave up on a goal, more events of that goal may follow.
 
-    An observer is called in order, by one thread at a time for each client, never by one that
-    anybody's result depends on. Messages are the caller's own: read them, and change nothing.
-    One that raises is told nothing more; a warning with the traceback is logged.
+    For each client, one thread at a time calls an observer, with events in their order. No result
+    waits for that thread. Messages belong to the caller: read them, and do not change them. If an
+    observer raises, it is not called again, and a warning with the traceback is logged.
     """
 
     def on_event(self, event: GoalEvent, call: CallInfo) -> object:
-        """Take note of a transition."""
+        """Handle a transition."""
 
 
 def check_observers(observers: Iterable[Observer]) -> tuple[Observer, ...]:
     """Return the observers, checked.
 
     Raises:
-        TypeError: No iterable, or something in it that is no observer.
-        ValueError: One of them stands there twice.
+        TypeError: It is not an iterable of observers.
+        ValueError: One of them is listed twice.
     """
     if isinstance(observers, (str, bytes)) or not isinstance(observers, Iterable):
         raise TypeError(f"observers={observers!r} must be a list of observers: observers=[...]")

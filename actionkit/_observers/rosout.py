@@ -1,4 +1,4 @@
-"""Events in the log of a ROS node, and so on the topic /rosout."""
+"""Writes events to the log of a ROS node, and so to the topic /rosout."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Rosout:
 
         Client(NavigateToPose, "navigate_to_pose", node=node, observers=[Rosout(node)])
 
-    Levels and texts are those of the log `actionkit.goal`. Nothing is written once the node's ROS
-    context was shut down.
+    Levels and texts are those of the log `actionkit.goal`. After the node's ROS context was shut
+    down, nothing is written.
     """
 
     def __init__(self, node: Any) -> None:
@@ -48,9 +48,9 @@ class Rosout:
 
     def _write(self, level: int, text: str) -> None:
         if self._context is not None and not self._context.ok():
-            return  # it was shut down, and rclpy would complain of each line on standard error
-        # A line for each level: rclpy remembers the level of each line that logs, and refuses
-        # another one there.
+            return  # it was shut down: rclpy would write an error for each line
+        # A line of code for each level: rclpy remembers the level of each line that logs, and
+        # refuses another level there.
         if level >= logging.WARNING:
             self._logger.warning(text)
         elif level >= logging.INFO:

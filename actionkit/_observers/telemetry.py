@@ -21,17 +21,17 @@ _PHASE_AFTER = {
     GoalState.ACCEPTED: "execute",
     GoalState.RETRYING: "pause",
 }
-"""What is waited for after an event, in the words of `DeadlineExceededError.phase`."""
+"""Event -> the phase that begins with it, as in `DeadlineExceededError.phase`."""
 _PHASE_ENDS = {
     "server": {GoalState.SENT},
     "accept": {GoalState.ACCEPTED, GoalState.REJECTED},
     "execute": {GoalState.SUCCEEDED, GoalState.CANCELED, GoalState.ABORTED, GoalState.LOST},
     "pause": {GoalState.SENDING},
 }
-"""The events that end a phase; what ends otherwise is not measured, or it would be a lie."""
+"""The events that end a phase. A phase that ends in another way is not measured."""
 
 _BUCKETS = [0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0]
-"""Seconds: from an acceptance to a mission. OpenTelemetry's own are meant for milliseconds."""
+"""Seconds, for short acceptances and long missions. OpenTelemetry's defaults are for ms."""
 
 
 @dataclass
@@ -48,9 +48,10 @@ class _Open:
 class OpenTelemetry:
     """An observer that makes spans and metrics of every call.
 
-    A span for each call, child of the caller's, with a child for each attempt; transitions are
-    events on the attempts' spans. Metrics: `actionkit.calls` by outcome, `actionkit.call.duration`
-    and `actionkit.phase.duration` in seconds, `actionkit.retries`, `actionkit.calls.in_flight`.
+    Each call has a span, a child of the caller's span, and each attempt has a span below it;
+    transitions are events on the attempts' spans. Metrics: `actionkit.calls` by outcome,
+    `actionkit.call.duration` and `actionkit.phase.duration` in seconds, `actionkit.retries`,
+    `actionkit.calls.in_flight`.
     """
 
     def __init__(
@@ -61,12 +62,12 @@ class OpenTelemetry:
         """Make the instruments.
 
         Args:
-            tracer_provider: Where spans go; left out, OpenTelemetry's global one.
-            meter_provider: Where metrics go; left out, OpenTelemetry's global one.
+            tracer_provider: Where spans go; `None` means OpenTelemetry's global provider.
+            meter_provider: Where metrics go; `None` means OpenTelemetry's global provider.
 
         Raises:
             ImportError: OpenTelemetry is not installed.
-            TypeError: A provider is none.
+            TypeError: An argument is not a provider.
         """
         for name, provider, makes in (
             ("tracer_provider", tracer_provider, "get_tracer"),
@@ -110,17 +111,17 @@ class OpenTelemetry:
         self._open: dict[uuid.UUID, _Open] = {}
 
     def on_event(self, event: GoalEvent, call: CallInfo) -> None:
-        """Note a transition."""
+        """Record a transition."""
         with self._lock:
             known = self._open.get(call.call_id)
             if known is None:
                 if event.state is not GoalState.SENDING or event.attempt != 1:
-                    return  # of a goal whose call is over
+                    return  # the call of this goal is over
                 known = self._open[call.call_id] = self._begin(call)
                 self._in_flight.add(1, known.attributes)
         if event.state is GoalState.SENDING and event.attempt != known.number:
             self._begin_attempt(known, event)
-        if not event.cancel_refused:  # else the goal did not come into this state just now
+        if not event.cancel_refused:  # otherwise the goal was in this state before
             self._measure(known, event)
         span = known.attempt or known.span
         attributes: dict[str, str | int] = {"actionkit.goal_id": str(event.goal_id)}
@@ -134,12 +135,12 @@ class OpenTelemetry:
             self._end_attempt(known, event.wall)
 
     def on_outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
-        """Note the end of a call."""
+        """Record the end of a call."""
         ended, word = call.wall + outcome.elapsed, outcome_word(outcome)
         with self._lock:
             known = self._open.pop(call.call_id, None)
         if known is None:
-            known = self._begin(call)  # it ended before it began: an invalid goal, a cancellation
+            known = self._begin(call)  # it had no event: an invalid goal, or cancelled at once
         else:
             self._in_flight.add(-1, known.attributes)
         self._end_attempt(known, ended)
@@ -166,7 +167,7 @@ class OpenTelemetry:
             attributes["actionkit.node_name"] = call.node_name
         parent = None
         if call.context is not None:
-            # A copy, since a context can be entered by one thread at a time only.
+            # A copy, because only one thread at a time can enter a context.
             parent = call.context.copy().run(self._context.get_current)
         span = self._tracer.start_span(
             f"call {call.action_name}",

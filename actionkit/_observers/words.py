@@ -1,4 +1,4 @@
-"""How a transition, and the end of a call, are told to an operator: with which level and words."""
+"""The log levels and texts for transitions and for the ends of calls."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ LEVELS = {
 
 
 def level_of(event: GoalEvent) -> int:
-    """Return the level of a transition, as `logging` has them."""
+    """Return the `logging` level of a transition."""
     return logging.WARNING if event.cancel_refused else LEVELS[event.state]
 
 
 def level_of_outcome(outcome: Outcome[Any]) -> int:
-    """Return the level of a call's end: no error, because the caller gets that to handle."""
+    """Return the level of a call's end: not an error, because the caller handles that."""
     if outcome.error is None:
-        return logging.DEBUG  # its goal's own end is told already
+        return logging.DEBUG  # the end of its goal is already logged
     cancelled = isinstance(outcome.error, concurrent.futures.CancelledError)
     return logging.INFO if cancelled else logging.WARNING
 
