@@ -1,5 +1,5 @@
-"""Type stubs for installed interface packages, made from their classes (C9.2).
+"""Makes type stubs for installed interface packages, from their classes (C9.2).
 
-`loading` finds the classes, `fields` has the types of a field, `modules` the text of a file, and
-`folders` puts files where checkers look. It needs no rclpy and no compiled type support.
+`loading` finds the classes, `fields` has the types of a field, `modules` writes the text of a file,
+and `folders` puts files where checkers look. rclpy and compiled type support are not needed.
 """

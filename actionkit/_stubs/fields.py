@@ -1,4 +1,4 @@
-"""What a field of a message is to a type checker: as it is read, and as it may be given."""
+"""The types of a message's field for a type checker: to read it, and to assign it."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from rosidl_parser import definition
 
 _INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 _NUMPY = {"float": "float32", "double": "float64", **{name: name for name in _INTEGERS}}
-"""What ROS keeps as `array.array` (sequences) and numpy arrays (of a fixed length)."""
+"""Types that ROS keeps in an `array.array` (sequences) or a numpy array (fixed length)."""
 _INSIDE = {
     "SendGoal": "Impl.SendGoalService",
     "GetResult": "Impl.GetResultService",
     "FeedbackMessage": "Impl.FeedbackMessage",
 }
-"""Part of the name of a class -> where it is in an action, if not under that name."""
+"""Part of a class's name -> where the class is in an action, if not under that name."""
 _PLAIN = {"boolean": "bool", "octet": "bytes", "char": "str", "wchar": "str"}
 
 
@@ -25,14 +25,14 @@ _PLAIN = {"boolean": "bool", "octet": "bytes", "char": "str", "wchar": "str"}
 class Names:
     """The names that one class of a stub file writes, and the imports that these need.
 
-    Whatever a stub file imports has a name that begins with `_`, because a field cannot: fields
-    called `array`, `typing` or `numpy` hide nothing. What Python has under the name of a member is
-    written as `_builtins.int`.
+    All imported names begin with `_`, because a field's name cannot: so fields called `array`,
+    `typing` or `numpy` hide nothing. A builtin with the same name as a member is written as
+    `_builtins.int`.
     """
 
     imports: set[str]  # those of the file
     taken: set[str]  # the names of the class's members
-    has: Callable[[str, str, str], bool]  # of package, kind and name: whether there is such a type
+    has: Callable[[str, str, str], bool]  # (package, kind, name) -> whether the type exists
 
     def builtin(self, name: str) -> str:
         """Return how to write a name such as `int` or `property`."""
@@ -47,7 +47,7 @@ class Names:
         return f"_{name}"
 
     def ros(self, package: str, kind: str, name: str) -> str:
-        """Return how to write the class of a ROS type, in whatever package it is."""
+        """Return how to write the class of a ROS type, in any package."""
         if not self.has(package, kind, name):
             return self.imported("typing", "Any")
         alias = f"_{package}_{kind}"
@@ -56,13 +56,13 @@ class Names:
 
 
 def class_path(name: str) -> str:
-    """Return where a class is to be found: `Fibonacci_Goal` is `Fibonacci.Goal`."""
+    """Return how Python reaches a class: `Fibonacci_Goal` is `Fibonacci.Goal`."""
     first, *rest = name.split("_")
     return ".".join([first, *(_INSIDE.get(part, part) for part in rest)])
 
 
 def field_types(slot: Any, names: Names) -> tuple[str, str]:
-    """Return the types of a field as they are written: what one reads, and what one may assign."""
+    """Return the text of a field's types: the one to read, and the one to assign."""
     if not isinstance(slot, definition.AbstractNestedType):
         one = _item(slot, names)
         return one, one
@@ -79,7 +79,7 @@ def field_types(slot: Any, names: Names) -> tuple[str, str]:
         return f"{names.imported('array', 'array')}[{item}]", f"{iterable}[{item}]"
     read = f"{names.builtin('list')}[{item}]"
     if isinstance(slot.value_type, definition.AbstractGenericString):
-        # Not `Sequence`: a single str would be one, and nearly always a mistake.
+        # Not `Sequence`: a single str is one too, and is nearly always a mistake.
         return read, f"{read} | {names.builtin('tuple')}[{item}, ...]"
     return read, f"{names.imported('collections.abc', 'Sequence')}[{item}]"
 
@@ -96,7 +96,7 @@ def _item(slot: Any, names: Names) -> str:
 
 
 def constant(value: bool | int | float | str | bytes, names: Names) -> str:
-    """Return type and, where it can be written, value of a constant: `ClassVar[int] = 5`."""
+    """Return a constant's type and, if it can be written, its value: `ClassVar[int] = 5`."""
     written = "" if isinstance(value, float) and not math.isfinite(value) else f" = {value!r}"
     kind = names.builtin(type(value).__name__)
     return f"{names.imported('typing', 'ClassVar')}[{kind}]{written}"

@@ -1,6 +1,6 @@
-"""Puts stub files into folders where type checkers look, and takes them out again.
+"""Puts stub files into folders where type checkers look, and removes them again.
 
-A folder is replaced as a whole, so that no file of a type that is gone stays. Others' are left.
+A folder is replaced as a whole, so no file of a removed type stays. Foreign files are not touched.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import tempfile
 from pathlib import Path
 
 MARK = "# Made by `actionkit stubs`, which overwrites it."
-"""The first line of each file: what lacks it is somebody else's."""
+"""The first line of each file; files without it are not ours."""
 _PARTIAL = "py.typed"
-"""Beside installed packages it says, with its text `partial`, that what the stubs lack is to be
-read from the package itself (PEP 561)."""
+"""In stubs beside installed packages, its text `partial` tells checkers to read from the package
+itself what the stubs do not have (PEP 561)."""
 
 
 class ForeignFilesError(Exception):
@@ -47,7 +47,7 @@ def remove(folder: Path) -> bool:
 
 
 def _ours(folder: Path) -> dict[str, str] | None:
-    """Return the files of a folder that we have made; `None` where there is none."""
+    """Return the files of a folder that we have made; `None` if there is no folder."""
     if folder.is_symlink() or folder.is_file():
         raise ForeignFilesError(f"{folder} is not a folder that `actionkit stubs` has made.")
     if not folder.exists():
@@ -57,7 +57,7 @@ def _ours(folder: Path) -> dict[str, str] | None:
         if path.is_dir() or "__pycache__" in path.parts:
             continue
         name = path.relative_to(folder).as_posix()
-        # Whatever is no text of ours is told from it by its first line.
+        # Our files have our first line.
         text = path.read_bytes().decode("utf-8", "replace")
         if name != _PARTIAL and text.partition("\n")[0] != MARK:
             told = f"{path} is not made by `actionkit stubs`, so {folder} stays as it is."

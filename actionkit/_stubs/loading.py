@@ -1,4 +1,4 @@
-"""Finds the message, service and action classes of packages, and of those that they use."""
+"""Finds the message, service and action classes of packages, and of the packages they use."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 Comments = Callable[[str], tuple[list[str], dict[str, list[str]]]]
-"""Of `test_msgs/action/Fibonacci_Goal`: the lines of comment on it, and those on each field."""
+"""Type name, such as `test_msgs/action/Fibonacci_Goal` -> its comment lines, and each field's."""
 _MARKS = {"msg": "SLOT_TYPES", "srv": "Request", "action": "Goal"}
-"""Kind -> what a type of that kind has, and none of the classes that it is made of."""
+"""Kind -> an attribute that only types of that kind have, and not their parts."""
 
 
 class NoSuchPackageError(Exception):
@@ -31,19 +31,19 @@ class Package:
 
 
 class Loaded:
-    """Packages, and those that they use, which are found while stubs of the former are written."""
+    """Packages, and the packages that they use: these are found while stubs are written."""
 
     def __init__(self, names: Collection[str], comments: Comments) -> None:
         """Load packages, or raise a `NoSuchPackageError`."""
-        self.packages: list[Package] = []  # grows by `has`, also while somebody goes through it
-        self.problems: list[str] = []  # what could not be had; all the rest is there
+        self.packages: list[Package] = []  # `has` adds to it, also during an iteration
+        self.problems: list[str] = []  # what could not be loaded; all the rest is there
         self.comments = comments
         self._known: dict[str, Package | None] = {}
         for name in names:
             self._add(name)
 
     def has(self, user: str, package: str, kind: str, name: str) -> bool:
-        """Tell whether there is such a type, or such a part of one, for a package that uses it."""
+        """Return whether a type, or a part of one, exists; `user` is the package that uses it."""
         try:
             self._add(package)
         except NoSuchPackageError as error:
@@ -60,7 +60,7 @@ class Loaded:
 
 
 def installed() -> list[str]:
-    """Return the names of the interface packages that seem to be installed; none is imported."""
+    """Return the names of interface packages that seem to be installed, without importing them."""
     patterns = [f"*/{kind}/__init__.py" for kind in _MARKS]
     found = (path for entry in sys.path for one in patterns for path in Path(entry).glob(one))
     return sorted({path.parts[-3] for path in found})

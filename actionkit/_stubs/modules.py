@@ -1,4 +1,4 @@
-"""Writes the stub files of a package: one for each type, and those that hand them on."""
+"""Writes the stub files of a package: one for each type, and those that re-export the types."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from actionkit._stubs.folders import MARK
 from actionkit._stubs.loading import Loaded, Package
 
 _QUIET = "# fmt: off\n# ruff: noqa"
-"""Formatters and linters have no business here: each run must give the same text."""
+"""Formatters and linters must not change the files: each run must give the same text."""
 _WIDTH = 100
 
 
 def files(package: Package, loaded: Loaded) -> dict[str, str]:
     """Return the stub files of a package: path below its folder -> text.
 
-    The same classes always give the same text. Packages that they use are added to `loaded`.
+    The same classes always give the same text. Packages that these use are added to `loaded`.
     """
     written = {"__init__.pyi": _text(())}
     for kind, types in package.types.items():
@@ -31,7 +31,7 @@ def files(package: Package, loaded: Loaded) -> dict[str, str]:
             if parts:
                 body += ["", *(f"{each} = {class_path(each)}" for each in parts)]
             stem = cls.__module__.rpartition(".")[2]
-            # As isort has them: first the modules, then what comes from them.
+            # In the order of isort: first `import`, then `from ... import`.
             imports = sorted(classes.imports, key=lambda line: (line.startswith("from "), line))
             written[f"{kind}/{stem}.pyi"] = _text([*imports, "", *body])
         written[f"{kind}/__init__.pyi"] = _text(handed_on)
@@ -39,7 +39,7 @@ def files(package: Package, loaded: Loaded) -> dict[str, str]:
 
 
 def placeholders(package: Package) -> dict[str, str]:
-    """Return files for other modules, such as `message_fixtures`, which would be hidden else."""
+    """Return files for other modules, such as `message_fixtures`: stubs would hide these."""
     lines = [
         "from typing import Any as _Any",
         "",
@@ -70,7 +70,7 @@ class _Classes:
         return _class(name, *self._parts(cls, "Goal", "Result", "Feedback"), self._impl(cls.Impl))
 
     def _impl(self, impl: Any) -> Iterator[str]:
-        """Write what rclpy's own action classes work with."""
+        """Write the members that rclpy's own action classes use."""
         names = Names(self.imports, set(), self._has)
         others = [
             f"CancelGoalService = {names.ros('action_msgs', 'srv', 'CancelGoal')}",
@@ -152,7 +152,7 @@ def _field(
 
 
 def _init(cls: Any, types: dict[str, tuple[str, str]], names: Names) -> Iterator[str]:
-    # `self` is the first parameter of what ROS generates, so it can be no keyword.
+    # `self` is the first parameter of the generated class, so it cannot be a keyword.
     given = [f"{field}: {one} = ..." for field, (_, one) in types.items() if field != "self"]
     if "_check_fields" in cls.__slots__ and "check_fields" not in types:
         given.append(f"check_fields: {names.builtin('bool')} = ...")
