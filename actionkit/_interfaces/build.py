@@ -1,4 +1,4 @@
-"""All interface packages of a folder, in the order in which they use each other."""
+"""Builds all interface packages of a folder, in the order in which they use each other."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from actionkit._interfaces.source_tree import Package, find_packages
 from actionkit._interfaces.wheel import Target
 
 _FORMAT = 4
-"""To be raised when what is built changes though its sources do not."""
+"""Increase this when the build makes something else from the same sources."""
 _GENERATING = 0.4
 """The part of the time that the generators take."""
 _LOAD = """
@@ -44,7 +44,7 @@ class Built:
 
     package: Package
     place: Path  # its folder, or its wheel
-    seconds: float | None  # `None` where nothing had changed
+    seconds: float | None  # `None` if nothing had changed
     notes: list[str]  # what colcon would refuse
 
 
@@ -53,8 +53,8 @@ def build(
 ) -> Iterator[Built]:
     """Build the interface packages of a folder that have changed, or some of their types only.
 
-    `progress` is told the part of a package that is done. After an `InterfacesError`, packages
-    before it are in place, and the others are as they were.
+    `progress` gets the part of a package that is done, 0 to 1. After an `InterfacesError`, the
+    packages before that one are in place, and the others have not changed.
     """
     checks.no_ros_installation(target.stage)
     generators.check_installed()
@@ -98,14 +98,14 @@ def _build(package: Package, target: Target, progress: Callable[[Package, float]
 
 
 def _fingerprint(package: Package, used: Collection[Dependency], target: Target) -> str:
-    """Return one word for all that a package is made from: the same word, the same libraries."""
+    """Return a hash of everything that a package is made from."""
     parts: list[object] = [_FORMAT, sysconfig.get_config_var("EXT_SUFFIX")]
     parts += [os.environ.get(name) for name in compile.VARIABLES]
     parts += [(file.path, file.text) for file in package.files]
     read = [package.folder / "package.xml"]
     read += sorted(Path(sys.prefix, "share").glob("rosidl_*/package.xml"))  # the generators
     for one in used:
-        # In a folder for PYTHONPATH, the libraries say where those that they use are.
+        # In a folder for PYTHONPATH, libraries contain the paths of the libraries that they use.
         parts += [one.name, one.record, one.libraries if target.kind == "folder" else None]
         read.append(one.share / "package.xml")
     parts += [path.read_bytes() for path in read]
@@ -115,13 +115,13 @@ def _fingerprint(package: Package, used: Collection[Dependency], target: Target)
 def _make(
     package: Package, used: Collection[Dependency], folder: Path, target: Target, progress: Progress
 ) -> Path:
-    """Generate, compile and link a package, and try that Python can load it; return its tree."""
+    """Generate, compile and link a package, check that Python can load it, and return its tree."""
     work, tree = folder / "work", folder / "tree"
 
     def compiling(part: float) -> None:
         progress(_GENERATING + (1 - _GENERATING) * part)
 
-    compile.find_compiler()  # without one, there is nothing to begin
+    compile.find_compiler()  # without one, do not begin
     progress(0.0)
     generators.generate(package, used, work, lambda part: progress(_GENERATING * part))
     made = tree / package.name
@@ -159,7 +159,7 @@ def _fill_share(package: Package, work: Path, top: Path) -> None:
 def _try_to_load(package: Package, used: Collection[Dependency], tree: Path) -> None:
     """Load the type support of all types in a process of its own."""
     names = [(file.kind, file.path.stem) for file in package.files]
-    # The others are where the package will be, not where it is now.
+    # The others are beside the place where the package will be, not where it is now.
     own = [one.libraries for one in used if one.record is not None]
     found = {"PYTHONPATH": [tree, *(path.parent for path in own)], "LD_LIBRARY_PATH": own}
     paths = {

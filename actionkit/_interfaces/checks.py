@@ -1,6 +1,6 @@
-"""What is wrong with packages, found before anything is generated.
+"""Finds mistakes in packages before anything is generated.
 
-Mistakes in the sources are a `BadSourceError`, with a line for each.
+Mistakes in the sources raise one `BadSourceError`, with a line for each.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from actionkit._model.similar_names import similar_names
 
 
 def no_ros_installation(ours: Path) -> None:
-    """Refuse beside an installed ROS, whose packages colcon makes."""
+    """Refuse to build beside an installed ROS: there, colcon builds packages."""
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
         is_ours = any(Path(prefix).glob(f"*/{RECORD}"))
         if not is_ours and Path(prefix) not in (Path(sys.prefix), ours):
@@ -36,7 +36,7 @@ def no_ros_installation(ours: Path) -> None:
 
 
 def name(package: Package, folder: Path) -> None:
-    """Refuse to take the place, or the name, of a package that somebody else made."""
+    """Refuse to overwrite a package that somebody else made, or to take its name."""
     place = folder / package.name
     if read_record(place) is not None:
         return
@@ -49,7 +49,7 @@ def name(package: Package, folder: Path) -> None:
             f"{package.folder / 'package.xml'}: a package {package.name!r} {how}: two of one name"
             " cannot be imported. Choose another <name>"
         )
-    if place.exists() or place.is_symlink():  # the latter without what it leads to
+    if place.exists() or place.is_symlink():  # also a link to nothing
         raise InterfacesError(
             f"{place}: this is here, and was not built by `actionkit interfaces build`: it is left"
             " alone. Choose another folder with -o"
@@ -72,7 +72,7 @@ def files(package: Package) -> None:
 
 
 def types(package: Package, used: Mapping[str, Dependency]) -> None:
-    """Refuse fields of types that are not there, and messages that hold themselves."""
+    """Refuse fields of unknown types, and messages that contain themselves."""
     messages = {file.path.stem: file for file in package.files if file.kind == "msg"}
     problems = []
     for use in (use for file in package.files for use in file.uses):
@@ -102,21 +102,21 @@ def _no_message(use: Use, there: list[str], is_own: bool) -> str:
 
 
 def missing(packages: Mapping[str, Package], names: Collection[str]) -> None:
-    """Refuse packages that use others which are not here: all of them in one line."""
+    """Refuse if packages that are used are not here; one line lists all of them."""
     if not names:
         return
     uses = [use for one in packages.values() for file in one.files for use in file.uses]
     steps = how_to_get(names)
     if (free := without(packages, names)) is not None:
         steps.append(f"Or build single types that do not need them, such as --only {free}")
-    # Of several, each is used in other places.
+    # Several packages have no common place.
     place = next((use.place for use in uses if names == {use.package}), joined(sorted(packages)))
     missing = f"the package{'s' if len(names) > 1 else ''} {joined(sorted(names))}"
     _raise([f"{place}: {missing} cannot be found here. {'. '.join(steps)}"])
 
 
 def order(packages: Iterable[Package]) -> list[Package]:
-    """Return packages so that each comes after those that it uses; refuse circles."""
+    """Return the packages, each after those that it uses; refuse circles."""
     by_name = {package.name: package for package in packages}
     uses = {name: package.uses() & set(by_name) for name, package in by_name.items()}
     if circle := _circle(uses):

@@ -1,4 +1,4 @@
-"""The packages whose types a package uses: where they are, and what they use themselves."""
+"""Finds the packages that a package uses, and the packages that these use in turn."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ _INCLUDE = re.compile(r'#include "(\w+)/')
 
 @dataclass(frozen=True)
 class BuildRecord:
-    """What a built package says of itself."""
+    """What a file beside a built package says about its build."""
 
     name: str
     version: str
-    key: str  # the fingerprint of all that it was made from
-    uses: list[str]  # the packages whose types it uses, and those that these use
+    key: str  # the hash of everything that it was made from
+    uses: list[str]  # the packages with types that it uses, and those that these use
     libraries: dict[str, int]  # with their sizes in bytes
 
     def write(self, folder: Path) -> None:
         (folder / RECORD).write_text(json.dumps(asdict(self), indent=1) + "\n", "utf-8")
 
     def is_complete(self, folder: Path) -> bool:
-        """Return whether everything that was built is still there."""
+        """Return whether all libraries that were built are still there."""
         return _share(folder) is not None and libraries_in(folder) == self.libraries
 
 
 def libraries_in(folder: Path) -> dict[str, int]:
-    """Return the libraries of a package of ours with their sizes in bytes."""
+    """Return the libraries of a package that we built, with their sizes in bytes."""
     return {path.name: path.stat().st_size for path in folder.glob("*.so")}
 
 
 def read_record(folder: Path) -> BuildRecord | None:
-    """Return what a package says of itself; `None` if it was not built by us."""
+    """Return the record of a package; `None` if we did not build it."""
     try:
         found = json.loads((folder / RECORD).read_text("utf-8"))
         return BuildRecord(**{name: found[name] for name in BuildRecord.__annotations__})
@@ -47,20 +47,20 @@ def read_record(folder: Path) -> BuildRecord | None:
 
 
 def _share(folder: Path) -> Path | None:
-    """Return the folder of .idl and .msg files of a package: `share/NAME`, somewhere above."""
+    """Return a package's folder of .idl and .msg files: `share/NAME` in a folder above."""
     found = (above / "share" / folder.name for above in folder.parents)
     return next((path for path in found if (path / "package.xml").is_file()), None)
 
 
 @dataclass(frozen=True)
 class Dependency:
-    """A package that is there already, with its folders."""
+    """A package that is already built or installed, with its folders."""
 
     name: str
     share: Path  # of .idl, .msg and .json files
     include: Path
     libraries: Path
-    record: BuildRecord | None  # how it was built, if it was by us
+    record: BuildRecord | None  # `None` if we did not build it
 
     def messages(self) -> list[str]:
         return sorted(path.stem for path in (self.share / "msg").glob("*.idl"))
@@ -73,14 +73,14 @@ class Dependency:
 
 
 def find(name: str, target: Path) -> Dependency | None:
-    """Return the package that Python would import, what was built into `target` before others."""
+    """Return the package that Python would import; packages built into `target` come first."""
     for entry in (target, *map(Path, sys.path)):
         folder = entry / name
         record, share = read_record(folder), _share(folder)
         if record is not None and share is not None:
             return Dependency(name, share, folder / "include", folder, record)
         if (folder / "__init__.py").is_file():
-            break  # as installed, by a wheel of ROS
+            break  # installed by a wheel of ROS
     prefix, share = Path(sys.prefix), Path(sys.prefix, "share", name)
     if not (share / "package.xml").is_file():
         return None
@@ -88,7 +88,7 @@ def find(name: str, target: Path) -> Dependency | None:
 
 
 def with_all_they_use(names: Iterable[str], target: Path) -> tuple[dict[str, Dependency], set[str]]:
-    """Return the packages and those that they use in turn, and the names of those not there."""
+    """Return the packages with all that they use, and the names of packages that are missing."""
     found: dict[str, Dependency] = {}
     left, missing = set(names), set[str]()
     while left:

@@ -1,4 +1,4 @@
-"""What goes wrong while an interface package is built."""
+"""The errors of building an interface package."""
 
 from __future__ import annotations
 
@@ -12,4 +12,4 @@ class BadSourceError(InterfacesError):
 
 
 class MissingToolError(InterfacesError):
-    """A compiler, Python.h or the generators are not here."""
+    """A compiler, Python.h or a generator is missing."""

@@ -1,8 +1,8 @@
-"""rosidl's generators, which come with rclpy's wheels: from .action files to C, C++ and Python.
+"""Runs rosidl's generators, which make C, C++ and Python from .action files.
 
-They keep what they know in global variables and write to standard output, so each runs in a
-process of its own; and all at the same time. They read each template, character by character, once
-for each type: what was found is remembered (`_remember`), which takes off half of the time.
+They come with rclpy's wheels. They keep their state in global variables and write to standard
+output, so each runs in its own process, all at the same time. For each type they read every
+template again, character by character; `_remember` caches this, which takes half of the time.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ LIBRARIES: dict[str, tuple[object, ...]] = {
     ),
     "rosidl_generator_py": ("generate_py", ["rosidl_typesupport_c"]),
 }
-"""Each generator, with its function and more arguments of that. The libraries of a package end with
-these names, by which rosidl looks for some; each needs only those before it."""
+"""Generator -> its function and more arguments for it. The names of a package's libraries end with
+the generators' names (rosidl searches for some); each library needs only those before it."""
 HASHES = "rosidl_generator_type_description"
 _PARSED = "parsed.pickle"
 _PROGRAM = """
@@ -47,7 +47,7 @@ generators.{}(*map(json.loads, sys.argv[2:]))
 
 
 def check_installed() -> None:
-    """Raise a `MissingToolError` if one of the generators is not here."""
+    """Raise a `MissingToolError` if a generator is not installed."""
     for name in ("rosidl_adapter", HASHES, *LIBRARIES):
         try:
             importlib.import_module(name)
@@ -61,7 +61,8 @@ def check_installed() -> None:
 def generate(package: Package, used: Iterable[Dependency], work: Path, progress: Progress) -> None:
     """Write the sources of a package's libraries and its Python modules.
 
-    `work` gets the folders `idl` and `HASHES` (files for `share`), and one for each of `LIBRARIES`.
+    They are in `work`: the folders `idl` and `HASHES` (for `share`), and one for each of
+    `LIBRARIES`.
     """
     for file in package.files:
         path = work / "source" / file.path
@@ -86,11 +87,11 @@ def _run(function: str, *arguments: object) -> None:
     processes.run(words, f"{arguments[0]}: a generator of ROS failed", Path())
 
 
-# --- in the process of a generator -----------------------------------------------------------
+# --- in a generator's own process -----------------------------------------------------------
 
 
 def describe(package: str, folder: str, names: list[str], paths: list[str]) -> None:
-    """Write .idl files and the hashes of the types, and keep what was parsed."""
+    """Write .idl files and the hashes of the types, and save the parsed types."""
     warnings.simplefilter("ignore")  # of backslashes in comments
     convert_to_idl: Any = importlib.import_module("rosidl_adapter").convert_to_idl
     work, parsed = Path(folder), _parse_once({})
@@ -115,7 +116,7 @@ def write(package: str, folder: str, names: list[str], library: str) -> None:
 
 
 def _call(generator: str, package: str, work: Path, names: list[str], **options: object) -> None:
-    """Call a generator, with a file that says what to do."""
+    """Call a generator with a file of its arguments."""
     output, path = work / generator / package, work / f"{generator}.json"
     output.mkdir(parents=True)
     job = {
@@ -140,7 +141,7 @@ def _resources(generator: str) -> Path:
 
 
 def _parse_once(parsed: dict[str, Any]) -> dict[str, Any]:
-    """Have each .idl text parsed once only; return where what was parsed is kept."""
+    """Make the parser parse each .idl text only once; return the cache."""
     parser: Any = importlib.import_module("rosidl_parser.parser")
     parse = parser.parse_idl_string
 
@@ -154,13 +155,13 @@ def _parse_once(parsed: dict[str, Any]) -> dict[str, Any]:
 
 
 def _remember() -> None:
-    """Have empy look once only where the expressions of a template end.
+    """Make empy search only once for the end of each expression in a template.
 
-    The two methods depend on nothing but the text and the place in it.
+    The result of the two methods depends only on the text and the position in it.
     """
     scanner: Any = getattr(importlib.import_module("em"), "Scanner", None)
     for name in ("complex", "next"):
-        if hasattr(scanner, name):  # another empy may have no such methods
+        if hasattr(scanner, name):  # another version of empy may not have these methods
             setattr(scanner, name, _remembering(getattr(scanner, name)))
 
 
@@ -173,7 +174,7 @@ def _remembering(find: Callable[..., Any]) -> Callable[..., Any]:
         if key not in known:
             try:
                 known[key] = (find(scanner, *args, **options), None)
-            except Exception as problem:  # noqa: BLE001  that there is no end is an answer, too
+            except Exception as problem:  # noqa: BLE001  "no end was found" is remembered, too
                 known[key] = (None, problem)
         value, error = known[key]
         if error is not None:

@@ -1,6 +1,6 @@
-"""One .msg, .srv or .action file: its text, checked line by line.
+"""Reads a .msg, .srv or .action file and checks it line by line.
 
-rosidl's parser says what is wrong, but not where; so it is asked about each line alone.
+rosidl's parser says what is wrong, but not where. So it gets each line alone.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ PARTS = {
     "srv": ("request", "response"),
     "action": ("goal", "result", "feedback"),
 }
-"""Kind, which is a folder of a package and the ending of the files there -> the parts of a file."""
+"""Kind (a folder of a package, and the ending of the files in it) -> the parts of a file."""
 _SERVICE = {"builtin_interfaces", "service_msgs"}
 _ACTION = _SERVICE | {"action_msgs", "unique_identifier_msgs"}
 _IMPLIED: dict[str, set[str]] = {"msg": set(), "srv": _SERVICE, "action": _ACTION}
@@ -26,7 +26,7 @@ _IMPLIED: dict[str, set[str]] = {"msg": set(), "srv": _SERVICE, "action": _ACTIO
 _SEPARATOR = re.compile(r"\s*---\s*(#.*)?")
 _FILE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
 _ODD_LINE_ENDS = re.compile("[\v\f\x1c-\x1e\x85\u2028\u2029]")
-"""What Python takes for the end of a line besides those of editors; in a comment, it is none."""
+"""Characters that end a line for Python, but not for editors. In a comment they do not end it."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Use:
 
 @dataclass(eq=False)
 class InterfaceFile:
-    """A checked file, with what is wrong, and notes on what colcon alone would refuse."""
+    """A checked file, with its mistakes, and notes on what only colcon would refuse."""
 
     package: str
     path: Path  # relative to the package
@@ -59,7 +59,7 @@ class InterfaceFile:
         return f"{self.package}/{self.kind}/{self.path.stem}"
 
     def packages(self) -> set[str]:
-        """Return the packages whose types are needed."""
+        """Return the packages with types that the file uses."""
         return {use.package for use in self.uses} | _IMPLIED[self.kind]
 
 
@@ -83,7 +83,7 @@ def read(package: str, folder: Path, path: Path) -> InterfaceFile:
     written = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     plain = [_plain(_ODD_LINE_ENDS.sub(" ", line)) for line in written]
     file.text = "\n".join(plain)
-    lines_of: list[dict[str, int]] = [{}]  # each name in a part of the file
+    lines_of: list[dict[str, int]] = [{}]  # for each part of the file: name -> line
     for number, (raw, line) in enumerate(zip(written, plain, strict=True), 1):
         place = f"{shown}:{number}"
         if (note := _note(raw, line)) is not None:
@@ -115,7 +115,7 @@ def read(package: str, folder: Path, path: Path) -> InterfaceFile:
 
 
 def _plain(line: str) -> str:
-    """Return the line as rosidl's parser takes it, which stumbles over spaces and `--- # result`.
+    """Return the line in a form that rosidl's parser accepts: no odd spaces, no `--- # result`.
 
     An indented comment stays indented: it belongs to the line above it.
     """
@@ -125,7 +125,7 @@ def _plain(line: str) -> str:
 
 
 def _note(raw: str, line: str) -> str | None:
-    """Return what colcon would refuse in a line that is built here."""
+    """Return what colcon would refuse in a line that we accept; `None` if nothing."""
     if line == "---" != raw:
         return "write `---` alone, without spaces or a comment"
     if raw.rstrip() == line:
@@ -143,7 +143,7 @@ def _form(kind: str) -> str:
 def _equal_constants(
     file: InterfaceFile, shown: Path, lines_of: Sequence[Mapping[str, int]]
 ) -> Iterator[str]:
-    """Refuse equal constants in two parts: rosidl's parser gives both to the first one."""
+    """Refuse equal constants in two parts: rosidl's parser puts both into the first one."""
     seen: dict[str, tuple[str, int]] = {}
     texts = re.split(r"^---\n?", file.text, flags=re.M)
     for part, text, line_of in zip(PARTS[file.kind], texts, lines_of, strict=True):

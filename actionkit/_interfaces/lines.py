@@ -1,4 +1,4 @@
-"""One line of a .msg, .srv or .action file: what it says, and what is wrong with it."""
+"""Parses and checks one line of a .msg, .srv or .action file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OTHER_LANGUAGES = {
     "duration": "builtin_interfaces/Duration", "Header": "std_msgs/Header",
     "Time": "builtin_interfaces/Time", "Duration": "builtin_interfaces/Duration",
 }  # fmt: skip
-"""Names of no type of ROS -> the type that is probably meant."""
+"""Type names of other languages -> the type of ROS that is probably meant."""
 _C_AND_CPP = re.findall(
     r"\w+",
     "alignas alignof and_eq asm auto bitand bitor bool break case catch char char16_t char32_t"
@@ -31,17 +31,17 @@ _C_AND_CPP = re.findall(
 _RESERVED = {
     "Python": keyword.kwlist,
     "C or C++": _C_AND_CPP,
-    # The generated class uses it in its body, where the field would be found first.
+    # The generated class uses it in its body, and would find the field first.
     "the generated Python code": ["builtins"],
 }
 """Language -> words that cannot be the name of a field."""
 _ESCAPE_IN_COMMENT = re.compile(r"\\([nrxuUN0-7]\w*|$)")
-"""What the grammar of .idl files, into which comments are copied, takes for a character."""
+"""Escapes in a comment. Comments are copied into .idl files, where these are characters."""
 _ESCAPE_IN_TEXT = re.compile(r"\\(?!['\"t])|\\.?$")
 
 
 class BadLineError(Exception):
-    """No type can be generated from a line; the text says why, and what to write."""
+    """A line is not valid; the text says why, and what to write."""
 
 
 def check(package: str, line: str) -> Any:
@@ -57,12 +57,12 @@ def check(package: str, line: str) -> Any:
         raise BadLineError(f"{code!r}: separate the parts with a line `---`")
     try:
         found = parse(package, line)
-    except Exception as error:  # noqa: BLE001  it raises whatever comes to hand
+    except Exception as error:  # noqa: BLE001  it raises errors of many kinds
         raise BadLineError(_explained(code, error)) from None
     problems = [_problem_with_value(one, code) for one in [*found.fields, *found.constants]]
     problems += [_problem_with_name(one.name) for one in found.fields]
     for type_name in (one.type.type for one in found.fields):
-        if type_name in ("time", "duration"):  # which the parser takes, and no generator
+        if type_name in ("time", "duration"):  # the parser accepts them, the generators do not
             problems.append(_unknown_type(type_name))
     for problem in filter(None, problems):
         raise BadLineError(problem)
@@ -72,12 +72,12 @@ def check(package: str, line: str) -> Any:
 def parse(package: str, text: str) -> Any:
     """Return the fields and constants of a part of a file, or of a line alone."""
     parser: Any = importlib.import_module("rosidl_adapter.parser")
-    with contextlib.redirect_stderr(io.StringIO()):  # what is written there is raised as well
+    with contextlib.redirect_stderr(io.StringIO()):  # it raises the same text
         return parser.parse_message_string(package, "Part", text)
 
 
 def _problem_with_value(one: Any, code: str) -> str | None:
-    """Return why no generator can write a default, or the value of a constant."""
+    """Return what is wrong with a default or a constant's value; `None` if nothing."""
     value = one.value if hasattr(one, "value") else one.default_value
     values = value if isinstance(value, list) else [value]
     if any(isinstance(each, float) and not math.isfinite(each) for each in values):
@@ -90,7 +90,7 @@ def _problem_with_value(one: Any, code: str) -> str | None:
 
 
 def _problem_with_name(name: str) -> str | None:
-    """Return why no generator can write the name of a field."""
+    """Return what is wrong with the name of a field; `None` if nothing."""
     for language in (one for one, words in _RESERVED.items() if name in words):
         return f"{name!r} is a word of {language}, which ROS generates from this: use {name}_value"
     return None
@@ -110,7 +110,7 @@ def _explained(code: str, error: Exception) -> str:
         )
     if base in OTHER_LANGUAGES and base[0].islower():
         return _unknown_type(base)
-    if "invalid field name" in str(error):  # what follows are regular expressions
+    if "invalid field name" in str(error):  # regular expressions follow
         parts = re.findall("[A-Z]?[a-z0-9]+|[A-Z]+(?![a-z])", words[1].split()[0])
         near = "_".join(parts).lower().lstrip("_0123456789") or "value"
         near += "_value" if _problem_with_name(near) else ""

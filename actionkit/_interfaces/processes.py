@@ -1,4 +1,4 @@
-"""Running commands, several at the same time, and telling why one failed."""
+"""Runs commands, several at the same time, and reports why one failed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import TypeVar
 from actionkit._interfaces.errors import InterfacesError
 
 _SHOWN = 6
-"""Lines that are shown: a compiler tells the cause first, and Python last."""
+"""Lines that are shown, the first and the last: a compiler writes the cause first, Python last."""
 Progress = Callable[[float], None]
 In = TypeVar("In")
 
@@ -21,7 +21,7 @@ In = TypeVar("In")
 def run(
     words: Sequence[str], failed: str, folder: Path, environment: Mapping[str, str] | None = None
 ) -> None:
-    """Run a command. If it fails, the error has the first and the last lines that it wrote."""
+    """Run a command. If it fails, the error shows the first and the last lines that it wrote."""
     done = subprocess.run(
         words, cwd=folder, env=environment, stdin=DEVNULL, stdout=PIPE, stderr=STDOUT, check=False
     )
@@ -33,12 +33,12 @@ def run(
 
 
 def each(work: Callable[[In], None], things: Sequence[In], progress: Progress) -> None:
-    """Have `work`, which waits for a process, done for each."""
+    """Call `work`, which waits for a process, for each thing, on several threads."""
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         futures = [pool.submit(work, one) for one in things]
         try:
             for count, future in enumerate(as_completed(futures), 1):
-                future.result()  # the first failure ends all
+                future.result()  # the first failure ends all others
                 progress(count / len(things))
-        finally:  # also at Ctrl-C: no process is left at work
+        finally:  # also after Ctrl-C: no process goes on
             pool.shutdown(cancel_futures=True)

@@ -1,4 +1,4 @@
-"""Some types of the packages in a folder, with what these need of the others."""
+"""Selects some types of the packages in a folder, and the types that these need."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from actionkit._model.similar_names import similar_names
 
 
 def select(packages: Mapping[str, Package], only: Iterable[str]) -> dict[str, Package]:
-    """Return packages that have some types only, and the messages that these use."""
+    """Return packages with only the named types and the messages that these use."""
     known = _by_type(packages)
     chosen: list[InterfaceFile] = []
     for name in only:
@@ -31,7 +31,7 @@ def select(packages: Mapping[str, Package], only: Iterable[str]) -> dict[str, Pa
 
 
 def without(packages: Mapping[str, Package], missing: Collection[str]) -> str | None:
-    """Return a type that needs none of the missing packages, an action if there is one."""
+    """Return a type that can be built without the missing packages, an action if possible."""
     known = _by_type(packages)
     for _, file in sorted(known.items(), key=lambda item: (item[1].kind != "action", item[0])):
         needed = _with_all_they_use([file], known)
@@ -52,7 +52,7 @@ def _with_all_they_use(
     files: Iterable[InterfaceFile], known: Mapping[str, InterfaceFile]
 ) -> list[InterfaceFile]:
     found = list(files)
-    for file in found:  # it grows
+    for file in found:  # grows during the loop
         used = [known.get(f"{use.package}/msg/{use.name}") for use in file.uses]
         found += [one for one in used if one is not None and one not in found]
     return found

@@ -1,4 +1,4 @@
-"""The interface packages in a folder, by their package.xml."""
+"""Finds the interface packages in a folder and reads their package.xml."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from actionkit._interfaces.errors import BadSourceError
 from actionkit._interfaces.interface_file import PARTS, InterfaceFile
 
 OWN = Path(__file__).parent / "actionkit_interfaces"
-"""The interface package that comes with ActionKit, as sources, which `colcon build` takes too."""
+"""The sources of the interface package that comes with ActionKit; `colcon build` works, too."""
 _NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
 _VERSION = re.compile(r"\d+\.\d+\.\d+")
 _IGNORE = ("COLCON_IGNORE", "AMENT_IGNORE", "pyvenv.cfg")
-"""Files that say: no packages below here."""
+"""Files that mean: there are no packages in this folder."""
 _SKIPPED = {"build", "install", "log", "node_modules", "__pycache__"}
 _MINIMAL = """<package format="3">
   <name>{name}</name>
@@ -32,22 +32,22 @@ _MINIMAL = """<package format="3">
 
 @dataclass(frozen=True)
 class Package:
-    """An interface package as its author wrote it, by its package.xml."""
+    """The sources of an interface package."""
 
     name: str
     version: str
     summary: str
-    declared: frozenset[str]  # the packages that it names as dependencies
+    declared: frozenset[str]  # the dependencies in its package.xml
     folder: Path
     files: tuple[InterfaceFile, ...]
 
     def uses(self) -> set[str]:
-        """Return the other packages whose types it uses."""
+        """Return the other packages with types that it uses."""
         return set[str]().union(*(file.packages() for file in self.files)) - {self.name}
 
 
 def find_packages(folder: Path, skip: Path) -> dict[str, Package]:
-    """Return the interface packages of a folder by name: the folder itself, or those below it."""
+    """Return the interface packages by name: the folder itself, or the packages below it."""
     if not folder.is_dir():
         raise BadSourceError(f"{folder}: there is no such folder")
     is_package = (folder / "package.xml").is_file()

@@ -1,4 +1,4 @@
-"""The wheel of a package, and the places that it goes to.
+"""Writes the wheel of a package, and installs or unpacks it.
 
 pip installs it into this environment, `-o` unpacks it into a folder, and `--wheel` keeps it for a
 robot that has no compiler.
@@ -34,28 +34,28 @@ from actionkit._interfaces.source_tree import Package
 Kind = Literal["environment", "folder", "wheels"]
 _PREFIX = ".actionkit-building-"
 _LOCAL = "+actionkit"
-"""Ends each version. PyPI takes no such version: so what a wheel requires of ours is never what
-somebody else has registered under the same name."""
+"""The end of each version. PyPI refuses such a version, so a requirement of our wheels never
+matches a package that somebody else has registered under the same name."""
 _PIP = ("-m", "pip", "--isolated", "install", "--no-deps", "--no-index", "--force-reinstall", "-q")
-"""`--isolated`: no settings of the user's that put packages elsewhere."""
+"""`--isolated`: the user's settings could put packages elsewhere."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """Where packages go: into this Python, a folder for PYTHONPATH, or one for wheels."""
+    """Where packages go: into this Python, into a folder for PYTHONPATH, or a folder for wheels."""
 
     kind: Kind
     folder: Path
-    stage: Path  # where Python imports those from that were built just now
+    stage: Path  # the folder from which Python imports new packages
 
     def place(self, package: Package) -> Path:
-        """Return where a package goes: its folder, or its wheel."""
+        """Return the path of a package: its folder, or its wheel."""
         return self.folder / (_file_name(package) if self.kind == "wheels" else package.name)
 
 
 @contextlib.contextmanager
 def opened(kind: Kind, folder: Path | None) -> Iterator[Target]:
-    """Hold a target for one build; others wait. A build that is killed lets go of it."""
+    """Lock a target for one build; others wait. The lock of a build that is killed is free."""
     if kind == "environment" and importlib.util.find_spec("pip") is None:
         raise MissingToolError(
             "there is no pip in this environment to install with: build a wheel, `--wheel wheels`,"
@@ -67,7 +67,7 @@ def opened(kind: Kind, folder: Path | None) -> Iterator[Target]:
             folder.mkdir(parents=True, exist_ok=True)
             handle = os.open(folder, os.O_RDONLY)
             stack.callback(os.close, handle)
-            # The folder itself: no file is left behind. Some network file systems cannot.
+            # A lock on the folder itself leaves no file. Some network file systems cannot do it.
             with contextlib.suppress(OSError):
                 fcntl.flock(handle, fcntl.LOCK_EX)
             for left in folder.glob(f"{_PREFIX}*"):  # by builds that were killed
@@ -82,12 +82,12 @@ def opened(kind: Kind, folder: Path | None) -> Iterator[Target]:
 
 
 def workshop(folder: Path) -> tempfile.TemporaryDirectory[str]:
-    """Make a temporary folder on the file system of another one."""
+    """Make a temporary folder on the same file system as `folder`."""
     return tempfile.TemporaryDirectory(prefix=_PREFIX, dir=folder, ignore_cleanup_errors=True)
 
 
 def share(package: Package, tree: Path) -> Path:
-    """Return what becomes the environment's folder `share`, in the tree of a wheel."""
+    """Return the folder in a wheel's tree that pip installs as `share`."""
     return tree / f"{_stem(package)}.data" / "data" / "share"
 
 
@@ -100,13 +100,13 @@ def _stem(package: Package) -> str:
 
 
 def _tag() -> str:
-    """Return for which Python and which kind of machine a wheel is."""
+    """Return the tag for the Python and the kind of machine that a wheel is for."""
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
     return f"{python}-{python}-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
 
 
 def write(package: Package, tree: Path, used: Iterable[Dependency], folder: Path) -> Path:
-    """Write the wheel of a package, of the files in `tree`, which are as they are in the wheel."""
+    """Write the wheel of a package; `tree` has the files as they are in the wheel."""
     about = tree / f"{_stem(package)}.dist-info"
     about.mkdir()
     lines = [
@@ -137,7 +137,7 @@ def write(package: Package, tree: Path, used: Iterable[Dependency], folder: Path
 
 
 def _requirements(used: Iterable[Dependency]) -> set[str]:
-    """Return what the wheel requires: `ros-geometry-msgs~=5.3.6`, as patches are as good."""
+    """Return the wheel's requirements, such as `ros-geometry-msgs~=5.3.6`: any patch will do."""
     owners = _owners()
     found = {owners[one.name] for one in used if one.record is None and one.name in owners}
     found |= {f"{u.name}=={u.record.version}{_LOCAL}" for u in used if u.record is not None}
@@ -148,17 +148,17 @@ def _requirements(used: Iterable[Dependency]) -> set[str]:
 
 @cache
 def _owners() -> dict[str, str]:
-    """Return importable package -> what installed it."""
+    """Return importable package -> the distribution that installed it."""
     found = {}
     for one in distributions():
-        if one.read_text("WHEEL") is not None:  # others are inside of one, as made by colcon
+        if one.read_text("WHEEL") is not None:  # others, made by colcon, are inside a distribution
             packages = {file.parts[0] for file in one.files or () if file.name == "__init__.py"}
             found.update(dict.fromkeys(packages, f"{one.metadata['Name']}~={one.version}"))
     return found
 
 
 def deliver(wheel: Path, package: Package, target: Target) -> None:
-    """Put a package where it goes."""
+    """Install a package into the target."""
     if target.kind == "environment":
         failed = (
             f"pip did not install {wheel.name}. Use a virtual environment of your own, or build a"
@@ -168,14 +168,14 @@ def deliver(wheel: Path, package: Package, target: Target) -> None:
         return
     _unpack(wheel, package.name, target.stage)
     if target.kind == "folder":
-        # Else colcon would take what is in `share` for packages to build.
+        # Otherwise colcon would build the packages in `share`.
         (target.folder / "share" / "COLCON_IGNORE").touch()
     else:
         wheel.replace(target.place(package))
 
 
 def unpack_known(package: Package, target: Target) -> None:
-    """Unpack the wheel of an earlier build, so that others can use it if nothing has changed."""
+    """Unpack the wheel of an earlier build, so that other packages can use it unchanged."""
     if target.kind == "wheels":
         with contextlib.suppress(OSError, BadZipFile, StopIteration):
             _unpack(target.place(package), package.name, target.stage)
@@ -190,7 +190,7 @@ def _unpack(wheel: Path, name: str, folder: Path) -> None:
         shutil.copytree(shared / "ament_index", to / "ament_index", dirs_exist_ok=True)
         new = {to / name: shared / name, folder / name: Path(work, name)}
         for there, built in new.items():
-            # Moved away first: a build that is killed while deleting leaves no half of a package.
+            # Moved away first: if the build is killed while deleting, no half package is left.
             if there.exists():
                 there.rename(Path(tempfile.mkdtemp(dir=work), name))
             built.rename(there)
