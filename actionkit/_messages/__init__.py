@@ -1,1 +1,1 @@
-"""Plain Python values to ROS messages and back, checked field by field."""
+"""Converts plain Python values to ROS messages and back, with a check of each field."""

@@ -1,7 +1,7 @@
-"""Between plain Python values and ROS messages, both ways; the only place that does it.
+"""Converts plain Python values to ROS messages and back; no other module does this.
 
-Message classes are handed in, so nothing of ROS is loaded by importing this. How a class is to be
-filled is worked out once per class, from its own description (`SLOT_TYPES`), and kept.
+Message classes are arguments, so this module imports nothing of ROS. The converter for a class is
+made once, from the class's own description (`SLOT_TYPES`), and kept.
 """
 
 from __future__ import annotations
@@ -55,23 +55,23 @@ def from_plain(cls: type[MessageT], value: MessageT | Mapping[str, Any]) -> Mess
 
         goal = from_plain(Fibonacci.Goal, {"order": 5})
 
-    It shares nothing mutable with what it was built from. A client's `call` does the same with its
-    goal.
+    The message shares nothing mutable with `value`. A client's `call` converts its goal in the same
+    way.
 
     Args:
         cls: The message class, such as `Fibonacci.Goal`.
         value: A message of that class, or a mapping of field names to values. Values may be nested
             mappings, messages, lists, tuples, `array.array`, numpy arrays and scalars; bytes for
-            `uint8[]` and `byte[]`; an int where a float is asked for. Fields that are left out
-            keep their defaults.
+            `uint8[]` and `byte[]`; an int for a float field. Missing fields keep their defaults.
 
     Returns:
-        A message that can be serialised; it equals `value` where that was a message.
+        A message that can be serialised. It equals `value` if that is a message.
 
     Raises:
-        FieldTypeError: A value, or the whole, is of the wrong type; None and bools for numbers too.
-        FieldError: A number out of range, a wrong length, a string that ROS cannot carry, or a
-            field that does not exist.
+        FieldTypeError: `value`, or a value in it, has the wrong type. None and bools are not
+            numbers.
+        FieldError: A number is out of range, a length is wrong, ROS cannot carry a string, or a
+            field does not exist.
         TypeError: `cls` is not a message class.
     """
     described: Any = cls  # mypy does not take `type[MessageT]` for hashable
@@ -83,18 +83,18 @@ def from_plain(cls: type[MessageT], value: MessageT | Mapping[str, Any]) -> Mess
 
 
 def to_plain(message: object, *, max_items: int | None = None) -> dict[str, Any]:
-    """Turn a message into nested dicts and lists of plain Python values, fit for YAML and JSON.
+    """Turn a message into nested dicts and lists of plain Python values, for YAML and JSON.
 
         answer = to_plain(client.call({"order": 3}, timeout=10.0))  # {"sequence": [0, 1, 1, 2]}
 
     Times stay `{sec, nanosec}`, a `byte` becomes an int, arrays become lists, nan and the
-    infinities stay floats. It never fails on a message that `from_plain` would refuse: logs must be
-    able to show those too.
+    infinities stay floats. It also converts messages that `from_plain` would refuse, because logs
+    must be able to show them.
 
     Args:
         message: Any ROS message.
-        max_items: For logs: cut each array after so many elements, and say in a last element, a
-            str, how many more there were. The outcome is then no longer fit for `from_plain`.
+        max_items: For logs: each array is cut after this many elements, and a str as its last
+            element says how many more there were. `from_plain` does not accept such a result.
 
     Returns:
         Field names to values, which `from_plain` turns into an equal message.
@@ -128,8 +128,8 @@ def _converter(cls: type) -> Converter:
             try:
                 setattr(message, name, converted)
             except AssertionError as error:
-                # ROS's own checks, which ROS_PYTHON_CHECK_FIELDS=1 turns on. They are laxer than
-                # ours, except for the very largest float: their bound is rounded down.
+                # One of ROS's own checks, which ROS_PYTHON_CHECK_FIELDS=1 turns on. They are laxer
+                # than ours, except for the very largest float: their bound is rounded down.
                 problem_text = f"{shown(item)} is refused by ROS itself: {error}"
                 raise FieldError(name, item, problem_text) from error
         return message
@@ -154,12 +154,7 @@ def _converter(cls: type) -> Converter:
 
 
 def _field_converter(slot: AbstractType, text: str) -> Converter:
-    """Make the converter for one field.
-
-    Args:
-        slot: The field's type as rosidl describes it.
-        text: The same as ROS writes it.
-    """
+    """Make the converter for a field from its type as rosidl describes it and as ROS writes it."""
     from rosidl_parser.definition import AbstractNestedType
 
     if isinstance(slot, AbstractNestedType):
@@ -206,7 +201,7 @@ def _elements_converter(slot: AbstractNestedType) -> Converter:
 
 
 def _messages(cls: type, element: Converter) -> Converter:
-    """Make the converter for an array of messages, which has a hint for a table of numbers."""
+    """Make the converter for an array of messages; its error has a hint for a table of numbers."""
     slots = slots_of(cls)
     numeric = all(getattr(slot, "typename", "") in NUMERIC_CODES for slot, _ in slots.values())
 
@@ -246,7 +241,7 @@ def _sized(slot: AbstractNestedType, text: str, convert: Converter) -> Converter
 
 
 def _plain(value: Any, max_items: int | None) -> Any:
-    # By the value and not by the field's type: a message that was never checked must do as well.
+    # By the value, not by the field's type: a message that was never checked must work, too.
     cls: Any = type(value)
     if cls in _PLAIN:
         return value
@@ -256,7 +251,7 @@ def _plain(value: Any, max_items: int | None) -> Any:
         return value[0]
     if isinstance(value, (list, tuple, array, bytes, bytearray)) or hasattr(value, "tolist"):
         return _plain_items(value, max_items)
-    if isinstance(value, (int, float)):  # an enumeration's, mostly
+    if isinstance(value, (int, float)):  # mostly the members of enumerations
         return int(value) if isinstance(value, int) else float(value)
     return str.__str__(value) if isinstance(value, str) else shown(value)
 

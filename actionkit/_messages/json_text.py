@@ -1,4 +1,4 @@
-"""Data with messages in it as JSON: one spelling of NaN and the infinities everywhere."""
+"""Writes data with messages in it as JSON, with one spelling of NaN and the infinities."""
 
 from __future__ import annotations
 
@@ -11,12 +11,8 @@ def to_json(data: dict[str, Any], *, compact_ascii: bool = False) -> str:
     """Return the data as one line of strict JSON, without a newline.
 
     JSON has no numbers for NaN and the infinities. They become the strings "NaN", "Infinity" and
-    "-Infinity", as in the JSON of Protocol Buffers; `float()` and JavaScript's `Number()` take them
-    back.
-
-    Args:
-        data: Plain values, as `to_plain` returns them.
-        compact_ascii: For files: without spaces, and with all that is not ASCII escaped.
+    "-Infinity", as in the JSON of Protocol Buffers; `float()` and JavaScript's `Number()` read
+    these. `compact_ascii` is for files: without spaces, and with all other characters escaped.
     """
     separators = (",", ":") if compact_ascii else None
 
@@ -25,7 +21,7 @@ def to_json(data: dict[str, Any], *, compact_ascii: bool = False) -> str:
 
     try:
         return dump(data)
-    except ValueError:  # NaN or an infinity, which most lines do not have
+    except ValueError:  # NaN or an infinity; most lines have neither
         return dump(_spelled_out(data))
 
 

@@ -1,4 +1,4 @@
-"""Messages that travel as bytes and are decoded where they are used, once."""
+"""Messages that are decoded when they are first used."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from actionkit._threads.diagnostics import log_here
 
 
 class UndecodableError(Exception):
-    """The bytes of a message do not fit its type. Every user of the message leaves it out."""
+    """The bytes of a message do not fit its type. Code that uses the message leaves it out."""
 
 
 class LazyMessage:
@@ -30,7 +30,7 @@ class LazyMessage:
         """
         pending = self._pending
         if pending is not None:
-            # Two threads may both decode: the second value is as good as the first.
+            # Two threads may both decode. That does no harm: the values are equal.
             decode, message = pending
             try:
                 self._value = decode(message)

@@ -1,4 +1,4 @@
-"""What fields a message class has, and the way to one of them by a dotted path."""
+"""Finds the fields of a message class, and a single field by its dotted path."""
 
 from __future__ import annotations
 
@@ -15,33 +15,27 @@ if TYPE_CHECKING:
     from rosidl_parser.definition import AbstractType
 
 _ROS_1 = {"nsec": "nanosec", "nsecs": "nanosec"}
-"""Names of ROS 1, which are more like another field, `sec`."""
+"""Names of ROS 1 -> the field that is meant. By its letters, `sec` would be more similar."""
 _PATH_PART = re.compile(r"([A-Za-z_]\w*)(?:\[(\d+)\])?")
 
 
 def field_type(cls: type, path: str) -> str:
     """Return the ROS type of a field, as the message class writes it: `int32`, `sequence<…>`.
 
-    Args:
-        cls: A message class.
-        path: Dotted, with indices: `error_code`, `pose.position.x`, `poses[0].header`.
+    A path is dotted, with indices: `error_code`, `pose.position.x`, `poses[0].header`.
 
     Raises:
-        FieldError: There is no such field; the text names those that there are.
+        FieldError: There is no such field; the text names the existing fields.
         TypeError: `cls` is not a message class.
     """
     return _resolve(cls, path)[1]
 
 
 def get_field(message: object, path: str) -> Any:
-    """Return the value of a field, as the message holds it.
-
-    Args:
-        message: A ROS message.
-        path: As for `field_type`.
+    """Return the value of a field, not converted; `path` is as for `field_type`.
 
     Raises:
-        FieldError: There is no such field, or the array is too short for an index of the path.
+        FieldError: There is no such field, or an array is too short for an index of the path.
         TypeError: `message` is not a ROS message.
     """
     value: Any = message
@@ -65,7 +59,7 @@ def type_name(cls: type) -> str:
 
 
 def is_message_class(cls: object) -> bool:
-    """Tell whether this is a class that rosidl generated for a message."""
+    """Return whether this is a class that rosidl generated for a message."""
     return isinstance(cls, type) and hasattr(cls, "SLOT_TYPES")
 
 
@@ -86,7 +80,7 @@ def slots_of(cls: type) -> Mapping[str, tuple[AbstractType, str]]:
 
 
 def message_class(slot: Any) -> type:
-    """Return the Python class that a field's `NamespacedType` speaks of."""
+    """Return the Python class of a field's `NamespacedType`."""
     module = importlib.import_module(".".join(slot.namespaces))
     return getattr(module, slot.name)  # type: ignore[no-any-return]
 
@@ -94,14 +88,9 @@ def message_class(slot: Any) -> type:
 def unknown_field(
     path: str, name: object, fields: Sequence[str], ros_type: str, given: str = ""
 ) -> FieldError:
-    """Return the error for a field that does not exist, with the nearest that does.
+    """Return the error for a field that does not exist, with the most similar existing one.
 
-    Args:
-        path: The path up to and including the name.
-        name: What was asked for.
-        fields: What there is.
-        ros_type: The message's type.
-        given: The value it was to have, as text, where there is one.
+    `path` ends with the unknown `name`. `given` is the value for the field, as text.
     """
     meant = _ROS_1.get(str(name), "")
     near = [meant] if meant in fields else similar_names(str(name), fields)
@@ -112,11 +101,7 @@ def unknown_field(
 
 @lru_cache(maxsize=1024)
 def _resolve(cls: type, path: str) -> tuple[tuple[tuple[str, int | None, str], ...], str]:
-    """Find a path's way through a message class.
-
-    Returns:
-        The steps (field name, index or None, the path up to there), and the ROS type at the end.
-    """
+    """Return a path's steps (field name, index or None, the path up to there) and its ROS type."""
     from rosidl_parser.definition import AbstractNestedType, NamespacedType
 
     steps: list[tuple[str, int | None, str]] = []
@@ -154,7 +139,7 @@ def _resolve(cls: type, path: str) -> tuple[tuple[tuple[str, int | None, str], .
 
 
 def _element_text(text: str) -> str:
-    """`int32[3]`, `sequence<int32>` and `sequence<int32, 3>` all have elements `int32`."""
+    """Return the type of an array's elements: `int32` for `int32[3]` and `sequence<int32, 3>`."""
     if text.startswith("sequence<"):
         return text[len("sequence<") : -1].partition(", ")[0]
     return text.rpartition("[")[0]

@@ -1,12 +1,12 @@
-"""Checked conversion of single field values: scalars, strings, bytes and arrays of them.
+"""Checks and converts single field values: scalars, strings, bytes and arrays of them.
 
-ROS messages do not check what is assigned to them (their `check_fields` is off by default), and
-their C conversion trusts what it finds: a wrong number is cut to its width, a wrong array length
-is read past its end. So every value is checked here, before it gets into a message.
+ROS messages do not check their values (`check_fields` is off by default), and their conversion in C
+does not either: it cuts off the high bits of a number that is too large, and reads past the end of
+an array that is too short. So every value is checked here, before it gets into a message.
 
-Each function makes a converter, once per message class; a converter takes one value of the user's
-and returns a new, valid one. Errors carry a path relative to the converted value; the converter of
-the value around it prepends its own part, so that the good case pays nothing for paths.
+Each function makes a converter, once for each message class. A converter takes one value from the
+user and returns a new, valid one. The path in an error is relative to the converted value; the
+converter of the outer value prepends its own part. So paths cost nothing while there is no error.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Converter = Callable[[Any], Any]
 _FLOAT32_MAX = 3.4028234663852886e38
 _INFINITY = float("inf")
 
-# ROS type name -> typecode of the `array.array` that holds it, which numpy calls by the same name.
+# ROS type name (numpy's name, too) -> typecode of the `array.array` that holds it.
 _INTEGER_CODES = {
     "int8": "b",
     "uint8": "B",  # also the `char` of .msg files: Jazzy maps it to uint8
@@ -47,7 +47,7 @@ def integer(ros_type: str) -> Converter:
 
     def convert(value: Any) -> int:
         if type(value) is not int:
-            # numpy's integers are `Integral`; its bool is not, Python's is
+            # numpy's integers are `Integral`. Its bool is not, but Python's bool is
             if not isinstance(value, Integral) or isinstance(value, bool):
                 raise wrong_type(value, ros_type, "an int")
             value = int(value)
@@ -60,7 +60,7 @@ def integer(ros_type: str) -> Converter:
 
 
 def floating(ros_type: str) -> Converter:
-    """Make the converter for `float` (32 bits) or `double`. nan and the infinities are fine."""
+    """Make the converter for `float` (32 bits) or `double`. nan and the infinities are allowed."""
     limit = _FLOAT32_MAX if ros_type == "float" else sys.float_info.max
 
     def convert(value: Any) -> float:
@@ -72,7 +72,7 @@ def floating(ros_type: str) -> Converter:
                 value = float(value)
             except OverflowError:  # an int of more than 308 digits
                 raise _too_large(given, ros_type, limit) from None
-        # A value beyond the limit that is not an infinity would silently become one; nan passes.
+        # A finite value beyond the limit would silently become an infinity. nan passes.
         if (value > limit or value < -limit) and value not in (_INFINITY, -_INFINITY):
             raise _too_large(given, ros_type, limit)
         return value  # type: ignore[no-any-return]
@@ -87,7 +87,7 @@ def _too_large(value: object, ros_type: str, limit: float) -> FieldError:
 
 
 def boolean(value: Any) -> bool:
-    """Convert a bool, Python's or numpy's; an int is none."""
+    """Convert a bool of Python or numpy; an int is refused."""
     if type(value) is bool:
         return value
     numpy = sys.modules.get("numpy")
@@ -97,7 +97,7 @@ def boolean(value: Any) -> bool:
 
 
 def octet(value: Any) -> bytes:
-    """Convert a `byte`: one byte as bytes, which is ROS's form of it, or an int 0..255."""
+    """Convert a `byte`: bytes of length 1 (ROS's own form), or an int 0..255."""
     if isinstance(value, (bytes, bytearray)):
         if len(value) == 1:
             return bytes(value)
@@ -112,13 +112,10 @@ def octet(value: Any) -> bytes:
 
 
 def string(limit: int | None, wide: bool) -> Converter:
-    """Make the converter for a string type.
+    """Make the converter for `string` or, if `wide`, `wstring`.
 
-    Args:
-        limit: The bound of a bounded string, or None. It counts what travels: bytes of UTF-8, or
-            16-bit units of a wide string. (The generated Python counts characters, but the
-            middleware sizes its buffers by the bound.)
-        wide: Whether it is a `wstring`.
+    The limit counts bytes of UTF-8, or the 16-bit units of a wide string; `None` means no limit.
+    (The generated Python counts characters, but the middleware sizes its buffers by the limit.)
     """
     name = "wstring" if wide else "string"
     ros_type = name if limit is None else f"{name}<{limit}>"
@@ -128,9 +125,9 @@ def string(limit: int | None, wide: bool) -> Converter:
         if type(value) is not str:
             if not isinstance(value, str):
                 raise wrong_type(value, ros_type, "a str")
-            value = str.__str__(value)  # plain, out of a subclass such as an enumeration's
-        # The C side ends a string at its first NUL, and the rest would be lost without a word. A
-        # wide string is carried by its length, NULs and all.
+            value = str.__str__(value)  # a plain str also from a subclass, such as an enumeration
+        # The C side ends a string at its first NUL: the rest would be lost without an error. A wide
+        # string has a length, so it may contain NULs.
         if not wide and "\0" in value:
             problem = f"{shown(value)} holds a NUL character, which {ros_type} cannot; remove it"
             raise FieldError("", value, problem)
@@ -154,7 +151,7 @@ def string(limit: int | None, wide: bool) -> Converter:
 
 
 def unchecked(value: Any) -> Any:
-    """Pass on a scalar of an IDL type that .msg files do not know (`wchar`, `long double`)."""
+    """Return a scalar of an IDL type that .msg files do not have (`wchar`, `long double`)."""
     if value is None:
         raise wrong_type(value, "this field", "a value")
     return value
@@ -163,8 +160,8 @@ def unchecked(value: Any) -> Any:
 def numbers(ros_type: str) -> Callable[[Any], array[Any]]:
     """Make the converter for a sequence of numbers, to `array.array`.
 
-    Arrays of the right element type are copied without looking at elements; lists are checked and
-    converted in C, and only walked through in Python to find out which element is wrong.
+    Arrays of the right element type are copied as a whole. Lists are checked and converted in C;
+    Python looks at each element only to find a wrong one.
     """
     code = NUMERIC_CODES[ros_type]
     element = integer(ros_type) if ros_type in _INTEGER_CODES else floating(ros_type)
@@ -183,13 +180,13 @@ def numbers(ros_type: str) -> Callable[[Any], array[Any]]:
         elif code == "B" and isinstance(value, (bytes, bytearray)):
             return array(code, value)
         items = items_of(value, f"a sequence of {ros_type}")
-        if exact.issuperset(map(type, items)):  # so no bools, which `array` would take for 0 and 1
+        if exact.issuperset(map(type, items)):  # not bools: `array` would accept them
             try:
                 result = array(code, items)
             except OverflowError:
-                pass  # found again below, with its index
+                pass  # the error is found again below, with its index
             else:
-                # array("f") turns what is too large into inf without a word
+                # array("f") silently turns a value that is too large into inf
                 if code != "f" or (_INFINITY not in result and -_INFINITY not in result):
                     return result
         return array(code, each(element, items))
@@ -203,7 +200,7 @@ def booleans(value: Any) -> list[bool]:
 
 
 def octets(value: Any) -> list[bytes]:
-    """Convert a sequence of `byte`, given one by one or as one `bytes`."""
+    """Convert a sequence of `byte`: a list of them, or one `bytes`."""
     if isinstance(value, (bytes, bytearray)):
         return [bytes((number,)) for number in value]
     return each(octet, items_of(value, "a sequence of octet"))
@@ -212,14 +209,12 @@ def octets(value: Any) -> list[bytes]:
 def items_of(value: Any, ros_type: str) -> Sequence[Any]:
     """Return the elements of a list-like value, a numpy array as a list of Python's own types.
 
-    Args:
-        value: Anything of the user's.
-        ros_type: What is asked for, in words, for the error.
+    `ros_type` is for the error.
 
     Raises:
-        FieldTypeError: It is not list-like. A str, a mapping, a set and an iterator are not: the
-            first two are nearly always mistakes, the others have no order or no length.
-        FieldError: It is a numpy array of other than one dimension.
+        FieldTypeError: It is not list-like. A str and a mapping are refused because they are nearly
+            always mistakes; a set has no order, and an iterator has no length.
+        FieldError: It is a numpy array with more or less than one dimension.
     """
     if isinstance(value, (list, tuple, array)):
         return value
@@ -231,8 +226,8 @@ def items_of(value: Any, ros_type: str) -> Sequence[Any]:
 
 
 def _is_vector(value: Any) -> bool:
-    """Tell whether a value is a numpy array; raises FieldError where it is not a flat one."""
-    numpy = sys.modules.get("numpy")  # who has an array has numpy loaded; we need not load it
+    """Return whether a value is a numpy array; raise a FieldError if it is not flat."""
+    numpy = sys.modules.get("numpy")  # an array exists only if numpy is loaded already
     if numpy is None or not isinstance(value, numpy.ndarray):
         return False
     if value.ndim == 1:
