@@ -1,1 +1,1 @@
-"""What users hold and set: states, outcomes, errors, settings."""
+"""The values that users get and set: states, outcomes, errors, settings."""

@@ -1,36 +1,35 @@
-"""What an action type is to the type checkers, so that one argument types a whole client.
+"""Describes an action type to type checkers, so that one argument gives a client all its types.
 
-ROS generates `Fibonacci` as a class that is never instantiated and holds its three message
-classes. `Client(Fibonacci, "fibonacci")` is a `Client[Fibonacci]`. Where a method takes or returns
-messages, its `self` is a `Client[ActionType[GoalT, ResultT, FeedbackT]]`: a checker matches
-`Fibonacci` against `ActionType`, and takes the messages from it.
+ROS generates `Fibonacci` as a class that has three message classes and is never instantiated.
+`Client(Fibonacci, "fibonacci")` is a `Client[Fibonacci]`. In a method that takes or returns
+messages, `self` is a `Client[ActionType[GoalT, ResultT, FeedbackT]]`: a checker matches `Fibonacci`
+with `ActionType`, and so finds the messages.
 
-Where there are no type stubs for an interface package, its actions are `Any` to a checker, and so
-are their messages.
+If an interface package has no type stubs, its actions and their messages are `Any` to a checker.
 """
 
 from __future__ import annotations
 
 from typing import Any, Protocol, TypeVar
 
-# None of these has a default: `GoalFuture[Fibonacci]` lacks something, and so does a mere `Client`
-# to strict checkers. With one they would be `Any` in silence.
+# These have no defaults, so that checkers report `GoalFuture[Fibonacci]` and (strict ones) a bare
+# `Client`. With defaults, the missing types would silently be `Any`.
 GoalT = TypeVar("GoalT")
 ResultT = TypeVar("ResultT")
 FeedbackT = TypeVar("FeedbackT")
 
 
 class ActionType(Protocol[GoalT, ResultT, FeedbackT]):  # type: ignore[misc]
-    """What an action type holds. Take one as `type[ActionType[GoalT, ResultT, FeedbackT]]`.
+    """An action type. Annotate one as `type[ActionType[GoalT, ResultT, FeedbackT]]`.
 
-    As `type[…]` of it and with properties, because this is the form in which both mypy and
-    pyright accept nested classes (our stubs), classes imported into a class body (what ROS
-    generates, which pyright reads where there are no stubs) and assigned ones. Against a plain
-    `ActionType` mypy refuses the first two and pyright the last.
+    The form `type[…]` and the properties are needed: only so do both mypy and pyright accept nested
+    classes (our stubs), classes imported into a class body (ROS's code, which pyright reads if
+    there are no stubs) and assigned classes. With a plain `ActionType`, mypy refuses the first two
+    and pyright the last.
 
-    Its type variables could be covariant, as checkers remark. But then pyright takes `GoalT` of
-    `ActionBehaviour(name, client, goal)` for the union of the client's goal and the type of
-    `goal`, and refuses nothing.
+    Checkers remark that the type variables could be covariant. But then, for `GoalT` of
+    `ActionBehaviour(name, client, goal)`, pyright takes the union of the client's goal and the type
+    of `goal`, and refuses nothing.
     """
 
     @property
@@ -45,7 +44,7 @@ class ActionType(Protocol[GoalT, ResultT, FeedbackT]):  # type: ignore[misc]
 
     @property
     def Feedback(self) -> type[FeedbackT]:
-        """The class of feedback, as the user gets it, without its goal id."""
+        """The class of feedback as users get it, without the goal id."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""Checks of what users pass, with errors that name the remedy."""
+"""Checks arguments from users; the errors say what to do."""
 
 from __future__ import annotations
 
@@ -21,25 +21,15 @@ UNSET = Unset()
 
 
 def check_type(name: str, value: object, cls: type) -> None:
-    """Raise if `value` is not a `cls`.
-
-    Raises:
-        TypeError: It is not.
-    """
+    """Raise a `TypeError` if `value` is not a `cls`."""
     if not isinstance(value, cls):
         raise TypeError(f"{name}={value!r} must be a {cls.__name__}")
 
 
 def check_function(name: str, value: object, wanted: str) -> None:
-    """Raise where `value` is nothing that can be called and gives its answer at once.
+    """Raise a `TypeError` if `value` is not callable, or is a class or a coroutine function.
 
-    Args:
-        name: The parameter's name, for the error.
-        value: What the user gave.
-        wanted: What it must be, such as "a function (Outcome) -> Verdict".
-
-    Raises:
-        TypeError: It cannot be called, or is a class or a coroutine function.
+    `wanted` is for the error, such as "a function (Outcome) -> Verdict".
     """
     if not callable(value):
         raise TypeError(f"{name}={value!r} must be {wanted}")
@@ -66,7 +56,7 @@ _KNOWN_ELSEWHERE = {
     "multiplier": ("factor", "did you mean factor=?"),
     "retries": ("attempts", "did you mean attempts=? It includes the first one"),
 }
-"""Names that other libraries have: which of ours a function must have for the hint to be right."""
+"""Name in another library -> our name, and the hint for functions that have our name."""
 _TIMEOUT_OF_CALLS = "belongs to a call: client.call(goal, timeout=3). A client has timeouts="
 _FEEDBACK_OF_CALLS = "belongs to a call: client.call(goal, on_feedback=...)"
 _QOS = (
@@ -99,15 +89,9 @@ def refuse_unknown(
     function: Callable[..., Any],
     hints: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
-    """Raise where keywords were given that a function does not have, with what may be meant.
+    """Raise a `TypeError` for keywords that a function does not have, with a hint.
 
-    Args:
-        unknown: The keywords.
-        function: Has the right ones.
-        hints: What to say of a name, where that is special to the function.
-
-    Raises:
-        TypeError: There are some.
+    `function` has the right keywords; `hints` has texts for names that are special to it.
     """
     for name, value in unknown.items():
         known = [
@@ -129,11 +113,7 @@ def refuse_unknown(
 
 
 def refuse_misplaced(action_type: object, action_name: object, misplaced: Sequence[object]) -> None:
-    """Raise where a client was given arguments in rclpy's order.
-
-    Raises:
-        TypeError: It was.
-    """
+    """Raise a `TypeError` if a client got its arguments in rclpy's order, or too many of them."""
     if isinstance(action_name, type) and misplaced:
         raise TypeError(
             "rclpy's order is ActionClient(node, type, name); here it is"

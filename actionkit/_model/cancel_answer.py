@@ -1,4 +1,4 @@
-"""A server's answer to a cancel request, in one word."""
+"""The possible answers of a server to a cancel request."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import Enum, auto
 
 
 class CancelAnswer(Enum):
-    """What a server answers about one goal: its return code and its list read together (R12)."""
+    """A server's answer about one goal, from its return code and its list of goals (R12)."""
 
     ACCEPTED = auto()
     REFUSED = auto()

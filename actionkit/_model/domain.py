@@ -1,4 +1,4 @@
-"""The ROS domain that the environment names, as rcl reads it."""
+"""Reads the ROS domain from the environment, in the same way as rcl."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ VARIABLE = "ROS_DOMAIN_ID"
 LAST_DOMAIN = 232
 """The ports of higher domains do not exist; Fast DDS ends the process there."""
 _OF_RCL = 2**64 - 1
-"""Means the default to rcl: domain 0."""
+"""rcl's number for "the default", which is domain 0."""
 
 
 def environment_domain() -> int:
-    """Return the ROS domain that the environment names; 0 where it names none.
+    """Return the ROS domain of the environment; 0 if none is set.
 
     Raises:
-        ValueError: Its text is not a ROS domain.
+        ValueError: The text is not a ROS domain.
     """
     return domain_of_text(os.environ.get(VARIABLE, ""))
 
 
 def domain_of_text(text: str) -> int:
-    """Return the domain that rcl takes a text of the environment for, as `010` for 8.
+    """Return the domain that rcl reads from a text: 8 from `010`, for example.
 
-    It reads as much as is a number for C, and nothing is said about the rest.
+    rcl reads a number as C does, and ignores the text after it.
 
     Raises:
         ValueError: It is not a ROS domain.

@@ -37,10 +37,10 @@ def _rebuild(cls: type[ActionKitError], message: str, state: dict[str, Any]) -> 
 
 
 def _picklable(cause: BaseException | None) -> BaseException | None:
-    """Return the cause, or one of the same text where it cannot be pickled."""
+    """Return the cause, or an error with the same text if the cause cannot be pickled."""
     try:
         pickle.dumps(cause)
-    except Exception:  # noqa: BLE001  pickling raises what the objects within raise
+    except Exception:  # noqa: BLE001  pickling runs code of any class
         return RuntimeError(f"{type(cause).__name__}: {cause}")
     return cause
 
@@ -48,19 +48,19 @@ def _picklable(cause: BaseException | None) -> BaseException | None:
 class ActionKitError(Exception):
     """Base of every error that ActionKit raises for a call.
 
-    `str(error)` is one sentence of what happened to which action and when, and what to do.
+    `str(error)` says what happened, to which action and when, and what to do.
 
     Attributes:
-        action_name: The full name of the action, `""` where no call was made.
-        goal_id: The id of the last goal tried, or `None` where none was made.
-        attempts: How many goals were sent on behalf of the call.
-        timeline: The call's events, oldest first, as far as they were kept.
+        action_name: The full name of the action, or `""` if no call was made.
+        goal_id: The id of the last goal, or `None` if no goal was made.
+        attempts: How many goals the call has sent.
+        timeline: The call's events that were kept, oldest first.
         elapsed: Seconds from the call to this error, or `None`.
         transient: Whether trying again may help.
-        result: The action's result message, where the server sent one and `classify=`, an abort
-            or a cancellation made it a failure.
-        cancel: How the cancellation went, or `UNKNOWN` if a goal of the call may be running; of
-            several goals the worst counts. `None` if there was nothing to cancel.
+        result: The action's result message, if the server sent one, and the call failed because of
+            `classify=`, an abort or a cancellation.
+        cancel: How the cancellation went, or `UNKNOWN` if a goal of the call may be running. With
+            several goals, this is the worst case. `None` if there was nothing to cancel.
     """
 
     transient: ClassVar[bool] = False
@@ -90,7 +90,7 @@ class ActionKitError(Exception):
         return self.message
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Neither keyword arguments nor __cause__ survive the pickling of a plain exception.
+        # Pickling a plain exception loses its keyword arguments and its __cause__.
         state = {**self.__dict__, "__cause__": _picklable(self.__cause__)}
         return _rebuild, (type(self), self.message, state)
 
@@ -102,26 +102,26 @@ class TransientError(ActionKitError):
 
 
 class ServerUnavailableError(TransientError, TimeoutError):
-    """No action server was ready in the time there was; nothing was sent.
+    """No action server was ready in time; nothing was sent.
 
-    That time is `timeouts.server` or what is left to the call: the shorter of the two. Waiting
-    longer is not another attempt, so no `RetryPolicy` tries this again within the call. A call that
-    had a server ends with another error.
+    The limit is `timeouts.server`, or the rest of the call's time if that is shorter. No
+    `RetryPolicy` tries this again within the call, because that would only mean to wait longer. A
+    call that had a server ends with another error.
     """
 
 
 class AcceptanceTimeoutError(TransientError):
     """The server did not answer the goal request within `timeouts.accept`.
 
-    The goal was cancelled by its id all the same, because the request may have arrived;
-    `cancel` tells what is known. If its acceptance comes later, it is cancelled then.
+    The request may have arrived, so the goal was cancelled by its id; `cancel` says what is known.
+    If the acceptance comes later, the goal is cancelled then.
     """
 
 
 class ServerLostError(TransientError):
     """The server went away, or was restarted, with the goal in flight.
 
-    Not raised for a server that is alive but silent: only deadlines end those calls.
+    It is not raised for a server that is alive but silent: only deadlines end such a call.
     """
 
 
@@ -137,8 +137,8 @@ class InvalidGoalError(PermanentError, TypeError, ValueError):
     """The goal does not fit the action type. Nothing was sent.
 
     Attributes:
-        field: The path of the field that does not fit, such as `pose.position.x`; `""` where
-            the goal as a whole has the wrong type.
+        field: The path of the field that does not fit, such as `pose.position.x`; `""` if the
+            goal as a whole has the wrong type.
     """
 
     field: str = ""
@@ -149,8 +149,8 @@ class ActionTypeMismatchError(PermanentError):
 
     Attributes:
         expected: The type of this client, such as `test_msgs/action/Fibonacci`.
-        served: The types that the graph shows for the name; where one is another version of
-            `expected`, with the type hashes of both.
+        served: The types that the graph shows for the name. If one is another version of
+            `expected`, its text has the type hashes of both.
     """
 
     expected: str = ""
@@ -170,57 +170,57 @@ class GoalCanceledError(PermanentError):
 
 
 class ResultLostError(PermanentError):
-    """The goal ended, but its result cannot be had: it has expired, or was never sent.
+    """The goal ended, but its result is lost: it has expired, or the server never sent it.
 
     Attributes:
-        status: The terminal state of the goal where the server still told it, else `None`.
+        status: The terminal state of the goal if it is known, else `None`.
     """
 
     status: GoalState | None = None
 
 
 class ClassifyError(PermanentError):
-    """The function given as `classify=` gave no valid verdict, so this is not a success.
+    """The function given as `classify=` returned no valid verdict, so this is not a success.
 
-    It raised, returned neither a `Verdict` nor `None`, or did not answer: by the call's deadline,
-    within 10 seconds where that is later or there is none, or within `timeouts.cancel` once the
-    call was cancelled or its client closed. Or it called a goal a success that was rejected, or
-    canceled by somebody else, or failed without a result. `__cause__` is what the function raised,
-    or the error of that failed goal.
+    The function raised, or returned neither a `Verdict` nor `None`. Or it did not answer in time:
+    before the call's deadline (within 10 seconds, if that is earlier or there is none), or within
+    `timeouts.cancel` after the call was cancelled or its client closed. Or it returned SUCCESS for
+    a goal that was rejected, canceled by somebody else, or failed without a result. `__cause__` is
+    the error that the function raised, or the error of that failed goal.
     """
 
 
 class DeadlineExceededError(ActionKitError, TimeoutError):
-    """The time given to the whole call ran out, and it had a server.
+    """The time for the whole call ran out, and the call had a server.
 
-    The goal was cancelled then, which the server had `timeouts.cancel` seconds to confirm. Without
-    a server it is a `ServerUnavailableError`, which is a `TimeoutError`, too.
-    Not raised when a local wait such as `future.result(timeout=1)` runs out: that is a plain
-    `TimeoutError` and leaves the goal alone.
+    The goal was cancelled, and the server had `timeouts.cancel` seconds to confirm that. Without a
+    server, the error is a `ServerUnavailableError`, which is a `TimeoutError`, too. If a local wait
+    such as `future.result(timeout=1)` runs out, a plain `TimeoutError` is raised instead, and the
+    goal goes on.
 
     Attributes:
         phase: What the call was waiting for: `"server"`, `"accept"`, `"execute"`, `"pause"`
             (between two attempts) or `"cancel"` (for a cancellation to be confirmed).
         cancel: How the cancellation went: `CONFIRMED`, `REFUSED`, `UNKNOWN` or `NOT_NEEDED`; never
             `None`.
-        late_result: The result, where the goal succeeded while it was being cancelled.
-        status: The terminal state of the goal where the server told it, else `None`. `SUCCEEDED`
-            without a `late_result`: the goal succeeded, and only its result did not come.
+        late_result: The result, if the goal succeeded while it was being cancelled.
+        status: The terminal state of the goal if it is known, else `None`. `SUCCEEDED` without a
+            `late_result` means that the goal succeeded, but its result did not come.
     """
 
     phase: str = ""
-    # Narrower than that of the base class: `explain` alone assigns it, and never None.
+    # Narrower than in the base class: only `explain` assigns it, and never None.
     cancel: CancelReport = CancelReport.NOT_NEEDED  # pyright: ignore[reportIncompatibleVariableOverride]
     late_result: Any = None
     status: GoalState | None = None
 
 
 class RetriesExhaustedError(ActionKitError):
-    """The retries ended where the last error does not speak for itself.
+    """The retries ended, and the error of the last attempt would not explain why.
 
-    Either `classify=` called the last success a transient failure; `__cause__` says so. Or `stop=`
-    or `wait=` of the `RetryPolicy` raised, did not answer in time, or returned what makes no sense;
-    `__cause__` is what it raised, or else the error of the last attempt.
+    Either `classify=` returned TRANSIENT for the last success; `__cause__` says so. Or `stop=` or
+    `wait=` of the `RetryPolicy` raised, did not answer in time, or returned an invalid value;
+    `__cause__` is the error that it raised, or the error of the last attempt.
     """
 
 

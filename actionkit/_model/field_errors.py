@@ -1,4 +1,4 @@
-"""What is wrong with a field's value, as exceptions that name the field by its path."""
+"""The exceptions for values that do not fit a field; they name the field by its path."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from actionkit._model.printable import full_stop
 
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = (
-    60  # characters: a line has room for more text
+    60  # characters; the rest of the line has other text
 )
 
 
@@ -25,8 +25,8 @@ class FieldProblem(Exception):
     """A value does not fit a field of a ROS message.
 
     Attributes:
-        path: Which field, from the outermost message: `pose.position.x`, `poses[3].header`;
-            empty where it is the message itself.
+        path: The field, from the outermost message: `pose.position.x`, `poses[3].header`; empty
+            for the message itself.
         value: The value that was refused.
         problem: What is wrong with it and what to give instead, the value's `repr` included.
     """
@@ -41,8 +41,8 @@ class FieldProblem(Exception):
         return full_stop(f"{self.path}: {self.problem}" if self.path else self.problem)
 
     def __reduce__(self) -> tuple[type[FieldProblem], tuple[str, object, str]]:
-        # The refused value is anything at all, a lambda for instance; the error must still travel
-        # between processes (C3.2).
+        # The refused value may be anything, such as a lambda. But it must be possible to send the
+        # error to another process (C3.2).
         value = self.value
         try:
             pickle.dumps(value)
@@ -51,7 +51,7 @@ class FieldProblem(Exception):
         return type(self), (self.path, value, self.problem)
 
     def add_parent(self, part: str) -> None:
-        """Prepend the name or `[index]` of the field which the present path lies in."""
+        """Prepend the name or `[index]` of the field that contains the present path."""
         joint = "." if self.path and not self.path.startswith("[") else ""
         self.path = f"{part}{joint}{self.path}"
 
@@ -61,17 +61,11 @@ class FieldError(FieldProblem, ValueError):
 
 
 class FieldTypeError(FieldProblem, TypeError):
-    """The value is of a type that the field cannot hold."""
+    """The field cannot hold a value of this type."""
 
 
 def wrong_type(value: object, ros_type: str, needed: str) -> FieldTypeError:
-    """Return the error for a value of a wrong type.
-
-    Args:
-        value: The refused value.
-        ros_type: The field's type as ROS writes it.
-        needed: What to give instead, with its article: `an int`.
-    """
+    """Return the error for a value of the wrong type; `needed` has an article: `an int`."""
     if value is None:
         problem = (
             f"None is not allowed for {ros_type}; "

@@ -1,4 +1,4 @@
-"""The text for what cannot be imported: the same from Python and on the command line."""
+"""The error texts for packages that cannot be imported, for Python and the command line."""
 
 from __future__ import annotations
 
@@ -11,20 +11,15 @@ WITH_ROS = (
     " `source /opt/ros/jazzy/setup.bash`, and use its Python, or a virtual environment made by"
     " `python3 -m venv --system-site-packages .venv`"
 )
-"""How to get at the rclpy of an installed ROS, which uses the system's numpy and others."""
+"""How to use the rclpy of an installed ROS, which needs the system's numpy and others."""
 ON_LINUX = "ActionKit runs on Linux only: use a Linux machine, a virtual machine or a container"
-"""What to do on another system, for which PyPI has no rclpy."""
+"""What to do on other systems: PyPI has no rclpy for them."""
 RCLPY = "'ros-jazzy-rclpy[fastrtps]'"
-"""What pip installs where there is no ROS installation, quoted for a shell."""
+"""What to install with pip if there is no ROS installation, quoted for a shell."""
 
 
 def cannot_import(module: str, error: BaseException) -> str:
-    """Return what to do where a package of ROS cannot be imported.
-
-    Args:
-        module: `rclpy`, or `test_msgs`, which the reference servers speak.
-        error: What its import raised.
-    """
+    """Return what to do if a package of ROS cannot be imported, such as `rclpy` or `test_msgs`."""
     text = f"{module} cannot be imported here ({type(error).__name__}: {error})."
     if sys.platform != "linux":
         return f"{text} {ON_LINUX}"

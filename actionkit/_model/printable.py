@@ -1,18 +1,18 @@
-"""Texts that others wrote, made harmless: for a terminal, a log, and a program that reads JSON.
+"""Escapes characters in foreign texts, for terminals, logs and programs that read JSON.
 
-A terminal obeys escape sequences, be they in a node's name or in a file. Half a character (a lone
-surrogate, which JSON and file names can bring) cannot be written at all.
+A terminal obeys escape sequences in any text, such as a node's name. Half a character (a lone
+surrogate, which can be in JSON and in file names) cannot be written at all.
 """
 
 from __future__ import annotations
 
-# In the notation of JSON, so that JSON stays the same JSON.
+# In the notation of JSON, so that JSON keeps its meaning.
 _ESCAPES = {
     code: f"\\u{code:04x}"
     for codes in (
-        range(0x20),  # control characters, escape among them
-        range(0x7F, 0xA0),  # more of them; some terminals take 0x9b for an escape sequence's begin
-        (0x061C, 0x200E, 0x200F),  # marks that turn the direction of writing,
+        range(0x20),  # control characters, also escape
+        range(0x7F, 0xA0),  # more of them; for some terminals, 0x9b begins an escape sequence
+        (0x061C, 0x200E, 0x200F),  # marks that change the direction of writing,
         range(0x2028, 0x202F),  # line separators, and more such marks
         range(0x2066, 0x206A),
         range(0xD800, 0xE000),  # lone surrogates
@@ -25,12 +25,12 @@ _ESCAPES_BUT_LAYOUT = {code: text for code, text in _ESCAPES.items() if code not
 
 
 def printable(text: str) -> str:
-    r"""Return the text with all that is not to be printed escaped as `\u001b`, lines left alone."""
+    r"""Return the text with harmful characters escaped, such as `\u001b`, except newlines."""
     return text.translate(_ESCAPES_BUT_LAYOUT)
 
 
 def full_stop(text: str) -> str:
-    """Return the text with a full stop, unless it ends as a sentence does: another may follow."""
+    """Return the text with a full stop at its end, so that another sentence may follow."""
     return text if text.endswith((".", "!", "?")) else f"{text}."
 
 

@@ -1,7 +1,7 @@
-"""Where packages of ROS come from: only names and addresses that are known to exist.
+"""Says where to get packages of ROS, with names and addresses that are known to exist.
 
-A package index lets anybody register a name that is still free. So an error never proposes a
-package if its name was only derived from that of a ROS package.
+Anybody can register a free name on a package index. So an error never proposes a package with a
+name that was only derived from the name of a ROS package.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _ON_PYPI = re.findall(
     " std_srvs stereo_msgs test_msgs trajectory_msgs type_description_interfaces"
     " unique_identifier_msgs visualization_msgs",
 )
-"""Those with a wheel for Jazzy on PyPI, looked up on 2026-11-26."""
+"""Packages with a wheel for Jazzy on PyPI, looked up on 2026-11-26."""
 _REPOSITORIES = {
     "ackermann_msgs": "ros-drivers/ackermann_msgs",
     "control_msgs": "ros-controls/control_msgs",
@@ -35,21 +35,21 @@ _REPOSITORIES = {
     "tf2_msgs": "ros2/geometry2",
     "vision_msgs": "ros-perception/vision_msgs",
 }
-"""Where the source of others is, on GitHub."""
+"""Other packages -> their source on GitHub."""
 
 
 def wheel(name: str) -> str | None:
-    """Return what pip installs for a package of ROS; `None` where PyPI is not known to have it."""
+    """Return the wheel's name on PyPI for a package of ROS; `None` if none is known."""
     return f"ros-jazzy-{name.replace('_', '-')}" if name in _ON_PYPI else None
 
 
 def repository(name: str) -> str | None:
-    """Return the address of a package's source, where it is known."""
+    """Return the address of a package's source; `None` if it is not known."""
     return f"https://github.com/{_REPOSITORIES[name]}" if name in _REPOSITORIES else None
 
 
 def how_to_get(names: Collection[str]) -> list[str]:
-    """Return what to do for packages that are missing: a command, and where sources are."""
+    """Return what to do about missing packages: a pip command, and where the sources are."""
     wheels = [found for name in sorted(names) if (found := wheel(name)) is not None]
     sources = [
         name if (address := repository(name)) is None else f"{name} ({address})"
@@ -66,5 +66,5 @@ def how_to_get(names: Collection[str]) -> list[str]:
 
 
 def joined(words: list[str], last: str = "and") -> str:
-    """Return words as a sentence lists them."""
+    """Return the words as a list in a sentence: `a, b and c`."""
     return f" {last} ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))

@@ -1,4 +1,4 @@
-"""What a user sets: how long each phase may take, and when to try again."""
+"""The settings of a call: how long each phase may take, and when to try again."""
 
 from __future__ import annotations
 
@@ -16,21 +16,17 @@ _T = TypeVar("_T")
 LONGEST_GRACE = 60.0
 """Seconds by which the wait for cancellations is extended at most, while a server confirms them.
 
-The requests are sent a few at a time, so hundreds of goals may take more than `Timeouts.cancel`."""
+Requests are sent a few at a time, so hundreds of goals may need more time than
+`Timeouts.cancel`."""
 MOST = 1e9
-"""The largest number that can be set: 31 years, where it is seconds. A clock in nanoseconds, as
-the middleware's is, ends after 292 years, and several times may be added up on the way to it."""
+"""The largest number that can be set: 31 years, if it is in seconds. The middleware's clock, in
+nanoseconds, ends after 292 years, and several times may be added up before they get there."""
 MOST_TEXT = "1e9"
 _RESEND = ("never_accepted", "confirmed_stopped", "server_gone", "always")
 
 
 def check_seconds(name: str, value: object, *, optional: bool = True) -> float | None:
-    """Return `value` as float seconds.
-
-    Args:
-        name: The parameter's name, for the error.
-        value: Seconds, or `None` for no limit.
-        optional: Whether `None` is allowed.
+    """Return `value` as float seconds; `None` means no limit, and is allowed if `optional`.
 
     Raises:
         TypeError: `value` is not a number.
@@ -43,7 +39,7 @@ def check_seconds(name: str, value: object, *, optional: bool = True) -> float |
             f"{name}={shown(value)} must be a number of seconds"
             + (" or None for no limit" if optional else "")
         )
-    if not value >= 0:  # NaN is not, either
+    if not value >= 0:  # also for NaN
         raise ValueError(f"{name}={shown(value)} must be zero or more seconds")
     if value > MOST:
         most = "finite" if value == math.inf else f"{MOST_TEXT} or less"
@@ -54,7 +50,7 @@ def check_seconds(name: str, value: object, *, optional: bool = True) -> float |
 
 
 def _refusing_unknown(cls: type[_T]) -> type[_T]:
-    """Return the dataclass; a keyword that it does not have is refused with a hint."""
+    """Return the dataclass; its error for an unknown keyword has a hint."""
     described: Any = cls
     made = described.__init__
     known = inspect.signature(made).parameters
@@ -74,20 +70,21 @@ class Timeouts:
     """Caps on the phases of a call, in seconds; `None` means no limit.
 
     Attributes:
-        server: Until a server is ready; of a call that is tried again, for each attempt.
-        accept: From the sending of the goal to its acceptance.
-        total: The whole call, where the call itself says no `timeout=`. The confirmation of a
-            cancellation (`cancel`) comes on top.
-        feedback: The longest silence between two feedbacks; running out is an error.
-        cancel: The wait for a cancellation to be confirmed. Never `None`.
-        liveness: The longest time in which nothing at all comes from the server of a goal, not
-            even the answer to a harmless question, before it is taken for lost. Only for servers
-            that answer while they execute: one that is busy in its only thread is as silent as a
-            dead one, and the two cannot be told apart from outside. Without it, a killed server
-            is noticed when the middleware drops it, with Fast DDS after about 20 s.
-        result: Until the result of a goal that is known to have ended, in a call without a
-            deadline: a network that loses packets may take many seconds. A call with a deadline
-            asks until then. A server that is gone, or no longer knows the goal, ends the wait.
+        server: Until a server is ready. If a call is tried again, each attempt has this time.
+        accept: From sending the goal to its acceptance.
+        total: For the whole call, if the call itself has no `timeout=`. The wait for a cancellation
+            (`cancel`) comes on top.
+        feedback: The longest silence between two feedback messages; then the call fails.
+        cancel: For the confirmation of a cancellation. Never `None`.
+        liveness: The longest silence of the server of a goal, in which it does not even answer a
+            harmless question, before it counts as lost. Use this only with servers that answer
+            while they execute: from outside, a server that is busy in its only thread looks like a
+            dead one. Without it, a killed server is noticed when the middleware drops it, with Fast
+            DDS after about 20 s.
+        result: For the result of a goal that is known to have ended, in a call without a deadline:
+            on a network that loses packets, it may take many seconds. A call with a deadline waits
+            until the deadline. The wait ends early if the server is gone or no longer knows the
+            goal.
 
     Raises:
         TypeError: A value is not a number.
@@ -115,26 +112,27 @@ class Timeouts:
 @_refusing_unknown
 @dataclass(frozen=True)
 class RetryPolicy:
-    """When a call that failed for a transient reason is tried again.
+    """Says when a call is tried again after it failed for a transient reason.
 
     Attributes:
-        attempts: The most goals sent for one call, the first included. A call that finds no server
-            at first is not tried again; one that had a server waits for one before each attempt.
-        initial: Seconds of the first pause.
-        factor: What each pause is multiplied by to give the next.
+        attempts: The largest number of goals for one call, with the first one. A call that finds no
+            server at first is not tried again. A call that had a server waits for one before each
+            attempt.
+        initial: The first pause, in seconds.
+        factor: Each pause is this many times as long as the one before.
         max_pause: The longest pause, in seconds.
-        jitter: The share of each pause that is random, 0 to 1.
-        resend: Whether a goal that may have reached the server is followed by another:
-            `"never_accepted"` only where no server accepted it, `"confirmed_stopped"` also where
-            it is known to run no more, `"server_gone"` also where its server is out of sight,
-            though a server that only hangs or is cut off may still run it, `"always"` even where a
-            server in sight may.
+        jitter: The random share of each pause, 0 to 1.
+        resend: When another goal may follow a goal that may have reached the server:
+            `"never_accepted"` only if no server accepted it, `"confirmed_stopped"` also if it is
+            known to have stopped, `"server_gone"` also if its server is out of sight (a server
+            that only hangs or is cut off may still run it), `"always"` even if a server in sight
+            may still run it.
         stop: A tenacity stop strategy, in place of `attempts`.
         wait: A tenacity wait strategy, in place of the pauses.
 
-    A strategy of your own, or of tenacity's, runs on a thread of its own. Where it raises, does not
-    answer before the call's deadline and within 10 seconds, or returns what makes no sense (`stop`:
-    no bool; `wait`: no number of seconds from 0 to 1e9), the call ends with a
+    A strategy of your own, or of tenacity, runs on its own thread. If it raises, does not answer
+    before the call's deadline and within 10 seconds, or returns an invalid value (`stop`: not a
+    bool; `wait`: not a number of seconds from 0 to 1e9), the call ends with a
     `RetriesExhaustedError` that says so.
 
     Raises:

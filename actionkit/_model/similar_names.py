@@ -1,4 +1,4 @@
-"""The names that somebody may have meant, for a hint "did you mean"."""
+"""Finds similar names, for a hint "did you mean"."""
 
 from __future__ import annotations
 
@@ -6,20 +6,16 @@ import difflib
 from collections.abc import Iterable
 
 _LAST_PART_ALIKE = 0.8
-"""The share of the last parts that must be alike: more, because they are short."""
+"""The necessary similarity of the last parts: higher, because they are short."""
 _MOST = 5
-"""More names than that do not help."""
+"""Names in a hint at most; more do not help."""
 
 
 def similar_names(name: str, known: Iterable[str], *, alike: float = 0.6) -> list[str]:
     """Return the known names that are like `name` as a whole or in the part behind the last `/`.
 
-    It is mostly the namespace or the package that is wrong.
-
-    Args:
-        name: What somebody asked for.
-        known: What there is.
-        alike: The share of the whole names that must be alike; 0.6 is the default of `difflib`.
+    Mostly the namespace or the package is wrong. `alike` is the necessary similarity of the whole
+    names, from 0 to 1; 0.6 is the default of `difflib`.
     """
     names = list(known)
     similar = difflib.get_close_matches(name, names, n=3, cutoff=alike)

@@ -1,4 +1,4 @@
-"""Records the timeline of a call, in the order seen and bounded in memory (C6.1)."""
+"""Records the timeline of a call, with a limit on its length (C6.1)."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import uuid
 from actionkit._model.values import GoalEvent, GoalState, Timeline
 
 _MOST = 200
-"""Events kept: those of some thirty attempts. Longer calls keep the first and the last half."""
+"""Events that are kept, enough for thirty attempts. Longer calls keep the first and last half."""
 
 
 class Recorder:
-    """The timeline of one call as it grows. Written by one thread, read by any."""
+    """The growing timeline of one call. One thread writes it, any thread may read it."""
 
     def __init__(self) -> None:
         self._events: tuple[GoalEvent, ...] = ()
@@ -26,7 +26,7 @@ class Recorder:
         return range(self._count - messages + 1, self._count + 1)
 
     def add(self, event: GoalEvent) -> None:
-        """Append an event. Of a goal's feedback only the first and the last are kept."""
+        """Append an event. Of a goal's feedback, only the first and the last event are kept."""
         kept = self._events
         if event.state is GoalState.FEEDBACK:
             kept = _without_the_last_of_two(kept, event.goal_id)
@@ -42,7 +42,7 @@ class Recorder:
 def _without_the_last_of_two(
     events: tuple[GoalEvent, ...], goal_id: uuid.UUID
 ) -> tuple[GoalEvent, ...]:
-    """Return the events without the goal's last feedback, where its first is there too."""
+    """Return the events without the goal's last feedback, unless that is also its first."""
     places = [
         place
         for place, event in enumerate(events)

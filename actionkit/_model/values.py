@@ -1,4 +1,4 @@
-"""The values that a call hands to its user: states, events, verdicts and outcomes."""
+"""The values that a call gives to its user: states, events, verdicts and outcomes."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from actionkit._model.printable import on_one_line
 
 
 class GoalState(str, Enum):
-    """The states of a goal, with the names that ROS 2 actions have for them."""
+    """The states of a goal, mostly with the names of ROS 2 actions."""
 
     SENDING = "SENDING"
-    """Not handed to the middleware yet: waiting for a server, or for its turn."""
+    """Not given to the middleware yet: it waits for a server, or for its turn."""
     SENT = "SENT"
-    """Handed to the middleware; the server has not answered."""
+    """Given to the middleware; the server has not answered."""
     ACCEPTED = "ACCEPTED"
-    """The server took the goal; it has not said that it works on it."""
+    """The server accepted the goal; it has not said that it executes it."""
     REJECTED = "REJECTED"
-    """The server did not take the goal: it never runs."""
+    """The server rejected the goal: it never runs."""
     EXECUTING = "EXECUTING"
-    """The server works on the goal."""
+    """The server executes the goal."""
     FEEDBACK = "FEEDBACK"
-    """Only ever the state of an event, never of a goal."""
+    """The state of a feedback event, never of a goal."""
     CANCELING = "CANCELING"
     """The server agreed to cancel the goal; it may still be stopping."""
     SUCCEEDED = "SUCCEEDED"
@@ -47,7 +47,7 @@ class GoalState(str, Enum):
 
     @property
     def is_terminal(self) -> bool:
-        """Whether the server ended the goal in this state, or never took it."""
+        """Whether the server ended the goal in this state, or rejected it."""
         return self in _TERMINAL
 
 
@@ -60,9 +60,9 @@ class CancelReport(str, Enum):
     """What is known of a goal that its caller gave up on."""
 
     CONFIRMED = "CONFIRMED"
-    """A terminal state was seen: the goal runs no more."""
+    """A terminal state was seen: the goal has stopped."""
     REFUSED = "REFUSED"
-    """The server refused to cancel: the goal runs on."""
+    """The server refused to cancel: the goal continues."""
     UNKNOWN = "UNKNOWN"
     """No answer in time: the goal may still be running. It is cancelled when it can be."""
     NOT_NEEDED = "NOT_NEEDED"
@@ -82,12 +82,12 @@ class GoalFate(str, Enum):
     REJECTED = "REJECTED"
     """The server rejected it: it never ran."""
     ENDED = "ENDED"
-    """A server has shown that it runs no more."""
+    """A server has shown that it has stopped."""
     LOST = "LOST"
     """Its server went out of sight: the goal may be running, and is cancelled if the server is
     seen again."""
     LEFT = "LEFT"
-    """It may be running, and nobody looks after it any more."""
+    """It may be running, and this program does not track it any more."""
 
     def __str__(self) -> str:
         return self.value
@@ -99,7 +99,7 @@ class GoalFate(str, Enum):
 
 
 class Verdict(str, Enum):
-    """What a `classify=` function says of an outcome."""
+    """What a `classify=` function says about an outcome."""
 
     SUCCESS = "SUCCESS"
     """The call succeeded: its result is returned."""
@@ -118,13 +118,13 @@ class GoalEvent:
 
     Attributes:
         goal_id: The goal's id; each attempt of a call has its own.
-        attempt: 1 for the first goal sent on behalf of the call.
-        state: The state entered; `FEEDBACK` for a feedback message.
+        attempt: The number of the goal in the call, from 1.
+        state: The new state; `FEEDBACK` for a feedback message.
         monotonic: Seconds on the monotonic clock.
         wall: Seconds since the epoch, for logs.
         detail: A few words for people, or `""`; the number of a feedback message.
-        cancel_refused: Whether this tells that the server refused to cancel the goal. The goal runs
-            on, and `state` is the one that it was in already.
+        cancel_refused: Whether this event means that the server refused to cancel the goal. The
+            goal continues, and `state` has not changed.
     """
 
     goal_id: uuid.UUID
@@ -138,11 +138,11 @@ class GoalEvent:
 
 @dataclass(frozen=True)
 class GoalReport:
-    """What was known of one goal when its call ended.
+    """What was known about one goal when its call ended.
 
     Attributes:
         goal_id: The goal's id.
-        fate: What was known of it.
+        fate: What was known about it.
         cancel_refused: Whether the server refused to cancel it.
     """
 
@@ -152,10 +152,10 @@ class GoalReport:
 
 
 class Timeline(tuple[GoalEvent, ...]):
-    """The events of a call, oldest first; printed, a text for a bug report.
+    """The events of a call, oldest first. Print it for a bug report.
 
-    Of each goal's feedback the first and the last are kept, and of a call that retries for days
-    its beginning and its end.
+    Of each goal's feedback, only the first and the last are kept. Of a call that retries for days,
+    only the beginning and the end are kept.
     """
 
     __slots__ = ()
@@ -163,8 +163,8 @@ class Timeline(tuple[GoalEvent, ...]):
     def __str__(self) -> str:
         """Return a line for each event: elapsed milliseconds, attempt, state, detail.
 
-        The first line also says when that was, and the first one of each goal the goal's id, which
-        is the one that the server's log has.
+        The first line also has the date. The first line of each goal has the goal's id, which is
+        also in the server's log.
         """
         if not self:
             return "(no events)"
@@ -183,7 +183,7 @@ class Timeline(tuple[GoalEvent, ...]):
 
 
 def _said(event: GoalEvent, goal_before: uuid.UUID | None, *, first: bool) -> str:
-    """Return what a line says behind the state."""
+    """Return the text after the state in a line."""
     parts = [on_one_line(event.detail)] if event.detail else []
     if event.goal_id != goal_before:
         parts.append(f"goal {event.goal_id}")
@@ -196,29 +196,29 @@ def date_text(wall: float) -> str:
     """Return seconds since the epoch as a date, in UTC and to the millisecond."""
     try:
         date = datetime.fromtimestamp(wall, timezone.utc)
-    except (OverflowError, OSError, ValueError):  # a number that no date has
+    except (OverflowError, OSError, ValueError):  # out of range for a date
         return f"{wall} s since 1970"
     return date.strftime("%Y-%m-%d %H:%M:%S.") + f"{date.microsecond // 1000:03} UTC"
 
 
 @dataclass(frozen=True)
 class Outcome(Generic[ResultT]):
-    """How a call ended, with all that is known of it. Reading it raises nothing.
+    """How a call ended, and everything that is known about it. Reading it raises nothing.
 
     Attributes:
         status: The last known state of the last goal.
         result: The action's result message if the server sent one, else `None`.
-        error: What `result()` raises; `None` for a success.
+        error: The error that `result()` raises; `None` for a success.
         attempts: How many goals were sent.
         timeline: The call's events, oldest first; `print` it to read it.
         goal_id: The id of the last goal.
-        cancel: How the cancellation went, or `UNKNOWN` if a goal of the call may be running; of
-            several goals the worst counts. `None` if there was nothing to cancel.
-        callback_errors: How many times a callback of the user's raised.
+        cancel: How the cancellation went, or `UNKNOWN` if a goal of the call may be running. With
+            several goals, this is the worst case. `None` if there was nothing to cancel.
+        callback_errors: How many times a callback of the user raised.
         feedback_count: How many feedback messages of the goal were received.
         elapsed: Seconds from the call to its end.
-        goals: The goals that were sent, oldest first: each that may be running, and of the others
-            the last 100.
+        goals: The goals that were sent, oldest first: all that may be running, and the last 100 of
+            the others.
     """
 
     status: GoalState
@@ -242,7 +242,7 @@ class Outcome(Generic[ResultT]):
 
     @property
     def state(self) -> GoalState:
-        """The same as `status`; futures and events call it so, too."""
+        """The same as `status`; futures and events have this name, too."""
         return self.status
 
     @property
