@@ -1,11 +1,11 @@
-"""The cancel requests of one client: a few at a time, each repeated until it is answered.
+"""Sends the cancel requests of one client, a few at a time, and repeats them until answered.
 
-A client that cancels a thousand goals at once has a thousand requests, and a server's queue holds
-ten (R3). So they go through an outbox. Goals with a caller that has little time left go first.
+A client that cancels a thousand goals at once has a thousand requests, but a server's queue holds
+ten (R3). So an outbox sends them. Goals with a caller that has little time left go first.
 
-A request is repeated, at growing intervals, when it is not answered, or when the server answers
-that it does not know the goal, because it may still accept it (R6). The interval is counted from
-the request itself, so that requests which the window has spread over time stay spread.
+A request is repeated, at growing intervals, if it is not answered, or if the server does not know
+the goal: it may still accept the goal (R6). The interval begins with the request, so requests that
+the window has spread over time stay spread.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from actionkit._ros.outbox import WINDOW, Outbox, Window
 from actionkit._threads.clock import TimerHandle, Timers
 
 ANSWERED_WITHIN = 0.25
-"""Seconds after which a request gives its place in the window to another. A server that lives
-takes milliseconds to answer, and some tens where it remembers thousands of goals. With 0.5 s, one
-of ten processes that cancel at the same time may get no answer in the two seconds that it has."""
+"""Seconds after which a request gives its place in the window to another. A live server answers in
+milliseconds, in some tens of them if it remembers thousands of goals. With 0.5 s, one of ten
+processes that cancel at the same time may get no answer in its two seconds."""
 _PAUSES = (0.25, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)
-"""Seconds from each request for one goal to the next; the last is repeated. The first few are
-short, because a process that ends waits for only two seconds."""
+"""Seconds between the requests for one goal; the last pause repeats. The first pauses are short,
+because a process that ends waits for only two seconds."""
 _LONGEST_WHERE_UNKNOWN = 300.0
-"""The same where the server has answered each time that it does not know the goal."""
+"""The longest pause if the server has always answered that it does not know the goal."""
 
 
 class CancelWindow(Window):
     """A window that is smaller while answers do not come.
 
-    Where several processes cancel at the same time, their windows together overrun the server's
-    queue. They notice it only by requests that are not answered. Each of these halves the window,
-    and each answer widens it by a part of a place, so that the processes come to share the queue.
+    If several processes cancel at the same time, their windows together overrun the server's queue.
+    They notice that only by missing answers. Each missing answer halves the window, and each answer
+    widens it by a part of a place. So after a while, the processes share the queue.
     """
 
     def __init__(self, size: int = WINDOW) -> None:
@@ -45,8 +45,8 @@ class CancelWindow(Window):
         self.progressed_at = -math.inf
         """Monotonic time at which a goal was last confirmed while other requests waited.
 
-        It may be a goal of another process: its requests are in the server's queue, too. As long as
-        a server goes on like that, it is worth waiting for (contract C2.5).
+        It may be a goal of another process, with requests in the same queue. As long as the server
+        goes on confirming goals, it makes sense to wait (contract C2.5).
         """
 
     def answered(self) -> None:
@@ -58,12 +58,12 @@ class CancelWindow(Window):
         self._resize(self._room / 2)
 
     def note_progress(self, now: float) -> None:
-        """Note that a server has answered that it knows a goal, or has ended it."""
+        """Record that a server knows a goal or has ended it, by its answer."""
         if self._taken >= self._size or self._waiting[0] or self._waiting[1]:
             self.progressed_at = now
 
     def note_progress_of_others(self, now: float) -> None:
-        """Note that the server has cancelled goals of others, while requests of ours wait."""
+        """Record that the server has cancelled goals of other clients while our requests wait."""
         self.progressed_at = now
 
     def _resize(self, room: float) -> None:
@@ -79,9 +79,9 @@ class _Cancellation:
         urgent: Whether its caller has little time left.
         asked_at: When `ask` was last called.
         requests: How many requests were sent since then.
-        unknown: How many of the last were answered: the goal is not known.
-        outdated: Whether `ask` was called after the request that is unanswered. An answer
-            "unknown goal" to that request then says nothing about now.
+        unknown: How many of the latest requests were answered with "unknown goal".
+        outdated: Whether `ask` was called after the request that is unanswered. The answer "unknown
+            goal" to that request is then outdated.
         timeout: Ends the wait for the answer to a request; `None` while no request is unanswered.
         repeat: Starts the next request; `None` while the goal waits for a place in the window.
     """
@@ -108,11 +108,8 @@ class CancelQueue:
     ) -> None:
         """Make a queue without requests.
 
-        Args:
-            timers: The clock and timers of the thread.
-            window: One for all code in this process that cancels goals of the same servers.
-            send: Sends the request to cancel the goal with this id.
-            cancel_timer: Cancels a timer.
+        All code in this process that cancels goals of the same servers shares one window. `send`
+        sends the request to cancel the goal with this id.
         """
         self._timers = timers
         self._window = window
@@ -126,11 +123,9 @@ class CancelQueue:
         return len(self._cancellations)
 
     def ask(self, key: bytes, *, urgent: bool = False) -> None:
-        """Ask for a goal's cancellation until it is answered; now, if it was asked for before.
+        """Ask for a goal's cancellation until it is answered; ask again now if it was asked before.
 
-        Args:
-            key: The goal's id.
-            urgent: Whether its caller has little time left.
+        `urgent` means that its caller has little time left.
         """
         cancellation = self._cancellations.get(key)
         if cancellation is None:
@@ -144,13 +139,10 @@ class CancelQueue:
             self._enqueue(key, cancellation)
 
     def answered(self, key: bytes, answer: CancelAnswer, sent_at: float) -> None:
-        """Take a server's answer into account.
+        """Handle a server's answer; `sent_at` is when its request was sent.
 
-        Args:
-            key: The goal's id.
-            answer: What it is. Where the server does not know the goal, the request will be
-                repeated; so it will where it refuses what was asked before `ask` was last called.
-            sent_at: When the request was sent.
+        The request is repeated if the server does not know the goal. It is also repeated if the
+        server refused a request that was sent before the last call of `ask`.
         """
         known = answer is not CancelAnswer.UNKNOWN_GOAL
         cancellation = self._cancellations.get(key)
@@ -169,7 +161,7 @@ class CancelQueue:
             self._enqueue(key, cancellation)
 
     def stop(self, key: bytes) -> None:
-        """Send no more requests for a goal: it has ended, or nobody is there to answer."""
+        """Send no more requests for a goal: it has ended, or no server is there to answer."""
         cancellation = self._cancellations.pop(key, None)
         if cancellation is not None:
             self._stop_repeat(cancellation)
@@ -183,7 +175,7 @@ class CancelQueue:
 
     def _enqueue(self, key: bytes, cancellation: _Cancellation) -> None:
         self._stop_repeat(cancellation)
-        self._outbox.discard(key)  # it may be among those that are not urgent
+        self._outbox.discard(key)  # it may be in the queue for goals that are not urgent
         self._outbox.put(key, cancellation, urgent=cancellation.urgent)
         self._send_next()
 
@@ -206,7 +198,7 @@ class CancelQueue:
             self._send(key)
 
     def _not_answered(self, key: bytes, cancellation: _Cancellation) -> None:
-        cancellation.unknown = 0  # it may be busy, and take the goal when it goes on
+        cancellation.unknown = 0  # the server may be busy, and accept the goal later
         self._window.unanswered()
         self._end_wait(key, cancellation)
 
@@ -216,7 +208,7 @@ class CancelQueue:
             cancellation.repeat = None
 
     def _end_wait(self, key: bytes, cancellation: _Cancellation) -> None:
-        """Give back the place in the window, or in the queue for it."""
+        """Give up the place in the window, or in the queue for a place."""
         if cancellation.timeout is not None:
             self._cancel_timer(cancellation.timeout)
             cancellation.timeout = None

@@ -1,4 +1,4 @@
-"""The numbers of the action protocol, decoded for all who are told of a goal."""
+"""Decodes the numbers of the action protocol: goal states and answers to cancel requests."""
 
 from __future__ import annotations
 
@@ -19,16 +19,13 @@ STATES = {
     GoalStatus.STATUS_CANCELED: GoalState.CANCELED,
     GoalStatus.STATUS_ABORTED: GoalState.ABORTED,
 }
-"""The states by their codes; STATUS_UNKNOWN, 0, means that the server does not know the goal."""
+"""Code -> state. Without STATUS_UNKNOWN (0): then the server does not know the goal."""
 
 
 def cancel_answer(response: Any, goal_id: bytes, canceling: Collection[bytes]) -> CancelAnswer:
-    """Return what a server answers about one goal.
+    """Return what a `CancelGoal` response says about one goal.
 
-    Args:
-        response: The `CancelGoal` response.
-        goal_id: The goal's id.
-        canceling: The ids in the response's list of the goals that are being cancelled now.
+    `canceling` has the ids from the response's list of goals that are being cancelled now.
     """
     if goal_id in canceling:
         return CancelAnswer.ACCEPTED

@@ -1,4 +1,4 @@
-"""Waits in coroutines that an executor of rclpy drives (C1.13)."""
+"""Lets coroutines that an executor of rclpy runs wait for a goal (C1.13)."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from actionkit._threads.diagnostics import log_own_error
 from actionkit._threads.waiting import Flag, run_in_thread
 
 _STEP = 0.0005
-"""Seconds between two looks whether the step that began a wait is over, which takes microseconds:
-it is looked for only where the goal ended in that step."""
+"""Seconds between two checks whether the step that began a wait is over. A step takes microseconds,
+and the check is needed only if the goal ended in that step."""
 
 
 _Future: Any = Future  # it has no types
 
 
 class Rclpy:
-    """An executor of the user's, which drives the running coroutine."""
+    """The user's executor that runs the current coroutine."""
 
     cancellation: tuple[type[BaseException], ...] = ()
-    # An Exception: rclpy takes nothing else for the end of a task.
+    # It must be an `Exception`: otherwise rclpy does not end the task.
     was_cancelled: type[BaseException] = concurrent.futures.CancelledError
 
     def __init__(self, task: Any) -> None:
         """Find the executor of a task that is being executed.
 
         Raises:
-            RuntimeError: There is none, so nobody would go on with the coroutine.
+            RuntimeError: There is none, so nothing would continue the coroutine.
         """
         executor = executor_of(task)
         if executor is None:
@@ -50,7 +50,7 @@ class Rclpy:
         left = Flag()
 
         def resume() -> None:
-            # If a task's step is not over, an executor passes over it, and is not woken again.
+            # An executor skips a task while its step is not over, and is not woken again.
             while task.executing() and not left.is_set():
                 time.sleep(_STEP)
             executor = self._executor()
@@ -59,17 +59,17 @@ class Rclpy:
                 put_back()
                 if executor is not None:
                     executor.wake()
-            except Exception:  # noqa: BLE001  of many kinds where the executor was shut down
+            except Exception:  # noqa: BLE001  many kinds, if the executor was shut down
                 if not (executor is None or has_ended(executor)):
                     log_own_error()
 
         def wake() -> None:
             run_in_thread(resume)  # future and executor have locks
 
-        del executor  # that is the user's to drop
+        del executor  # do not keep the user's executor alive
         flag.add_waiter(wake)
         try:
-            if flag.is_set():  # so it goes on in this step
+            if flag.is_set():  # the coroutine goes on in this step
                 put_back()
             else:
                 await woken

@@ -32,7 +32,7 @@ _SET_LISTENER = (
 
 
 class _FastDds:
-    """The functions that are needed. Uses libraries only that rclpy has loaded already."""
+    """The functions that are needed, from libraries that rclpy has already loaded."""
 
     def __init__(self) -> None:
         mode = os.RTLD_NOLOAD | os.RTLD_LAZY
@@ -63,13 +63,8 @@ def stop_listening(node: Node) -> bool:
     """Remove the listener of a node's participant, before the node is destroyed.
 
     Call it for the last node of a context, after its entities were destroyed. The node discovers
-    nothing afterwards. The GIL is released while this waits.
-
-    Args:
-        node: A node that is not destroyed.
-
-    Returns:
-        Whether it was done; `False` with another middleware, or if a callback did not end.
+    nothing afterwards. The GIL is released while this waits. Return `False` if it was not done:
+    with another middleware, or if a callback did not end.
     """
     library = _fast_dds()
     if library is None:

@@ -2,7 +2,7 @@
 
 They are three service clients and one or two raw subscriptions. rclpy's own `ActionClient` turns
 every goal that the server remembers into Python objects at each status message, decodes the
-feedback of everybody's goals, and searches its tables whenever a goal ends (contract C7.2).
+feedback of all clients' goals, and searches its tables whenever a goal ends (contract C7.2).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from actionkit._ros.names import ActionNames
 from actionkit._ros.native import EventSource, MessageSource, ResponseSource, Source
 
 _DEEP = 2000
-"""Depth of our queues: a thousand results, with as much feedback, may come together (R3)."""
+"""Depth of our queues: a thousand results and as many feedback messages may come at once (R3)."""
 
 
 class Entities:
@@ -39,21 +39,17 @@ class Entities:
         on_feedback: Callable[[], None],
         on_matched: Callable[[int, int], None],
     ) -> None:
-        """Make the entities.
+        """Make the entities; any error of rclpy for a bad name or type goes to the caller.
 
         Args:
-            node: The node to make them on.
             impl: The action type's `Impl`.
             names: The names of the action, used as they are.
-            on_goal: Called with the sequence number of, and the response to, a goal request.
+            on_goal: Called with the sequence number of a goal request and the response to it.
             on_result: The same for result requests.
             on_cancel: The same for cancel requests.
             on_feedback: Called when feedback of the action has come, for any goal.
             on_matched: Called when servers come or go, with how many there are, and how many of
                 them are new.
-
-        Raises:
-            Exception: Anything that rclpy raises for a bad name or type.
         """
         self._node = node
         self._impl = impl
@@ -74,15 +70,14 @@ class Entities:
             self.goal = ResponseSource(self._goal_client(), on_goal)
             self.result = ResponseSource(self._result_client(), on_result)
             self.cancel = ResponseSource(self._cancel_client(), on_cancel)
-        except BaseException:  # the error goes on, but no entity is left behind
+        except BaseException:  # no entity is left behind
             self.destroy()
             raise
 
     def recreate(self, node: Node) -> None:
-        """Make others on another node after `destroy`; the sources are about these from now on.
+        """After `destroy`, make the entities again on another node, for the same sources.
 
-        Raises:
-            Exception: Anything that rclpy raises.
+        Any error of rclpy goes to the caller.
         """
         self._node = node
         try:
@@ -100,7 +95,7 @@ class Entities:
 
     @property
     def sources(self) -> list[Source]:
-        """What can be waited for, except for the status."""
+        """What the thread can wait for, except the status."""
         always: list[Source] = [self.goal, self.result, self.cancel, self.feedback]
         return always if self.matched is None else [*always, self.matched]
 
@@ -129,7 +124,7 @@ class Entities:
         self._node.destroy_subscription(source.subscription)
 
     def destroy(self) -> None:
-        """Destroy all of them, except for the subscription to the status."""
+        """Destroy all entities except the subscription to the status."""
         for client in self._clients:
             self._node.destroy_client(client)
         for subscription in self._subscriptions:

@@ -1,6 +1,6 @@
-"""What is asked of, or done to, executors of the user's. It uses private parts of rclpy.
+"""Wakes and asks the user's executors, with private parts of rclpy.
 
-ActionKit has no executor of its own. Seen on rclpy 7.1.x.
+ActionKit has no executor of its own. Tested with rclpy 7.1.x.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from actionkit._ros.native import RCLError, is_up
 def wake_executors(context: Context) -> None:
     """Wake the executors of a context that was shut down, so that their `spin` ends.
 
-    At a signal rclpy wakes executors first, and then shuts down their context. One that is quick
-    finds it still up, and waits on without end (in 4 of 270 programs of rclpy alone).
+    At a signal, rclpy wakes executors first, and then shuts down their context. A quick executor
+    finds the context still up, and waits for ever (in 4 of 270 programs with rclpy only).
 
-    What `Executor.wake()` does is done here, as that may be a method of the user's.
+    This does the same as `Executor.wake()`, because the user may have overridden that.
     """
     methods = [callback() for callback in context._callbacks if isinstance(callback, WeakMethod)]
     for executor in [getattr(method, "__self__", None) for method in methods]:
@@ -36,7 +36,7 @@ def wake_executors(context: Context) -> None:
 
 
 def executor_of(task: Any) -> Any:
-    """Return the executor of a task; `None` where it has none, or it was dropped."""
+    """Return the executor of a task; `None` if it has none, or the executor was dropped."""
     return task._executor()
 
 
@@ -47,22 +47,22 @@ def has_ended(executor: Any) -> bool:
 
 
 def take_out(executor: Any, task: Task) -> Callable[[], None]:
-    """Take a task that begins to wait out of the list of its executor.
+    """Take a task that begins to wait out of its executor's list; return what puts it back.
 
-    Up to 7.1.8 an executor runs every task in that list again whenever anything wakes it, and the
-    one with several threads keeps a note of each time: with ten tasks that waited beside a timer of
-    100 Hz it used a whole core after some seconds. Later ones have no such list, and go on with a
-    task when what it awaits is done.
+    Up to rclpy 7.1.8, an executor runs every task in that list again whenever anything wakes it,
+    and an executor with several threads records each time. With ten tasks that waited beside a
+    timer of 100 Hz, it used a whole core after some seconds. Later versions have no such list, and
+    continue a task when its wait is over.
 
-    Returns:
-        What puts it back, so that the executor runs it when it is next woken. It takes a lock.
+    The function that puts the task back takes a lock. The executor runs the task when it wakes
+    next.
     """
     tasks = getattr(executor, "_tasks", None)
     lock = getattr(executor, "_tasks_lock", None)
     taken: list[Any] = []
     if isinstance(tasks, list) and lock is not None:
         with lock:
-            # Not `tasks`, which may be another by now.
+            # Not `tasks`: it may be another list by now.
             taken = [entry for entry in executor._tasks if entry[0] is task]
             executor._tasks = [entry for entry in executor._tasks if entry[0] is not task]
     weak = weakref.ref(executor)

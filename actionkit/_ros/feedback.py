@@ -1,13 +1,13 @@
-"""Reads the subscription to the feedback topic: its messages, and the event that tells of servers.
+"""Reads the feedback topic: its messages, and the event for servers that come and go.
 
-The feedback of all clients' goals comes over it, and a turn of the communication thread costs more
-than reading a dozen messages. So where messages come fast, the thread does not wait for them for a
-while after each read. When a result comes, all feedback is read first, because the result may have
-overtaken some (R15).
+The topic has the feedback of all clients' goals, and a turn of the communication thread takes more
+time than reading a dozen messages. So if messages come fast, the thread ignores them for a moment
+after each read. When a result comes, all feedback is read first, because the result may have
+overtaken some of it (R15).
 
-Messages and event go together, because with Fast DDS one condition of the reader wakes the wait
-for both. If the thread waited for the event alone while messages are unread, each wait would
-return at once. So it waits either for both or for neither.
+With Fast DDS, one condition of the reader wakes the thread for messages and for the event. If the
+thread waited only for the event while messages are unread, each wait would return at once. So it
+waits either for both or for neither.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from actionkit._ros.wire import feedback_goal_id
 from actionkit._threads.clock import TimerHandle
 
 _PAUSE = 0.002
-"""Seconds; short for a human or a control loop, and two messages' worth at a thousand a second."""
+"""Seconds: short for a human or a control loop, and the time of two messages at 1000 Hz."""
 _FIRST_PAUSE = 0.005
-"""Seconds after a goal is sent while none runs: most short goals are over by then, and their
-feedback is read with their result. It delays the first message alone."""
+"""Seconds after a goal is sent while no other runs. Most short goals are over by then, and their
+feedback is read with their result. Only the first message is delayed."""
 _PAUSE_FOR_OTHERS = 0.01
-"""Seconds when all messages were for others; a server is to be noticed within 20 ms (C7.4)."""
+"""Seconds if all messages were for other clients; a server must be noticed within 20 ms (C7.4)."""
 _PAUSE_WHEN_IDLE = 1.0
-"""Seconds when nobody waits for anything here; an idle client may wake up so often (C7.4)."""
+"""Seconds if nothing waits for feedback or servers; an idle client may wake that often (C7.4)."""
 _READS = 32
-"""Of 64 messages each, which is all that the queue holds: a flood cannot keep the thread."""
+"""Reads of 64 messages in a row, together the whole queue: a flood cannot block the thread."""
 
 
 class FeedbackWatch:
@@ -48,12 +48,11 @@ class FeedbackWatch:
         """Wait for the event, if the middleware has it. Feedback is passed on after `start`.
 
         Args:
-            runtime: All this happens on its thread.
-            messages: The subscription. `look` is to be called when it is readable.
-            matched: Its event that tells of servers, or `None`.
+            messages: The subscription. Its source calls `look` when it is readable.
+            matched: Its event for servers that come and go, or `None` if the middleware has none.
             goals: The ids of the goals wanted. Read at each message.
             on_feedback: Called with a goal's id and its serialised feedback messages, in order.
-            has_waiters: Whether anybody waits for servers coming and going.
+            has_waiters: Whether anything waits for servers to come or go.
         """
         self._runtime = runtime
         self._messages = messages
@@ -63,24 +62,24 @@ class FeedbackWatch:
         self._has_waiters = has_waiters
         self._on = False
         self._ours = 0  # how many messages were for our goals
-        self._looked = 0.0  # when messages were last found
+        self._looked = 0.0  # when messages last came
         self._pause: TimerHandle | None = None
         self._wait()
 
     def start(self) -> None:
-        """Pass on feedback from now on. What has come before is thrown away."""
+        """Pass on feedback from now on; ignore earlier feedback."""
         if not self._on:
             self._on = True
             self._messages.discard()
             self._start_pause(_FIRST_PAUSE)
 
     def stop(self) -> None:
-        """Pass on none until `start` is called again."""
+        """Pass on no feedback until `start` is called again."""
         self._on = False
         self._wait()
 
     def poll_now(self) -> None:
-        """Read the event now, also within a pause."""
+        """Read the event now, even in a pause."""
         if self._pause is not None and self._matched is not None:
             self._matched.take()
             self._wait()
@@ -137,7 +136,7 @@ class FeedbackWatch:
             self._runtime.disable(self._messages)
 
     def _take(self) -> int:
-        """Read some, and pass on what is ours; return how many there were, ours or not."""
+        """Read messages, pass on ours, and return how many there were, ours or not."""
         messages = self._messages.take()
         ours: dict[bytes, list[bytes]] = {}
         for message in messages:

@@ -1,4 +1,4 @@
-"""Questions to the ROS graph about action servers."""
+"""Asks the ROS graph about actions, their servers and clients."""
 
 from __future__ import annotations
 
@@ -14,39 +14,27 @@ from actionkit._ros.native import RCLError
 
 _FEEDBACK = "/_action/feedback"
 _KNOWN_HASH = 1
-"""The version of a type hash (RIHS01); other middleware, and older versions, tell none."""
+"""The version of a type hash (RIHS01). Some middleware has no type hashes."""
 _OF_EVERY_NODE = "/parameter_events"
 _PARTICIPANT = 12
-"""Bytes of an endpoint's id that tell its DDS participant."""
+"""Bytes of an endpoint's id that identify its DDS participant."""
 _FEEDBACK_TYPE = "_FeedbackMessage"
 
 
 @dataclass(frozen=True)
 class Endpoint:
-    """One server of an action, or one client, as its end of the feedback topic shows it.
+    """A server or a client of an action, as its end of the feedback topic shows it."""
 
-    Attributes:
-        gid: The id of that publisher or subscription. A restarted server has another one (R1).
-        action_type: Such as `test_msgs/action/Fibonacci`.
-        node: The full name of its node; `""` while it is not known yet.
-    """
-
-    gid: bytes
-    action_type: str
-    node: str
+    gid: bytes  # of its publisher or subscription; a restarted server has another one (R1)
+    action_type: str  # such as `test_msgs/action/Fibonacci`
+    node: str  # the full name of its node; `""` while it is not known yet
 
 
 @dataclass(frozen=True)
 class Versions:
-    """The type hashes of one part of an action.
+    """The type hashes of one part of an action, such as `RIHS01_dfe7...`."""
 
-    Attributes:
-        end: `"goal"`, `"result"` or `"feedback"`.
-        servers: Those of its servers, such as `RIHS01_dfe7...`.
-        clients: Those of its clients.
-    """
-
-    end: str
+    end: str  # `"goal"`, `"result"` or `"feedback"`
     servers: tuple[str, ...]
     clients: tuple[str, ...]
 
@@ -57,7 +45,7 @@ class Versions:
 
     @property
     def differ(self) -> bool:
-        """Whether one side would misread what another one sends."""
+        """Whether one side would misread the other's messages."""
         return bool(self.servers) and len({*self.servers, *self.clients}) > 1
 
 
@@ -77,12 +65,12 @@ def servers(node: Node, topic: str) -> list[Endpoint]:
 
 
 def endpoint_of(info: TopicEndpointInfo) -> Endpoint:
-    """Return what a publisher or subscription of a feedback topic tells of its action."""
+    """Return the server or client of a publisher or subscription of a feedback topic."""
     name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
     return Endpoint(
         gid=bytes(info.endpoint_gid),
         action_type=info.topic_type.removesuffix(_FEEDBACK_TYPE),
-        # The middleware has a placeholder for a moment after discovery.
+        # For a moment after discovery, the middleware has a placeholder.
         node="" if "_UNKNOWN_" in info.node_name else name,
     )
 
@@ -107,13 +95,13 @@ def all_actions(node: Node) -> dict[str, tuple[str, ...]]:
 
 
 def best_effort(node: Node, names: ActionNames) -> tuple[str, ...]:
-    """Return which of an action's services and topics are offered best-effort, so never to us.
+    """Return an action's services and topics that a server offers best-effort: we get nothing.
 
     Raises:
         RCLError: The node's context was shut down.
     """
     topics = {
-        # The middleware's own name of the topic for the answers.
+        # The middleware's own name for the topic of the answers.
         "send_goal": f"rr{names.send_goal}Reply",
         "get_result": f"rr{names.get_result}Reply",
         "cancel_goal": f"rr{names.cancel_goal}Reply",
@@ -133,19 +121,15 @@ def best_effort(node: Node, names: ActionNames) -> tuple[str, ...]:
 def versions(node: Node, names: ActionNames, of_client: str | None = None) -> list[Versions]:
     """Return the type hashes of an action's servers and clients.
 
-    Empty ones where the middleware tells none.
-
-    Args:
-        node: Asks the graph.
-        names: The names of the action.
-        of_client: The name of a node: only its clients are meant; `None` means all.
+    They are empty if the middleware has none. `of_client` is the name of a node: only its clients
+    are listed; `None` means all.
 
     Raises:
         RCLError: The node's context was shut down.
     """
     readers, writers = node.get_subscriptions_info_by_topic, node.get_publishers_info_by_topic
     ends = (
-        # The middleware's own names of the topics for requests and answers.
+        # The middleware's own names for the topics of requests and answers.
         ("goal", f"rq{names.send_goal}Request", readers, writers),
         ("result", f"rr{names.get_result}Reply", writers, readers),
         ("feedback", f"rt{names.feedback}", writers, readers),
@@ -164,12 +148,12 @@ def _hashes(infos: list[TopicEndpointInfo]) -> tuple[str, ...]:
 
 
 def is_last(node: Node) -> bool:
-    """Return whether nobody else wants to discover anything in a node's context.
+    """Return whether no other node in this node's context needs discovery.
 
-    No other node is there, or the context was shut down: then nothing is discovered any more.
+    Either there is no other node, or the context was shut down: then nothing is discovered.
     """
     try:
-        # Every node of rclpy has one of these; and the ids of one participant begin alike.
+        # Every node of rclpy publishes this; the ids of one participant begin alike.
         infos = node.get_publishers_info_by_topic(_OF_EVERY_NODE)
     except RCLError:
         return True

@@ -1,7 +1,7 @@
-"""Finds the names that an action has to a node of the user's, as rclpy's would (contract C1.2).
+"""Resolves the names of an action for a user's node, as rclpy does (contract C1.2).
 
-An action has five names, which a node's remapping rules may send to different places. They are
-resolved once, on the node that has the rules, and used as they are on a node that has none.
+An action has five names, and a node's remapping rules may map them to different places. They are
+resolved once, on the node with the rules, and used unchanged on a node without rules.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rclpy.node import Node
 from actionkit._ros.native import RCLError
 
 _NOT_TEXT = ("Cc", "Cs")
-"""Control characters, NUL among them, and halves of a character (surrogates)."""
+"""Control characters, such as NUL, and half characters (surrogates)."""
 
 
 _SEND_GOAL = "/_action/send_goal"
@@ -30,18 +30,9 @@ _SEND_GOAL = "/_action/send_goal"
 
 @dataclass(frozen=True)
 class ActionNames:
-    """The fully qualified names under which an action is called.
+    """The fully qualified names of an action."""
 
-    Attributes:
-        action: What is called: the name of the goal service without what all of these end in.
-        send_goal: The first of three services.
-        get_result: The second.
-        cancel_goal: The third.
-        feedback: The first of two topics.
-        status: The second.
-    """
-
-    action: str
+    action: str  # the name of the goal service, without the part that all of these end in
     send_goal: str
     get_result: str
     cancel_goal: str
@@ -57,10 +48,7 @@ class ActionNames:
     ) -> ActionNames:
         """Return the names of an action.
 
-        Args:
-            action_name: Its name.
-            service: Resolves the name of a service; left out, names are fully qualified.
-            topic: Resolves the name of a topic.
+        `service` and `topic` resolve names; without them, names are already fully qualified.
         """
         send_goal = service(action_name + _SEND_GOAL)
         return cls(
@@ -75,19 +63,12 @@ class ActionNames:
 
 @dataclass(frozen=True)
 class Identity:
-    """Which action a client is for.
+    """Identifies the action of a client."""
 
-    Attributes:
-        action_name: The fully qualified name.
-        type_name: Such as `test_msgs/action/Fibonacci`.
-        domain_id: The ROS domain.
-        label: The full name of the user's node, for logs; `""` where there is none.
-    """
-
-    action_name: str
-    type_name: str
+    action_name: str  # fully qualified
+    type_name: str  # such as `test_msgs/action/Fibonacci`
     domain_id: int
-    label: str
+    label: str  # the full name of the user's node, for logs; `""` if there is none
 
 
 def type_name_of(action_type: Any) -> str:
@@ -107,11 +88,7 @@ def type_name_of(action_type: Any) -> str:
 
 
 def check_name(action_name: object, *, has_node: bool) -> str:
-    """Return the name where it may be one.
-
-    Args:
-        action_name: What the user gave.
-        has_node: Whether a node of the user's is there that it may refer to.
+    """Return the name if it may be valid; with a node, it may also be relative to the node.
 
     Raises:
         TypeError: The name is not a string.
@@ -120,7 +97,7 @@ def check_name(action_name: object, *, has_node: bool) -> str:
     if not isinstance(action_name, str):
         raise TypeError(f"action_name={action_name!r} must be a string, such as 'fibonacci'")
     if any(unicodedata.category(character) in _NOT_TEXT for character in action_name):
-        # The middleware reads a name up to its first NUL only, and would call another action.
+        # The middleware reads a name only up to its first NUL, and would call another action.
         raise ValueError(
             f"action_name={action_name!r} has control characters or others that are no text."
             " Remove them: a ROS name has letters, digits, underscores and slashes only"
@@ -134,14 +111,10 @@ def check_name(action_name: object, *, has_node: bool) -> str:
 
 
 def resolve(node: Node, action_name: str) -> ActionNames:
-    """Return the names that `action_name` means to `node`.
+    """Return the names that `action_name` means for `node`, which has the rules.
 
-    Its rules for each of the five names count, as for rclpy's `ActionClient`. Where it has none
-    for any of them, a rule for the action's own name counts too, which that client ignores.
-
-    Args:
-        node: A node that has the rules.
-        action_name: A name that was checked.
+    The node's rules for each of the five names count, as for rclpy's `ActionClient`. If there are
+    none, a rule for the action's own name counts, too; rclpy's client ignores such a rule.
 
     Raises:
         ValueError: It is not a valid action name, or one of the five is not valid after remapping;

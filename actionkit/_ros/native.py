@@ -1,11 +1,11 @@
-"""Uses private parts of rclpy, as `executors` does: it waits for chosen entities.
+"""Waits for chosen entities, with private parts of rclpy (as `executors` does).
 
-At each turn rclpy's executors rebuild their wait set from every entity of the node, and wrap each
-event in a task. They end for good when a user's callback raises (R8), or when rclpy's own signal
-handler shuts the context down (R10). Here the wait set holds just the entities that are waited
-for. Waiting also works in a context that was shut down, so a cancel request can be sent after
-Ctrl-C. Seen on rclpy 7.1.x; `WaitSet`, `handle.send_request`, `handle.take_response` and
-`handle.take_message` are what rclpy's own executor uses.
+In each turn, rclpy's executors build their wait set again from all entities of the node, and wrap
+each event in a task. They end for ever when a user's callback raises (R8), or when rclpy's signal
+handler shuts the context down (R10). Here, the wait set has only the entities to wait for. Waiting
+also works in a context that was shut down, so a cancel request can be sent after Ctrl-C. Tested
+with rclpy 7.1.x; its own executor uses `WaitSet`, `handle.send_request`, `handle.take_response` and
+`handle.take_message`, too.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from rclpy.signals import SignalHandlerGuardCondition
 from rclpy.subscription import Subscription
 
 _FOREVER = -1
-"""The timeout of a wait without end."""
+"""The timeout of a wait without a limit."""
 _LONGEST = 1e9
-"""Seconds, which are 31 years; the middleware's 64 bits of nanoseconds hold nine times as many."""
+"""Seconds (31 years); the middleware's 64 bits of nanoseconds hold nine times as many."""
 MOST_AT_ONCE = 64
-"""Messages taken of one entity in a row, which takes about a millisecond; then others are read."""
+"""Messages read from one entity in a row (about a millisecond); then others get their turn."""
 SOURCES_OF_A_CLIENT = 7
-"""At most: three services, feedback and its event, status, and the way back to a lost server."""
+"""The maximum: three services, feedback and its event, the status, and that of `way_back`."""
 
 
 RCLError = rclpy_implementation.RCLError
@@ -45,9 +45,10 @@ _call = operator.methodcaller("__call__")
 
 
 def is_up(context: Context) -> bool:
-    """Return whether the context is not shut down. Can be called from a signal handler.
+    """Return whether the context is not shut down. Safe in a signal handler.
 
-    `Context.ok()` takes a lock: a handler that interrupts it and calls it waits for ever.
+    `Context.ok()` takes a lock: if a handler interrupts it and calls it, the handler waits for
+    ever.
     """
     handle = context.handle
     try:
@@ -58,10 +59,10 @@ def is_up(context: Context) -> bool:
 
 
 def shut_down(context: Context) -> None:
-    """Shut down a context unless it is; rclpy's signal handler may do it at the same moment."""
+    """Shut down a context; rclpy's signal handler may do it at the same moment."""
     try:
         context.try_shutdown()
-    except RCLError:  # shut down since it was asked whether it is (R10)
+    except RCLError:  # shut down after the check (R10)
         if is_up(context):
             raise
 
@@ -75,7 +76,7 @@ def domain_of(context: Context) -> int:
     """
     handle = context.handle
     if handle is None:
-        return context.get_domain_id()  # which says what is wrong
+        return context.get_domain_id()  # its error says what is wrong
     with handle:
         return handle.get_domain_id()
 
@@ -90,13 +91,13 @@ def default_context() -> Context | None:
 
 
 def default_context_is_up() -> bool:
-    """Return whether the context of `rclpy.init()` is there and not shut down."""
+    """Return whether there is a context of `rclpy.init()` that is not shut down."""
     context = default_context()
     return context is not None and is_up(context)
 
 
 def node_is_destroyed(node: Node) -> bool:
-    """Return whether `destroy_node()` was called. Nothing tells of that."""
+    """Return whether `destroy_node()` was called; rclpy has no public way to ask."""
     try:
         with node.handle:
             return False
@@ -105,10 +106,10 @@ def node_is_destroyed(node: Node) -> bool:
 
 
 def on_shutdown(context: Context, method: Callable[[], None]) -> None:
-    """Have a bound method called when the context is shut down, but not by a signal handler.
+    """Call a bound method when the context is shut down, but not by a signal handler.
 
-    It is called on the thread that shuts down, in the middle of that. The context keeps no
-    reference to its object. What is shut down already has to be looked at afterwards.
+    It is called on the thread that shuts down, during the shutdown. The context keeps no reference
+    to its object. Check afterwards whether the context was already shut down.
 
     `Context.on_shutdown()` takes the lock of `Context.ok()`: see `is_up`.
     """
@@ -141,7 +142,7 @@ class ResponseSource(Source):
 
     def use(self, client: ServiceClient) -> None:
         """Switch to another service client."""
-        self._before = self._latest  # its own numbers start at 1 again; here they go on
+        self._before = self._latest  # rclpy's numbers start at 1 again, ours continue
         self._handle = client.handle
         self._type = client.srv_type.Response
 
@@ -190,7 +191,7 @@ class MessageSource(Source):
         return messages
 
     def discard(self) -> None:
-        """Throw away what has come."""
+        """Ignore all messages that have come."""
         while self._handle.take_message(None, True) is not None:
             pass
 
@@ -214,7 +215,7 @@ class EventSource(Source):
         return -1
 
     def is_ready(self, wait_set: Any) -> bool:
-        """Whether the event has come, as far as the last wait saw."""
+        """Whether the event had come at the last wait."""
         return bool(self._handler.is_ready(wait_set))
 
     def take(self) -> None:
@@ -236,33 +237,28 @@ class Waiter:
         self.signalled = False
         """Whether rclpy's signal handler has run during the last wait."""
         self.room = -1
-        """How many sources of each kind there is room for."""
+        """How many sources of each kind fit into the wait set."""
         self._wait_set: Any = None
 
     def wake(self) -> None:
-        """Make the current wait, or the next, return at once. Callable from any thread."""
-        with contextlib.suppress(InvalidHandle):  # the thread has ended: nobody to wake
+        """Make the current or next wait return at once. From any thread."""
+        with contextlib.suppress(InvalidHandle):  # the thread has ended
             self._guard.trigger()
 
     def wake_with(self, inbox: deque[_T], item: _T) -> None:
         """Append to the inbox and `wake`, with no signal handler between the two.
 
-        A handler runs between two bytecodes. If it ran between these two, it could wait for ever
-        for an item that is in the inbox while the thread sleeps. So one call into C does both.
+        A handler runs between two bytecodes. If it ran between these two steps, it could wait for
+        ever: the item is in the inbox, but the thread sleeps. So one call into C does both.
         """
         trigger = self._guard_handle.trigger_guard_condition
         with contextlib.suppress(InvalidHandle, RCLError):  # as above
             deque(map(_call, (partial(inbox.append, item), trigger)), maxlen=0)
 
     def wait(self, sources: Sequence[Source], timeout: float | None) -> list[Source]:
-        """Wait until a source is ready, `wake` is called, or the time is up.
+        """Wait for a source, `wake` or the end of the time; return the sources that are ready.
 
-        Args:
-            sources: What to wait for.
-            timeout: Seconds; `None` waits for ever.
-
-        Returns:
-            The sources that are ready.
+        The timeout is in seconds; `None` means no limit.
         """
         if len(sources) > self.room:
             self.make_room(len(sources))
@@ -284,10 +280,11 @@ class Waiter:
         ]
 
     def make_room(self, sources: int) -> None:
-        """Have room for so many sources, before they are needed.
+        """Make room for this many sources before they are needed.
 
-        A wait set cannot be made in a context that was shut down, and a cancel after Ctrl-C adds a
-        source then (R10). Making one also costs more than waiting on a sparse one.
+        In a context that was shut down, no wait set can be made, and then a cancel after Ctrl-C
+        adds a source (R10). Making a wait set also takes more time than waiting on one with free
+        places.
 
         Raises:
             RCLError: The context was shut down.

@@ -1,16 +1,17 @@
-"""Goals that have ended for their caller and may still run on another server (R14).
+"""Finds goals that have ended for their caller but may still run on another server (R14).
 
-Two servers on one name both take every goal, and the first answer ends the goal for the caller.
-The other server may go on running it. It may even have taken the goal before this side saw it, and
-its acceptance may have been lost on the way (R4). So the goals that ended lately are remembered:
+Two servers on one name both accept every goal, and the first answer ends the goal for the caller.
+The other server may still execute the goal. It may even have accepted the goal before it was in
+sight here, and its acceptance may have been lost (R4). So goals that have ended are remembered for
+a while:
 
-- A server that accepts one of them late runs it: the goal is a *confirmed* orphan. Its
+- If a server accepts such a goal late, it executes the goal: this is a *confirmed* orphan. Its
   cancellation is asked for until that server has answered.
-- A server that has just come may run any of them: the goals that ended not long before are
-  *suspected* orphans, and the server is asked to cancel them. So is a goal that ends while there
-  are several servers.
+- A new server may execute any of them. Goals that ended a short time before are *suspected*
+  orphans, and the server is asked to cancel them. A goal that ends while there are several servers
+  is suspected, too.
 
-No more is asked for than fits into a server's queue (R3).
+Never more requests are sent than fit into a server's queue (R3).
 """
 
 from __future__ import annotations
@@ -27,62 +28,47 @@ from actionkit._threads.clock import Timers
 from actionkit._threads.diagnostics import log_later
 
 _REMEMBERED = 256
-"""Goals; a bound for the memory. The newest are kept, because they are the likeliest to run."""
+"""Goals that are kept at most: the newest, because they are the most likely to run."""
 _RECENT = 20.0
-"""Seconds; longer than any server took from accepting its first goals to being in sight here."""
+"""Seconds: no server took longer from accepting its first goals until it was in sight."""
 _AT_ONCE = 4
-"""Requests; half of a window, so that cancellations which a caller waits for are not held up."""
+"""Requests: half of a window, so that cancellations with a waiting caller are not delayed."""
 _ANSWERED_WITHIN = 0.2
-"""Seconds until the next request may be sent; a server that lives answers in milliseconds."""
+"""Seconds until the next request may be sent; a live server answers in milliseconds."""
 _TRIES = 5
-"""How often the cancellation of a confirmed orphan is asked for, within 15 seconds."""
+"""How many times a confirmed orphan's cancellation is asked for, within 15 seconds."""
 _TRIES_WHEN_SUSPECTED = 2
-"""The same where nothing shows that any server has the goal; one request may get lost."""
+"""The same for a suspected orphan; one request may get lost."""
 _FIRST_PAUSE = 0.5
-"""Seconds until a cancellation is asked for again; twice as long each time."""
+"""Seconds until a cancellation is asked for again; doubled each time."""
 
 
 _Ended = tuple[bytes, float, int, bool]
 """A goal's id, when it ended, how many servers accepted it, whether an acceptance is pending.
 
-A plain tuple, which Python's collector need not look at again: every call leaves one.
+Every call leaves one, so it is a plain tuple: Python's garbage collector does not track it.
 """
 
 
 @dataclass(slots=True)
 class _CancelRequest:
-    """A cancel request for an orphan.
+    """A cancel request for an orphan."""
 
-    Attributes:
-        key: The goal's id.
-        answers: How many servers have answered.
-        ends: How many of them answered that the goal is ending or has ended.
-    """
-
-    key: bytes
-    answers: int = 0
-    ends: int = 0
+    key: bytes  # the goal's id
+    answers: int = 0  # how many servers have answered
+    ends: int = 0  # how many of them answered that the goal is ending or has ended
 
 
 @dataclass(slots=True)
 class _Orphan:
-    """A goal that is to be cancelled on every server that runs it.
+    """A goal that is to be cancelled on every server that runs it."""
 
-    Attributes:
-        late: How many servers accepted it after it had ended here, or beside the one it ended on.
-        accepted: How many servers accepted it in all; 0 while `late` is 0.
-        left: How many more times its cancellation is asked for.
-        pause: Seconds until the next time.
-        canceling: How many servers answered that they are cancelling it.
-        requests: The numbers of the requests to cancel it.
-    """
-
-    late: int = 0
-    accepted: int = 0
-    left: int = _TRIES_WHEN_SUSPECTED
-    pause: float = _FIRST_PAUSE
-    canceling: int = 0
-    requests: list[int] = field(default_factory=list)
+    late: int = 0  # accepted by so many after it had ended here, or beside the one that ended it
+    accepted: int = 0  # all servers that accepted it; 0 while `late` is 0
+    left: int = _TRIES_WHEN_SUSPECTED  # how many more times its cancellation is asked for
+    pause: float = _FIRST_PAUSE  # seconds until the next time
+    canceling: int = 0  # servers that answered that they are cancelling it
+    requests: list[int] = field(default_factory=list)  # the numbers of the requests to cancel it
 
 
 class OrphanedGoals:
@@ -101,10 +87,8 @@ class OrphanedGoals:
         """Begin without any goal.
 
         Args:
-            timers: The clock and timers of the thread.
-            action_name: For the log.
             count_servers: Returns how many servers are in sight.
-            window: One for all code in this process that cancels goals of the same servers.
+            window: Shared by all code in this process that cancels goals of the same servers.
             cancel: Asks every server to cancel a goal; returns the request's number.
             on_change: Called when there are more or fewer answers to wait for.
         """
@@ -121,7 +105,7 @@ class OrphanedGoals:
         self._closed = False
         self._ended: OrderedDict[int, _Ended] = OrderedDict()
         self._orphans: dict[bytes, _Orphan] = {}
-        # Those to ask the servers to cancel next, in order.
+        # The next goals to cancel, in order.
         self._confirmed: OrderedDict[bytes, None] = OrderedDict()
         self._suspected: OrderedDict[bytes, None] = OrderedDict()
         self._unanswered: set[int] = set()
@@ -132,22 +116,19 @@ class OrphanedGoals:
 
     @property
     def confirmed(self) -> bool:
-        """Whether any goal is being cancelled that another server has surely accepted."""
+        """Whether any goal that another server has surely accepted is being cancelled."""
         return any(orphan.late for orphan in self._orphans.values())
 
     @property
     def awaited(self) -> Sized:
-        """The goal requests for which a late acceptance is worth waking up."""
+        """The goal requests for which the thread should wait for a late acceptance."""
         return self._ended if self._count_servers() > 1 else ()
 
     def ended(self, seq: int, key: bytes, *, accepted: int, pending: bool = False) -> None:
-        """Remember a goal that has ended here.
+        """Remember a goal that has ended here; `seq` is the number of its request.
 
-        Args:
-            seq: The number of its request.
-            key: Its id.
-            accepted: How many servers have accepted it.
-            pending: Whether the acceptance by the server that ended it has yet to come.
+        `accepted` servers have accepted it. `pending` means that the server that ended it has not
+        sent its acceptance yet.
         """
         self._ended[seq] = (key, self._timers.now(), accepted, pending)
         if len(self._ended) > _REMEMBERED:
@@ -156,11 +137,7 @@ class OrphanedGoals:
             self._suspect(key)
 
     def accepted_late(self, seq: int) -> None:
-        """Handle that a server accepts a goal which has ended here.
-
-        Args:
-            seq: The number of the goal's request.
-        """
+        """Handle that a server accepts a goal that has ended here; `seq` is of its request."""
         ended = self._ended.get(seq)
         if ended is None:
             return
@@ -170,19 +147,17 @@ class OrphanedGoals:
             self._confirm(key, accepted + 1, 1)
 
     def server_came(self) -> None:
-        """Suspect the goals that ended lately: a server is ready that was not."""
+        """Suspect the goals that ended a short time ago, because a new server is ready."""
         since = self._timers.now() - _RECENT
         for key, at, _, _ in list(self._ended.values()):
             if at >= since:
                 self._suspect(key)
 
     def answered(self, seq: int, canceling: Collection[bytes], *, over: bool) -> None:
-        """Take a server's answer to a cancel request into account.
+        """Handle a server's answer to the cancel request with this number.
 
-        Args:
-            seq: The request's number.
-            canceling: The ids of the goals that it cancels now.
-            over: Whether it says that the goal is ending or has ended already.
+        `canceling` has the ids of the goals that it cancels now. `over` means that it says that the
+        goal is ending or has ended already.
         """
         request = self.requests.get(seq)
         if request is None:
@@ -199,7 +174,7 @@ class OrphanedGoals:
             self._end_wait(seq)
 
     def close(self) -> None:
-        """Ask for nothing any more, and log the confirmed orphans that are left."""
+        """Send no more requests, and log the remaining confirmed orphans."""
         self._closed = True
         for key in list(self._orphans):
             self._give_up(key)
@@ -253,7 +228,7 @@ class OrphanedGoals:
     def _repeat(self, seq: int) -> None:
         request = self.requests.get(seq)
         if request is None or self._orphans[request.key].requests[-1] != seq:
-            return  # it was answered, or there is a later one
+            return  # it was answered, or there is a later request
         orphan = self._orphans[request.key]
         if not orphan.left:
             self._give_up(request.key)
@@ -275,7 +250,7 @@ class OrphanedGoals:
 
     def _forget(self, key: bytes) -> None:
         orphan = self._orphans.pop(key)
-        # First: a place in the window that is given back is taken at once, for one of these.
+        # First: a free place in the window is used at once, for one of these.
         self._confirmed.pop(key, None)
         self._suspected.pop(key, None)
         for seq in orphan.requests:

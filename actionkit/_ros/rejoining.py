@@ -1,14 +1,14 @@
-"""Enters the ROS graph once more where a new node seems to have missed the servers that are there.
+"""Replaces a new node if it seems to have missed the servers that are there.
 
-A node announces itself when it is made, and every process that is there answers at once, to it
-alone and once. In Fast DDS 2.14 a participant announces itself up to a millisecond before it can
-take answers, and drops those that come in between (R29). Then, or where a packet is lost on a
-network, the servers come into view with their next regular announcement, up to 3 s later. A new
-node is answered at once. So one that sees no server of any client soon after it was made is
-replaced, twice at most: where no server is there at all, that costs some ten milliseconds, and the
-others on the graph see a node come and go.
+A node announces itself when it is made, and every other process answers it once, at once. In Fast
+DDS 2.14 a participant announces itself up to a millisecond before it can receive answers, and loses
+those that come in between (R29). In that case, or if a packet is lost on a network, the servers
+come into sight with their next regular announcement, up to 3 s later. But a new node gets answers
+at once. So if a node sees no server of any client soon after it was made, it is replaced, twice at
+most. If there is no server at all, this costs some ten milliseconds, and others see a node come and
+go.
 
-No goal can be lost by it: nothing has been sent by a client that has never seen a server.
+No goal can be lost by this: a client that has never seen a server has sent nothing.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ SWITCH = "ACTIONKIT_QUICK_DISCOVERY"
 """The environment variable that turns this off, with `0`."""
 _TRIES = 2
 _LOOKS = 4
-"""Looks in all, those included at which the node could not be replaced just then."""
+"""Looks in all, also those at which the node could not be replaced."""
 _PATIENCE = 0.2
-"""Seconds until a server is in view at least, where nothing was missed: 0.11, and some more."""
+"""Seconds until a server is in sight if nothing was missed: 0.11, and a margin."""
 _MOST_TIMES = 5.0
-"""How many times as long that may be on a busy machine, by how much slower the node was made."""
+"""The largest factor for that time on a busy machine, where making the node takes longer."""
 
 
 def is_wanted() -> bool:
@@ -49,11 +49,11 @@ class Link(standstill.Link, Protocol):
         """Destroy the entities: the node is replaced."""
 
     def enter(self, node: Node) -> None:
-        """Make the entities anew on this node."""
+        """Make the entities again, on this node."""
 
 
 class Rejoining:
-    """Decides when to do that, and does it. On the communication thread only."""
+    """Decides when to replace the node, and does it. On the communication thread only."""
 
     def __init__(
         self,
@@ -65,14 +65,12 @@ class Rejoining:
     ) -> None:
         """Do nothing until `joined` is called.
 
-        Args:
-            timers: The clock and timers of the thread.
-            can_leave: Whether the node can be replaced just now; gets the number of links.
-            renew: Replaces it, and calls `joined`.
-            on_failure: Called with the error if that fails. No link has entities then.
+        `can_leave` says whether the node can be replaced now; it gets the number of links. `renew`
+        replaces the node and calls `joined`. If that fails, no link has entities, and `on_failure`
+        gets the error.
         """
         self.links: dict[Link, None] = {}
-        """Whose entities are on the node."""
+        """The clients with entities on the node."""
         self._timers = timers
         self._can_leave = can_leave
         self._renew = renew
@@ -84,12 +82,11 @@ class Rejoining:
     def joined(self, took: float, worked: float) -> None:
         """Handle that the node was made just now.
 
-        Args:
-            took: Seconds that it took.
-            worked: Seconds that its thread had a core in that time. It is less on a busy machine.
+        That took `took` seconds; in that time, its thread had a core for `worked` seconds, which is
+        less on a busy machine.
         """
         slower = min(max(1.0, took / max(worked, 1e-6)), _MOST_TIMES)
-        # Longer the second time: it may be the servers that are slow.
+        # Longer the second time, because the servers may be slow.
         self._patience = _PATIENCE * slower * (1 + self._tries)
         if self._tries < _TRIES and is_wanted() and "fastrtps" in graph.middleware():
             self._look_later()
@@ -119,7 +116,7 @@ class Rejoining:
             node = self._renew()
             for link in self.links:
                 link.enter(node)
-        except Exception as error:  # noqa: BLE001  of many kinds; the thread decides
+        except Exception as error:  # noqa: BLE001  many kinds; the thread decides
             for link in self.links:
                 link.leave()
             self.links.clear()

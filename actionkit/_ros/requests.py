@@ -1,7 +1,7 @@
-"""Sends the service requests of one client, and knows which goal each answer is about.
+"""Sends the service requests of one client, and finds the goal that an answer is about.
 
-All of it happens on the communication thread. No response can be taken before its request is
-registered (R7), because the same thread sends and takes.
+All of it happens on the communication thread. The same thread sends requests and reads responses,
+so no response can be read before its request is registered (R7).
 """
 
 from __future__ import annotations
@@ -24,30 +24,22 @@ from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.readiness import UNNAMED
 
 _UUIDS = 64
-"""Messages kept; several times as many as there are requests on their way."""
+"""Cached messages; several times as many as there are requests on their way."""
 _PROBES = 64
-"""Probes with answers that still count; many more than are sent while one is unanswered."""
+"""Probes that answers are matched with; many more than are unanswered at one time."""
 _ASKS_AT_ONCE = 4
-"""Repeated result requests; half of what a server's queue holds (R3), as others ask too."""
+"""Repeated result requests at once: half of a server's queue (R3), because others ask, too."""
 _ASK_PAUSE = 0.01
-"""Seconds between two such groups; a server that lives has answered the group before by then."""
+"""Seconds between two such groups; a live server has answered the earlier group by then."""
 
 
 class Answered(NamedTuple):
-    """What an answer is about. Every server on the name answers every request; none says which.
+    """What an answer is about. It does not say which of several servers has sent it."""
 
-    Attributes:
-        key: The goal's id, or `None` if the request was not ours.
-        sent_at: When the request was sent.
-        everybody: Whether each server in sight has answered it by now.
-        knowing: How many of them have told that the goal has ended; of a request to cancel it, how
-            many know the goal.
-    """
-
-    key: bytes | None = None
+    key: bytes | None = None  # the goal's id, or `None` if the request was not ours
     sent_at: float = 0.0
-    everybody: bool = False
-    knowing: int = 0
+    everybody: bool = False  # whether each server in sight has answered it by now
+    knowing: int = 0  # how many say that the goal has ended or, for a cancel, know the goal
 
 
 class ServiceRequests:
@@ -66,14 +58,8 @@ class ServiceRequests:
     ) -> None:
         """Make them. Sends nothing yet.
 
-        Args:
-            runtime: All this happens on its thread.
-            entities: What sends.
-            impl: The action type's `Impl`.
-            action_name: For the log.
-            count_servers: Returns how many servers are in sight.
-            servers: Returns their ids.
-            on_cancel_sent: Called with a goal's id after each request to cancel it.
+        `count_servers` and `servers` return how many servers are in sight, and their ids.
+        `on_cancel_sent` gets a goal's id after each request to cancel it.
         """
         self._runtime = runtime
         self._entities = entities
@@ -87,13 +73,14 @@ class ServiceRequests:
             "result": {},
             "cancel": {},
         }
-        """The goal of each request, when it was sent, and to which servers; by kind and number."""
+        """For each request, by kind and number: the goal, when it was sent, and to which
+        servers."""
         self._heard: dict[tuple[str, int], tuple[int, int]] = {}
-        """How many servers have answered, and how many of them know the goal, while others have not
-        answered yet."""
+        """How many servers have answered a request, and how many of these know the goal, while
+        other servers have not answered yet."""
         self._made: dict[bytes, list[tuple[str, int]]] = {}  # all requests of each goal
         self._accepted: dict[int, tuple[bytes, int]] = {}
-        """The goal of each request that was accepted, and by how many servers; until forgotten."""
+        """For each accepted request: the goal, and by how many servers; until it is forgotten."""
         self._asks: OrderedDict[bytes, None] = OrderedDict()  # results to be asked for again
         self._asking = False
         self._outdated: set[int] = set()
@@ -124,20 +111,12 @@ class ServiceRequests:
                 (unanswered["cancel"], self._probes, self.orphans.requests),
             ),
         }
-        """The source of each kind of answer, and the tables that make it wanted."""
+        """Kind of answer -> its source, and the tables that say whether answers are awaited."""
 
     # --- sending ---------------------------------------------------------------------------
 
     def send_goal(self, key: bytes, goal: Any) -> None:
-        """Send a goal.
-
-        Args:
-            key: Its id.
-            goal: The action's goal message.
-
-        Raises:
-            Exception: Anything that rclpy's converters raise. Then nothing was sent.
-        """
+        """Send a goal. If rclpy's converters raise, nothing was sent."""
         request = self._impl.SendGoalService.Request()
         request.goal_id = _to_uuid(key)
         request.goal = goal
@@ -148,13 +127,9 @@ class ServiceRequests:
     def ask_result(self, key: bytes, *, supersedes_earlier: bool = False) -> None:
         """Ask for a sent goal's result; at once the first time, later at a limited rate.
 
-        Hundreds of goals that ask again at the same moment would overrun the server's queue
-        (R3), and lose what they ask for.
-
-        Args:
-            key: The goal's id.
-            supersedes_earlier: Whether earlier requests are outdated (see `is_outdated`). Then
-                this one is sent at once.
+        If hundreds of goals asked again at the same moment, they would overrun the server's queue
+        (R3), and the answers would be lost. `supersedes_earlier` means that earlier requests are
+        outdated (see `is_outdated`); then this request is sent at once.
         """
         if key not in self._made:
             return
@@ -170,8 +145,7 @@ class ServiceRequests:
     def probe(self) -> int:
         """Ask to cancel a goal that cannot exist: every live server answers, nothing changes (R2).
 
-        Returns:
-            The sequence number that each answer will carry.
+        Return the sequence number that each answer will have.
         """
         seq = self._send_cancel(uuid.uuid4().bytes)
         self._probes.append(seq)
@@ -181,11 +155,8 @@ class ServiceRequests:
     def forget(self, key: bytes, *, abandoned: bool, finished: bool) -> None:
         """Free what a sent goal's requests hold (R16).
 
-        Args:
-            key: The goal's id.
-            abandoned: Whether it is to be left running on purpose. Otherwise it is cancelled where
-                another server runs it (R14).
-            finished: Whether a server has told its result.
+        `abandoned` means that the goal is left running on purpose. Otherwise it is cancelled if
+        another server runs it (R14). `finished` means that a server has sent its result.
         """
         self._asks.pop(key, None)
         self.cancels.stop(key)
@@ -198,7 +169,7 @@ class ServiceRequests:
             elif what == "goal":
                 accepted[seq] = self._accepted.pop(seq, (b"", 0))[1]
         if not abandoned:
-            # Where packets are lost, an acceptance may come after the result.
+            # If packets are lost, an acceptance may come after the result.
             pending = finished and not any(accepted.values())
             for seq, servers in accepted.items():
                 self.orphans.ended(seq, key, accepted=servers, pending=pending)
@@ -206,12 +177,12 @@ class ServiceRequests:
             self._sync(what)
 
     def server_came(self) -> None:
-        """Handle that a server is ready that was not: goals that ended here may run on it (R14)."""
+        """Handle that a new server is ready: goals that ended here may run on it (R14)."""
         self.orphans.server_came()
         self._sync("goal")
 
     def close(self) -> None:
-        """Send nothing any more."""
+        """Send nothing more."""
         self._closed = True
         self.cancels.close()
         self.orphans.close()
@@ -253,21 +224,13 @@ class ServiceRequests:
     # --- answers ---------------------------------------------------------------------------
 
     def goal_of(self, what: str, seq: int) -> bytes:
-        """Return the id of the goal that an unanswered request is about; `b""` if there is none.
-
-        Args:
-            what: `"goal"`, `"result"` or `"cancel"`.
-            seq: The request's number.
-        """
+        """Return the goal's id for an unanswered request; `b""` if there is no such request."""
         return self._unanswered[what].get(seq, (b"",))[0]
 
     def answered(self, what: str, seq: int, *, knows: bool = False) -> Answered:
         """Count an answer, and remove the request when each server in sight has answered.
 
-        Args:
-            what: `"goal"`, `"result"` or `"cancel"`.
-            seq: The request's number.
-            knows: Whether the answer counts for `Answered.knowing`.
+        `what` is `"goal"`, `"result"` or `"cancel"`. `knows` adds the answer to `Answered.knowing`.
         """
         request = self._unanswered[what].get(seq)
         if request is None:
@@ -275,7 +238,7 @@ class ServiceRequests:
         key, sent_at, servers = request
         heard, knowing = self._heard.get((what, seq), (0, 0))
         heard, knowing = heard + 1, knowing + knows
-        # Servers that have no names yet count as one.
+        # All servers without a name count as one.
         expected = max(len((servers | self._servers()) - UNNAMED), self._count_servers())
         everybody = heard >= expected
         if everybody:
@@ -291,21 +254,13 @@ class ServiceRequests:
     def is_outdated(self, seq: int) -> bool:
         """Whether more has become known of a goal since its result was asked for.
 
-        A server that did not know the goal then may know it now, and its answer may be held up on
-        the way until long after the acceptance.
+        At that time, a server may not have known the goal, and such an answer may arrive long after
+        the acceptance.
         """
         return seq in self._outdated
 
     def goal_answered(self, seq: int, *, accepted: bool) -> bytes | None:
-        """Count the answer to a goal request.
-
-        Args:
-            seq: The request's number.
-            accepted: Whether the server accepted the goal.
-
-        Returns:
-            The goal's id, or `None` if it was forgotten.
-        """
+        """Count the answer to a goal request; return the goal's id, `None` if it was forgotten."""
         key = self.answered("goal", seq).key
         if not accepted:
             return key
@@ -321,26 +276,19 @@ class ServiceRequests:
     ) -> Answered:
         """Count the answer to a cancel request.
 
-        Args:
-            seq: The request's number.
-            answer: What the server says about the goal.
-            elsewhere: Whether that says nothing until each server has answered so.
+        `elsewhere` means that this answer counts only when each server has answered in the same
+        way.
         """
         known = answer is not CancelAnswer.UNKNOWN_GOAL
         answered = self.answered("cancel", seq, knows=known)
-        if elsewhere and answered.knowing:  # what the other one said counts
+        if elsewhere and answered.knowing:  # the other server's answer counts
             answered = Answered(answered.key, answered.sent_at, False, answered.knowing)
         if answered.key is not None and (answered.everybody or not elsewhere):
             self.cancels.answered(answered.key, answer, answered.sent_at)
         return answered
 
     def probe_answered(self, seq: int, *, others_matter: bool) -> bool:
-        """Return whether an answer is to a probe.
-
-        Args:
-            seq: The request's number.
-            others_matter: Whether the answers of other servers are to be waited for.
-        """
+        """Return whether an answer is to a probe; `others_matter`: wait for other servers, too."""
         if seq not in self._probes:
             return False
         if not others_matter:
@@ -349,13 +297,13 @@ class ServiceRequests:
         return True
 
     def heard(self) -> None:
-        """Note that a cancel request was answered, or that nobody is left who could answer."""
+        """Record that a cancel request was answered, or that no server is left to answer."""
         self.unheard_since = None
 
     # --- waiting ---------------------------------------------------------------------------
 
     def _sync(self, what: str) -> None:
-        """Wait for answers that are wanted, and for no others: an idle client never wakes up."""
+        """Wait only for answers that are wanted: so an idle client never wakes up."""
         source, wanted = self._wanted[what]
         if any(wanted) or (what == "goal" and self.orphans.awaited):
             self._runtime.enable(source)

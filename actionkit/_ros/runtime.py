@@ -1,18 +1,17 @@
-"""The communication thread: one for all clients of a context.
+"""Runs the communication thread: one for all clients of a context.
 
-It owns a node of ActionKit's own, every DDS entity made on it, and the timers. The user's nodes are
-not spun here, and no function of the user's is called.
+The thread owns a node of ActionKit, all DDS entities on it, and the timers. It does not spin the
+user's nodes, and never calls a function of the user.
 
-The node is in the user's own context where there is one, so that domain, discovery, security and
-the middleware's settings are the user's, and so is the participant. Else the context is ours, too.
-So it becomes after a standstill, if servers do not find the participant's subscriptions any more:
-the user's other nodes keep that participant.
+If the user has a context, the node is in it, and uses its domain, discovery, security, middleware
+settings and participant. Otherwise the context is ours. The context also becomes ours after a
+standstill, if servers do not find the participant's subscriptions any more: the user's other nodes
+keep the old participant.
 
 A user's context may be shut down at any time, by `rclpy.shutdown()` or by the signal handler of
-`rclpy.init()`, which does it to every context of the process (R10). The entities that were made
-before go on working (see `native`), so a cancel request still reaches the server, and its answer
-wakes this thread. The graph does not go on working, and nothing new can be made; so new calls get a
-new runtime.
+`rclpy.init()`, which shuts down every context of the process (R10). Existing entities go on working
+(see `native`): a cancel request still reaches the server, and its answer wakes this thread. But the
+graph does not work any more, and nothing new can be made. So new calls get a new runtime.
 """
 
 from __future__ import annotations
@@ -52,15 +51,15 @@ from actionkit._threads.waiting import Flag, taken_from
 _T = TypeVar("_T")
 _W = TypeVar("_W", bound=Window)
 _START_TIMEOUT = 30.0
-"""Seconds for the thread to start, or to come to what it is given. It takes milliseconds, on an
-overloaded machine a few seconds; without a limit a broken middleware would hang the caller."""
+"""Seconds for the thread to start, or to begin with a function. Normally that takes milliseconds,
+on an overloaded machine seconds. Without a limit, a broken middleware would block the caller."""
 _LAST_STEP = 0.5
-"""Seconds for a thread to end that has done everything; it takes microseconds."""
+"""Seconds for a thread that has nothing more to do to end; it takes microseconds."""
 _CONTEXTS_DOWN_WITHIN = (0.0, 0.01, 0.1, 1.0)
-"""Seconds after which to look whether rclpy's signal handler has shut down the contexts. It wakes
-everybody first, then takes microseconds for the contexts; the user's may come after ours."""
+"""Seconds after which to check whether rclpy's signal handler has shut down the contexts. It first
+wakes all waits, then needs microseconds for the contexts; the user's may come after ours."""
 _numbers = itertools.count(1)
-"""For the names of the nodes, which must differ within a process."""
+"""For the names of the nodes, which must be unique in a process."""
 
 
 class Runtime:
@@ -73,34 +72,31 @@ class Runtime:
         *,
         apart: bool = False,
     ) -> None:
-        """Start the thread.
+        """Start the thread; errors of rclpy for the context or the node go to the caller.
 
         Args:
-            place: A context of the user's, or a ROS domain: then the context is ours.
+            place: A context of the user, or a ROS domain: then the context is ours.
             on_last: Called on the thread when its last user is removed, and before it ends.
-            apart: Whether to have a participant of our own, also beside a context of the user's.
-
-        Raises:
-            Exception: Anything that rclpy raises where the context or node cannot be made.
+            apart: Whether to have our own participant even if there is a context of the user.
         """
         self.timers = TimerQueue()
         self.call_at = self.timers.arm
         """Call a callback on the thread at a monotonic time."""
         self.cancel_timer = self.timers.cancel
-        """Do not call the callback of `call_at`."""
+        """Cancel a call of `call_at`."""
         self.failure: BaseException | None = None
         """The error that ended the thread; `None` while it runs, and after an orderly end."""
         self.names_in_use: list[tuple[str, str]] = []
-        """The action name and type of each client here, once for each."""
+        """The action names and types of the clients here, each once."""
         self._windows: WeakValueDictionary[tuple[type, str], Any] = WeakValueDictionary()
         self.on_failure: list[Callable[[BaseException], None]] = []
         self.on_shutdown: list[Callable[[], None]] = []
-        """Called on the thread, several times, if the context is shut down (R10)."""
+        """These are called on the thread, several times, if the context is shut down (R10)."""
         self.was_shut_down = False
         """Whether they were called, or are being called."""
         self._pid = os.getpid()
         self.context = place if isinstance(place, Context) else Context()
-        """With which all ends."""
+        """If this context is shut down, the runtime ends."""
         self._domain_id = domain_of(place) if isinstance(place, Context) else place
         self._own_context: Context | None = self.context
         """Where the node is; `None` if it is in the user's context, beside the user's nodes."""
@@ -108,7 +104,7 @@ class Runtime:
             self._own_context = Context() if apart else None
         self._inbox: deque[Callable[[], None]] = deque()
         self._sources: dict[Source, None] = {}
-        self._waited_for: tuple[Source, ...] | None = None  # the same; `None` after a change
+        self._waited_for: tuple[Source, ...] | None = None  # for `wait`; `None` after a change
         self._stopping = False
         self._keep_until = 0.0
         self._users: set[object] = set()
@@ -137,7 +133,7 @@ class Runtime:
             self._thread.start()
             if not self._started.wait(_START_TIMEOUT):
                 raise TimeoutError(f"ActionKit's node did not come up in {_START_TIMEOUT:g} s")
-        except BaseException:  # also for a Ctrl-C: no thread is left behind
+        except BaseException:  # also after Ctrl-C: no thread is left behind
             self._stopping = True
             raise
         if self._refused is not None:
@@ -157,7 +153,7 @@ class Runtime:
 
     @property
     def is_apart(self) -> bool:
-        """Whether the node is in a context of ours, and not in the one with which all ends."""
+        """Whether the node is in a context of ours although the user has a context."""
         return self._own_context not in (None, self.context)
 
     @property
@@ -168,7 +164,7 @@ class Runtime:
     def call_soon(self, callback: Callable[[], None]) -> None:
         """Call `callback` on the communication thread; calls keep their order.
 
-        After the end of that thread it is called on this one, because no other would do it.
+        After the end of that thread it is called on this one, because no other thread would do it.
         """
         if self.in_thread:
             self._inbox.append(callback)
@@ -219,7 +215,7 @@ class Runtime:
     # --- on the communication thread -------------------------------------------------------
 
     def add_user(self, user: object) -> bool:
-        """Let the thread run for `user`, too; return `False` if it is ending already."""
+        """Keep the thread running for `user`, too; return `False` if it is ending already."""
         if self._stopping or self._closed:
             return False
         self._users.add(user)
@@ -233,23 +229,18 @@ class Runtime:
             self._stopping = True
 
     def window(self, kind: type[_W], action_name: str) -> _W:
-        """Return the window that all clients of one action here share.
-
-        Args:
-            kind: The class of the window: requests of each kind have one of their own.
-            action_name: The action's full name.
-        """
-        # Not setdefault: only the caller would hold what it makes.
+        """Return the window for requests of one kind that all clients of an action here share."""
+        # Not setdefault: no strong reference would keep a new window alive.
         window = self._windows.get((kind, action_name))
         if window is None:
             window = self._windows[kind, action_name] = kind()
         return cast(_W, window)
 
     def expect_client(self) -> None:
-        """Make what one more client needs, and what cannot be made when the context is down.
+        """Make now what one more client needs, because after a shutdown nothing can be made.
 
         Raises:
-            RCLError: It is down.
+            RCLError: The context was shut down.
         """
         clients = len(self.rejoining.links) + 1
         if SOURCES_OF_A_CLIENT * clients > self._waiter.room:
@@ -273,11 +264,11 @@ class Runtime:
     def keep_until(self, at: float) -> None:
         """Do not destroy the node before the monotonic time `at`.
 
-        Fast DDS shares memory, and locks in it, with every process on the machine. A process that
-        is stopped or killed while it holds such a lock leaves it locked. A few seconds later the
+        Fast DDS shares memory, with locks in it, with all processes on the machine. If a process is
+        stopped or killed while it holds such a lock, the lock stays locked. A few seconds later the
         others notice that and replace the memory. If a participant is destroyed in the meantime,
-        Fast DDS 2.14 waits for the lock in the memory that is being removed, and crashes. (Seen in
-        1 of 100 clients that were closed half a second after their server was stopped.)
+        Fast DDS 2.14 waits for the lock in the memory that is being removed, and crashes. (This
+        happened to 1 of 100 clients that were closed half a second after their server was stopped.)
         """
         self._keep_until = max(self._keep_until, at)
 
@@ -304,7 +295,7 @@ class Runtime:
             for callback in list(self.on_failure):
                 self._guarded(partial(callback, error))
         self._closed = True
-        self._empty_inbox()  # others may have put something in before they could see `_closed`
+        self._empty_inbox()  # others may have added to it before they saw `_closed`
         self._ended.set()
 
     def _open(self) -> None:
@@ -334,7 +325,7 @@ class Runtime:
 
     @property
     def _owns_participant(self) -> bool:
-        """Whether the participant goes with our node: nodes of the user's would keep it."""
+        """Whether the participant ends with our node; nodes of the user would keep it."""
         return self._own_context is not None or is_last(self.node)
 
     def _renew_node(self) -> Node:
@@ -348,7 +339,7 @@ class Runtime:
         return self.node
 
     def _can_leave(self, links: int) -> bool:
-        # The command line's tools use the node without a link, and so does a client being made.
+        # The command line's tools, and a client that is being made, use the node without a link.
         in_use = len(self._users) > links or self._keep_until > time.monotonic()
         return not in_use and is_up(self.context)
 

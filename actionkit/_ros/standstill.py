@@ -1,16 +1,16 @@
-"""Notices that this process did not run for a while, and that the middleware misunderstood that.
+"""Detects that this process was stopped for a while, and repairs what the middleware made of that.
 
-A process that is stopped (a debugger, `docker pause`), or that is on a computer that sleeps,
-announces itself to nobody and reads no announcement. After 20 s the others drop it. When it goes
-on, Fast DDS says first that the servers are gone, because its own leases ran out in the same
-moment. The same servers, with the same ids, are back with their next announcement, 0.1 to 3 s
-later. So a loss is not believed at once (`monitor.stood_still`).
+A process is stopped by a debugger, by `docker pause`, or when the computer sleeps. Then it sends
+and reads no announcements, and after 20 s the others drop it. When it continues, Fast DDS first
+reports that the servers are gone, because the leases ran out meanwhile. The same servers, with the
+same ids, are back with their next announcement, 0.1 to 3 s later. So a loss is not believed at once
+(`monitor.stood_still`).
 
-The servers have dropped this process, too. If its own lease of them did not run out, as it read
-their announcements first, then they find its publishers again, but not its subscriptions: nothing
-that they send arrives here any more, although they are in sight. (Seen where an entity was made in
-the second before the stop.) Only another participant is heard again. So the servers are asked what
-every live server answers, and if nobody answers, the node is replaced, as `rejoining` does.
+The servers have dropped this process, too. If this process read their announcements before its
+leases ran out, they find its publishers again, but not its subscriptions: the servers are in sight,
+but nothing that they send arrives here. (This was seen when an entity was made in the second before
+the stop.) Only a new participant gets messages again. So the servers get a question that every live
+server answers, and if no answer comes, the node is replaced, as `rejoining` does.
 """
 
 from __future__ import annotations
@@ -25,25 +25,24 @@ from actionkit._threads.clock import Timers
 from actionkit._threads.diagnostics import log_later
 
 _LOOK = 2.0
-"""Seconds between two looks at the clock, while goals are in flight and for so long after that:
-the subscription to the status goes with the last goal, which the servers may miss as well."""
+"""Seconds between two looks at the clock, while goals are in flight and once after that: the
+subscription to the status is destroyed after the last goal, and the servers may miss that, too."""
 NOTICED = 5.0
-"""Seconds between two looks that count as a standstill. A busy machine delays a thread by less, and
-no lease of the middleware runs out in less."""
+"""So many seconds between two looks count as a standstill. A busy machine delays a thread by less
+time, and in less time no lease of the middleware runs out."""
 BELIEVED_AFTER = 8.0
 """Seconds after a standstill in which no server counts as gone: two announcements of Fast DDS, and
-some more for a discovery in which a packet is lost."""
+a margin for a lost packet."""
 _SETTLED = 1.0
-"""Seconds in which answers prove nothing: they may have waited in a socket meanwhile."""
+"""Seconds in which answers prove nothing: they may be old ones that waited in a socket."""
 _ASKED_AGAIN = 0.5
-"""Seconds between two questions whether a server answers."""
+"""Seconds between two questions to the servers."""
 _QUESTIONS = 6
-"""After so many without an answer, 3 s, the node is replaced, once for each standstill. A server
-that is busy for so long does not answer either; then the new node does not help, and does no
-harm."""
+"""After so many questions without an answer (3 s), the node is replaced, once for each standstill.
+A server that is busy for so long does not answer, either; then the new node does no harm."""
 FOUND_WITHIN = 5.0
-"""Seconds in which a new node finds the servers: one announcement may be missed. So the loss of a
-server is told 8.5 s after a standstill, where the node could be replaced at once."""
+"""Seconds for a new node to find the servers, if one announcement is missed. So the loss of a
+server is reported 8.5 s after a standstill if the node could be replaced at once."""
 _boot_time = partial(time.clock_gettime, time.CLOCK_BOOTTIME)
 
 
@@ -51,25 +50,25 @@ class Link(Protocol):
     """The entities of one client."""
 
     def is_busy(self) -> bool:
-        """Whether any goal is in flight, or waits for a server."""
+        """Whether a goal is in flight, or waits for a server."""
         ...
 
     def stood_still(self, until: float) -> None:
         """Believe no loss of a server before that time."""
 
     def ask_about_goals(self) -> None:
-        """Ask for results, which may have been lost meanwhile."""
+        """Ask for results again: they may have been lost meanwhile."""
 
     def hears(self, since: float) -> bool:
-        """Whether a server has sent anything since then, or none is there that anybody wants.
+        """Whether a server has sent anything since then, or none is needed or in sight.
 
-        If not, ask what every server answers.
+        If not, ask a question that every server answers.
         """
         ...
 
 
 class Standstill:
-    """Looks at the clock while goals are in flight, or were. On the communication thread only."""
+    """Looks at the clock during goals and shortly after. On the communication thread only."""
 
     def __init__(
         self,
@@ -82,12 +81,9 @@ class Standstill:
     ) -> None:
         """Do nothing until `watch` is called.
 
-        Args:
-            timers: The clock and timers of the thread.
-            links: Their entities are on the node.
-            can_leave: Whether the node can be replaced now.
-            replace_node: Replaces it, with the entities of all links.
-            clock: Seconds that go on while the computer sleeps.
+        `links` have their entities on the node. `replace_node` replaces the node with all these
+        entities, if `can_leave` says that this is possible now. `clock` goes on while the computer
+        sleeps.
         """
         self._timers = timers
         self._links = links
@@ -95,7 +91,7 @@ class Standstill:
         self._replace_node = replace_node
         self._clock = clock
         self._looked_at: float | None = None
-        """When the clock was last looked at; `None` while nobody does."""
+        """When the clock was last read; `None` while it is not watched."""
         self._was_busy = False
         self._since = 0.0  # the end of the latest standstill
 
@@ -139,14 +135,14 @@ class Standstill:
     def _ask(self, since: float, left: int) -> None:
         if since != self._since:
             return  # it was stopped again
-        # A list, so that all of them ask.
+        # A list, so that every link asks.
         heard = [link.hears(since + _SETTLED) for link in self._links]
         if all(heard):
             for link in self._links:
                 link.ask_about_goals()
         elif left:
             self._ask_later(since, left - 1)
-        elif not self._can_leave():  # somebody else is using the node
+        elif not self._can_leave():  # something else uses the node
             if self._looked_at is not None:
                 self._ask_later(since, 0)
         else:

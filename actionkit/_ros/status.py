@@ -1,8 +1,8 @@
-"""Reads the status topic, only while a goal needs it, and then at a limited rate.
+"""Reads the status topic, only while a goal needs it, and at a limited rate.
 
-At every change a server publishes all goals that it remembers. A goal that ends within a second
-does not need that: its acceptance and result say everything. A goal that lasts is looked for in
-the raw bytes (see `wire`), a few times a second at most, however much others send.
+At every change, a server publishes all goals that it remembers. A goal that ends within a second
+does not need this: its acceptance and result say everything. A longer goal is searched for in the
+raw bytes (see `wire`), at most ten times a second, even if other clients cause many messages.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from actionkit._ros.wire import count_goals, goal_states
 from actionkit._threads.clock import TimerHandle
 
 _PERIOD = 0.1
-"""Seconds between two reads. No state is missed for longer: the topic keeps its latest message,
-which tells all."""
+"""Seconds between two reads, and so the longest delay of a state: the latest message, which has all
+goals, is kept."""
 _CANCELS = (GoalStatus.STATUS_CANCELING, GoalStatus.STATUS_CANCELED)
 
 
 class StatusWatch:
-    """Tells the status codes of goals while it is started. On the communication thread only."""
+    """Reports the status codes of goals after `start`. On the communication thread only."""
 
     def __init__(
         self,
@@ -41,13 +41,11 @@ class StatusWatch:
         """Do nothing until `start` is called.
 
         Args:
-            runtime: All this happens on its thread.
-            entities: What makes the subscription.
             goals: The goals wanted, by id. Read at each message.
             on_state: Called with a goal's id and its status code.
             awaits_cancels: Whether a request to cancel a goal of ours is unanswered.
-            on_cancels: Called when the server has cancelled more goals than before, those of other
-                clients too, while one of ours awaits that.
+            on_cancels: Called when the server has cancelled more goals than before, also goals of
+                other clients, while a request of ours is unanswered.
         """
         self._runtime = runtime
         self._entities = entities
@@ -56,13 +54,13 @@ class StatusWatch:
         self._awaits_cancels = awaits_cancels
         self._on_cancels = on_cancels
         self._canceled: int | None = None
-        """How many goals were cancelled when that was last looked at."""
+        """How many goals were cancelled at the last check."""
         self._source: MessageSource | None = None
         self._left = False
         self._pause: TimerHandle | None = None
 
     def start(self) -> None:
-        """Subscribe. After the context was shut down nothing new can be made: do nothing (R10)."""
+        """Subscribe. Do nothing if the context was shut down: then nothing can be made (R10)."""
         if self._source is not None:
             return
         try:
@@ -79,7 +77,7 @@ class StatusWatch:
         self.stop()
 
     def enter(self) -> None:
-        """Subscribe on the node that has replaced the earlier one, if there was a subscription."""
+        """Subscribe on the new node, if there was a subscription on the old one."""
         if self._left:
             self.start()
 
@@ -95,29 +93,29 @@ class StatusWatch:
         self._source = None
 
     def take_now(self) -> None:
-        """Read the latest message now, also within the pause."""
+        """Read the latest message now, even in the pause."""
         if self._source is None:
             return
-        for message in self._source.take()[-1:]:  # each message tells all
+        for message in self._source.take()[-1:]:  # each message has all goals
             for goal_id, code in list(goal_states(message, self._goals.keys())):
                 self._on_state(goal_id, code)
             self._look_for_cancels(message)
 
     def _look_for_cancels(self, message: bytes) -> None:
-        """See whether the server goes on cancelling while ours have to wait for their turn."""
+        """Check whether the server goes on cancelling while our requests wait for their turn."""
         if not self._awaits_cancels():
             self._canceled = None
             return
         before, self._canceled = self._canceled, count_goals(message, _CANCELS)
         if before is not None and self._canceled > before:
             self._on_cancels()
-        elif before is not None:  # of two servers on one name each tells its own
+        elif before is not None:  # each of two servers on one name sends its own goals
             self._canceled = max(before, self._canceled)
 
     def _read(self) -> None:
         if self._source is None:
             return
-        # It is not waited for during the pause, so that a busy server cannot keep us busy.
+        # No wait for messages during the pause: so a busy server cannot keep us busy.
         self._runtime.disable(self._source)
         self._pause = self._runtime.call_at(self._runtime.now() + _PERIOD, self._end_pause)
         self.take_now()

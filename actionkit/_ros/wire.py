@@ -1,8 +1,8 @@
 """Reads serialised status and feedback messages without decoding them.
 
-A status message carries every goal of the server's last 15 minutes (R24), and rclpy would turn each
-into Python objects. The feedback topic carries the feedback of all clients' goals. What is read
-here is always serialised in the same way: CDR with a 4-byte header, a goal id as 16 plain bytes.
+A status message has every goal of the server's last 15 minutes (R24), and rclpy would turn each
+into Python objects. The feedback topic has the feedback of all clients' goals. Both are always
+serialised in the same way: CDR with a 4-byte header, and a goal id as 16 plain bytes.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ ID_SIZE = 16
 _HEADER = 4
 """Bytes of the CDR header."""
 _LENGTH = 4
-"""Bytes of the number of status entries, which comes before them."""
+"""Bytes of the number of status entries, before the first entry."""
 _STAMP = 8
-"""Bytes of a `builtin_interfaces/Time`: two numbers of 32 bits."""
+"""Bytes of a `builtin_interfaces/Time`: two 32-bit numbers."""
 _FEW = 64
-"""Up to so many ids it is cheaper to search for each than to go through all entries (measured)."""
+"""Up to this many ids, a search for each is faster than a loop over all entries (measured)."""
 
 
 def feedback_goal_id(message: bytes) -> bytes:
-    """Return the goal id of a serialised feedback message; fewer bytes where it is cut off."""
+    """Return the goal id of a serialised feedback message; fewer bytes if it is cut off."""
     return message[_HEADER : _HEADER + ID_SIZE]
 
 
 def feedback_alone(message: bytes) -> bytes:
     """Return a serialised feedback message without its goal id: a serialised `Feedback`.
 
-    Decoding the id would cost more than decoding a short feedback. The alignment of what follows
-    the id stays right, because CDR aligns to 8 bytes at most and the id has 16.
+    Decoding the id takes longer than decoding a short feedback. The data after the id stays
+    aligned, because CDR aligns to 8 bytes at most and the id has 16.
     """
     return message[:_HEADER] + message[_HEADER + ID_SIZE :]
 
@@ -38,11 +38,8 @@ def feedback_alone(message: bytes) -> bytes:
 def goal_states(message: bytes, wanted: Collection[bytes]) -> Iterator[tuple[bytes, int]]:
     """Yield the id and the status code of each wanted goal in a serialised status array.
 
-    Args:
-        message: A serialised `action_msgs/msg/GoalStatusArray`.
-        wanted: Goal ids, 16 bytes each.
-
-    No bytes raise an error. An entry that is cut off is left out.
+    `message` is a serialised `action_msgs/msg/GoalStatusArray`. It never raises; an entry that is
+    cut off is ignored.
     """
     message = bytes(message)
     if len(wanted) <= _FEW:
@@ -60,13 +57,9 @@ def goal_states(message: bytes, wanted: Collection[bytes]) -> Iterator[tuple[byt
 
 
 def count_goals(message: bytes, codes: Collection[int]) -> int:
-    """Return how many goals have one of these status codes in a serialised status array.
+    """Return how many goals in a serialised status array have one of these status codes.
 
-    Args:
-        message: A serialised `action_msgs/msg/GoalStatusArray`.
-        codes: Status codes.
-
-    No bytes raise an error. An entry that is cut off is left out.
+    `message` is as for `goal_states`.
     """
     count = 0
     at = _HEADER + _LENGTH

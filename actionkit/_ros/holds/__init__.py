@@ -1,1 +1,1 @@
-"""The hold: a human has stopped the robot, and agents send no goals until a human releases it."""
+"""The hold: after a human has stopped the robot, agents send no goals until a human releases it."""

@@ -1,8 +1,8 @@
-"""Files that tell the processes of one computer of a hold at once, and after all others have ended.
+"""Keeps holds in files, for the processes of one computer.
 
-The topic is what counts between computers. Discovery takes up to some seconds, and somebody has to
-go on telling; a file needs neither. Each user has a file of its own for each ROS domain, which
-everybody on the computer may read.
+Between computers, the topic is used. But the topic needs discovery, which takes up to some seconds,
+and a process that goes on publishing. A file needs neither. Each user has one file for each ROS
+domain, and everybody on the computer can read it.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from pathlib import Path
 from actionkit._ros.holds.state import LONGEST, HoldState, decode, encode, merged
 
 _VARIABLE = "ACTIONKIT_HOLD_DIR"
-"""Names another directory: tests have one of their own, containers may share one."""
+"""Sets another directory, for tests, and for containers that share one."""
 _DIRECTORY = "/tmp/actionkit-holds"
-"""Neither `$TMPDIR` nor `$XDG_RUNTIME_DIR`: programs that start agents pass few variables on."""
+"""Not `$TMPDIR` or `$XDG_RUNTIME_DIR`: programs that start agents pass on few variables."""
 _FOR_ALL = 0o1777
-"""Everybody may write files there, and remove or rename only what is theirs, as in /tmp itself."""
+"""Everybody may write files there, and remove or rename only their own, as in /tmp itself."""
 
 
 class UnreadableError(OSError):
-    """A file cannot be read, so it is not known whether it tells of a hold."""
+    """A file cannot be read, so nobody knows whether it has a hold."""
 
 
 class HoldFiles:
@@ -42,10 +42,10 @@ class HoldFiles:
         return os.environ.get(_VARIABLE) or _DIRECTORY
 
     def read(self) -> HoldState:
-        """Return what the files tell. Takes some ten microseconds where nothing has changed.
+        """Return what the files say. Takes some ten microseconds if nothing has changed.
 
         Raises:
-            UnreadableError: One is there, and cannot be read.
+            UnreadableError: A file exists, but cannot be read.
         """
         directory = self.directory
         try:
@@ -66,7 +66,8 @@ class HoldFiles:
         return state
 
     def _is_ours(self, entry: os.DirEntry[str]) -> bool:
-        """Whether it is a file of this domain, since the computer was started, by whom it says."""
+        """Whether it is a file of this domain and this boot, owned by the user that its name
+        has."""
         prefix, _, owner = entry.name.rpartition("-")
         if prefix != f"{self._prefix}{_boot()}":
             return False
@@ -74,7 +75,7 @@ class HoldFiles:
         return stat.S_ISREG(info.st_mode) and owner == str(info.st_uid)
 
     def write(self, state: HoldState) -> None:
-        """Have the own file tell all of `state`, unless it does so already.
+        """Write all of `state` into our file, unless it is there already.
 
         Raises:
             OSError: It cannot be written.
@@ -87,7 +88,7 @@ class HoldFiles:
         if not state:
             return
         _make(path.parent)
-        # Renamed at last, so that nobody reads half of it.
+        # Renamed at the end, so that nobody reads half of it.
         descriptor, temporary = tempfile.mkstemp(prefix=".", dir=path.parent)
         try:
             with open(descriptor, "w", encoding="ascii") as file:
@@ -121,7 +122,7 @@ def _make(directory: Path) -> None:
 
 @cache
 def _boot() -> str:
-    """Return what differs after each start of the computer: a hold does not outlive that."""
+    """Return an id that changes when the computer is started: a hold ends then."""
     try:
         return Path("/proc/sys/kernel/random/boot_id").read_text("ascii").strip()[:8]
     except OSError:

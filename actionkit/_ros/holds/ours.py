@@ -1,4 +1,4 @@
-"""Our name, and a hold of ours. No rclpy here: it is imported after a hold was asked for."""
+"""Makes a new hold in the name of this user. Does not need rclpy, which is imported later."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LONGEST = 200
 
 
 def new_hold() -> Hold:
-    """Return a hold of this user's."""
+    """Return a new hold of this user."""
     return Hold(time.time(), uuid.uuid4().hex, who_we_are())
 
 
@@ -23,6 +23,6 @@ def who_we_are() -> str:
     """Return `user@host`."""
     try:
         user = getpass.getuser()
-    except (OSError, KeyError):  # a container's user without a name
+    except (OSError, KeyError):  # in a container, a user may have no name
         user = f"user-{os.getuid()}"
     return f"{user}@{socket.gethostname()}"[:_LONGEST]

@@ -1,9 +1,9 @@
-"""What is known of the holds in a ROS domain, and how what others know is added. Pure.
+"""The state of the holds in a ROS domain, and how the states of several processes are merged. Pure.
 
-A process that takes part tells all that it knows, and adds what it is told. Adding gives the same
-in any order and however often, so it does not matter which process is told first, which was away,
-or which clock was set: no time is compared with another here. A hold ends only by its name: a
-release names those that it ends, and cannot end one that it does not know of.
+Each process publishes everything that it knows, and merges what it receives. Merging gives the same
+result in any order and any number of times. So it does not matter which process was first, which
+was away, or which clock was set: no times are compared here. A release lists the ids of the holds
+that it ends, so it cannot end a hold that it does not know.
 """
 
 from __future__ import annotations
@@ -16,36 +16,29 @@ from typing import Any
 
 VERSION = 1
 MOST_HOLDS = 100
-"""Holds that are kept. There is one for each human who holds."""
+"""Holds that are kept. Each human who holds has one."""
 MOST_RELEASED = 100
-"""Ended holds that are remembered, so that a process that was away does not bring them back. Those
-that were released first are forgotten first; a process that still had one would hold it again,
-until the next release."""
+"""Released holds that are remembered, so that a process that was away does not bring them back. The
+oldest are forgotten first. If a process still had one of those, it would be a hold again until the
+next release."""
 LONGEST = 100_000
-"""Characters of a message or a file; all that may be kept is about 20,000."""
+"""Characters of a message or a file; the largest state has about 20,000."""
 _LONGEST_WORD = 300
 _LARGEST_RANK = 10**15
 
 
 @dataclass(frozen=True, order=True)
 class Hold:
-    """One human's stop.
+    """One human's stop."""
 
-    Attributes:
-        since: When, in seconds since the epoch by the clock of the computer where it was asked for.
-            For people only.
-        hold_id: Its name; no two have the same.
-        by: Who, as `user@host`.
-    """
-
-    since: float
-    hold_id: str
-    by: str
+    since: float  # seconds since the epoch, by the clock of the human's computer; only for people
+    hold_id: str  # unique
+    by: str  # `user@host`
 
 
 @dataclass(frozen=True)
 class HoldState:
-    """Holds by their names, and the names of those that were released, each with its rank."""
+    """Holds by id, and the ids of released holds, each with its rank."""
 
     holds: Mapping[str, Hold] = field(default_factory=dict)
     released: Mapping[str, int] = field(default_factory=dict)
@@ -56,23 +49,23 @@ class HoldState:
         return tuple(sorted(self.holds.values()))
 
     def __bool__(self) -> bool:
-        """Whether there is anything to tell."""
+        """Whether it has any hold or release."""
         return bool(self.holds or self.released)
 
 
 def merged(*states: HoldState) -> HoldState:
-    """Return all that these states tell together."""
+    """Return the union of these states."""
     released: dict[str, int] = {}
     holds: dict[str, Hold] = {}
     for state in states:
         for hold_id, rank in state.released.items():
             released[hold_id] = max(rank, released.get(hold_id, 0))
         for hold_id, hold in state.holds.items():
-            # Should two differ under one name, everybody has to take the same.
+            # If two holds have the same id, every process must choose the same one.
             holds[hold_id] = min(hold, holds.get(hold_id, hold))
     left = sorted(hold_id for hold_id in holds if hold_id not in released)[:MOST_HOLDS]
-    # The highest ranks of a union are among the highest of its parts: so forgetting, too, gives the
-    # same in any order.
+    # The highest ranks of a union are among the highest ranks of its parts. So the order does not
+    # matter for forgetting, either.
     kept = sorted(released, key=lambda hold_id: (-released[hold_id], hold_id))[:MOST_RELEASED]
     return HoldState(
         {hold_id: holds[hold_id] for hold_id in left},
@@ -89,7 +82,7 @@ def released(state: HoldState, holds: Iterable[Hold]) -> HoldState:
 def older_of_same(state: HoldState, own: Hold) -> tuple[Hold, ...]:
     """Return the holds of the same human that `own` replaces.
 
-    Of two, each with a keeper, only one is an older one of the other; so they never end each other,
+    Of two holds that have a keeper each, only one counts as older. So they never end each other,
     even if their clocks differ.
     """
     return tuple(hold for hold in state.active if hold.by == own.by and hold < own)
@@ -97,19 +90,12 @@ def older_of_same(state: HoldState, own: Hold) -> tuple[Hold, ...]:
 
 @dataclass(frozen=True)
 class Sender:
-    """A process that takes part.
+    """A process that takes part."""
 
-    Attributes:
-        node: The name of its node, which no other process has.
-        role: Such as `"agent"` or `"keeper"`.
-        by: The owner of the process, as `user@host`.
-        pid: Its number there.
-    """
-
-    node: str
-    role: str
-    by: str
-    pid: int
+    node: str  # the name of its node, which no other process has
+    role: str  # such as `"agent"` or `"keeper"`
+    by: str  # the owner of the process, as `user@host`
+    pid: int  # its number there
 
     def __str__(self) -> str:
         return f"{self.role} of {self.by} (process {self.pid})"
@@ -130,8 +116,8 @@ def encode(state: HoldState, sender: Sender | None = None) -> str:
 def decode(text: str) -> tuple[HoldState, Sender | None]:
     """Return what `encode` wrote.
 
-    What cannot be read counts as a hold of its own: it may be one that a later version tells of.
-    A release ends it as any other.
+    A text that cannot be read counts as a hold, because a later version may have written it. A
+    release ends it like any other.
     """
     try:
         if len(text) > LONGEST:
@@ -151,7 +137,7 @@ def decode(text: str) -> tuple[HoldState, Sender | None]:
 
 
 UNREADABLE = "somebody whose message cannot be read"
-"""Takes the place of the name, where it is not known who holds."""
+"""Used as the name if it is not known who holds."""
 
 
 def _hold(hold_id: Any, by: Any, since: Any) -> Hold:

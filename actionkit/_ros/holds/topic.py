@@ -1,8 +1,8 @@
-"""The topic on which processes tell each other of holds.
+"""The topic on which processes tell each other about holds.
 
-Each publisher keeps its last message for those who come later ("transient local"), so a hold is
-told as long as one process that knows of it lives. The type is one that rclpy itself needs, so it
-is installed with rclpy; the message's text is JSON (see `state`).
+Each publisher keeps its last message for later subscribers ("transient local"). So a hold stays
+known as long as one process that knows it lives. The message type is one that rclpy itself needs,
+so it is always installed; the message's text is JSON (see `state`).
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from actionkit._ros.native import MessageSource, RCLError
 TOPIC = "/actionkit/hold"
 _NODE = "actionkit_hold_"
 _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
-"""The placeholder that the middleware has for a node's name just after discovery."""
+"""The middleware's placeholder for a node's name just after discovery."""
 _DEPTH = 200
-"""Messages that wait to be read; the queue is one for all publishers."""
+"""Messages that wait to be read; all publishers share one queue."""
 _JOIN = 5.0
 """Seconds for the communication thread to end; it takes some ten milliseconds."""
 _log = logging.getLogger("actionkit")
@@ -38,45 +38,34 @@ _log = logging.getLogger("actionkit")
 
 @dataclass(frozen=True)
 class Speaker:
-    """A publisher of the topic.
+    """A publisher of the topic."""
 
-    Attributes:
-        node: The name of its node, or the placeholder while that is not known.
-        gid: Its id; its first bytes are for the middleware and the computer.
-    """
-
-    node: str
-    gid: bytes
+    node: str  # the name of its node, or the placeholder while that is not known
+    gid: bytes  # its id; the first bytes stand for the middleware and the computer
 
     @property
     def computer(self) -> bytes:
-        """What is the same for all on one computer, with Fast DDS."""
+        """With Fast DDS, an id of the computer."""
         return self.gid[:4]
 
 
 class HoldTopic:
-    """One process's ends of the topic, on the node's runtime that its clients share."""
+    """One process's publisher and subscription, on the runtime that its clients share."""
 
     def __init__(self, domain_id: int, on_text: Callable[[str], None], *, speaks: bool) -> None:
-        """Join the topic.
+        """Join the topic; errors of rclpy go to the caller.
 
-        Args:
-            domain_id: The ROS domain.
-            on_text: Called with the text of each message, on the communication thread.
-            speaks: Whether `say` will be called. Others wait for the first words of a
-                process that speaks.
-
-        Raises:
-            Exception: Anything that rclpy raises where a node cannot be made.
+        `on_text` gets the text of each message, on the communication thread. `speaks` says whether
+        `say` will be called: others wait for the first message of a process that speaks.
         """
         self._on_text = on_text
         self._publisher: Any = None
-        # No two processes have the same, on any computer: others tell them apart by it.
+        # Unique on all computers: others identify the process by it.
         self.node_name = f"{_NODE}{uuid.uuid4().hex}"
         self._runtime = runtimes.acquire(domain_id, self)
         try:
             self._runtime.run(lambda: self._begin(speaks))
-        except BaseException:  # also Ctrl-C: the runtime is let go
+        except BaseException:  # also after Ctrl-C: the runtime is released
             self._release()
             raise
 
@@ -90,13 +79,13 @@ class HoldTopic:
         self._runtime.call_soon(lambda: self._publisher.publish(Log(name="actionkit", msg=text)))
 
     def speakers(self) -> list[Speaker]:
-        """Return the publishers in sight that tell of holds, this process's included."""
+        """Return the publishers in sight, also that of this process."""
         infos = self._node.get_publishers_info_by_topic(TOPIC)
         seen = [Speaker(info.node_name, bytes(info.endpoint_gid)) for info in infos]
         return [speaker for speaker in seen if speaker.node.startswith((_NODE, _UNKNOWN_NODE))]
 
     def close(self) -> None:
-        """Leave the topic: what this process said last is not told to anybody any more."""
+        """Leave the topic: nobody gets this process's last message any more."""
         try:
             self._runtime.run(self._end)
         finally:
@@ -107,11 +96,11 @@ class HoldTopic:
         self._runtime.join_if_stopping(_JOIN)
 
     def _begin(self, speaks: bool) -> None:
-        # A node of its own for its name. It shares all else with the runtime's other nodes.
+        # A node of its own, for its name. It shares everything else with the runtime's nodes.
         self._node = Node(
             self.node_name,
             context=self._runtime.context,
-            use_global_arguments=False,  # a remapped topic would be one on which nobody is
+            use_global_arguments=False,  # nobody else would be on a remapped topic
             enable_rosout=False,
             start_parameter_services=False,
             parameter_overrides=[Parameter("start_type_description_service", value=False)],
@@ -139,7 +128,7 @@ class HoldTopic:
             try:
                 text = deserialize_message(message, Log).msg
             except (RuntimeError, UnicodeDecodeError):
-                # Not left out: it may be a hold.
+                # Not ignored: it may be a hold.
                 text = repr(message[:200])
             self._on_text(text)
 

@@ -1,4 +1,4 @@
-"""What one process knows of the holds in its domain, and whether it knows enough."""
+"""Collects what one process knows about the holds in its domain, and whether that is complete."""
 
 from __future__ import annotations
 
@@ -22,36 +22,36 @@ from actionkit._threads.diagnostics import log_later
 from actionkit._threads.waiting import taken_from
 
 SETTLE = 4.0
-"""Seconds after joining in which somebody who tells of a hold may not be in sight yet: what Fast
-DDS sends first may get lost, and it sends again 3 s later. (Of 30 fresh processes 20 knew of a hold
+"""Seconds after joining in which a process with a hold may not be in sight yet: the first messages
+of Fast DDS may get lost, and it repeats them after 3 s. (Of 30 new processes, 20 knew of a hold
 within 1 s, all within 3 s.)"""
 _PERIOD = 1.0
-"""Seconds between two looks at the graph and the files, once all is known."""
+"""Seconds between two looks at the graph and the files, when all is known."""
 _STEP = 0.1
 """The same before that."""
 _GAP = 3 * _PERIOD
-"""Seconds without a look after which nothing counts as known: the process was stopped, or the
-computer slept, and messages may not have come."""
+"""If no look happened for this many seconds, the process was stopped or the computer slept. Then
+nothing counts as known, because messages may have been lost."""
 _JOIN = 5.0
 """Seconds for the thread to end."""
 _FILES_DO = 10.0
-"""Seconds to wait for what somebody on the same computer tells: a file tells it, too."""
+"""Seconds to wait for the message of a process on the same computer: it is in a file, too."""
 _WORN_OUT = 30.0
-"""Seconds that somebody who is not in sight is remembered."""
+"""Seconds that a process out of sight is remembered."""
 NOT_YET = "others have not all been heard yet"
-"""What is known soon after `start`; any other reason may last."""
+"""This reason ends soon after `start`; any other reason may last."""
 _RETRY = 1.0
-"""Seconds until the topic is joined again where that failed."""
+"""Seconds until the topic is joined again after a failure."""
 
 
 def _uptime() -> float:
-    """Return seconds that go on while the computer sleeps, and that nobody can set."""
+    """Return seconds of a clock that runs while the computer sleeps, and that nobody can set."""
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 @dataclass(frozen=True)
 class Said:
-    """The last that somebody said, and when we heard it, in seconds that nobody can set."""
+    """The last message of a process, and when we got it (`_uptime`)."""
 
     sender: Sender
     state: HoldState
@@ -59,9 +59,9 @@ class Said:
 
 
 class HoldView:
-    """Takes part in telling of holds, on a thread of its own, from `start` to `close`.
+    """Receives and publishes holds on its own thread, from `start` to `close`.
 
-    Its other methods may be called from any thread, and neither block nor raise.
+    All other methods may be called from any thread; they neither block nor raise.
     """
 
     def __init__(
@@ -111,9 +111,9 @@ class HoldView:
         atexit.register(self.close)
 
     def close(self) -> None:
-        """Leave the topic, within some seconds. Harmless if repeated, or without `start`."""
+        """Leave the topic, within some seconds. Harmless if called twice, or without `start`."""
         if self._pid != os.getpid():
-            return  # the thread, and all it has, are the parent's
+            return  # the thread and everything it has belong to the parent
         self._stopping = True
         self._wake.put(None)
         if self._thread.ident is not None and self._thread is not threading.current_thread():
@@ -122,13 +122,13 @@ class HoldView:
 
     @property
     def state(self) -> HoldState:
-        """All that is known at this moment, by the topic and by the files."""
+        """Everything that is known now, from the topic and the files."""
         return self.known()[0]
 
     def known(self) -> tuple[HoldState, str]:
-        """Return `state`, and why there may be more; `""` where all has been heard."""
+        """Return `state`, and why it may be incomplete; `""` if it is complete."""
         unread = self._read_files()
-        # In this order: it counts as complete only if it was so before it was looked at.
+        # In this order: complete means that it was complete before the state was read.
         unknown = self._unknown() or unread
         return self._take_texts(), unknown
 
@@ -143,12 +143,12 @@ class HoldView:
 
     @property
     def has_told(self) -> bool:
-        """Whether it has joined the topic, and told what it knew then."""
+        """Whether it has joined the topic and published what it knew then."""
         return self._told is not None
 
     @property
     def others(self) -> list[Said]:
-        """What others in sight said last."""
+        """The last messages of the other processes in sight."""
         with self._lock:
             topic = self._topic
             own = topic.node_name if topic is not None else ""
@@ -158,7 +158,7 @@ class HoldView:
 
     @property
     def in_files(self) -> bool:
-        """Whether a file on this computer tells of a hold that nobody has released."""
+        """Whether a file on this computer has a hold that nobody has released."""
         try:
             told = self._files.read() if self._files is not None else HoldState()
         except OSError:
@@ -166,13 +166,13 @@ class HoldView:
         return bool(set(told.holds) & set(self.state.holds))
 
     def add(self, state: HoldState) -> None:
-        """Know this, too, and tell it."""
+        """Add this to the state, and publish it."""
         with self._lock:
             self._state = states.merged(self._state, state)
         self._wake.put(None)
 
     def release(self, holds: tuple[Hold, ...]) -> None:
-        """End these holds, and tell it."""
+        """Release these holds, and publish it."""
         with self._lock:
             self._state = states.released(self._state, holds)
         self._wake.put(None)
@@ -184,7 +184,7 @@ class HoldView:
         self._wake.put(None)
 
     def _take_texts(self) -> HoldState:
-        with self._lock:  # so that nobody finds a text taken out and not yet added
+        with self._lock:  # so that no text is missing between its removal and its merge
             for text in taken_from(self._texts):
                 state, sender = states.decode(text)
                 self._state = states.merged(self._state, state)
@@ -193,7 +193,7 @@ class HoldView:
             return self._state
 
     def _read_files(self) -> str:
-        """Add what the files tell; return what was wrong with them."""
+        """Add the state in the files; return what was wrong with them."""
         try:
             if self._files is None:
                 self._files = HoldFiles(self._domain())
@@ -206,7 +206,8 @@ class HoldView:
         return ""
 
     def _domain(self) -> int:
-        """Return the domain: the same for topic and files, also if the environment changes."""
+        """Return the domain, always the same for topic and files, even if the environment
+        changes."""
         if self._domain_id is None:
             self._domain_id = environment_domain()
         return self._domain_id
@@ -222,11 +223,11 @@ class HoldView:
             try:
                 self._trouble = self._look()
                 wait = _PERIOD if self._settled else _STEP
-            except Exception as error:  # noqa: BLE001  after any error nothing is known
+            except Exception as error:  # noqa: BLE001  after any error, nothing counts as known
                 self._trouble = f"{type(error).__name__}: {error}"
                 self._leave()
                 wait = _RETRY
-            # First our own code, which obeys; then other processes; at last a disk: it may be slow.
+            # First our own code, then other processes, and the disk last, because it may be slow.
             now = self._take_texts(), self._unknown(), self._speakers
             if now != before:
                 before = now
@@ -241,7 +242,7 @@ class HoldView:
     def _guarded(self, step: Callable[[], object]) -> None:
         try:
             step()
-        except Exception:  # noqa: BLE001  the others have to go on
+        except Exception:  # noqa: BLE001  the other steps must go on
             log_later(logging.DEBUG, "an error beside the hold", exc_info=True)
 
     def _sleep(self, seconds: float) -> None:
@@ -260,7 +261,7 @@ class HoldView:
             self._topic = HoldTopic(self._domain(), self._on_text, speaks=self._speaks)
             self._joined = now = _uptime()
         elif now - self._looked > _GAP:
-            # We were away: what came meanwhile may have been lost, and others may have lost us.
+            # We were away: messages may have been lost, and others may not see us any more.
             self._joined = now
             self._settled = False
         unread = self._read_files()
@@ -274,11 +275,11 @@ class HoldView:
         return unread
 
     def _who_is_silent(self, speakers: list[Speaker], own: str, now: float) -> bool:
-        """Whether somebody in sight may know of a hold, and has not told."""
+        """Whether a process in sight may know a hold, and has not sent it."""
         here = {speaker.computer for speaker in speakers if speaker.node == own}
         silent = [s for s in speakers if s.node != own and s.node not in self._heard]
         self._silent_since = {s.gid: self._silent_since.get(s.gid, now) for s in silent}
-        # Agents of two users on one computer never hear each other, and have the files instead.
+        # Agents of two users on one computer never get each other's messages; they use the files.
         return any(
             s.computer not in here or now - self._silent_since[s.gid] < _FILES_DO for s in silent
         )

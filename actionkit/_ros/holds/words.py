@@ -1,4 +1,4 @@
-"""Holds in words for people. Pure, except that it reads the time zone."""
+"""Describes holds in words for people. Pure, except that it reads the time zone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def who(holds: Sequence[Hold]) -> str:
 
 
 def since(hold: Hold) -> str:
-    """Return since when there is a hold, by the clock of the computer where it began."""
+    """Return when a hold began, by the clock of the computer where it began."""
     if hold.by == UNREADABLE:
         return ""
     return time.strftime(" since %Y-%m-%d %H:%M:%S", time.localtime(hold.since))

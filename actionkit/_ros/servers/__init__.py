@@ -1,1 +1,1 @@
-"""Which servers of an action are there, and whether they are alive."""
+"""Finds the servers of an action, and whether they are alive."""

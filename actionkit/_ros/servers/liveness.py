@@ -1,8 +1,8 @@
 """Notices that a server is dead before the middleware does (`Timeouts.liveness`, opt-in).
 
-The middleware needs about 20 s to notice a killed process. A server that answers requests while
-it executes goals can be probed instead. One that is busy in its only thread answers as little as a
-dead one: with such servers this must stay off (C5.5).
+The middleware needs about 20 s to notice a killed process. A server that answers requests while it
+executes goals can be probed. But a server that is busy in its only thread does not answer, like a
+dead one. So with such servers, this must stay off (C5.5).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from actionkit._threads.clock import Timers
 
 _PROBES_PER_LIMIT = 3
-"""Two probes may get lost in a row before a server is taken for dead."""
+"""So two probes in a row may get lost before a server counts as dead."""
 _LONGEST_PAUSE = 5.0
 """Seconds between two probes at most, so that a server that is back is noticed soon."""
 
@@ -32,10 +32,9 @@ class Liveness:
         """Do nothing until `start` is called.
 
         Args:
-            timers: The clock and timers of the thread.
-            probe: Asks what every live server answers.
+            probe: Sends a question that every live server answers.
             wanted: Whether goals are in flight. If not, this stops until the next `start`.
-            on_silence: Called with the limit when nothing was heard for so many seconds.
+            on_silence: Called with the limit when nothing was heard for that many seconds.
             on_return: Called when something is heard after that.
         """
         self._timers = timers
@@ -51,8 +50,7 @@ class Liveness:
     def start(self, limit: float) -> None:
         """Probe the server until no goal is in flight.
 
-        Args:
-            limit: Seconds of silence after which it is taken for dead. The smallest counts.
+        It counts as dead after `limit` seconds of silence. The smallest limit counts.
         """
         if self._limit is not None:
             self._limit = min(limit, self._limit)
@@ -69,7 +67,7 @@ class Liveness:
             self._on_return()
 
     def start_over(self) -> None:
-        """Count the silence from now on: this process itself did not listen."""
+        """Count the silence from now on, because this process itself did not listen."""
         self.heard_at = self._timers.now()
 
     def _check(self) -> None:

@@ -1,7 +1,7 @@
-"""Tells goals that a server is ready, and that a server which may have them is lost.
+"""Tells goals when a server is ready, and when a server that may have them is lost.
 
-`readiness` knows which servers are there, `restarts` which of several still answers, `liveness`
-whether anybody answers at all. This module knows which servers may have which goal, and tells the
+`readiness` knows which servers are there, `restarts` whether several of them answer, `liveness`
+whether any server answers. This module knows which servers may have which goal, and tells the
 goals' listeners. All of it happens on the communication thread.
 """
 
@@ -27,29 +27,22 @@ from actionkit._threads.clock import TimerGroup
 from actionkit._threads.diagnostics import log_later
 
 _NAMING = 0.5
-"""Seconds until the graph knows the nodes of servers that it has just discovered."""
+"""Seconds until the graph knows the node names of servers that it has just discovered."""
 _MATCHED_PERIOD = 1.0
 """Seconds between two looks at the graph, as often as an idle client may look (C7.4)."""
 _IN_SIGHT_WITHIN = 0.1
-"""Seconds from when requests reach a new server until it is in sight here. Less than a server needs
-to start: a goal that was sent before another one took its place was not sent to that one."""
+"""Seconds in which a new server may get requests before it is in sight here. A server needs more
+time to start. So a goal that was sent before a restart was not sent to the new server."""
 
 
 @dataclass(slots=True)
 class _SentGoal:
-    """The servers that may have one goal.
-
-    Attributes:
-        sent_at: When the goal was sent.
-        servers: The ids of the servers in sight that may have it.
-        sent_to: The ids of all servers that may have it or may still take it, in sight or not.
-        given_to: The same, and those that seem to have been replaced by another one.
-    """
+    """The servers that may have one goal; they are named by their ids."""
 
     sent_at: float
-    servers: frozenset[bytes]
-    sent_to: frozenset[bytes]
-    given_to: frozenset[bytes]
+    servers: frozenset[bytes]  # those in sight
+    sent_to: frozenset[bytes]  # all that may have it or may still accept it, in sight or not
+    given_to: frozenset[bytes]  # the same, and servers that seem to have been replaced
 
 
 class ServerMonitor:
@@ -70,11 +63,7 @@ class ServerMonitor:
         """Begin to look for servers.
 
         Args:
-            runtime: Its thread and node are used.
-            entities: What sees the servers.
-            names: The names of the action.
-            type_name: Such as `test_msgs/action/Fibonacci`.
-            probe: Asks what every live server answers; returns the sequence number.
+            probe: Sends a question that every live server answers; returns the sequence number.
             listeners: The listeners of the goals that may be on a server, by id. Only read here.
             queued: Returns the listeners of the goals that wait to be sent.
             on_ready: Called when goals can be sent to a server that has come.
@@ -93,7 +82,7 @@ class ServerMonitor:
         self._ready_waiters: dict[Callable[[], None], None] = {}
         self._held_until = 0.0
         self._doubted: frozenset[bytes] = frozenset()
-        """The servers that are out of sight, and do not count as gone before that time."""
+        """The servers that are out of sight, but do not count as gone before that time."""
         self.restarts = RestartDetector(self._timers, probe, self._on_one_answers)
         self.liveness = Liveness(
             self._timers,
@@ -128,7 +117,7 @@ class ServerMonitor:
     # --- waiting for a server --------------------------------------------------------------
 
     def await_server(self, listener: GoalListener) -> None:
-        """Tell the listener once when a server is ready, or while another type is served."""
+        """Tell the listener once when a server is ready, or has another type."""
         if self.readiness.ready:
             listener.on_server_ready()
             return
@@ -157,45 +146,45 @@ class ServerMonitor:
 
     @property
     def waiting(self) -> int:
-        """How many wait for a server."""
+        """How many listeners and callbacks wait for a server."""
         return len(self._awaiting) + len(self._ready_waiters)
 
     # --- which server may have which goal --------------------------------------------------
 
     def goal_sent(self, key: bytes) -> int:
-        """Note that a goal was sent just now; return how many servers may have it."""
+        """Record that a goal was sent now; return how many servers may have it."""
         servers = self.readiness.servers
         self._goals[key] = _SentGoal(self._runtime.now(), servers, servers, servers)
         return len(servers)
 
     def forget(self, key: bytes) -> None:
-        """Free what is held for a sent goal."""
+        """Forget a sent goal."""
         del self._goals[key]
 
     def sees_server_of(self, key: bytes) -> bool:
-        """Whether a server is in sight that the goal was sent to."""
+        """Whether a server in sight may have got the goal."""
         goal = self._goals.get(key)
         return goal is not None and bool(goal.sent_to & self.readiness.servers)
 
     def server_is_gone(self, key: bytes) -> bool:
-        """Whether no server is in sight that ever may have had the goal."""
+        """Whether all servers that may have got the goal are out of sight."""
         goal = self._goals.get(key)
         return goal is not None and not goal.given_to & self.readiness.servers
 
     def may_be_elsewhere(self, key: bytes) -> bool:
-        """Whether a server that does not know the goal may be another than the one that has it."""
+        """Whether another server may have the goal if one says that it does not know it."""
         return self.sees_server_of(key) and self.readiness.count > 1
 
     # --- after this process itself stood still ---------------------------------------------
 
     def stood_still(self, until: float) -> None:
-        """Believe before that time that no server is gone; then, that those out of sight are."""
+        """Until that time, count no server as gone; then count those out of sight as gone."""
         self.liveness.start_over()
         self._held_until = until
         self._timers.call_at(until, self._end_hold)
 
     def leave(self) -> None:
-        """Handle that the node is replaced: the servers that are there will be discovered again."""
+        """Handle that the node is replaced: the new one will discover the servers again."""
         self._doubted |= self.readiness.servers
         self.readiness.leave()
         self._way_back.stop()
@@ -219,7 +208,7 @@ class ServerMonitor:
             self._timers.call_at(self._timers.now() + _NAMING, self._warn_of_several)
 
     def _poll_matched(self) -> None:
-        """Look at the graph once a second, with a middleware that has no matched event."""
+        """Look at the graph once a second, if the middleware has no matched event."""
         listed = self._list_servers()
         if listed is not None and len(listed) != self.readiness.count:
             self.matched(len(listed))
@@ -304,7 +293,7 @@ class ServerMonitor:
             self._lose_all(gone)
 
     def _tell_of_several(self) -> None:
-        """Tell the goals that several servers may have how many of these are out of sight."""
+        """For goals that several servers may have, tell how many of these are out of sight."""
         present = self.readiness.servers | self._doubted | UNNAMED
         for listener, goal in self._sent_goals():
             if len(goal.given_to) > 1:
@@ -318,14 +307,14 @@ class ServerMonitor:
             for listener in self._queued():
                 listener.on_server_lost(reason)
             self._way_back.stop()
-            self._look()  # for those who waited for it to answer
+            self._look()  # for listeners that waited for an answer
 
     def _reconsider(self, goal: _SentGoal, came: frozenset[bytes]) -> None:
-        """Add the servers that may have a goal although they were not known when it was sent.
+        """Add servers that may have a goal although they were not known when it was sent.
 
-        A request reaches a server before that server is in sight here; and it may have gone to one
-        that the graph did not show yet. If the server does not have the goal after all, it says so
-        when it is asked. A goal that was lost with all servers is not on one that comes after that.
+        A request may reach a server before that server is in sight here or in the graph. If the
+        server does not have the goal, it says so when it is asked. A goal that was lost with all
+        servers cannot be on a server that comes later.
         """
         if not goal.servers:
             return
@@ -340,7 +329,7 @@ class ServerMonitor:
             goal.given_to = goal.given_to - UNNAMED | self.readiness.servers
 
     def _on_one_answers(self) -> None:
-        """Find the goals of a server that was replaced: of several servers only one answers."""
+        """Find the goals of a server that was replaced: only one of several servers answers."""
         nodes = {server.gid: server.node for server in self._list_servers() or ()}
         for listener, goal in self._sent_goals():
             newer = {nodes.get(gid, "") for gid in self.readiness.servers - goal.servers} - {""}
@@ -349,7 +338,7 @@ class ServerMonitor:
                 goal.sent_to -= replaced
                 self._lose(listener, goal, replaced, "another server of its name answers")
                 if self.readiness.ready:
-                    listener.on_server_ready()  # the other may say that it has no such goal
+                    listener.on_server_ready()  # the new one can say whether it knows the goal
         if "" in nodes.values() and self._goals:
             # Nodes get their names some time after their endpoints.
             self._timers.call_at(self._timers.now() + _NAMING, self.restarts.start)

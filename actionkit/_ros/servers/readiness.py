@@ -1,15 +1,16 @@
-"""Whether servers of an action are there and can answer, without polling for them.
+"""Detects whether servers of an action are there and can answer, without polling.
 
-The servers' feedback publishers are watched through the `matched` event of a subscription
-(R27). A publisher that is there does not mean that goals arrive. A server discovers a client's
-endpoints one by one; if a goal comes before the server knows the way back, it runs the goal and
-its acknowledgement is lost (R4). So a probe is sent first: a request to cancel a goal that cannot
-exist. It is sent over the endpoint that was made last, so a server that answers it knows all the
-others too.
+The `matched` event of a subscription tells of the servers' feedback publishers (R27). But a
+publisher in sight does not mean that goals arrive. A server discovers a client's endpoints one by
+one. If a goal comes before the server has discovered them all, the server executes the goal, but
+its answer is lost (R4). So a probe is sent first: a request to cancel a goal that cannot exist. It
+uses the endpoint that was made last, so a server that answers it has discovered all the others,
+too.
 
-For the probe, too, the server has to know the way back. If it does not, it waits for that, up to
-0.1 s in which an rclpy server does nothing else; then it prints a warning, and the answer is lost.
-So the first probe comes a moment after the server's services are seen, the next after that wait.
+To answer the probe, the server must have discovered our endpoint as well. If not, it waits for that
+up to 0.1 s (an rclpy server does nothing else meanwhile); then it prints a warning, and the answer
+is lost. So the first probe is sent a moment after the server's services are seen, and the next one
+after that wait.
 """
 
 from __future__ import annotations
@@ -21,32 +22,32 @@ from actionkit._ros.graph import Endpoint
 from actionkit._threads.clock import Timers
 
 _FIRST_STEP = 0.001
-"""Seconds between the first two looks at the graph, or at the services; twice as long each time."""
+"""Seconds between the first two checks of the graph or the services; doubled each time."""
 _SETTLING_STEP = 0.25
-"""Seconds between two such looks, or two probes, at most, so that a server is ready soon."""
+"""The longest time in seconds between two such checks or two probes."""
 _SETTLING = 10.0
-"""Seconds for which the services are looked at that often; they are either there by then or not."""
+"""Seconds in which the services are checked that often; normally they are there by then."""
 _LAST_STEP = 1.0
-"""Seconds between two looks after that; an idle client may not do so more often (C7.4)."""
+"""Seconds between two checks after that; an idle client must not check more often (C7.4)."""
 _HEAD_START = 0.1
-"""Seconds that a server has to find our endpoints before it is probed. rclpy's own wait for a
-server gives it as much: it looks every 0.25 s, so the first goal is 0.125 s late on average."""
+"""Seconds that a server has to discover our endpoints before it is probed. rclpy gives it as much:
+it checks for a server every 0.25 s, so its first goal is 0.125 s late on average."""
 _PROBE_STEP = 0.15
-"""Seconds between the first two probes: a server keeps the answer to one for 0.1 s until it knows
-the way back. To ask again meanwhile would bring nothing, and hold it up once more."""
+"""Seconds between the first two probes: a server that has not discovered our endpoint holds an
+answer for up to 0.1 s. Another probe in that time would only delay it more."""
 _PATIENCE = 0.5
-"""Seconds after which a server that does not answer is taken for busy, and for ready (C5.5). They
-run from when its services are seen, and two probes were sent by then."""
+"""Seconds after which a server that does not answer counts as busy, and so as ready (C5.5). They
+begin when its services are seen; two probes are sent in that time."""
 _PATIENCE_WITH_SEVERAL = 5.0
-"""The same with several servers. After a restart it is the dead server's endpoints that are
-matched; those of the new server have been seen to take 4 s."""
+"""The same with several servers. After a restart, the dead server's endpoints are matched; the new
+server's endpoints have taken up to 4 s."""
 _GRAPH_PERIOD = 1.0
-"""Seconds between two looks for servers of another type while somebody waits (C7.4)."""
+"""Seconds between two checks for servers of another type while a call waits (C7.4)."""
 _NAMED_WITHIN = 10.0
-"""Seconds until the graph shows a server after there was an event; it takes milliseconds."""
+"""Seconds until the graph shows a server after its event; normally milliseconds."""
 
 UNNAMED = frozenset({b"unnamed"})
-"""In place of the name of a server that is there, but that the graph does not show yet."""
+"""Stands for a server that is there, but that the graph does not show yet."""
 
 
 class State(Enum):
@@ -80,25 +81,25 @@ class ServerReadiness:
         """Begin without servers, until `matched` is called.
 
         Args:
-            timers: The clock and timers of the thread.
-            list_servers: The servers that the graph shows, of any type; `None` where the
-                graph cannot be asked.
+            list_servers: The servers that the graph shows, of any type; `None` if the graph cannot
+                be asked.
             services_ready: Whether the endpoints of the action's services are matched.
-            other_versions: Returns what a server has in another version than this side, with the
-                type hashes of both.
-            probe: Asks what every live server answers; `answered` is to be called then.
+            other_versions: Returns the parts that a server has in another version than this side,
+                with the type hashes of both.
+            probe: Sends a question that every live server answers; the caller then calls
+                `answered`.
             on_ready: Called when goals can be sent, again for each new server.
             on_change: Called with the ids of servers that have come, and of those that are gone.
-            on_mismatch: Called with the types served, where none of them is `action_type`, or where
-                one is another version of it.
+            on_mismatch: Called with the types served, if none is `action_type` or one is another
+                version.
             on_complete: Called when a server's services are seen; `known` may be called then.
-            action_type: The type of this side.
         """
         self.state = State.ABSENT
         self.servers: frozenset[bytes] = frozenset()
         """The ids of the servers in sight."""
         self.count = 0
-        """How many servers the middleware sees. After a restart the dead one counts, too (R14)."""
+        """How many servers the middleware sees. After a restart it counts the dead one, too
+        (R14)."""
         self._timers = timers
         self._list_servers = list_servers
         self._services_ready = services_ready
@@ -110,13 +111,14 @@ class ServerReadiness:
         self._on_complete = on_complete
         self._action_type = action_type
         self._versions: tuple[str, ...] = ()
-        """What a server has in another version: it would misread a goal, or we its answer."""
+        """Parts that a server has in another version: one side would misread the other's
+        messages."""
         self._outdated: frozenset[bytes] = frozenset()
-        """The servers that the graph shows as long as it does not show one that has come."""
+        """The servers that the graph shows while it does not show the newest one yet."""
         self._outdated_until = 0.0
         self._settling_since = 0.0
         self._services_since: float | None = None
-        """When the services were seen first, in this settling."""
+        """When the services were first seen since settling began."""
         self._probed = False
         """Whether a probe was sent since then."""
         self._closed = False
@@ -136,9 +138,7 @@ class ServerReadiness:
     def matched(self, count: int, came: int = 0) -> None:
         """Handle that the middleware sees `count` feedback publishers now.
 
-        Args:
-            count: How many.
-            came: How many of them it did not see before, where that is known.
+        `came` is how many of them it did not see before, or 0 if that is not known.
         """
         self.count = count
         self._seen |= count > 0
@@ -147,11 +147,11 @@ class ServerReadiness:
         before = self.servers
         self._outdated = frozenset()
         self._compare()
-        # One that had no name before may be among those that have one now.
+        # A server that had no name before may have one now.
         expected = came + len(before & UNNAMED)
         if count and expected > len(self.servers - before - UNNAMED):
-            # One came in the place of one that went, and the graph still shows that one. What is
-            # sent now goes to the new one, and is not lost with the old.
+            # A new server has replaced one that the graph still shows. A goal that is sent now
+            # goes to the new one, so it is not lost with the old one.
             self._outdated = self.servers - UNNAMED
             self._outdated_until = self._timers.now() + _NAMED_WITHIN
             self._compare()
@@ -163,18 +163,18 @@ class ServerReadiness:
             self._compare_later(_FIRST_STEP)
 
     def leave(self) -> None:
-        """Handle that the node is replaced: the servers that are there will be discovered again."""
+        """Handle that the node is replaced: the new one will discover the servers again."""
         self.state = State.ABSENT
         self.count = 0
         self.servers = self._outdated = frozenset()
 
     @property
     def _agrees(self) -> bool:
-        """Whether the graph shows the servers that the middleware's event told of."""
+        """Whether the graph shows the servers of the middleware's event."""
         return len(self.servers) == self.count and not self.servers & UNNAMED
 
     def known(self) -> None:
-        """Handle that a server which is there knows our endpoints: it needs no head start."""
+        """Handle that a server has discovered our endpoints: it needs no head start."""
         if self.count == 1 and self._services_since is not None and not self._probed:
             self._settle(self._settling_since, _PROBE_STEP)
 
@@ -184,16 +184,16 @@ class ServerReadiness:
             self._become_ready()
 
     def look(self, wanted: Callable[[], bool]) -> None:
-        """Compare the types served with ours, now and then once a second while `wanted()` (R21)."""
+        """Compare the served types with ours now, then once a second while `wanted()` (R21)."""
         if not self._looking:
             self._looking = True
             self._look(wanted)
 
     def look_again(self) -> None:
-        """Compare the types served with ours, once and now.
+        """Compare the served types with ours once, now.
 
-        A server may come into view long after it was there: where the first announcement between
-        two processes is lost, with Fast DDS it takes 3 s until the next.
+        A server may come into sight late: if the first announcement between two processes is lost,
+        Fast DDS sends the next one after 3 s.
         """
         if self.state is not State.ABSENT:
             self._tell_versions()
@@ -203,7 +203,7 @@ class ServerReadiness:
             self._on_mismatch(tuple(sorted(types)))
 
     def close(self) -> None:
-        """Call none of the callbacks any more."""
+        """Call no callback any more."""
         self._closed = True
 
     def _look(self, wanted: Callable[[], bool]) -> None:
@@ -223,16 +223,16 @@ class ServerReadiness:
         self._settle(self._settling_since, _FIRST_STEP)
 
     def _compare(self) -> None:
-        """Compare the servers there are with those there were."""
+        """Compare the present servers with the earlier ones."""
         before, self.servers = self.servers, self._present()
         new = self.servers - before - UNNAMED
-        # A server that got its name only now is the one that had none.
+        # A server with a new name is the one that had no name before.
         named = UNNAMED & before - self.servers if new else frozenset()
         if self.state is State.READY and len(new) > len(named):
-            self._begin_settling()  # a new one does not know us yet (R4)
+            self._begin_settling()  # a new one has not discovered us yet (R4)
         if self.servers != before:
             gone = before - self.servers
-            # One that got its name is there under it.
+            # A server that has got its name is not gone.
             self._on_change(self.servers - before, gone - UNNAMED if self.servers else gone)
 
     def _compare_later(self, step: float) -> None:
@@ -254,8 +254,8 @@ class ServerReadiness:
             server.gid for server in listed or () if server.action_type == self._action_type
         )
         if not gids:
-            # The event may be ahead of the graph, and a context that was shut down has none: a
-            # server that cannot be named is still a server.
+            # The event may be ahead of the graph, and in a context that was shut down there is no
+            # graph: a server without a name is still a server.
             return self.servers or UNNAMED
         if self._outdated:
             if gids <= self._outdated and self._timers.now() < self._outdated_until:

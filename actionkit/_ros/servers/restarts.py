@@ -1,12 +1,11 @@
-"""Tells a restarted server from a second one (R1, R14).
+"""Tells whether a server was restarted, or whether there are two (R1, R14).
 
-After a restart the middleware shows two servers for up to 20 s: the new one, and the dead one
-until its lease runs out. Two servers that both live look just the same. They differ in what
-they answer: a probe, which every server answers, gets two answers from two servers that live, and
-one answer if one of them is dead.
+After a restart the middleware shows two servers for up to 20 s: the new one, and the dead one until
+its lease runs out. Two live servers look the same. But their answers differ: every live server
+answers a probe, so two live servers give two answers, and a live and a dead one give one answer.
 
-A server that is alive but busy answers nothing either (C5.5). So silence alone is not a proof: the
-monitor also checks that the server was replaced by one on a node of the same name.
+A server that is alive but busy does not answer either (C5.5). So silence alone is not a proof: the
+monitor also checks that the new server is on a node of the same name.
 """
 
 from __future__ import annotations
@@ -17,11 +16,11 @@ from collections.abc import Callable
 from actionkit._threads.clock import Timers
 
 _PROBES = 3
-"""A second server is noticed if it answers only one of these; the others may get lost."""
+"""A second server that answers one of these is noticed; the other answers may get lost."""
 _PERIOD = 0.2
-"""Seconds between two probes; a server that is busy for less has answered the one before."""
+"""Seconds between two probes; a server that is busy for less time answers each."""
 _VERDICT_AFTER = 0.7
-"""Seconds from the first probe to the verdict, 0.3 s of them for the last answers."""
+"""Seconds from the first probe to the verdict, with 0.3 s for the last answers."""
 
 
 class RestartDetector:
@@ -32,10 +31,8 @@ class RestartDetector:
     ) -> None:
         """Make a detector that is not running.
 
-        Args:
-            timers: The clock and timers of the thread. They end with the client.
-            probe: Asks what every live server answers; returns the sequence number.
-            on_one_answers: Called when probes were answered, and each by one server only.
+        `probe` sends a question that every live server answers, and returns its sequence number.
+        `on_one_answers` is called when probes were answered, each by one server only.
         """
         self.running = False
         """Whether answers are being counted."""
@@ -45,7 +42,7 @@ class RestartDetector:
         self._answers: Counter[int] = Counter()
 
     def start(self) -> None:
-        """Send probes and count the answers, unless that is under way."""
+        """Send probes and count the answers, unless this is happening already."""
         if self.running:
             return
         self.running = True

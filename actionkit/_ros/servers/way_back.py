@@ -1,9 +1,9 @@
-"""Detects that a server has discovered our endpoints, before anything is asked of it.
+"""Detects that a server has discovered our endpoints, before it gets any request.
 
 A server discovers a process's subscriptions and response readers in the order in which they are
-made. So one more subscription is made last, to the action's status. A server sends its latest
-status to each newcomer: when that comes, the server knows all the others, too. A server that has
-had no goal yet has no status to send.
+made. So one more subscription, to the action's status, is made last. A server sends its latest
+status to each new subscription: when it comes, the server has discovered all the others, too. A
+server that has had no goal yet has no status to send.
 """
 
 from __future__ import annotations
@@ -18,15 +18,13 @@ from actionkit._ros.runtime import Runtime
 
 
 class WayBack:
-    """Waits for a status message that proves it. On the communication thread only."""
+    """Waits for the status message that proves this. On the communication thread only."""
 
     def __init__(self, runtime: Runtime, entities: Entities, on_known: Callable[[], None]) -> None:
         """Do nothing until `watch` is called.
 
-        Args:
-            runtime: All this happens on its thread.
-            entities: What makes the subscription, and has made all the others.
-            on_known: Called once for each `watch`, when a status message has come.
+        `entities` makes the subscription, and has made all others. `on_known` is called once for
+        each `watch`, when a status message has come.
         """
         self._runtime = runtime
         self._entities = entities

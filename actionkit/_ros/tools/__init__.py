@@ -1,1 +1,1 @@
-"""Questions to the ROS graph for the command line."""
+"""Tools of the command line that use ROS: looking at the graph, watching, cancelling."""

@@ -1,4 +1,4 @@
-"""Asks the servers of an action to cancel goals by their ids, those of other clients too.
+"""Asks the servers of an action to cancel goals by their ids, also goals of other clients.
 
 The request has the same type for all actions, so the package that defines the action is not needed.
 """
@@ -27,7 +27,7 @@ _JOIN = 5.0
 
 @dataclass(frozen=True)
 class CancelSaid:
-    """What a server answered to a request to cancel a goal; `goal_id` is with dashes."""
+    """What a server answered to a request to cancel a goal; `goal_id` has dashes."""
 
     goal_id: str
     answer: CancelAnswer
@@ -39,15 +39,13 @@ class GoalCanceller:
     def __init__(self, action_name: str, on_answer: Callable[[CancelSaid], None]) -> None:
         """Make the client of the servers' cancel service.
 
-        Args:
-            action_name: The full name of the action.
-            on_answer: Called with each answer, on another thread. Each server on the name answers;
-                after an answer that the goal is not known the request is repeated.
+        `on_answer` gets each answer, on another thread. Each server on the name answers; after an
+        answer that the goal is not known, the request is repeated.
         """
         self._name = action_name
         self._on_answer = on_answer
         self._asked: dict[int, tuple[bytes, float]] = {}
-        """Request -> goal, also of those that were answered: another server may answer, too."""
+        """Request -> goal, also for answered requests: another server may answer, too."""
         self._runtime = runtimes.acquire(None, self)
         self._runtime.run(self._begin)
 
@@ -57,7 +55,7 @@ class GoalCanceller:
         self._runtime.call_soon(lambda: self._queue.ask(key))
 
     def stop(self, goal_id: str) -> None:
-        """Ask no more."""
+        """Stop asking for a goal."""
         key = uuid.UUID(goal_id).bytes
         self._runtime.call_soon(lambda: self._queue.stop(key))
 
@@ -87,7 +85,7 @@ class GoalCanceller:
 
     def _send(self, key: bytes) -> None:
         if not self._client.service_is_ready():
-            return  # nobody would get it; the queue repeats it soon
+            return  # no server would get it; the queue repeats it soon
         request = CancelGoal.Request()
         request.goal_info.goal_id.uuid = list(key)
         self._asked[self._source.send(request)] = key, self._runtime.now()

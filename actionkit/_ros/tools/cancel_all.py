@@ -1,4 +1,4 @@
-"""Asks the servers of an action to cancel all their goals at once, by the action protocol itself.
+"""Asks the servers of an action to cancel all their goals with one request.
 
 The request has the same type for all actions, so the package that defines the action is not needed.
 """
@@ -21,34 +21,24 @@ from actionkit._threads.clock import TimerHandle
 _DEPTH = 100
 """Depth of the queue of answers; far more than there are servers on one name."""
 _NOT_READY = 0.05
-"""Seconds between two looks whether a server can take a request, soon after it came into sight."""
+"""Seconds between two checks whether a server that has just come into sight takes requests."""
 _JOIN = 5.0
 """Seconds for the communication thread to end; it takes some ten milliseconds."""
 
 
 @dataclass(frozen=True)
 class AllSaid:
-    """What one server answered.
+    """What one server answered."""
 
-    Attributes:
-        request: The number of the request, counted from 1.
-        canceling: The ids of the goals that it is cancelling now, with dashes.
-    """
-
-    request: int
-    canceling: tuple[str, ...]
+    request: int  # the number of the request, from 1
+    canceling: tuple[str, ...]  # the ids of the goals that it is cancelling now, with dashes
 
 
 class AllGoalsCanceller:
     """Sends requests to cancel all goals of one action, from any thread, until `close`."""
 
     def __init__(self, action_name: str, on_answer: Callable[[AllSaid], object]) -> None:
-        """Make the client of the servers' cancel service.
-
-        Args:
-            action_name: The full name of the action.
-            on_answer: Called with each server's answer, on another thread.
-        """
+        """Make the client of the cancel service; `on_answer` is called on another thread."""
         self._name = action_name
         self._on_answer = on_answer
         self._numbers: dict[int, int] = {}
@@ -57,11 +47,11 @@ class AllGoalsCanceller:
         self._runtime.run(self._begin)
 
     def ask(self, number: int) -> None:
-        """Send a request of that number once a server is there to take it. Returns at once."""
+        """Send the request `number` when a server can take it. Returns at once."""
         self._runtime.call_soon(lambda: self._ask(number))
 
     def close(self) -> None:
-        """Take no more answers, and give the node back."""
+        """Ignore further answers, and release the node."""
         self._runtime.run(self._end)
         runtimes.release(self._runtime, self)
         self._runtime.join_if_stopping(_JOIN)
@@ -83,7 +73,7 @@ class AllGoalsCanceller:
         try:
             ready = self._client.service_is_ready()
         except (RCLError, InvalidHandle):
-            # The graph of a context that was shut down refuses; requests still go out (R10).
+            # In a context that was shut down the graph cannot be asked, but requests work (R10).
             ready = True
         if ready:
             # All zeros, in the id and in the stamp, mean all goals.

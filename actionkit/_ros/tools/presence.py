@@ -1,8 +1,8 @@
 """Keeps this process in the ROS graph, so that its clients find a server at once.
 
-A client in a process without others has to enter the graph, and there to discover the servers one
-by one: 0.1 to 0.3 s, on a busy machine seconds. All clients of a context share one node, so who
-made that node before, and saw the server from it, has spared them that.
+The first client of a process has to enter the graph and discover the servers one by one. This takes
+0.1 to 0.3 s, on a busy machine seconds. All clients of a context share one node. So this module
+makes that node earlier, and waits until the server is seen from it.
 """
 
 from __future__ import annotations
@@ -29,19 +29,11 @@ class Presence:
         self._runtime: Runtime | None = None
 
     def see(self, action_type: Any, action_name: str, domain_id: int, timeout: float) -> bool:
-        """Wait until a server is ready for clients of this process that are made without `node=`.
+        """Wait until clients of this process that are made without `node=` see the server.
 
-        Nothing is done where they would not find it: they are in another ROS domain, resolve its
-        name to another one, or use that with another type.
-
-        Args:
-            action_type: The action's class.
-            action_name: The full name of the action.
-            domain_id: The server's ROS domain.
-            timeout: Seconds to wait.
-
-        Returns:
-            Whether it did not take longer than that.
+        Do nothing if these clients would not find it: they are in another ROS domain, resolve its
+        name to another one, or use the name with another type. Return whether the wait took less
+        than `timeout`.
         """
         if _domain_of_clients() != domain_id:
             return True
@@ -54,21 +46,20 @@ class Presence:
                 return True
             with port.server_wait(timeout) as wait:
                 wait.over.wait(timeout)
-            # Not before: a node that somebody needs is not replaced if it has missed the server.
+            # Not before: a node in use is not replaced, even if it has missed the server.
             if port.runtime.run(partial(port.runtime.add_user, self)):
                 self._runtime = port.runtime
             return wait.ready
         finally:
-            # The name is free again for a client of another type.
+            # So that a client of another type can use the name.
             port.runtime.run(port.free)
             port.runtime.join_if_stopping(_LEFT_WITHIN)
 
     def leave(self, *, at_exit: bool = False) -> None:
         """Leave the graph, unless a client is there.
 
-        Args:
-            at_exit: Whether the interpreter ends: the middleware's own exit handlers crash under a
-                thread that still uses it.
+        `at_exit` means that the interpreter ends: then wait for the thread, because the
+        middleware's own exit handlers crash if a thread still uses the middleware.
         """
         runtime, self._runtime = self._runtime, None
         if runtime is None:
@@ -83,5 +74,5 @@ def _domain_of_clients() -> int | None:
     context = native.default_context() if native.default_context_is_up() else None
     try:
         return environment_domain() if context is None else native.domain_of(context)
-    except (ValueError, InvalidHandle):  # there is none, or its context was shut down just now
+    except (ValueError, InvalidHandle):  # not a domain, or the context was shut down just now
         return None

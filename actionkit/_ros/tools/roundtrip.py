@@ -22,41 +22,29 @@ from actionkit._ros.runtime import Runtime
 _DEPTH = 100
 """Depth of the queue of answers; far more than there are servers on one name."""
 _STEP = 0.01
-"""Seconds between two looks whether a server is matched, which is the resolution of the measure."""
+"""Seconds between two checks for a match, and so the precision of that measurement."""
 _PATIENCE = 1.0
 """Seconds after which a probe is taken for lost and the next is sent (R4)."""
 _TIMES = 5
-"""Further probes, enough to see by how much the times differ."""
+"""More probes, to see how much the times differ."""
 
 
 @dataclass(frozen=True)
 class RoundTrip:
-    """What was measured, in seconds.
+    """What was measured, in seconds."""
 
-    Attributes:
-        matched: From making the endpoint until it was matched with a server's; `None` if never.
-        first: From the first probe to the first answer, with lost probes; `None` without answer.
-        asked: How many probes that took.
-        later: How long the answers to further probes took.
-        answers: How many answers the last probe got: one from each server.
-    """
-
-    matched: float | None
-    first: float | None
-    asked: int
-    later: tuple[float, ...]
-    answers: int
+    matched: float | None  # from making the endpoint to its match; `None` if never
+    first: float | None  # from the first probe to an answer; `None` if none came
+    asked: int  # how many probes this took
+    later: tuple[float, ...]  # how long the answers to more probes took
+    answers: int  # how many servers answered the last probe
 
 
 def measure(action_name: str, timeout: float) -> RoundTrip:
     """Probe the servers of an action several times.
 
-    Args:
-        action_name: The full name.
-        timeout: Seconds for the matching, and again for the first answer.
-
-    Raises:
-        Exception: Anything that rclpy raises where the endpoint cannot be made.
+    `timeout` is in seconds, for the matching, and again for the first answer. Any error of rclpy
+    goes to the caller if the endpoint cannot be made.
     """
     user = object()
     runtime = runtimes.acquire(None, user)
@@ -114,8 +102,7 @@ class _Prober:
     def _probe(self, *, everybody: bool = False) -> list[float]:
         """Send a probe; return how long the answers took that came.
 
-        Args:
-            everybody: Whether to wait for the answers of all servers, not only for the first.
+        If `everybody`, wait for the answers of all servers, not only for the first.
         """
         request = CancelGoal.Request()
         request.goal_info.goal_id.uuid = list(uuid.uuid4().bytes)
@@ -123,7 +110,7 @@ class _Prober:
         number = self._runtime.run(lambda: self._source.send(request))
         taken: list[float] = []
         while everybody or not taken:
-            # The other servers take about as long as the first.
+            # The other servers need about as much time as the first.
             patience = min(_PATIENCE, 0.1 + 10 * taken[0]) if taken else _PATIENCE
             try:
                 seq, at = self._answers.get(timeout=patience)

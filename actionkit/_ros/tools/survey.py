@@ -1,4 +1,4 @@
-"""Which nodes serve and use which action, as the ROS graph shows it to a newcomer."""
+"""Finds the nodes that serve and use actions in the ROS graph, with a new node."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ from actionkit._ros.own_node import resolve_without_node
 _STEP = 0.05
 """Seconds between two looks at the graph; each takes about a millisecond."""
 _QUIET = 0.4
-"""Seconds without anything new after which the graph is taken for complete."""
+"""Seconds without anything new, after which the graph counts as complete."""
 _LEAST = 3.0
-"""Seconds to look for at least. On a machine with other work a third of the processes are seen only
-after 1 to 3 s, by plain rclpy too: what Fast DDS sends first may get lost, and it sends again 3 s
-later."""
+"""Seconds to look at least. On a busy machine, a third of the processes are seen only after 1 to
+3 s, also by rclpy: the first messages of Fast DDS may get lost, and it repeats them after 3 s."""
 _MOST = 7.0
-"""Seconds to look for at most, which leaves Fast DDS a second repetition."""
+"""Seconds to look at most, enough for a second repetition by Fast DDS."""
 _JOIN = 5.0
 """Seconds for the communication thread to end; it takes some ten milliseconds."""
 
@@ -37,24 +36,20 @@ class ActionSeen:
 
     @property
     def types(self) -> tuple[str, ...]:
-        """The types that it is served with; without a server those that clients ask for."""
+        """The types of its servers or, without a server, of its clients."""
         return tuple(sorted({end.action_type for end in self.servers or self.clients}))
 
 
 class Survey:
-    """A look at the graph from a node of ActionKit's own. A context manager."""
+    """Looks at the graph with its own node. A context manager."""
 
     def __init__(self) -> None:
-        """Make a node, which begins to discover others.
-
-        Raises:
-            Exception: Anything that rclpy raises where a node cannot be made.
-        """
+        """Make a node, which begins to discover others. Any error of rclpy goes to the caller."""
         began = time.monotonic()
         self.runtime = runtimes.acquire(None, self)
         self.opened = time.monotonic()
         self.seconds_to_open = self.opened - began
-        """Seconds that it took to make the context and the node."""
+        """Seconds that making the context and the node took."""
         self.first_seen: dict[str, float] = {}
         """For each action, the seconds from `opened` until a server of it was seen."""
 
@@ -79,7 +74,7 @@ class Survey:
         return self.runtime.run(lambda: resolve_without_node(node.context, node, name)).action
 
     def actions(self) -> dict[str, ActionSeen]:
-        """Return every action in sight at this moment, by name, sorted."""
+        """Return the actions that are in sight now, sorted by name."""
         node = self.runtime.node
         seen = {}
         for name in sorted(graph.action_names(node)):
@@ -104,14 +99,10 @@ class Survey:
         most: float = _MOST,
         enough: Callable[[dict[str, ActionSeen]], bool] = bool,
     ) -> dict[str, ActionSeen]:
-        """Look until nothing new is discovered for a while.
+        """Look until nothing new has been discovered for a while: discovery has no defined end.
 
-        Discovery has no end that one could wait for.
-
-        Args:
-            least: Seconds to look for at least.
-            most: Seconds to look for at most, unless `least` is more.
-            enough: Whether what is seen is enough to stop early; by default, any action is.
+        Look for at least `least` and at most `most` seconds (or `least`, if that is more). `enough`
+        says whether the actions in sight are enough to stop early; by default, any action is.
         """
         since = time.monotonic()
         last = self.actions()
@@ -127,7 +118,7 @@ class Survey:
                 last, since = seen, time.monotonic()
 
     def close(self) -> None:
-        """Give the node back."""
+        """Release the node."""
         runtimes.release(self.runtime, self)
         self.runtime.join_if_stopping(_JOIN)
 

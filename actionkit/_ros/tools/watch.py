@@ -1,4 +1,4 @@
-"""Reads the status topic of an action: all goals that its servers remember, of all clients."""
+"""Reads the status topic of an action: the goals of all clients that its servers remember."""
 
 from __future__ import annotations
 
@@ -23,24 +23,18 @@ _log = logging.getLogger("actionkit")
 _DEPTH = 100
 """Depth of the queue; the topic's usual 1 would keep only the last state of each goal."""
 _PERIOD = 0.25
-"""Seconds between two looks for servers, soon enough for a person who watches."""
+"""Seconds between two checks for servers, often enough for a person who watches."""
 _JOIN = 5.0
 """Seconds for the communication thread to end; it takes some ten milliseconds."""
 
 
 @dataclass(frozen=True)
 class GoalSeen:
-    """One goal as a server's status message has it.
+    """One goal in a server's status message."""
 
-    Attributes:
-        goal_id: With dashes, as ActionKit writes ids everywhere.
-        state: The name of a `GoalState`.
-        accepted: When the server accepted it, in seconds since the epoch of its clock.
-    """
-
-    goal_id: str
-    state: str
-    accepted: float
+    goal_id: str  # with dashes, as everywhere in ActionKit
+    state: str  # the name of a `GoalState`
+    accepted: float  # when the server accepted it: seconds since the epoch, by the server's clock
 
 
 class StatusReader:
@@ -54,11 +48,8 @@ class StatusReader:
     ) -> None:
         """Subscribe to the topic.
 
-        Args:
-            action_name: The full name of the action.
-            on_goals: Called with all goals that a server remembers, whenever one changes, on
-                another thread.
-            on_servers: Called with the names of the servers' nodes when they change.
+        On another thread, `on_goals` gets all goals that a server remembers, whenever one changes,
+        and `on_servers` gets the names of the servers' nodes when they change.
         """
         self._name = action_name
         self._on_goals = on_goals
@@ -69,7 +60,7 @@ class StatusReader:
         self._runtime.run(self._begin)
 
     def close(self) -> None:
-        """Destroy the subscription and give the node back."""
+        """Destroy the subscription and release the node."""
         self._runtime.run(self._end)
         runtimes.release(self._runtime, self)
         self._runtime.join_if_stopping(_JOIN)
@@ -101,7 +92,7 @@ class StatusReader:
         for message in self._source.take():
             try:
                 array = deserialize_message(message, GoalStatusArray)
-            except RuntimeError as error:  # what rclpy raises if the bytes are not such a message
+            except RuntimeError as error:  # rclpy's error for bytes that are not such a message
                 _log.debug("a status message of %s is left out: %s", self._name, error)
                 continue
             self._on_goals([_seen(entry) for entry in array.status_list])
