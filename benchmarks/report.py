@@ -21,7 +21,7 @@ from benchmarks.measure import Figure, Plot, Report, Verdict
 _LARGE = 1000.0
 _PROMISES = {
     1: "A call costs less than a hand-written client's",
-    2: "What the server remembers makes no call dearer",
+    2: "Calls do not get slower with the history of the server",
     3: "1,000 goals at a time cost no more each than ten",
     4: "Others' feedback makes no call slower",
     5: "Who waits uses no CPU, and is there at once",

@@ -1,4 +1,4 @@
-"""The group `actionkit` and its commands, each in a module of its own."""
+"""The group `actionkit` and the list of its commands; each command has its own module."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from actionkit.cli._say import say
 
 
 class _Known(NamedTuple):
-    """What the list of commands says of one without importing it."""
+    """The entry of a command in the list, which needs no import of the command."""
 
     module: str
-    """Has it as `command`; below this package."""
+    """A module of this package, with the command as `command`."""
     summary: str
     """The first sentence of its help."""
 
@@ -36,7 +36,7 @@ _COMMANDS = {
         "watch",
         "Show the goals of the action NAME as their states change, and whether agents are held.",
     ),
-    "cancel": _Known("cancel", "Cancel goals of the action NAME, and tell what became of each."),
+    "cancel": _Known("cancel", "Cancel goals of the action NAME, and tell what happened to each."),
     "stop": _Known(
         "stop", "Cancel every goal of every action in sight, and hold agents until --release."
     ),
@@ -55,11 +55,11 @@ _COMMANDS = {
 }
 """The commands by name, in the order in which they are listed."""
 _OTHER_NAMES = {"send_goal": "call"}
-"""Names that `ros2 action` has for them."""
+"""Their names in `ros2 action`."""
 
 
 class _OutputClosedError(Exception):
-    """Nobody reads the output. Not an OSError: click would end the process without our code."""
+    """Nobody reads the output. Not an OSError, because then click would set the exit code."""
 
 
 @contextlib.contextmanager
@@ -72,7 +72,7 @@ def _noticing_closed_output() -> Iterator[None]:
 
 class _Group(click.Group):
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
-        # This reads the arguments, and writes the help where it is asked for.
+        # This parses the arguments, and may write the help.
         with _noticing_closed_output():
             return super().make_context(*args, **kwargs)
 
@@ -107,7 +107,7 @@ class _Group(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        # click would import every command, which takes three times as long as all else.
+        # click would import every command: that takes three times as long as all the rest.
         with formatter.section("Commands"):
             formatter.write_dl([(name, known.summary) for name, known in _COMMANDS.items()])
 
@@ -130,13 +130,7 @@ def app() -> None:
 
 
 def run(arguments: Sequence[str] | None) -> int:
-    """Run a command.
-
-    Args:
-        arguments: The words after `actionkit`; `None` takes them from `sys.argv`.
-
-    Returns:
-        The exit code, one of `Exit`.
+    """Run a command; return its exit code, one of `Exit`. The arguments are those of `main`.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.
@@ -147,9 +141,9 @@ def run(arguments: Sequence[str] | None) -> int:
             arguments,
             prog_name="actionkit",
             standalone_mode=False,
-            auto_envvar_prefix="ACTIONKIT",  # ACTIONKIT_CALL_SERVER_TIMEOUT=30, for one
+            auto_envvar_prefix="ACTIONKIT",  # such as ACTIONKIT_CALL_SERVER_TIMEOUT=30
         )
-    except click.Abort:  # what click makes of a Ctrl-C
+    except click.Abort:  # click turns Ctrl-C into this
         raise KeyboardInterrupt from None
     except _OutputClosedError:
         raise BrokenPipeError from None

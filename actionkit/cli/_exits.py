@@ -1,4 +1,4 @@
-"""The exit codes of the command line: the one table of them, which the documentation shows."""
+"""The exit codes of the command line, in one table; the documentation shows the same table."""
 
 from __future__ import annotations
 
@@ -40,23 +40,23 @@ class Exit(IntEnum):
     RETRIES_EXHAUSTED = 21, "The same, and the retries of --retries ended."
     CANCEL_REFUSED = (
         22,
-        "A server refused to cancel a goal, which is still running. Of `call`: whatever else went"
-        " wrong.",
+        "A server refused to cancel a goal, which is still running. Of `call`: also if other things"
+        " went wrong.",
     )
     CANCEL_UNKNOWN = (
         23,
-        "A goal may still be running: its end was not seen. Of `call`: whatever else went wrong,"
-        " except for codes 15 and 18.",
+        "A goal may still be running: its end was not seen. Of `call`: also if other things went"
+        " wrong, except for codes 15 and 18.",
     )
     NO_SUCH_GOAL = 24, "Of `cancel`: no server in sight knows a goal of that id."
     HELD = (
         25,
         "Of `stop --status`: a human has stopped the robot, and agents send no goals. Of `stop"
-        " --release`: somebody has stopped it anew meanwhile.",
+        " --release`: somebody has stopped it again meanwhile.",
     )
     HANGUP = 129, "The terminal was closed; as after Ctrl-C."
-    INTERRUPTED = 130, "Ctrl-C. The goal was cancelled, and the output tells what became of it."
-    OUTPUT_CLOSED = 141, "Whoever read the output went away, as `| head -1` does; as after Ctrl-C."
+    INTERRUPTED = 130, "Ctrl-C. The goal was cancelled, and the output says what happened to it."
+    OUTPUT_CLOSED = 141, "The reader of the output ended, as `| head -1` does; as after Ctrl-C."
     TERMINATED = 143, "SIGTERM; as after Ctrl-C."
 
     def __new__(cls, code: int, meaning: str) -> Exit:
@@ -67,7 +67,7 @@ class Exit(IntEnum):
 
 
 _OF_ERRORS = (
-    # The first that fits counts.
+    # The first one that fits counts.
     ("InvalidGoalError", Exit.USAGE),
     ("GoalRejectedError", Exit.REJECTED),
     ("GoalAbortedError", Exit.ABORTED),
@@ -86,7 +86,7 @@ _MAY_RUN = {"REFUSED": Exit.CANCEL_REFUSED, "UNKNOWN": Exit.CANCEL_UNKNOWN}
 
 
 def ended_without_result(outcome: Outcome[Any]) -> str | None:
-    """Return how a goal ended by itself if its result did not come, else `None`."""
+    """Return how a goal ended if only its result did not come, else `None`."""
     status = getattr(outcome.error, "status", None)
     late = getattr(outcome.error, "late_result", None)
     return str(status) if status in ("SUCCEEDED", "ABORTED") and late is None else None
@@ -97,13 +97,13 @@ def exit_of(outcome: Outcome[Any]) -> Exit:
     if outcome.error is None:
         return Exit.OK
     code = _of_error(outcome)
-    if code in (Exit.SERVER_LOST, Exit.NO_ANSWER):  # which say that the goal may run
+    if code in (Exit.SERVER_LOST, Exit.NO_ANSWER):  # these say that the goal may run
         return code
     return _MAY_RUN.get(str(outcome.cancel), code)
 
 
 def _of_error(outcome: Outcome[Any]) -> Exit:
     if ended_without_result(outcome) is not None:
-        return Exit.RESULT_LOST  # no matter which limit ended the wait for it
+        return Exit.RESULT_LOST  # even if a time limit ended the wait for it
     names = [cls.__name__ for cls in type(outcome.error).__mro__]
     return next((code for name, code in _OF_ERRORS if name in names), Exit.FAILED)

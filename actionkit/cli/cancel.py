@@ -43,7 +43,7 @@ def _goal_id(text: str) -> str:
             f"{text!r} is no goal id, which has 32 hexadecimal digits, with dashes or without",
             param_hint="ID",
         ) from None
-    if not goal_id.int:  # to servers that means all goals
+    if not goal_id.int:  # servers understand this as all goals
         raise click.BadParameter("this is no goal's id; --all cancels all goals", param_hint="ID")
     return str(goal_id)
 
@@ -76,7 +76,7 @@ def command(
     server_timeout: float,
     as_json: bool,
 ) -> int:
-    """Cancel goals of the action NAME, and tell what became of each.
+    """Cancel goals of the action NAME, and tell what happened to each.
 
     ID is the id of a goal, as `actionkit watch`, errors and logs have it. Without ID and --all,
     nothing is canceled: the goals that run are shown.
@@ -145,7 +145,7 @@ def _cancel(
     timeout: float,
     show: Callable[[Fate], None],
 ) -> None:
-    """Cancel the goals, or all that run, until it is known what happened to each."""
+    """Cancel the goals (or all running goals), until it is known what happened to each."""
     from actionkit._ros.tools.cancel import CancelSaid
 
     began = progressed = now = time.monotonic()
@@ -156,13 +156,13 @@ def _cancel(
                     cancelling.add(goal.goal_id)
         for goal_id in cancelling.to_ask(board.goals):
             canceller.cancel(goal_id)
-        # Of many goals each has its time; but new ones may come without end.
+        # Each of many goals has its time; but new goals might come for ever.
         over = now - progressed >= timeout or now - began >= timeout + LONGEST_GRACE
         for fate in cancelling.settle(board.goals, now, over=over):
             canceller.stop(fate.goal_id)
             show(fate)
             progressed = now
-        # A second server on the name may tell of its goals a little later.
+        # A second server on the name may report its goals a little later.
         if cancelling.done and (not every or now - began >= min(FIRST, timeout)):
             return
         try:
