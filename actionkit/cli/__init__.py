@@ -1,4 +1,4 @@
-"""The command line. Nothing heavy is imported before it is needed."""
+"""The command line `actionkit`. Imports heavy modules only when they are needed."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from typing import NoReturn
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command `actionkit` and end the process with its exit code.
 
-    Args:
-        arguments: The words after `actionkit`; `None` takes them from `sys.argv`.
+    `arguments` are the words after `actionkit`; `None` takes them from `sys.argv`.
     """
     try:
         from actionkit.cli._app import run
@@ -22,16 +21,16 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         code = int(run(arguments))
         sys.stdout.flush()
     except KeyboardInterrupt:
-        # The call has been cleaned up on the way here; nothing may interrupt the rest.
+        # The call is cleaned up by now; nothing may interrupt the rest.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        # What was half-made at that moment, such as an event loop, may complain when it is freed.
+        # A half-made object, such as an event loop, may print a warning when it is freed.
         sys.unraisablehook = lambda _: None
         warnings.simplefilter("ignore")
-        code = 130  # Exit.INTERRUPTED; its import may be what was interrupted
-        with contextlib.suppress(OSError):  # its reader was interrupted as well
+        code = 130  # Exit.INTERRUPTED; the signal may have interrupted its import
+        with contextlib.suppress(OSError):  # the reader was interrupted, too
             print("\nInterrupted.", file=sys.stderr)
     except BrokenPipeError:
-        # The reader of our output (`| head`) went away, and Python flushes it once more at exit.
+        # The program that reads our output (`| head`) ended, and Python flushes again at exit.
         from actionkit.cli._signals import discard_output
 
         discard_output()

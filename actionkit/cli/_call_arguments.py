@@ -1,4 +1,4 @@
-"""NAME, TYPE and GOAL of `actionkit call`: TYPE may be left out, and people swap the first two."""
+"""Finds NAME, TYPE and GOAL of `actionkit call`. TYPE is optional; people swap NAME and TYPE."""
 
 from __future__ import annotations
 
@@ -17,19 +17,16 @@ if TYPE_CHECKING:
     from actionkit._ros.tools.survey import Survey
 
 _NAME = re.compile(r"[\w/.-]+")
-"""What a type may be, well or badly written; a goal has braces, a colon or a space."""
+"""Matches a type, also a wrong one, but not a goal, which has braces, a colon or a space."""
 
 
 def told_apart(
     name: str, type_name: str | None, goal: str | None, stdin: bool
 ) -> tuple[str | None, str | None]:
-    """Return TYPE and GOAL, each `None` where it was left out.
+    """Return TYPE and GOAL, each `None` if it was left out.
 
-    Args:
-        name: The first argument.
-        type_name: The second: GOAL where TYPE was left out.
-        goal: The third.
-        stdin: Whether the goal comes by `--stdin`.
+    The arguments are in the user's order: if TYPE was left out, `type_name` is GOAL. `stdin` means
+    that the goal comes by `--stdin`.
 
     Raises:
         click.UsageError: NAME and TYPE are swapped, NAME is missing, or TYPE and GOAL are.
@@ -50,16 +47,12 @@ def told_apart(
 
 
 def served_type(survey: Survey, name: str, patience: float) -> str:
-    """Return the type that the servers of an action have.
-
-    Args:
-        survey: Sees them.
-        name: The action's name.
-        patience: Seconds to wait for a server.
+    """Return the type that the servers of an action have; wait `patience` seconds for a server.
 
     Raises:
         Problem: There is no server.
-        click.BadParameter: Not a valid name; or servers of several types, which the text lists.
+        click.BadParameter: The name is not valid, or the servers have several types, which the text
+            lists.
     """
     full = full_name(survey, name)
     seen = survey.settled(

@@ -1,4 +1,4 @@
-"""One call from the command line: it is reported, and if it ends early, its goal is cancelled."""
+"""Makes one call from the command line, reports it, and cancels its goal if it ends early."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from actionkit.cli._signals import discard_output, handled, watch_output
 from actionkit.cli._wording import in_options
 
 _TICK = 0.1
-"""Seconds between two looks at the goal's timeline, and two frames of the display: what a person
-takes for at once."""
+"""Seconds between two looks at the goal's timeline, and between two frames of the display: short
+enough to look immediate."""
 _ROOM = 256
-"""Feedback messages that may wait to be written: seconds of them, and little memory."""
+"""Feedback messages that may wait to be written: some seconds of feedback, and little memory."""
 _SLOW = 0.5
-"""Seconds for which feedback waits for such a place; then it is left out, and counted."""
+"""Seconds for which a message waits for such a place; then it is not shown, only counted."""
 _MARGIN = 0.5
-"""Seconds beyond the client's own time for a cancel, so that its report comes first."""
+"""Seconds more than the client's own limit for a cancel, so that its report comes first."""
 
 
 class Calling:
-    """Makes one call and follows it. In the main thread, because signals come there."""
+    """Makes one call and follows it. In the main thread, because signals arrive there."""
 
     def __init__(
         self,
@@ -42,19 +42,16 @@ class Calling:
         echo: bool,
         progress: Progress | None,
     ) -> None:
-        """Take what the call needs.
+        """Take what the call needs. `run` closes the client at its end.
 
-        Args:
-            client: Closed at the end of `run`.
-            report: Where the course of the call is written.
-            echo: Whether each feedback is written.
-            progress: What reads from feedback how much is done, if anything.
+        `echo` means to write each feedback message. `progress` reads from feedback how much is
+        done.
         """
         self._client = client
         self._report = report
         self._echo = echo
         self._progress = progress
-        # Not Queue: a signal handler may put into it in the middle of a get.
+        # Not Queue: a signal handler may call put() during a get().
         self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._room = threading.BoundedSemaphore(_ROOM)
         self._feedbacks = 0
@@ -66,12 +63,7 @@ class Calling:
         self._future: GoalFuture[Any, Any] | None = None
 
     def run(self, goal: Any, timeout: float | None) -> Exit:
-        """Make the call; return its exit code.
-
-        Args:
-            goal: The goal message.
-            timeout: Seconds, or `None` for no limit.
-        """
+        """Make the call; return its exit code. A timeout of `None` means no limit."""
         try:
             with handled(self._interrupt_soon, self._farewell), self._client:
                 watch_output(lambda: self._interrupt_soon(Exit.OUTPUT_CLOSED))
@@ -89,7 +81,7 @@ class Calling:
         while not future.done():
             self._turn()
             if self._give_up_at is not None and time.monotonic() >= self._give_up_at:
-                # Refused, and so still running: closing ends the wait, not the goal.
+                # The cancel was refused, so the goal runs: closing ends the wait, not the goal.
                 self._client.close()
         with contextlib.suppress(queue.Empty):
             while True:
@@ -116,11 +108,9 @@ class Calling:
         self._tell(lambda: self._report.now(now))
 
     def _catch_up(self, until: float, *, ended: bool = False) -> None:
-        """Report the events of the timeline that are new.
+        """Report the new events of the timeline, up to the monotonic time `until`.
 
-        Args:
-            until: The time on the monotonic clock of the last event to report.
-            ended: Whether all feedback was reported; the goal's end comes after it.
+        `ended` means that all feedback was reported: the goal's end is reported after it.
         """
         assert self._future is not None
         events = [e for e in self._future.timeline if e.state is not GoalState.FEEDBACK]
@@ -130,7 +120,7 @@ class Calling:
             if event.monotonic <= until and event not in self._seen:
                 self._seen.add(event)
                 if event.cancel_refused and self._code is not None:
-                    self._give_up_at = event.monotonic  # the client closes, which asks once more
+                    self._give_up_at = event.monotonic  # the client closes, and asks once more
                 self._tell(lambda e=event: self._report.event(e))  # type: ignore[misc]
 
     def _on_feedback(self, message: Any) -> None:
@@ -168,12 +158,12 @@ class Calling:
     def _tell(self, words: Callable[[], None]) -> None:
         try:
             words()
-        except OSError:  # nobody reads any more: cancel the goal, and write nothing about it
+        except OSError:  # nobody reads the output: cancel the goal, and write nothing
             discard_output()
             self._interrupt(Exit.OUTPUT_CLOSED)
 
     def _last_words(self, outcome: Outcome[Any]) -> None:
-        """Write to standard error that the goal may still run, where nobody reads the output."""
+        """If nobody reads the output, write to standard error that the goal may still run."""
         safe = (None, CancelReport.CONFIRMED, CancelReport.NOT_NEEDED)
         if self._code is Exit.OUTPUT_CLOSED and outcome.cancel not in safe:
             with contextlib.suppress(OSError):
@@ -191,4 +181,4 @@ class Calling:
 
 
 def _nothing() -> None:
-    """Do nothing; in the inbox, it wakes the main thread."""
+    """Do nothing; as an item of the inbox, it wakes the main thread."""

@@ -1,4 +1,4 @@
-"""What happened to each goal that `actionkit cancel` cancels. Pure: no clock, no middleware."""
+"""Finds out what happened to goals that are cancelled. Pure: no clock, no middleware."""
 
 from __future__ import annotations
 
@@ -11,61 +11,54 @@ from actionkit.cli._exits import Exit
 from actionkit.cli._goal_board import WatchedGoal
 
 _SETTLE = 1.0
-"""Seconds for which a refusal, or "unknown goal", may be contradicted: by the goal's end, which a
-server answers like a refusal where the two cross, or by another server on the name."""
+"""Seconds to wait after a refusal or "unknown goal", because more news may come: the goal's end (if
+a goal ends at the same time, a server answers like a refusal), or another server's answer."""
 _BEST = (
     CancelAnswer.ACCEPTED,
     CancelAnswer.TERMINATED,
     CancelAnswer.REFUSED,
     CancelAnswer.UNKNOWN_GOAL,
 )
-"""Where several servers answer about one goal, the first of these counts."""
+"""If several servers answer about one goal, the first of these counts."""
 _EXITS = {
     "REFUSED": Exit.CANCEL_REFUSED,
     "UNKNOWN": Exit.CANCEL_UNKNOWN,
     "NO_SUCH_GOAL": Exit.NO_SUCH_GOAL,
 }
-"""The exit codes, the worst first; what is not here runs no more."""
+"""The exit codes, the worst first; goals with other answers have stopped."""
 
 
 @dataclass(frozen=True)
 class Fate:
-    """What happened to a goal.
+    """What happened to a goal."""
 
-    Attributes:
-        goal_id: With dashes.
-        cancel: The name of a `CancelReport`, or `"NO_SUCH_GOAL"`.
-        state: The last state that was seen, or `""`.
-        text: The same as a sentence.
-    """
-
-    goal_id: str
-    cancel: str
-    state: str
-    text: str
+    goal_id: str  # with dashes
+    cancel: str  # the name of a `CancelReport`, or `"NO_SUCH_GOAL"`
+    state: str  # the last state that was seen, or `""`
+    text: str  # the same as a sentence
 
 
 @dataclass
 class _Target:
     answer: CancelAnswer | None = None
     since: float = 0.0
-    """When the answer came."""
+    """When that answer came."""
     asked: bool = False
     fate: Fate | None = None
 
 
 class Cancelling:
-    """The goals that are to be cancelled, and what is known of them."""
+    """The goals that are to be cancelled, and what is known about them."""
 
     def __init__(self, goal_ids: Iterable[str] = ()) -> None:
         self._targets = {goal_id: _Target() for goal_id in goal_ids}
 
     def add(self, goal_id: str) -> None:
-        """Have a goal cancelled, too."""
+        """Add a goal to cancel."""
         self._targets.setdefault(goal_id, _Target())
 
     def to_ask(self, board: dict[str, WatchedGoal]) -> list[str]:
-        """Return the goals for which a server is to be asked now, each once."""
+        """Return the goals to send a request for now, each once."""
         new = []
         for goal_id, target in self._targets.items():
             row = board.get(goal_id)
@@ -75,23 +68,16 @@ class Cancelling:
         return new
 
     def take(self, said: Any, now: float) -> None:
-        """Note a server's answer.
-
-        Args:
-            said: A `CancelSaid`.
-            now: Seconds on the monotonic clock.
-        """
+        """Record a server's answer, a `CancelSaid`; `now` is on the monotonic clock."""
         target = self._targets[said.goal_id]
         if target.answer is None or _BEST.index(said.answer) < _BEST.index(target.answer):
             target.answer, target.since = said.answer, now
 
     def settle(self, board: dict[str, WatchedGoal], now: float, *, over: bool) -> list[Fate]:
-        """Return the fates that are known since the last time.
+        """Return the fates that are new since the last call; `now` is on the monotonic clock.
 
-        Args:
-            board: The goals that the servers remember.
-            now: Seconds on the monotonic clock.
-            over: Whether nothing more is waited for: every goal has a fate then.
+        `board` has the goals that the servers remember. `over` means that the wait has ended: every
+        goal has a fate then.
         """
         new = []
         for goal_id, target in self._targets.items():
@@ -107,7 +93,7 @@ class Cancelling:
 
     @property
     def fates(self) -> list[Fate]:
-        """What is known of the goals that are settled."""
+        """The fates of the goals that are settled."""
         return [target.fate for target in self._targets.values() if target.fate is not None]
 
     @property
@@ -117,7 +103,7 @@ class Cancelling:
 
     @property
     def exit(self) -> Exit:
-        """The exit code: the worst of all."""
+        """The worst exit code of all goals."""
         found = {fate.cancel for fate in self.fates}
         return next((code for cancel, code in _EXITS.items() if cancel in found), Exit.OK)
 
@@ -134,7 +120,7 @@ def _ended(row: WatchedGoal, target: _Target) -> tuple[str, str]:
 def _running(
     row: WatchedGoal | None, target: _Target, now: float, over: bool
 ) -> tuple[str, str] | None:
-    """Return what is known of a goal that was not seen to end, or `None` if it may still change."""
+    """Return what is known of a goal without a seen end, or `None` if that may still change."""
     settled = over or now - target.since >= _SETTLE
     canceling = row is not None and row.state == "CANCELING"
     if target.answer is CancelAnswer.REFUSED and not canceling and settled:

@@ -1,4 +1,4 @@
-"""What `actionkit demo` looks like: on a terminal, and as plain lines in a pipe or a file."""
+"""Prints `actionkit demo` on a terminal, or as plain lines into a pipe or a file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WIDTH = 92
 
 
 class DemoScreen:
-    """Prints headings, code, and what came back. ASCII only: it may be any terminal."""
+    """Prints headings, code and results. ASCII only, so that it works on any terminal."""
 
     def __init__(self, console: Console | None = None) -> None:
         self._console = console or Console(highlight=False, markup=False, emoji=False)
@@ -31,7 +31,7 @@ class DemoScreen:
         self._console.print(Text("-" * len(text), style="dim"))
 
     def text(self, text: str, style: str = "", indent: str = "") -> None:
-        """Print a text, wrapped, with its first line after `indent` and the others below."""
+        """Print a wrapped text; its first line begins with `indent`, the others align with it."""
         lines = textwrap.fill(
             printable(text),
             self._width,
@@ -43,7 +43,7 @@ class DemoScreen:
         self._console.print(Text(lines, style=style), soft_wrap=True)
 
     def code(self, function: Callable[..., object]) -> None:
-        """Show the body of a function, without a `return` at its end."""
+        """Show the body of a function without its final `return`."""
         _, _, body = inspect.getsource(function).split('"""', 2)  # the docstring is in the middle
         lines = body.strip("\n").splitlines()
         if lines[-1].strip().startswith("return"):
@@ -57,7 +57,7 @@ class DemoScreen:
         self._console.print()
 
     def _folded(self, line: str) -> str:
-        """Return a line of code, on several lines where it is wider than the screen."""
+        """Return a line of code, split if it is wider than the screen."""
         indent = " " * (len(line) - len(line.lstrip()) + 8)
         return textwrap.fill(
             line,
@@ -77,12 +77,12 @@ class DemoScreen:
         self.text(text, style="dim", indent="     ")
 
     def failure(self, text: str) -> None:
-        """Show that something did not come out as it should."""
+        """Show that a result was not as expected."""
         self.end_progress()
         self.text(text, style="bold red", indent="  FAILED: ")
 
     def progress(self, done: int, total: int, words: str) -> None:
-        """Show how far something is: a bar on a terminal, else a line. From any one thread."""
+        """Show progress: a bar on a terminal, else a line. From one thread only."""
         if not self._console.is_terminal:
             self.text(f"{done:3} of {total}  {words}", indent="     ")
             return
@@ -100,6 +100,6 @@ class DemoScreen:
         self._bar.update(self._bar.task_ids[0], completed=done, description=words)
 
     def end_progress(self) -> None:
-        """Leave the bar as it is, and print below it from now on."""
+        """Stop changing the bar, and print below it from now on."""
         if self._bar is not None:
             self._bar.stop()

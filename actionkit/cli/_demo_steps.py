@@ -1,8 +1,8 @@
-"""The steps of `actionkit demo`: what each runs and shows, and how its result is checked.
+"""The steps of `actionkit demo`: the code that each shows and runs, and the check of its result.
 
-Each function that has no underscore is shown as a user would write it: its docstring as the title
-and the explanation, then its body without a `return` at the end. `print` prints into the demo's
-display.
+The demo shows each function without an underscore as a user would write it: its docstring is the
+title and the explanation; then follows its body without the final `return`. `print` prints to the
+demo's screen.
 """
 
 from __future__ import annotations
@@ -36,25 +36,17 @@ _E = TypeVar("_E", bound=ActionKitError)
 
 
 class UnexpectedError(Exception):
-    """A step did not come out as it should."""
+    """A step's result was not as expected."""
 
 
 @dataclass
 class Demo:
-    """What the steps work with.
+    """What the steps work with. `lengths` has the length of each feedback shown as progress."""
 
-    Attributes:
-        client: The client of all steps but the last.
-        server: The server that it calls.
-        screen: Where it is shown.
-        printed: What the code of the present step printed.
-        lengths: How many numbers there were in each feedback that was shown as progress.
-    """
-
-    client: FibonacciClient
-    server: Server
+    client: FibonacciClient  # of all steps but the last
+    server: Server  # the one that the client calls
     screen: DemoScreen
-    printed: list[Any] = field(default_factory=list)
+    printed: list[Any] = field(default_factory=list)  # by the code of the current step
     lengths: list[int] = field(default_factory=list)
 
     def print(self, *values: Any) -> None:
@@ -69,13 +61,13 @@ class Demo:
         self.screen.progress(len(feedback.sequence) - 1, 10, words)
 
     def error(self, kind: type[_E]) -> _E:
-        """Return the one error of that kind that the code printed."""
+        """Return the one printed error of that kind."""
         errors = [value for value in self.printed if isinstance(value, kind)]
         _expect(len(errors) == 1, f"the call did not end in {kind.__name__}")
         return errors[0]
 
     def expect_stopped(self, goal_id: str) -> None:
-        """Show what the server itself saw of a goal, and check that it runs no more."""
+        """Show what the server itself saw of a goal, and check that the goal has stopped."""
         self.server.wait_for("canceled", goal_id=goal_id)
         _expect(goal_id not in self.server.running(), "the server still runs the goal")
         events = [event for event in self.server.events if event.goal_id == goal_id]
@@ -229,7 +221,7 @@ def _without_server(demo: Demo) -> None:
 
 
 def _fibonacci(order: int) -> list[int]:
-    """Return the sequence that is the right answer for an order."""
+    """Return the correct result for an order."""
     numbers = [0, 1]
     while len(numbers) <= order:
         numbers.append(numbers[-1] + numbers[-2])
@@ -244,4 +236,4 @@ STEPS: tuple[tuple[Callable[..., object], Callable[[Demo], None]], ...] = (
     (timed_out, _timed_out),
     (without_server, _without_server),
 )
-"""Of each step: the code to show, and what runs and checks it."""
+"""For each step: the code to show, and the function that runs and checks it."""

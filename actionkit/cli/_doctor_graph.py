@@ -1,4 +1,4 @@
-"""What `actionkit doctor` finds out about the servers in sight, and how fast one answers."""
+"""The checks of `actionkit doctor` on the servers in sight, and on how fast one answers."""
 
 from __future__ import annotations
 
@@ -17,18 +17,15 @@ if TYPE_CHECKING:
 _ROUND_TRIP = 5.0
 """Seconds to wait for an answer; a busy server takes up to a few."""
 _SLOW = 0.1
-"""Seconds of an answer on which there is a note; on one machine it takes about a millisecond."""
+"""Seconds; slower answers get a note. On one machine an answer takes about a millisecond."""
 _LISTED = 10
-"""Servers that get lines of their own."""
+"""Servers that are listed, each with its own line."""
 
 
 def actions_in_sight(survey: Survey, name: str | None, wait: float) -> Iterator[Finding]:
-    """Yield findings about the graph, and about one action where it is named.
+    """Yield findings about the graph, and about one action if it is named.
 
-    Args:
-        survey: An open look at the graph.
-        name: The full name of an action, or `None`.
-        wait: Seconds to look for at least.
+    `name` is the full name of an action, or `None`. Look for at least `wait` seconds.
     """
     yield ok(
         "middleware",
@@ -125,13 +122,7 @@ def _one(survey: Survey, action: ActionSeen) -> Iterator[Finding]:
 
 
 def round_trip_findings(name: str, servers: int, trip: RoundTrip) -> Iterator[Finding]:
-    """Yield findings about a round trip.
-
-    Args:
-        name: The action's.
-        servers: How many are in sight.
-        trip: What was measured.
-    """
+    """Yield findings about a round trip to an action with this number of servers in sight."""
     if trip.matched is None:
         yield problem(
             "round trip",

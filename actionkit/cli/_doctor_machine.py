@@ -1,4 +1,4 @@
-"""What `actionkit doctor` finds out about Python and rclpy, without importing it."""
+"""The checks of `actionkit doctor` on Python and rclpy, without importing rclpy."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _INSTALL = (
     f"{WITH_ROS}. Elsewhere: pip install {RCLPY}." if sys.platform == "linux" else f"{ON_LINUX}."
 )
 _PATIENCE = 30.0
-"""Seconds to import rclpy, which takes one, and many times that from a slow disk."""
+"""Seconds to import rclpy; normally one, but many more from a slow disk."""
 _TESTED = ((3, 10), (3, 13))
-"""The first and the last version of Python that ActionKit is tested with."""
+"""The oldest and the newest version of Python that ActionKit is tested with."""
 _MADE_WITHIN = 2.0
 """Seconds; it takes microseconds."""
 _UNFINISHED = (b"", bytes(4), (1).to_bytes(4, sys.byteorder))
@@ -88,7 +88,7 @@ def _unfinished(folder: Path) -> set[Path]:
     found = set()
     for path in folder.glob("fastrtps_port*"):
         if not path.name.removeprefix("fastrtps_port").isdigit():
-            continue  # a file for locks, which is always empty
+            continue  # a lock file, always empty
         # Opened as Fast DDS does it: if that fails, Fast DDS goes on without the port.
         with contextlib.suppress(OSError), path.open("r+b") as file:
             if file.read(4) in _UNFINISHED:
@@ -97,13 +97,13 @@ def _unfinished(folder: Path) -> set[Path]:
 
 
 def rclpy_places() -> list[Path]:
-    """Return each directory named rclpy on Python's path, in the order of use."""
+    """Return each directory named rclpy on Python's path, in its order."""
     found = []
     for entry in sys.path:
         place = Path(entry or ".") / "rclpy"
         if (place / "__init__.py").is_file() and place.resolve() not in found:
             found.append(place.resolve())
-    # None in sys.modules is how a module is switched off.
+    # None in sys.modules switches a module off.
     return [] if "rclpy" in sys.modules and sys.modules["rclpy"] is None else found
 
 
@@ -129,7 +129,7 @@ def _python() -> Finding:
 
 
 def _other_python(environment: Mapping[str, str]) -> Iterator[Finding]:
-    """Yield findings about rclpy packages that are there, but not for this Python."""
+    """Yield findings about rclpy packages for another Python."""
     here = f"python{sys.version_info[0]}.{sys.version_info[1]}"
     prefixes = environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     prefixes += [str(path) for path in sorted(Path(_PREFIX).glob("*"))]
@@ -147,9 +147,9 @@ def _other_python(environment: Mapping[str, str]) -> Iterator[Finding]:
 def _import_failure() -> str:
     """Return why rclpy cannot be imported, or `""`.
 
-    In a process of its own: with a wrong RMW_IMPLEMENTATION, rcl ends the whole process.
+    This runs in another process: with a wrong RMW_IMPLEMENTATION, rcl ends its process.
     """
-    # What every node needs, too: the middleware is loaded by that, not by rclpy itself.
+    # Also what every node needs: that loads the middleware, rclpy itself does not.
     code = "import rclpy.node, action_msgs.srv"
     try:
         run = subprocess.run(

@@ -1,4 +1,4 @@
-"""What `actionkit doctor` finds in the environment variables that decide who sees whom. Pure."""
+"""The checks of `actionkit doctor` on the environment variables for discovery. Pure."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from actionkit.cli._findings import Finding, note, ok, problem
 
 _RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 _SAFE = 101
-"""The ports of higher domains reach into those that Linux gives to any program."""
+"""Higher domains use ports that Linux may give to any program."""
 _PROFILES = (
     "FASTDDS_DEFAULT_PROFILES_FILE",
     "FASTRTPS_DEFAULT_PROFILES_FILE",

@@ -1,4 +1,4 @@
-"""What `actionkit doctor` finds: each with a remedy, unless it is as it should be."""
+"""The findings of `actionkit doctor`: each has a remedy, unless all is well."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ Level = Literal["ok", "note", "problem"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """One result of `actionkit doctor`.
 
     Attributes:
-        level: `"ok"`; `"note"`: it may be on purpose, or be why a call does not work; `"problem"`:
-            something does not work.
+        level: `"ok"`; `"note"`: it may be on purpose, or the reason why a call does not work;
+            `"problem"`: something does not work.
         topic: A word or two.
         text: What was found.
-        remedy: What to do about it; only `"ok"` goes without.
+        remedy: What to do about it; only `"ok"` has none.
     """
 
     level: Level
@@ -31,7 +31,7 @@ class Finding:
 
 
 def ok(topic: str, text: str) -> Finding:
-    """Return a finding that is as it should be."""
+    """Return a finding that is all right."""
     return Finding("ok", topic, text)
 
 

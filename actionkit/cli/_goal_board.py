@@ -1,4 +1,4 @@
-"""What is known of all goals of an action, from one status message to the next. Pure."""
+"""Collects the states of all goals of an action from status messages. Pure."""
 
 from __future__ import annotations
 
@@ -11,31 +11,23 @@ from actionkit._ros.holds.state import Hold
 
 _ENDED = ("SUCCEEDED", "CANCELED", "ABORTED", "LOST")
 _MOST = 1000
-"""Goals kept, many screens full, so that a watch of days stays small; of those that ended, the
-oldest go first."""
+"""Goals that are kept, enough for many screens, so that a watch of days stays small. The oldest
+ended goals are removed first."""
 
 
 @dataclass(frozen=True)
 class WatchedGoal:
-    """One goal.
+    """One goal. Times are in seconds since the epoch."""
 
-    Attributes:
-        goal_id: With dashes.
-        state: Its state; `LOST` where it had not ended when the last server went.
-        accepted: When it was accepted, in seconds since the epoch.
-        since: When this state was first seen, in seconds since the epoch.
-        before: The state before, as far as it was seen.
-    """
-
-    goal_id: str
-    state: str
+    goal_id: str  # with dashes
+    state: str  # `LOST` if it had not ended when the last server went
     accepted: float
-    since: float
-    before: str = ""
+    since: float  # when this state was first seen
+    before: str = ""  # the state before, if it was seen
 
     @property
     def ended(self) -> bool:
-        """Return whether it runs no more, or is lost."""
+        """Return whether it has stopped, or is lost."""
         return self.state in _ENDED
 
 
@@ -49,14 +41,10 @@ class Board:
         """The holds of people who have stopped the robot by `actionkit stop`."""
 
     def take(self, news: Any, now: float) -> tuple[list[WatchedGoal], bool]:
-        """Update the goals from a status message, or the servers.
+        """Update the board; return the goals with a new state, and whether the servers changed.
 
-        Args:
-            news: A list of `GoalSeen`, or the names of the servers' nodes.
-            now: Seconds since the epoch.
-
-        Returns:
-            The goals with a new state, and whether the servers changed.
+        `news` is a list of `GoalSeen`, or the names of the servers' nodes. `now` is in seconds
+        since the epoch.
         """
         if isinstance(news, tuple):
             self.servers = news
@@ -67,7 +55,7 @@ class Board:
         changed = []
         for goal in seen:
             row = self.goals.get(goal.goal_id)
-            # Messages of two servers may cross; what has ended stays so.
+            # Messages of two servers may cross; a goal that has ended stays ended.
             if row is not None and (row.state == goal.state or (row.ended and row.state != "LOST")):
                 continue
             before = "" if row is None else row.state

@@ -1,4 +1,4 @@
-"""A message with its defaults as YAML to fill in, with types and comments."""
+"""Writes a message with its defaults as YAML to fill in, with types and comments."""
 
 from __future__ import annotations
 
@@ -13,15 +13,13 @@ from actionkit._messages.paths import message_class, slots_of, type_name
 from actionkit.cli._interface_files import comments_of
 
 _NOW = ("builtin_interfaces/Time", "std_msgs/Header")
-"""Types for which `actionkit call` takes the word `now`."""
+"""Types for which `actionkit call` accepts the word `now`."""
 
 
 def template(action: Any, ros_type: str) -> str:
-    """Return a goal of the action with all defaults, and what comes back as comments.
+    """Return a goal of the action with all defaults, and its result and feedback as comments.
 
-    Args:
-        action: The action's class.
-        ros_type: Its name, such as `test_msgs/action/Fibonacci`.
+    `ros_type` is the action's name, such as `test_msgs/action/Fibonacci`.
     """
     lines = [
         f"# A goal of {ros_type} with its defaults. Change it, and send it with:",
@@ -41,12 +39,12 @@ def _part(cls: type) -> Iterator[str]:
 
 
 def _fields(message: Any) -> Iterator[str]:
-    """Yield a line for each field of a message, and those of the messages in it."""
+    """Yield a line for each field of a message, also for messages inside it."""
     from rosidl_parser.definition import AbstractNestedType, NamespacedType
 
     cls: type = type(message)
     named = type_name(cls)
-    # Of a time everybody knows what its fields are.
+    # Everybody knows the fields of a time.
     comments = {} if named.startswith("builtin_interfaces/") else comments_of(named).fields
     for name, (slot, text) in slots_of(cls).items():
         yield from (f"# {line}" for line in comments.get(name, ()) if line)

@@ -1,4 +1,4 @@
-"""From the text of a goal, YAML or JSON, to a message that was checked field by field."""
+"""Turns the text of a goal, YAML or JSON, into a message, and checks each field."""
 
 from __future__ import annotations
 
@@ -21,22 +21,19 @@ _NOW = ("now", "auto")
 MOST_TEXT = 2**24
 """Characters of a goal; an array of a million numbers has fewer."""
 MOST_YAML = 2**20
-"""Fewer, because to read YAML takes a thousand times as long as to read JSON."""
+"""Fewer characters, because reading YAML takes a thousand times as long as JSON."""
 _MOST_WORDS = 2000
-"""Characters of an error, which may quote what was given: enough to see what is wrong."""
+"""Characters of an error, which may quote the input: enough to see what is wrong."""
 _NUMBER = re.compile(r"[-+]?((\.\d+|\d+(\.\d*)?)e[-+]?\d+|inf|nan)", re.I | re.A)
-"""Numbers of YAML 1.2 and of Python's `float`, which `ros2` uses, that YAML 1.1 reads as text."""
+"""Numbers in YAML 1.2 and for Python's `float` (as in `ros2`), but text in YAML 1.1."""
 _TIME = "builtin_interfaces/msg/Time"
 _HEADER = "std_msgs/msg/Header"
 
 
 def parse(text: str, goal_class: type) -> Any:
-    """Return the goal.
+    """Return the goal from a text of YAML or JSON: a mapping of the goal's fields.
 
-    Args:
-        text: YAML or JSON: a mapping of the goal's fields. Those that are missing keep their
-            defaults. `now` means the present time, in a stamp and in a header.
-        goal_class: Such as `Fibonacci.Goal`.
+    Missing fields keep their defaults. `now` means the present time, in a stamp and in a header.
 
     Raises:
         click.BadParameter: It does not fit; the text names the field.
@@ -50,10 +47,10 @@ def parse(text: str, goal_class: type) -> Any:
 
 
 def _message(value: Any, goal_class: type) -> Any:
-    if isinstance(value, str):  # quoted twice, as happens in launch files and scripts
+    if isinstance(value, str):  # quoted twice, as in some launch files and scripts
         value = _read(value)
     if value is None:
-        # A program that failed writes nothing into a pipe, which must not start a robot.
+        # A program that fails in a pipe writes nothing. This must not start a robot.
         raise _bad("it is empty. Give {} for a goal with all defaults.")
     if not isinstance(value, Mapping):
         fields = ", ".join(slots_of(goal_class)) or "none"
@@ -70,12 +67,8 @@ def _message(value: Any, goal_class: type) -> Any:
 def fill_now(cls: type, value: Any, nanoseconds: int) -> Any:
     """Return the value with the time in each stamp or header that says `now`.
 
-    Numbers that YAML 1.1 takes for text become numbers, where the field is one.
-
-    Args:
-        cls: The message class that the value is for.
-        value: Plain values; what does not fit the class is left as it is.
-        nanoseconds: The time, since the epoch.
+    Numbers that YAML 1.1 reads as text become numbers, if the field is a number. Values that do not
+    fit the class do not change.
     """
     name = type_name(cls)
     if isinstance(value, str) and value in _NOW and name in (_TIME, _HEADER):
@@ -105,7 +98,7 @@ def _fill_field(slot: Any, value: Any, nanoseconds: int) -> Any:
 
 def _read(text: str) -> Any:
     try:
-        return json.loads(text)  # first: YAML would take a thousand times as long
+        return json.loads(text)  # JSON first: YAML takes a thousand times as long
     except ValueError:
         pass
     if len(text) > MOST_YAML:
@@ -114,7 +107,7 @@ def _read(text: str) -> Any:
         return yaml.safe_load(text)
     except RecursionError:
         raise
-    except Exception as error:  # an IndexError of `!!int ''`, a ValueError of the 99th of May
+    except Exception as error:  # such as an IndexError for `!!int ''`
         problem = " ".join(str(error).split())
         raise _bad(f"it is neither YAML nor JSON: {problem}.") from error
 

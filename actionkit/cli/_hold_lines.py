@@ -1,4 +1,4 @@
-"""The line of JSON that tells of the hold."""
+"""Writes the line of JSON about the hold."""
 
 from __future__ import annotations
 
@@ -10,12 +10,6 @@ from actionkit._ros.holds.state import Hold
 
 
 def hold_line(held: bool | None, holds: Sequence[Hold], **more: object) -> str:
-    """Return the line.
-
-    Args:
-        held: Whether agents are held; `None` where that is not known.
-        holds: The holds, or those that are told of.
-        more: What else is told.
-    """
+    """Return the line; `held` is `None` if it is not known whether agents are held."""
     told = [{"by": hold.by, "since": hold.since, "id": hold.hold_id} for hold in holds]
     return note_line("hold", "", time.time(), held=held, holds=told, **more)

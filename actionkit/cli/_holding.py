@@ -1,4 +1,4 @@
-"""Setting, showing and releasing the hold, for `actionkit stop`."""
+"""Sets, shows and releases the hold, for `actionkit stop`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from actionkit._ros.holds.view import HoldView
 
 _KEEPER_READY = 10.0
-"""Seconds for the keeper to come up; it takes one."""
+"""Seconds for the keeper to start; normally one."""
 _LOOK = 0.1
 """Seconds between two looks while others are being told."""
 
@@ -32,13 +32,13 @@ class Keeper:
     """The process that keeps a hold, started in the background."""
 
     def __init__(self, hold: Hold) -> None:
-        """Start it, and have a file tell of the hold; neither may hold up what comes next."""
+        """Start the process, and write the hold to a file; neither may delay the next step."""
         state = HoldState({hold.hold_id: hold})
-        # Said to processes of this computer before anybody is discovered. On a thread: a disk may
-        # be slow.
+        # So processes of this computer know of it before discovery. On a thread, because a disk
+        # may be slow.
         threading.Thread(target=_write_file, args=(state,), daemon=True).start()
         self._process: subprocess.Popen[bytes] | None = None
-        with contextlib.suppress(OSError):  # no more processes; `await_ready` tells
+        with contextlib.suppress(OSError):  # no more processes: `await_ready` reports it
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "actionkit.cli._keeper"],
                 stdin=subprocess.PIPE,
@@ -52,11 +52,11 @@ class Keeper:
 
     @property
     def pid(self) -> int | None:
-        """The number of its process, where there is one."""
+        """The number of its process, or `None`."""
         return None if self._process is None else self._process.pid
 
     def await_ready(self) -> bool:
-        """Return whether it tells of the hold, as soon as that is known, within ten seconds."""
+        """Return whether it publishes the hold, as soon as that is known, within ten seconds."""
         from actionkit.cli._keeper import READY
 
         if self._process is None:
@@ -79,12 +79,12 @@ class Keeper:
 def _write_file(state: HoldState) -> None:
     from actionkit._ros.holds.files import HoldFiles
 
-    with contextlib.suppress(OSError, ValueError):  # the second defence; the view says it again
+    with contextlib.suppress(OSError, ValueError):  # the second defence; the view reports it
         HoldFiles(environment_domain()).write(state)
 
 
 def agents_told(view: HoldView) -> tuple[list[str], list[str]]:
-    """Return which agents in sight have said that they are held, and which have not."""
+    """Return the agents in sight that have said that they are held, and those that have not."""
     held = {hold.hold_id for hold in view.state.active}
     agents = [said for said in view.others if said.sender.role == "agent"]
     knowing = [str(said.sender) for said in agents if held & set(said.state.holds)]
@@ -93,7 +93,7 @@ def agents_told(view: HoldView) -> tuple[list[str], list[str]]:
 
 
 def show_status(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
-    """Tell whether there is a hold, by whom, and what keeps it."""
+    """Show whether there is a hold, who has set it, and what keeps it."""
     _await_known(view, timeout)
     state, unknown = view.known()
     keepers = _keepers(view, state.active)
@@ -113,9 +113,9 @@ def show_status(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
 
 
 def release(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
-    """End every hold that there is, and wait until everybody in sight knows it.
+    """End every hold, and wait until every process in sight knows it.
 
-    A stop of the robot after that is not overruled: once all has been heard, a new hold stays.
+    A later stop is not released: when everything is known, a new hold stays.
     """
     ended: dict[str, Hold] = {}
     complete = False
@@ -165,7 +165,7 @@ def _keepers(view: HoldView, holds: Sequence[Hold]) -> list[str]:
 
 
 def line_of(view: HoldView, **more: object) -> str:
-    """Return the line of JSON that tells of the hold as it is known now."""
+    """Return the line of JSON about the hold as it is known now."""
     state, unknown = view.known()
     held = True if state.active else None if unknown else False
     return hold_line(held, state.active, **more)

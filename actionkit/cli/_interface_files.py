@@ -1,4 +1,4 @@
-"""The comments of installed .action, .msg and .srv files, which no message class has."""
+"""Reads the comments of installed .action, .msg and .srv files; message classes have none."""
 
 from __future__ import annotations
 
@@ -9,21 +9,20 @@ from functools import cache
 from pathlib import Path
 
 _FIELD = re.compile(r"[A-Za-z][\w/]*(?:<=\d+)?(?:\[[<=\d]*\])?\s+([A-Za-z]\w*)\s*(=?)(.*)")
-"""A type, a name, and a default value or, behind `=`, the value of a constant."""
+"""A type, a name, and a default or, after `=`, the value of a constant."""
 _TEXT = re.compile(r"\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'")
 _PARTS = {"action": ("Goal", "Result", "Feedback"), "srv": ("Request", "Response")}
 _ABOVE = 6
-"""Folders above a Python package in which `share` is looked for: lib/python3.12/site-packages/NAME
-is four below it."""
+"""Folders above a Python package that may have `share`: lib/python3.12/site-packages/NAME is four
+below it."""
 
 
 @dataclass
 class Comments:
-    """What one message of a file says, without the `#`.
+    """The comments of one message in a file, without the `#`.
 
-    Attributes:
-        head: The comments before the first field that belong to none, and the constants.
-        fields: Field -> its comments, those above it and the one behind it.
+    `head` has the constants, and the comments before the first field that belong to no field.
+    `fields` has the comments above and behind each field.
     """
 
     head: list[str] = field(default_factory=list)
@@ -31,17 +30,13 @@ class Comments:
 
 
 def comments_of(ros_type: str) -> Comments:
-    """Return the comments on a message.
-
-    Args:
-        ros_type: Such as `geometry_msgs/msg/Pose` or `test_msgs/action/Fibonacci_Goal`.
-    """
+    """Return the comments on a type or part, such as `test_msgs/action/Fibonacci_Goal`."""
     package, kind, name = ros_type.split("/")
     part = 0
     if kind in _PARTS:
         name, _, word = name.partition("_")
         if word not in _PARTS[kind]:
-            return Comments()  # what every action or service has
+            return Comments()  # a part that every action or service has
         part = _PARTS[kind].index(word)
     parts = _parsed(package, kind, name)
     return parts[part] if part < len(parts) else Comments()
@@ -60,7 +55,7 @@ def _parsed(package: str, kind: str, name: str) -> list[Comments]:
 
 
 def parsed(text: str) -> list[Comments]:
-    """Return the comments of each part of a file; `---` separates its parts."""
+    """Return the comments of each part of a file; `---` separates the parts."""
     parts = [Comments()]
     above: list[str] = []
     for line in map(str.strip, text.splitlines()):
@@ -76,7 +71,7 @@ def parsed(text: str) -> list[Comments]:
             above = []
         elif (match := _FIELD.match(line)) is not None:
             name, equals, rest = match.groups()
-            # A '#' in a text begins no comment.
+            # A '#' in a string does not begin a comment.
             start = _TEXT.sub(lambda found: "_" * len(found[0]), rest).find("#")
             value, comment = (rest, "") if start < 0 else (rest[:start], rest[start:])
             own = [*above, comment.lstrip("#").strip()]

@@ -1,7 +1,7 @@
-"""The process that `actionkit stop` leaves behind: it tells of a hold until that is released.
+"""The background process of `actionkit stop`: it publishes a hold until that is released.
 
-Started by `_holding.start_keeper`, without a terminal: it has a session of its own, so that neither
-Ctrl-C nor a closed terminal ends it.
+`_holding.Keeper` starts it in its own session, without a terminal. So neither Ctrl-C nor a closed
+terminal ends it.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ import time
 from actionkit._ros.holds.state import Hold, decode, older_of_same
 
 READY = "ready"
-"""Written when everybody in sight can be told."""
+"""Written when every process in sight can be reached."""
 _LOOK = 0.1
 """Seconds between two looks, at the start and at the end."""
 _IDLE = 60.0
-"""Seconds between two looks in between; changes wake it."""
+"""Seconds between two looks otherwise; changes wake it."""
 _LEAST = 2.0
-"""Seconds for which the release is told at least."""
+"""Seconds for which the release is published at least."""
 _MOST = 30.0
-"""Seconds for which it is told at most to somebody who has not taken it; the middleware forgets a
-process that is stopped after 20 s."""
+"""Seconds for which it is published at most, if a process has not received it; after 20 s, the
+middleware forgets a process that is stopped."""
 
 
 def main() -> None:
-    """Keep the hold that standard input tells of, in the ROS domain of the environment."""
+    """Keep the hold from standard input, in the ROS domain of the environment."""
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     state, _ = decode(sys.stdin.read())
@@ -46,7 +46,7 @@ def main() -> None:
     print(READY, flush=True)
     _let_go()
     while own in view.state.active:
-        # The same human has stopped the robot before: one of these is enough.
+        # The same human has stopped the robot before: one hold is enough.
         if older := older_of_same(view.state, own):
             view.release(older)
         _wait(changed, _IDLE)
@@ -69,7 +69,7 @@ def _wait(changed: queue.SimpleQueue[None], seconds: float) -> None:
 
 
 def _let_go() -> None:
-    """Keep nothing of the process that started this: no pipe, and no directory to unmount."""
+    """Release the pipes and the directory of the process that started this."""
     os.chdir("/")
     nowhere = os.open(os.devnull, os.O_RDWR)
     for descriptor in (0, 1, 2):

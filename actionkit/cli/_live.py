@@ -1,4 +1,4 @@
-"""The report of a call on a terminal: below it, a line that says how far the goal is."""
+"""The report of a call on a terminal, with a last line for the goal's progress."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from actionkit.cli._reports import Now, TextReport, described, not_shown
 
 
 class LiveReport(TextReport):
-    """Draws a bar where it is known how much is done, else a spinner."""
+    """Draws a bar if it is known how much is done, else a spinner."""
 
     def __init__(self, goal: Any, *, bar: bool) -> None:
-        """Take the goal message, and whether feedback will say how much is done."""
+        """Take the goal message, and whether feedback has the progress."""
         super().__init__(goal)
         self._console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
         shown = BarColumn(bar_width=30) if bar else SpinnerColumn("line")
@@ -26,7 +26,7 @@ class LiveReport(TextReport):
             shown,
             TextColumn("{task.description}", markup=False),
             console=self._console,
-            # Drawn by the call's own thread alone, and gone when it ends.
+            # Only the call's own thread draws it; it disappears at the end.
             auto_refresh=False,
             transient=True,
             redirect_stdout=False,

@@ -23,7 +23,7 @@ def debugging() -> bool:
 
 
 class _Printable(logging.Formatter):
-    """Makes the log harmless to a terminal: it has names and texts of servers in it."""
+    """Makes the log harmless to a terminal, because it has names and texts of servers in it."""
 
     def format(self, record: logging.LogRecord) -> str:
         return printable(super().format(record))
@@ -57,7 +57,7 @@ def json_option(what: str) -> Callable[[_F], _F]:
 
 
 def SECONDS(value: str) -> float:
-    """Return a time in seconds, such as `Timeouts` takes. Its name is what help texts show."""
+    """Return a time in seconds, as for `Timeouts`. Help texts show the name of this function."""
     try:
         seconds = float(value)
     except ValueError:
@@ -80,13 +80,13 @@ wait_option = click.option(
 def complete_names(
     ctx: click.Context, param: click.Parameter, incomplete: str
 ) -> list[CompletionItem]:
-    """Return the names of the actions in sight; nothing if that fails for any reason."""
+    """Return the names of the actions in sight; nothing after any error."""
     try:
         from actionkit._ros.tools.survey import Survey
         from actionkit.cli._stdout import keep_clean
 
         keep_clean()
-        # As soon as anything is seen: nobody waits long for the Tab key.
+        # As soon as anything is seen, because people do not wait long after the Tab key.
         with Survey() as survey:
             actions = survey.settled(least=0.5, most=3.5).values()
     except Exception:  # noqa: BLE001
@@ -101,7 +101,7 @@ def complete_names(
 def complete_types(
     ctx: click.Context, param: click.Parameter, incomplete: str
 ) -> list[CompletionItem]:
-    """Return the action types that are installed."""
+    """Return the installed action types."""
     from actionkit.cli._types import installed
 
     return [CompletionItem(name) for name in installed() if name.startswith(incomplete)]

@@ -1,6 +1,6 @@
-"""What a picture of goals shows, as plain data: rows for calls, lanes for attempts, bars and marks.
+"""Computes a picture of goals as plain data: rows for calls, lanes for attempts, bars and marks.
 
-Pure: from the lines of a log to times in seconds. `_picture_svg` draws them.
+Pure: the input is lines of a log, and the output has times in seconds. `_picture_svg` draws it.
 """
 
 from __future__ import annotations
@@ -69,67 +69,39 @@ class Bar:
 
 @dataclass
 class Lane:
-    """One attempt.
-
-    Attributes:
-        attempt: Its number.
-        goal_id: Its goal.
-        bars: Its phases, in order.
-        marks: Its marked moments.
-        feedback: When feedback came.
-        text: Its timeline.
-        open: Whether it is in a phase at its end, and not over.
-    """
+    """One attempt."""
 
     attempt: int
     goal_id: str
-    bars: list[Bar] = field(default_factory=list)
-    marks: list[tuple[Sign, float]] = field(default_factory=list)
-    feedback: list[float] = field(default_factory=list)
-    text: str = ""
-    open: bool = False
+    bars: list[Bar] = field(default_factory=list)  # its phases, in order
+    marks: list[tuple[Sign, float]] = field(default_factory=list)  # its marked moments
+    feedback: list[float] = field(default_factory=list)  # when feedback came
+    text: str = ""  # its timeline
+    open: bool = False  # whether it is in a phase at its end, and not over
 
 
 @dataclass
 class Row:
-    """One call.
-
-    Attributes:
-        action_name: The action that was called.
-        start: When it was made.
-        end: When it ended; `None` where the log does not tell.
-        outcome: `"ok"`, `"cancelled"` or the name of the error; `""` where the log has none.
-        lanes: Its attempts, the first first.
-    """
+    """One call."""
 
     action_name: str
-    start: float
-    end: float | None
-    outcome: str
-    lanes: list[Lane]
+    start: float  # when it was made
+    end: float | None  # `None` if the log does not say
+    outcome: str  # `"ok"`, `"cancelled"` or the name of the error; `""` if the log has none
+    lanes: list[Lane]  # its attempts, in order
 
 
 @dataclass
 class Picture:
-    """All calls of a log.
+    """All calls of a log."""
 
-    Attributes:
-        wall: Seconds since the epoch at the time 0 of all others.
-        end: The last moment, in seconds.
-        rows: The calls, in the order in which they began.
-    """
-
-    wall: float
-    end: float
-    rows: list[Row]
+    wall: float  # seconds since the epoch at time 0 of all other times
+    end: float  # the last moment
+    rows: list[Row]  # in the order in which the calls began
 
 
 def lay_out(calls: Sequence[Sequence[LoggedLine]]) -> Picture:
-    """Return what to draw.
-
-    Args:
-        calls: The lines of each call, none of them empty.
-    """
+    """Return the picture of calls, each with its lines, which must not be empty."""
     began = [_beginning(lines) for lines in calls]
     base = min((wall for wall, _ in began), default=0.0)
     shifts = [wall - base - monotonic for wall, monotonic in began]
@@ -138,13 +110,13 @@ def lay_out(calls: Sequence[Sequence[LoggedLine]]) -> Picture:
         for lines, shift in zip(calls, shifts, strict=True)
         for line in lines
     )
-    end = max(0.0, max(moments, default=0.0))  # a clock that was set back may end before it began
+    end = max(0.0, max(moments, default=0.0))  # a clock that was set back may end before 0
     rows = [_row(lines, shift, end) for lines, shift in zip(calls, shifts, strict=True)]
     return Picture(base, end, sorted(rows, key=lambda row: row.start))
 
 
 def _beginning(lines: Sequence[LoggedLine]) -> tuple[float, float]:
-    """Return the wall and the monotonic time at which a call began, as far as the log has it."""
+    """Return the wall and monotonic times at which a call began, or its first known moment."""
     data = lines[0].data
     before = data["elapsed_ms"] / 1000 if lines[0].kind == "outcome" else 0.0
     return float(data["wall"]) - before, float(data["monotonic"]) - before
@@ -173,7 +145,7 @@ def _row(lines: Sequence[LoggedLine], shift: float, end_of_all: float) -> Row:
 
 
 def _lane(events: list[GoalEvent], shift: float, until: float) -> Lane:
-    """Return the lane of one attempt; its last phase lasts until `until`."""
+    """Return the lane of one attempt; its last phase ends at `until`."""
     kept = _without_middle_feedback(events)
     lane = Lane(events[0].attempt, str(events[0].goal_id), text=str(Timeline(kept)))
     phase, since = None, 0.0

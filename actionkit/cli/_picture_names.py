@@ -1,4 +1,4 @@
-"""Short forms of names, for a picture that has not room for all of them."""
+"""Shortens names for a picture."""
 
 from __future__ import annotations
 
@@ -6,14 +6,10 @@ from collections.abc import Iterable
 
 
 def shortened(names: Iterable[str], most: int) -> dict[str, str]:
-    """Return what to write for each name; different names stay different.
+    """Return a short form of each name, with at most `most` characters; they stay different.
 
-    The end of a name says most. So its beginning is left out, or, where two would then be the same,
-    what is in the middle.
-
-    Args:
-        names: The names.
-        most: How many characters there is room for.
+    The end of a name is the most important part. So the beginning is left out or, if two names
+    would then be the same, the middle.
     """
     every = dict.fromkeys(names)
     long = [name for name in every if len(name) > most]
@@ -27,7 +23,7 @@ def shortened(names: Iterable[str], most: int) -> dict[str, str]:
 
 
 def _without_middle(name: str, kept: int, most: int) -> str:
-    """Return a name of `most` characters that begins with `kept` of its own."""
+    """Return a name of `most` characters; the first `kept` and the last ones are its own."""
     return f"{name[:kept]}…{name[len(name) - (most - 1 - kept) :]}"
 
 

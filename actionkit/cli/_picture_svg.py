@@ -1,7 +1,7 @@
-"""Draws goals as a picture that stands by itself: one SVG, no scripts, nothing to fetch.
+"""Draws goals as a picture in one SVG file, without scripts or other files.
 
-The colours are those of Okabe and Ito, which colour-blind people can tell apart; marks differ in
-shape, too.
+The colours are those of Okabe and Ito: colour-blind people can distinguish them. Marks also have
+different shapes.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from actionkit.cli._picture_names import shortened
 from actionkit.cli._picture_scale import axis_for
 
 WIDTH = 1200
-"""Pixels, as all below: what fits on the screen of a laptop."""
+"""Pixels, like all sizes below: the width fits on the screen of a laptop."""
 _TOP = 118
 """Above the lanes: the title, the summary, the legend in two lines, and the labels of the axis."""
 _LEFT, _RIGHT = 190, 230
 """Beside the lanes: the names of call and attempt; the outcome."""
 _FITS, _MOST = 12, 40
-"""Letters of a name: `_LEFT` has room for the first number; it grows for up to the second."""
+"""Letters of a name: `_LEFT` has room for the first number, and grows up to the second."""
 _LETTER = 7.5
-"""What a letter takes; names have few that are wider."""
+"""The width of a letter; few letters in names are wider."""
 _LEFT_SMALL, _RIGHT_SMALL = 90, 30
-"""The same where lanes are too low for texts."""
+"""The same if lanes are too low for texts."""
 _TALLEST, _LOWEST = 26.0, 3.0
 _HEIGHT = 1400
-"""All lanes together; they are as high as fits, within the two bounds."""
+"""The height of all lanes together; a lane is as high as fits, between two limits."""
 _LABELLED = 12.0
-"""Lanes of at least this height, that of the letters, have a text each."""
+"""Lanes that are at least as high as the letters have a text each."""
 
 _FILL = {
     Phase.SERVER: "#c8c8c8",
@@ -80,12 +80,7 @@ text { font: 12px "DejaVu Sans", Verdana, Helvetica, Arial, sans-serif; fill: #2
 
 
 def draw(calls: Sequence[Sequence[LoggedLine]], *, name: str = "") -> str:
-    """Return an SVG document that shows calls.
-
-    Args:
-        calls: The lines of each call, as `LogFile.calls` has them.
-        name: Where they come from, for the title.
-    """
+    """Return an SVG document that shows calls, given as in `LogFile.calls`; `name` is its title."""
     return _Drawing(lay_out(calls)).document(name)
 
 
@@ -193,7 +188,7 @@ class _Drawing:
         )
 
     def _stripes(self) -> None:
-        """Shade every other call, or every other group of calls where a group has one number."""
+        """Shade every other call, or every other group of calls if groups have one number."""
         top = _TOP + 0.0
         for number, row in enumerate(self._picture.rows):
             height = self._lane * max(1, len(row.lanes))
@@ -206,7 +201,7 @@ class _Drawing:
 
     @property
     def _numbered(self) -> int:
-        """Return n where every n-th call has its number written beside it."""
+        """Return n if every n-th call has a number beside it."""
         if self._labelled:
             return 1
         steps = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
@@ -259,7 +254,7 @@ class _Drawing:
         self._put("</g>")
 
     def _places(self, lane: Lane) -> list[float]:
-        """Return where marks go, in pixels: one that another would cover moves to the left."""
+        """Return the places of marks in pixels; a mark that another would cover moves left."""
         places: list[float] = []
         for _, at in reversed(lane.marks):
             x = self._x(at)
@@ -276,7 +271,7 @@ class _Drawing:
         )
 
     def _ticks(self, lane: Lane) -> list[float]:
-        """Return where feedback came, in pixels, with so much between that it can be seen."""
+        """Return the places of feedback in pixels, with visible gaps."""
         gap = 3 if self._labelled else 8
         kept: list[float] = []
         for at in lane.feedback:
@@ -312,6 +307,6 @@ def _short(text: str, most: int) -> str:
 
 
 def _text(text: str) -> str:
-    """Return the text for XML, which cannot carry control characters."""
+    """Return the text for XML, without control characters."""
     shown = "".join(c if c.isprintable() or c == "\n" else "\ufffd" for c in text)
-    return escape(shown, {'"': "&quot;"})  # it may be in an attribute
+    return escape(shown, {'"': "&quot;"})  # also for attributes

@@ -1,4 +1,4 @@
-"""How messages are written: YAML for people, JSON for programs."""
+"""Writes messages as YAML for people."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from actionkit._messages.convert import to_plain
 
 
 class _Dumper(yaml.SafeDumper):
-    """Block style, but each array of plain values on a line: a path has thousands of numbers."""
+    """Block style, but an array of plain values is one line: a path has thousands of numbers."""
 
     def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> Any:
         plain = not any(isinstance(item, (dict, list)) for item in sequence)
         return super().represent_sequence(tag, sequence, flow_style=plain)
 
     def ignore_aliases(self, data: Any) -> bool:
-        return True  # write what is there twice, twice
+        return True  # write equal values in full, without references
 
 
 def as_yaml(message: Any, indent: str = "    ") -> str:
-    """Return a message as YAML, indented, with its last newline."""
+    """Return a message as indented YAML that ends with a newline."""
     plain = to_plain(message)
     if not plain:
         return f"{indent}{{}}\n"

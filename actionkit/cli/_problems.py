@@ -1,4 +1,4 @@
-"""Errors that are shown in one line, each with its exit code."""
+"""Errors that are shown as one line, each with its exit code."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def import_ros(*modules: str) -> None:
     for module in ("rclpy", *modules):
         try:
             importlib.import_module(module)
-        except Exception as error:  # also what a broken middleware raises
+        except Exception as error:  # also errors of a broken middleware
             text = cannot_import(module.partition(".")[0], error)
             raise Problem(Exit.NO_ROS, f"{text}. `actionkit doctor` tells more.") from error
 
@@ -42,7 +42,7 @@ def open_survey() -> Survey:
     """Join the ROS graph.
 
     Raises:
-        Problem: rclpy is not there, or refuses.
+        Problem: rclpy is not installed, or fails.
     """
     keep_clean()
     import_ros()

@@ -1,4 +1,4 @@
-"""How far a goal is, read from a field of its feedback. Pure: no clock, no terminal."""
+"""Reads the progress of a goal from a field of its feedback. Pure: no clock, no terminal."""
 
 from __future__ import annotations
 
@@ -16,19 +16,16 @@ _REMAINING = re.compile(r"(^|_)(remaining|remains|left|to_go)($|_)")
 _NUMBER = re.compile(r"u?int(8|16|32|64)|float|double")
 _DURATIONS = ("builtin_interfaces/Duration", "builtin_interfaces/msg/Duration")
 _DEEP = 3
-"""Levels of messages in messages that are searched; what is deeper is seldom about the whole."""
+"""Levels of nested messages that are searched; deeper fields are seldom about the whole goal."""
 _KINDS = ("percent", "share", "remaining")
 
 
 @dataclass(frozen=True)
 class Field:
-    """Which field tells the progress, and how.
+    """The field that has the progress, and how to read it.
 
-    Attributes:
-        path: The field's path in the feedback.
-        kind: `"percent"` goes from 0 to 100; `"share"` from 0 to 1, or to 100 where it exceeds
-            1; `"remaining"` goes down to 0; `"count"` goes up to `total`.
-        total: The end of a `"count"`.
+    `kind` is `"percent"` (from 0 to 100), `"share"` (from 0 to 1, or to 100 if a value exceeds 1),
+    `"remaining"` (down to 0), or `"count"` (up to `total`).
     """
 
     path: str
@@ -39,16 +36,14 @@ class Field:
 def chosen(text: str, feedback_class: type) -> Field:
     """Return the field that a user named.
 
-    Args:
-        text: `PATH`, or `PATH:percent`, `PATH:share`, `PATH:remaining`, or `PATH:20` for one
-            that counts up to 20. An array counts by its length.
-        feedback_class: Such as `Fibonacci.Feedback`.
+    `text` is `PATH`, `PATH:percent`, `PATH:share`, `PATH:remaining`, or `PATH:20` for a field that
+    counts up to 20. An array counts by its length.
 
     Raises:
         ValueError: There is no such field, it cannot be read so, or the word is unknown.
     """
     path, _, word = text.partition(":")
-    kind = field_type(feedback_class, path)  # a FieldError is a ValueError
+    kind = field_type(feedback_class, path)  # its FieldError is a ValueError
     array = kind.endswith("]") or kind.startswith("sequence")
     if not (array or _is_number(kind)):
         raise ValueError(f"{path} is a {kind}, which is no number, duration or array")
@@ -66,7 +61,7 @@ def chosen(text: str, feedback_class: type) -> Field:
 
 
 def found(feedback_class: type) -> Field | None:
-    """Return the outermost field with a name that says that it is the progress, or `None`."""
+    """Return the outermost field with a name for progress, or `None`."""
     level: list[tuple[str, type]] = [("", feedback_class)]
     for _ in range(_DEEP):
         candidates: list[Field] = []
@@ -80,7 +75,8 @@ def found(feedback_class: type) -> Field | None:
                 elif hasattr(slot, "namespaces"):
                     below.append((f"{path}.", message_class(slot)))
         if candidates:
-            # A percentage is preferred to what remains, which may grow; and a distance to a time.
+            # A percentage is better than a remaining value, which may grow; a distance is better
+            # than a time.
             order = {"percent": 0, "share": 1, "remaining": 2}
             return min(candidates, key=lambda field: (order[field.kind], "time" in field.path))
         level = below
@@ -101,24 +97,24 @@ def _is_number(text: str) -> bool:
 
 
 class Progress:
-    """Reads from one feedback after the other how much is done."""
+    """Computes from each feedback how much is done."""
 
     def __init__(self, field: Field) -> None:
         self.field = field
         self._largest = 0.0
 
     def share(self, feedback: Any) -> float | None:
-        """Return how much is done, 0 to 1; `None` where the feedback does not tell."""
+        """Return how much is done, 0 to 1; `None` if the feedback does not say."""
         try:
             value = get_field(feedback, self.field.path)
-        except FieldError:  # an array that is still too short
+        except FieldError:  # the array is still too short
             return None
         value = _number(value)
         if not math.isfinite(value):
             return None
         self._largest = max(self._largest, value)
         if self.field.kind == "remaining":
-            # The most that ever remained is the whole way. nav2 reports 0 until it has a path.
+            # The largest value is the whole way. nav2 reports 0 until it has a path.
             share = 1 - value / self._largest if self._largest > 0 else None
         elif self.field.kind == "count":
             share = value / self.field.total

@@ -1,4 +1,4 @@
-"""What `actionkit call` writes while it goes on, in the words of `ros2 action send_goal`."""
+"""Writes the course of `actionkit call`, in the words of `ros2 action send_goal`."""
 
 from __future__ import annotations
 
@@ -33,23 +33,16 @@ _WITH_RESULT = (GoalState.SUCCEEDED, GoalState.ABORTED, GoalState.CANCELED)
 
 @dataclass(frozen=True)
 class Now:
-    """How far a call is.
+    """How far a call is."""
 
-    Attributes:
-        state: The goal's.
-        elapsed: Seconds since the call.
-        feedbacks: How many feedback messages came.
-        share: How much is done, 0 to 1, where that is known.
-    """
-
-    state: GoalState
-    elapsed: float
-    feedbacks: int
-    share: float | None
+    state: GoalState  # of the goal
+    elapsed: float  # seconds since the call
+    feedbacks: int  # how many feedback messages came
+    share: float | None  # how much is done, 0 to 1, if it is known
 
 
 class Report:
-    """Where the course of a call is written, by one thread; this one writes nothing."""
+    """Writes the course of a call, from one thread. This base class writes nothing."""
 
     def begin(self) -> None: ...
     def event(self, event: GoalEvent) -> None: ...
@@ -78,7 +71,7 @@ def became(outcome: Outcome[Any]) -> str:
 
 
 class TextReport(Report):
-    """Lines for people: on standard output what `ros2` says, on standard error the rest."""
+    """Lines for people: the text of `ros2` on standard output, the rest on standard error."""
 
     def __init__(self, goal: Any) -> None:
         """Take the goal message."""
@@ -153,7 +146,7 @@ class JsonReport(Report):
         self._call: CallInfo | None = None
         self._last: GoalEvent | None = None
         self._first: dict[uuid.UUID, int] = {}
-        """Which feedback message of the call is the first of a goal."""
+        """The number of a goal's first feedback message in the call."""
         self._not_shown = 0
 
     def event(self, event: GoalEvent) -> None:
@@ -166,7 +159,7 @@ class JsonReport(Report):
 
     def feedback(self, message: Any, number: int, at: float) -> None:
         last = self._last
-        assert last is not None  # feedback comes after the acceptance
+        assert last is not None  # feedback comes only after the acceptance
         wall = last.wall + at - last.monotonic
         detail = f"no. {number - self._first.setdefault(last.goal_id, number) + 1}"
         event = GoalEvent(last.goal_id, last.attempt, GoalState.FEEDBACK, at, wall, detail)
@@ -182,19 +175,19 @@ class JsonReport(Report):
         say(outcome_line(outcome, call, result, **more))
 
     def _info(self, goal_id: uuid.UUID, monotonic: float, wall: float) -> CallInfo:
-        """Return what call it is: the one that began with this goal, unless it began before."""
+        """Return the call, which began with this goal unless it is known already."""
         if self._call is None:
             self._call = CallInfo(goal_id, *self._action, "", monotonic, wall)
         return self._call
 
 
 def not_shown(count: int) -> str:
-    """Return a sentence about feedback that was left out."""
+    """Return a sentence about feedback that was not shown."""
     return f"({count} feedback messages came too fast to be shown)"
 
 
 def described(now: Now) -> str:
-    """Return in a few words how far a call is."""
+    """Return the progress of a call in a few words."""
     share = "" if now.share is None else f"{now.share:4.0%}, "
     some = "feedback message" if now.feedbacks == 1 else "feedback messages"
     return f"{share}{now.feedbacks} {some}, {now.elapsed:.1f} s, {now.state}"

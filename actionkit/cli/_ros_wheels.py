@@ -1,4 +1,4 @@
-"""Where ROS comes from wheels: a process that was started with half of their environment."""
+"""Repairs the environment of a process if ROS comes from wheels."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ _PATH = "LD_LIBRARY_PATH"
 
 
 def find_libraries() -> None:
-    """Start this program again where it would not find the libraries of ROS.
+    """Start this program again if it would not find the libraries of ROS.
 
-    The wheels' bootstrapper does that once, at Python's start, and marks it in the environment. A
-    host that passes on the mark alone, or both of another virtual environment, leaves us without.
+    When Python starts, the wheels' bootstrapper sets the library path, and marks that in the
+    environment. If a host passes on only the mark, or the path of another virtual environment, this
+    process has no library path.
     """
     paths = os.environ.get(_PATH, "").split(os.pathsep)
     if _DONE not in os.environ or os.path.join(sys.prefix, "lib") in paths:

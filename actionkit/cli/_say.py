@@ -1,4 +1,4 @@
-"""The one place where the command line's lines go out."""
+"""Writes all lines of the command line."""
 
 from __future__ import annotations
 
@@ -8,11 +8,8 @@ from actionkit._model.printable import printable
 
 
 def say(text: str = "", *, err: bool = False, label: str = "") -> None:
-    """Write lines, at once; what others wrote in them cannot control the terminal.
+    """Write lines, at once; foreign text in them cannot control the terminal.
 
-    Args:
-        text: What to write. It may come from somebody else.
-        err: Whether to write to standard error.
-        label: Words of our own to put before it, which may be styled.
+    `text` may come from somebody else. `label` is put before it, and may have colours.
     """
     click.echo(label + printable(text), err=err)

@@ -1,4 +1,4 @@
-"""What ends a call from outside: signals, and a reader of the output that went away."""
+"""Handles what ends a call from outside: signals, and a closed output."""
 
 from __future__ import annotations
 
@@ -22,20 +22,17 @@ _EXITS = {
 }
 _SHOW_CURSOR = b"\x1b[?25h"
 _ONE_PRESS = 0.1
-"""Seconds in which two signals are one press of Ctrl-C: the terminal sends it to all its
-processes, and a wrapper such as `uv run` passes its own on."""
+"""Seconds in which two signals count as one press of Ctrl-C: the terminal sends SIGINT to all its
+processes, and a wrapper such as `uv run` sends us its own one, too."""
 
 
 @contextlib.contextmanager
 def handled(first: Callable[[Exit], object], farewell: Callable[[], str]) -> Iterator[None]:
     """Handle SIGINT, SIGTERM and SIGHUP: the first calls `first`, the second ends the process.
 
-    Signals that were ignored before, as `nohup` and a shell's `&` have it, stay so.
-
-    Args:
-        first: Called with the exit code of the first, in the main thread, in the middle of
-            its work.
-        farewell: Returns what to say at the second.
+    Signals that were ignored before, as with `nohup` or a shell's `&`, stay ignored. `first` gets
+    the exit code and runs in the main thread, in the middle of its work. `farewell` returns the
+    text for the second signal.
     """
     told: list[float] = []
 
@@ -46,7 +43,7 @@ def handled(first: Callable[[Exit], object], farewell: Callable[[], str]) -> Ite
             told.append(now)
             first(code)
         elif len(told) == 1 and now - told[0] > _ONE_PRESS:
-            told.append(now)  # a third may come in the middle of this
+            told.append(now)  # a third signal may come during this
             leave_at_once(code, farewell())
 
     before = {
@@ -62,7 +59,7 @@ def handled(first: Callable[[Exit], object], farewell: Callable[[], str]) -> Ite
 
 
 def leave_at_once(code: Exit, words: str) -> None:
-    """End the process here and now. Does not return."""
+    """End the process at once. Does not return."""
     with contextlib.suppress(OSError):
         if sys.stdout.isatty():
             os.write(sys.stdout.fileno(), _SHOW_CURSOR)
@@ -71,9 +68,9 @@ def leave_at_once(code: Exit, words: str) -> None:
 
 
 def watch_output(closed: Callable[[], object]) -> None:
-    """Have `closed` called, on another thread, when nobody reads our output any more.
+    """Call `closed` on another thread when nobody reads our output any more.
 
-    A write would tell as well, but the next one may be hours away, and a goal runs meanwhile.
+    A write would show it, too, but the next write may be hours away while a goal runs.
     """
     try:
         descriptor = sys.stdout.fileno()
@@ -93,7 +90,7 @@ def watch_output(closed: Callable[[], object]) -> None:
 
 
 def discard_output() -> None:
-    """Throw away what is still to be written, which Python would try once more at its end."""
+    """Drop unwritten output: Python would try to write it again at its end."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         try:

@@ -1,4 +1,4 @@
-"""Keeps standard output for what the command says: Fast DDS writes its errors there."""
+"""Keeps standard output for the command's own output, because Fast DDS writes errors there."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import sys
 
 
 def keep_clean() -> None:
-    """Send what libraries write to standard output to standard error from now on.
+    """From now on, redirect standard output of libraries to standard error.
 
-    Python's own `sys.stdout` goes on to where it went. Once is enough, twice does no harm.
+    Python's `sys.stdout` still goes to standard output. Calling this twice does no harm.
     """
     try:
         if sys.stdout.fileno() != 1:
@@ -19,7 +19,7 @@ def keep_clean() -> None:
         kept = os.dup(1)
         os.dup2(2, 1)
     except (AttributeError, OSError, io.UnsupportedOperation):
-        return  # no real output, or no standard error to take it
+        return  # there is no real output, or no standard error
     before = sys.stdout
     sys.stdout = os.fdopen(
         kept, "w", encoding=before.encoding, errors=before.errors, buffering=1, closefd=False

@@ -1,4 +1,4 @@
-"""What happens to all goals of an action that is stopped. Pure: no clock, no middleware."""
+"""Stops all goals of an action, and finds out what happened to them. Pure: no clock, no ROS."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from actionkit.cli._exits import Exit
 from actionkit.cli._goal_board import Board
 
 _AGAIN = 1.0
-"""Seconds after which a request without an answer counts as lost, and is repeated. That is
-harmless: a goal is cancelled once."""
+"""Seconds after which a request without an answer counts as lost and is repeated. This is harmless:
+a goal is cancelled only once."""
 _SINGLY = 0.5
-"""Seconds after the answer for a goal to be seen as canceling. One that is not is asked for by its
-id: rclpy's servers skip the goal after each that they refuse to cancel, and answer that they are
-cancelling it (`list.remove` in a loop over that list)."""
+"""Seconds after the answer until a goal must be seen as canceling. Otherwise it is cancelled by its
+id: after each goal that an rclpy server refuses to cancel, it skips the next goal, but answers that
+it is cancelling it (`list.remove` in a loop over that list)."""
 
 
 class Stopping:
-    """One action: its servers, the requests to cancel all goals, and what is known of each goal."""
+    """One action: its servers, the requests to cancel all goals, and the fate of each goal."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -28,49 +28,49 @@ class Stopping:
         self.servers: tuple[str, ...] = ()
         """The nodes of all servers that were seen."""
         self.answers = 0
-        """How many answers there were."""
+        """How many answers have come."""
         self._cancelling = Cancelling()
         self._asked: dict[str, float] = {}
-        """For each goal, when the first request was sent after it was seen."""
+        """For each goal, when the first request after its sight was sent."""
         self._singly: set[str] = set()
         self._number = 0
         self._at = 0.0
         self._want = True
         self._first = 1
-        """The number of the first request since there was a reason for one; what follows repeats
-        it, and an answer to any of them will do."""
+        """The number of the first request since there was a reason for one. Later requests repeat
+        it; an answer to any of them is enough."""
         self._answers: Counter[int] = Counter()
-        """How many answers to each request there were; each server gives one."""
+        """How many servers have answered each request."""
 
     # --- what happens ----------------------------------------------------------------------
 
     def seen(self, servers: Sequence[str]) -> None:
-        """Note who serves the action; those who went away are remembered."""
+        """Record the servers of the action; servers that have gone are remembered."""
         new = {name for name in servers if name} - set(self.servers)
         if new or len(servers) > len(self.servers):
-            self._want = True  # a new one has not been asked
+            self._want = True  # a new one has had no request
         self.servers = tuple(sorted(new | set(self.servers)))
 
     def take_news(self, news: Any, wall: float) -> None:
-        """Note what a `StatusReader` tells."""
+        """Record news from a `StatusReader`."""
         self.board.take(news, wall)
 
     def take_answer(self, said: Any, now: float) -> None:
-        """Note an `AllSaid`."""
+        """Record an `AllSaid`."""
         self.answers += 1
         self._answers[said.request] += 1
         for goal_id in said.canceling:
             self._add(goal_id, now)
-        # That it is not ended yet: without this it would look as if somebody else had ended it.
+        # So that it counts as not ended yet: otherwise it would seem that somebody else ended it.
         self._cancelling.to_ask({})
 
     def take_single(self, said: Any, now: float) -> None:
-        """Note a `CancelSaid`, about one goal."""
+        """Record a `CancelSaid`, about one goal."""
         self.answers += 1
         self._cancelling.take(said, now)
 
     def once_more(self) -> None:
-        """Have the servers asked again: goals may have been accepted in the meantime."""
+        """Ask the servers again: they may have accepted goals in the meantime."""
         self._want = True
 
     def _add(self, goal_id: str, now: float) -> None:
@@ -80,7 +80,7 @@ class Stopping:
     # --- what is to be done ----------------------------------------------------------------
 
     def to_ask(self, now: float) -> int | None:
-        """Return the number of a request that is to be sent now, or `None`."""
+        """Return the number of a request to send now, or `None`."""
         running = {goal.goal_id for goal in self.board.goals.values() if not goal.ended}
         lost = self._number and self._waits_for_answers and now - self._at >= _AGAIN
         reason = self._want or bool(running - set(self._asked))
@@ -97,7 +97,7 @@ class Stopping:
         return self._number
 
     def to_ask_singly(self, now: float) -> list[str]:
-        """Return the goals that a server is to be asked to cancel by their ids now."""
+        """Return the goals to cancel by their ids now."""
         new = []
         for goal_id, asked in self._asked.items():
             goal = self.board.goals.get(goal_id)
@@ -109,7 +109,7 @@ class Stopping:
         return new
 
     def settle(self, now: float, *, over: bool) -> None:
-        """Find out what happened to the goals; `over` if nothing more is waited for."""
+        """Update the fates of the goals; `over` means that the wait has ended."""
         self._cancelling.to_ask(self.board.goals)
         self._cancelling.settle(self.board.goals, now, over=over)
 
@@ -126,27 +126,27 @@ class Stopping:
 
     @property
     def fates(self) -> list[Fate]:
-        """What is known of each goal."""
+        """The fates of the goals."""
         return self._cancelling.fates
 
     @property
     def silent(self) -> bool:
-        """Whether no server has answered anything."""
+        """Whether no server has answered."""
         return not self.answers
 
     @property
     def missing(self) -> int:
-        """How many servers in sight have not answered; goals of theirs may not even be known."""
+        """How many servers in sight have not answered; their goals may be unknown."""
         return max(0, len(self.board.servers) - max(self._answers.values(), default=0))
 
     @property
     def counts(self) -> Counter[str]:
-        """How many goals came to which end, by the names of `Fate.cancel`."""
+        """The number of goals for each value of `Fate.cancel`."""
         return Counter(fate.cancel for fate in self.fates)
 
     @property
     def exit(self) -> Exit:
-        """The exit code: the worst of all goals; of a silent server it is not known."""
+        """The worst exit code of all goals; with a silent server, the fate is not known."""
         code = self._cancelling.exit
         unknown = self.silent or self.missing
         return Exit.CANCEL_UNKNOWN if code is Exit.OK and unknown else code

@@ -1,8 +1,8 @@
-"""Has Fast DDS talk by the network alone, so that it reaches other users of this computer, too.
+"""Makes Fast DDS use only the network, so that it reaches other users of this computer, too.
 
-By default it talks by shared memory to processes of the same computer, and those of another user
-cannot open that: they are half discovered, and nothing reaches them. With one side that has no
-shared memory both talk by UDP.
+By default it uses shared memory between processes of the same computer. Processes of another user
+cannot open that memory: they are discovered, but nothing reaches them. If one side has no shared
+memory, both use UDP.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ import actionkit
 
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _LOCALHOST_ONLY = "ROS_LOCALHOST_ONLY"
-"""What the range was called before ROS 2 Iron; it still counts for more."""
+"""The variable for the range before ROS 2 Iron; it still overrides the new one."""
 _BUILTIN = "FASTDDS_BUILTIN_TRANSPORTS"
 _PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _PROFILES_LATER = "FASTDDS_DEFAULT_PROFILES_FILE"
-"""What it is called from ROS 2 Kilted on, which warns of the earlier name."""
+"""Its name since ROS 2 Kilted, which warns about the old name."""
 _KILTED = 9
-"""The first part of the version of its rclpy; that of Jazzy is 7."""
+"""The major version of its rclpy; Jazzy has 7."""
 _OWN = (_PROFILES, _PROFILES_LATER, _BUILTIN, "ROS_STATIC_PEERS")
-"""What a user sets who has their own transports or peers."""
+"""Variables of users with their own transports or peers."""
 _FILE = Path(actionkit.__file__).parent / "_ros" / "holds" / "udp_on_localhost.xml"
 
 
 def use_udp_only() -> None:
     """Change the environment of this process and its children, before rclpy is imported.
 
-    What the user has set for Fast DDS stays.
+    The user's own settings for Fast DDS stay.
     """
     if not os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps"):
         return

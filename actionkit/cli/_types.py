@@ -1,4 +1,4 @@
-"""From the name of an action type to its class, and which types are installed."""
+"""Finds the class of an action type by its name, and the installed types."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def installed() -> tuple[str, ...]:
     for entry in sys.path:
         for init in Path(entry or ".").glob("*/action/__init__.py"):
             package = init.parts[-3]
-            # What rosidl generates is of this form; nothing is imported to look.
+            # The form of rosidl's code, so that nothing must be imported.
             line = re.compile(rf"^from {re.escape(package)}\.action\._\w+ import (\w+)", re.M)
             try:
                 names = line.findall(init.read_text("utf-8"))
@@ -39,7 +39,7 @@ def installed() -> tuple[str, ...]:
 
 
 def is_type(text: str) -> bool:
-    """Whether that is the name of an action type, and not of an action."""
+    """Whether this is the name of an action type, and not of an action."""
     match = _TYPE.fullmatch(text)
     return match is not None and (
         "/action/" in text or "/action/".join(match.groups()) in installed()
@@ -47,14 +47,11 @@ def is_type(text: str) -> bool:
 
 
 def load(text: str) -> Any:
-    """Return the class of an action type.
-
-    Args:
-        text: Such as `test_msgs/action/Fibonacci`; `test_msgs/Fibonacci` will do.
+    """Return the class of an action type; `test_msgs/Fibonacci` is enough as its name.
 
     Raises:
-        click.BadParameter: There is no such type; the text names the nearest that there are.
-        Problem: The package is there, but cannot be imported.
+        click.BadParameter: There is no such type; the text names the most similar ones.
+        Problem: The package exists, but cannot be imported.
     """
     match = _TYPE.fullmatch(text)
     if match is None:

@@ -1,4 +1,4 @@
-"""What `actionkit watch` looks like: a table on a terminal, else lines, or JSON."""
+"""Shows `actionkit watch`: a table on a terminal, else lines, or JSON."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _FRAME = 7
 
 
 class Screen:
-    """Where changes are shown; this one shows none, and the others override what they show."""
+    """Shows changes. This base class shows nothing; subclasses override what they show."""
 
     def servers(self, board: Board) -> None:
         """Show that the servers have changed."""
@@ -81,10 +81,10 @@ def goal_line(goal: WatchedGoal) -> str:
 
 
 class JsonScreen(Screen):
-    """A JSON object for each change; of a goal such as the observer `JsonLines` writes."""
+    """A JSON object for each change; for a goal as the observer `JsonLines` writes it."""
 
     def __init__(self, name: str, type_of: Callable[[], str]) -> None:
-        """Take the action's full name, and what returns the name of its type, `""` if unknown."""
+        """Take the action's full name, and a function for its type's name (`""` if unknown)."""
         self._name = name
         self._type_of = type_of
         self._type = ""
@@ -98,7 +98,7 @@ class JsonScreen(Screen):
     def goal(self, goal: WatchedGoal) -> None:
         try:
             state = GoalState(goal.state)
-        except ValueError:  # a code that the action protocol does not have
+        except ValueError:  # a code that is not in the action protocol
             return
         self._type = self._type or self._type_of()
         goal_id = uuid.UUID(goal.goal_id)
@@ -107,7 +107,7 @@ class JsonScreen(Screen):
             goal_id, 1, state, goal.since + to_monotonic, goal.since,
             f"was {goal.before}" if goal.before else "",
         )  # fmt: skip
-        # Nobody tells which call it is; the goal's own id and its acceptance take its place.
+        # The call is not known, so its data are the goal's id and acceptance.
         call = CallInfo(
             goal_id, self._name, self._type, "", goal.accepted + to_monotonic, goal.accepted
         )
@@ -115,7 +115,7 @@ class JsonScreen(Screen):
 
 
 class TableScreen(Screen):
-    """A table that is drawn again and again; what runs comes first, then the newest."""
+    """A table that is drawn again and again: first running goals, then the newest."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -137,7 +137,7 @@ class TableScreen(Screen):
         table = Table(box=None, pad_edge=False)
         for column in ("goal", "state", "in it", "accepted"):
             table.add_column(column)
-        # Those that run come before those that ended; of either, the newest comes first.
+        # Running goals come before ended goals; in each group the newest comes first.
         goals = sorted(board.goals.values(), key=lambda goal: (goal.ended, -goal.accepted))
         room = max(1, self._console.height - _FRAME)
         for goal in goals[:room]:

@@ -1,4 +1,4 @@
-"""Errors of the library in the words of the command line: its options, and no Python."""
+"""Changes the library's error texts for the command line: options instead of Python code."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _WORDS = {
     ": let that function return None for it, or another Verdict": "",
     "close(), or leave the `with` block later": "you end the command",
 }
-"""What the texts of `_calls/explain.py` have for Python's users, and what we say in its place."""
+"""Phrases for Python users in the texts of `_calls/explain.py` -> our phrases."""
 _PATTERNS = {
-    # What these texts quote, and errors that are raised where a client is made.
+    # Texts that these quote, and errors from making a client.
     r"`classify=<[^`]*>` raised \w+": "--ok or --transient does not fit the result",
     r"`classify=<[^`]*>`": "--ok or --transient",
     r"the retry policy allows one attempt": "without --retries there is one attempt",
@@ -40,7 +40,7 @@ _ALL = {**{re.escape(python): ours for python, ours in _WORDS.items()}, **_PATTE
 
 
 def in_options(text: str) -> str:
-    """Return an error's text with the names of options where it has those of Python."""
+    """Return an error's text with names of options in place of Python names."""
     for python, ours in _ALL.items():
         text = re.sub(python, ours, text)
     return text

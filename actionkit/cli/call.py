@@ -124,7 +124,7 @@ def command(
     import_ros()
     with contextlib.ExitStack() as until_made:
         if type_name is None:
-            # Open until the client is made, which then sees the same servers at once.
+            # Open until the client is made: so the client sees the same servers at once.
             survey = until_made.enter_context(open_survey())
             patience = timeouts["server_timeout"]
             patience = patience if timeout is None else min(patience, timeout)
@@ -148,7 +148,7 @@ def command(
                 retry=RetryPolicy(attempts=retries + 1),
                 classify=classify,
             )
-        except ImportError as error:  # an rclpy of another version, for one
+        except ImportError as error:  # such as another version of rclpy
             raise Problem(Exit.NO_ROS, str(error)) from error
         except ValueError as error:
             raise click.UsageError(in_options(str(error))) from error
@@ -159,7 +159,7 @@ def command(
     from actionkit.cli._progress import Progress
     from actionkit.cli._reports import JsonReport
 
-    mute()  # the report says what happened to the goal
+    mute()  # the report already says what happened to the goal
 
     calling = Calling(
         client,
@@ -235,7 +235,7 @@ def _condition(option: str, text: str) -> tuple[str, set[Any]]:
 
 
 def _value(text: str) -> Any:
-    """Return a number, `true` or `false` as such, anything else as a string."""
+    """Return the value of a number, `true` or `false`; all else is a string."""
     try:
         value = json.loads(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""`actionkit demo`: what ActionKit does, on a real action server, in about ten seconds."""
+"""`actionkit demo`: show what ActionKit does, on a real action server, in about ten seconds."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _PERIOD = 0.25
 """Seconds that the server takes for each number: slow enough to watch, and ten numbers in 2.5 s."""
-# Each of these could lead to peers beyond this machine, with any discovery range.
+# Each of these could connect to other machines, with any discovery range.
 _LEADING_OUT = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
 
 
@@ -43,7 +43,7 @@ def command() -> int:
 
 
 def _isolate(domain: int) -> None:
-    """Cut off this process, and the server that it starts, from all other nodes."""
+    """Separate this process, and the server that it starts, from all other nodes."""
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     for name in _LEADING_OUT:
@@ -51,8 +51,8 @@ def _isolate(domain: int) -> None:
 
 
 def _show(server: Server, screen: DemoScreen, domain: int, began: float) -> int:
-    """Go through the steps; return the exit code."""
-    # Not at the top: these import rclpy's messages.
+    """Run all steps; return the exit code."""
+    # Not at the top, because these import rclpy's messages.
     from actionkit.cli._demo_steps import STEPS, Demo, connect
 
     screen.heading("ActionKit demo")
@@ -83,7 +83,7 @@ def _show(server: Server, screen: DemoScreen, domain: int, began: float) -> int:
 
 
 def _came_out(run: Callable[[Demo], None], demo: Demo) -> bool:
-    """Run a step; return whether it came out as it should."""
+    """Run a step; return whether its result was as expected."""
     began = time.monotonic()
     try:
         if not demo.server.alive:

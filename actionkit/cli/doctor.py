@@ -1,4 +1,4 @@
-"""`actionkit doctor`: why does my call not work?"""
+"""`actionkit doctor`: find out why a call does not work."""
 
 from __future__ import annotations
 
@@ -94,6 +94,6 @@ def _show(finding: Finding, as_json: bool) -> None:
 
 def _wrapped(text: str, indent: int = 8) -> str:
     width = min(_WIDTH, shutil.get_terminal_size((_WIDTH, 24)).columns) - indent
-    # A word that is longer, such as a path, stays whole: it is there to be copied.
+    # A longer word, such as a path, is not split, so that people can copy it.
     lines = textwrap.wrap(text, max(1, width), break_long_words=False, break_on_hyphens=False)
     return ("\n" + " " * indent).join(lines)

@@ -1,4 +1,4 @@
-"""`actionkit info`: the nodes on an action."""
+"""`actionkit info`: show the nodes on an action."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool
 
 
 def nothing_there(name: str, actions: dict[str, ActionSeen]) -> str:
-    """Return a sentence on an action without a server, with the names that come near."""
+    """Return a sentence about an action without a server, with similar names."""
     served = [action.name for action in actions.values() if action.servers]
     near = similar_names(name, served)
     hint = f" Did you mean {' or '.join(near)}?" if near else ""

@@ -1,4 +1,4 @@
-"""`actionkit interfaces`: message, service and action types of one's own."""
+"""`actionkit interfaces`: build your own message, service and action types."""
 
 from __future__ import annotations
 
@@ -127,13 +127,13 @@ def build_command(
         folder_word = shlex.quote(str(target.folder))
         say(f"To import from there: export PYTHONPATH={folder_word}${{PYTHONPATH:+:$PYTHONPATH}}")
     elif wheels is not None:
-        # All by their files: so pip asks no index for one of them.
+        # All as files, so that pip asks no index for any of them.
         say(f"To install: pip install {shlex.join(str(one.place) for one in built)}")
     return Exit.OK
 
 
 class _Progress:
-    """Says how far a build is, on standard error: a bar on a terminal, else a line each quarter."""
+    """Shows a build's progress on standard error: a bar on a terminal, else four lines."""
 
     def __init__(self) -> None:
         console = Console(stderr=True, highlight=False, markup=False, emoji=False)
@@ -141,7 +141,7 @@ class _Progress:
         self._bar: Progress | None = None
         if console.is_terminal:
             columns = (BarColumn(bar_width=30), TextColumn("{task.description}", markup=False))
-            # Drawn by this thread alone, and gone when the package is built.
+            # Only this thread draws it; it disappears when the package is built.
             self._bar = Progress(*columns, console=console, auto_refresh=False, transient=True)
             self._task = self._bar.add_task("", total=1.0)
 

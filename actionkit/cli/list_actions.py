@@ -1,4 +1,4 @@
-"""`actionkit list`: the actions in sight."""
+"""`actionkit list`: list the actions in sight."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from actionkit.cli._problems import open_survey
 from actionkit.cli._say import say
 
 _MOST = 4.0
-"""Seconds to look for anything at all, where nothing is seen."""
+"""Seconds to look at most if nothing is seen."""
 _EPILOG = """\b
 Examples:
   actionkit list

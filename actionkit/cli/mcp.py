@@ -1,4 +1,4 @@
-"""`actionkit mcp`: a robot's actions as tools for any client of the Model Context Protocol."""
+"""`actionkit mcp`: serve a robot's actions as tools by the Model Context Protocol."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ cancelled then. The exit code is 23 where one may still be running."""
 def command(file: str, where: str | None, names: tuple[str, ...], domain_id: int | None) -> None:
     """Serve the tools that the TOML file FILE describes, to a language model's host."""
     find_libraries()
-    # Before anything is imported that may write to standard output: that is the protocol's.
+    # Before importing anything that may write to standard output, which is for the protocol.
     from actionkit.agents._mcp.wire import Wire, warn_people
 
     if where is not None:
@@ -103,7 +103,7 @@ def _toolbox(file: str, domain_id: int | None) -> Toolbox:
     """Read the file.
 
     Raises:
-        Problem: A library is not there, or the file is wrong.
+        Problem: A library is missing, or the file is wrong.
     """
     try:
         for module in ("mcp.server", "uvicorn", "PIL"):

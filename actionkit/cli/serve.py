@@ -1,4 +1,4 @@
-"""`actionkit serve`: a reference server, for trying things out."""
+"""`actionkit serve`: run a reference server, for trying things out."""
 
 from __future__ import annotations
 

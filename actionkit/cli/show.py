@@ -1,4 +1,4 @@
-"""`actionkit show`: a goal to fill in."""
+"""`actionkit show`: show a goal to fill in."""
 
 from __future__ import annotations
 

@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from actionkit.cli._holding import Keeper
 
 _LOOK = 4.0
-"""Seconds to look for servers: what is not seen at once is seen after up to 3 s. By then agents in
-sight know of the hold, too, so that goals accepted meanwhile are the last."""
+"""Seconds to look for servers: a server that is not seen at once is seen within 3 s. By then,
+agents in sight know of the hold, too, so they send no more goals."""
 _NAMED = 1.0
-"""The same where the actions are named and each has a server: there may be a second one."""
+"""The same if the actions are named and each has a server: there may be a second one."""
 _TICK = 0.05
 """Seconds between two looks at the graph."""
 _GRACE = 5.0
-"""Seconds more that the agents are waited for, where the goals are stopped."""
+"""More seconds to wait for the agents when the goals are stopped."""
 
 _EPILOG = """\b
 Examples:
@@ -91,7 +91,7 @@ def command(
     keep_clean()
     if releasing or status:
         return _about_hold(releasing, timeout, as_json)
-    # A stop that was asked for is carried out, also where the terminal is closed.
+    # The robot is stopped even if the terminal is closed.
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     if names:
         return _stop_named(names, timeout, as_json)
@@ -130,11 +130,11 @@ def _stop_all(timeout: float, as_json: bool) -> int:
     from actionkit.cli._holding import Keeper
 
     hold = new_hold()
-    # First of all, and beside everything else: an agent must not send again what is canceled here.
+    # First, and at the same time as the rest: agents must not send the canceled goals again.
     keeper = Keeper(hold)
     try:
         return _stop_and_hold(hold, keeper, timeout, as_json)
-    except BaseException:  # also Ctrl-C: a human has to know of the hold
+    except BaseException:  # also after Ctrl-C: a human must know of the hold
         say("The hold stays. `actionkit stop --release` ends it.", err=True)
         raise
 
@@ -170,7 +170,7 @@ def _tell_of_hold(view: Any, hold: Hold, keeper: Keeper, as_json: bool) -> Exit:
         time.sleep(_TICK)
     knowing, late = agents_told(view)
     active = view.state.active
-    # Where the same human has stopped once more meanwhile, that hold is kept in place of this one.
+    # If the same human has stopped again meanwhile, that hold replaces this one.
     kept = ready or bool(active and hold not in active)
     if as_json:
         say(line_of(view, kept_by=keeper.pid if ready else None, told=knowing, late=late))
@@ -192,7 +192,7 @@ def _tell_of_hold(view: Any, hold: Hold, keeper: Keeper, as_json: bool) -> Exit:
 
 @contextlib.contextmanager
 def _shown(actions: list[Stopping], as_json: bool) -> Iterator[None]:
-    """Show what happened to the actions at the end, also if that is Ctrl-C."""
+    """Show what happened to the actions at the end, also after Ctrl-C."""
     try:
         yield
     finally:
@@ -224,13 +224,9 @@ def _json_lines(actions: list[Stopping]) -> Iterator[str]:
 
 
 def _cancel_all(survey: Survey, stopped: list[Stopping], timeout: float, *, named: bool) -> None:
-    """Cancel all goals of the actions, or of all that come into sight, within the time.
+    """Cancel all goals of the actions in `stopped`, within the time in seconds for all together.
 
-    Args:
-        survey: The graph.
-        stopped: The actions; those that come into sight are added unless they are `named`.
-        timeout: Seconds for all together.
-        named: Whether the actions are given.
+    Unless the actions are `named`, add all that come into sight.
     """
     from actionkit._ros.tools.cancel import CancelSaid, GoalCanceller
     from actionkit._ros.tools.cancel_all import AllGoalsCanceller, AllSaid
@@ -260,7 +256,7 @@ def _cancel_all(survey: Survey, stopped: list[Stopping], timeout: float, *, name
                         stack.callback(reader.close)
                         cancellers[seen.name] = AllGoalsCanceller(seen.name, put)
                         stack.callback(cancellers[seen.name].close)
-                    except Exception as error:  # noqa: BLE001  the others have to be stopped
+                    except Exception as error:  # noqa: BLE001  stop the other actions
                         broken.add(seen.name)
                         say(f"Error: {seen.name}: {type(error).__name__}: {error}", err=True)
                 action.seen([end.node for end in seen.servers])

@@ -1,4 +1,4 @@
-"""`actionkit stubs`: type stubs for interface packages."""
+"""`actionkit stubs`: write type stubs for interface packages."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def command(packages: tuple[str, ...], output: Path | None, install: bool, unins
         return _uninstall(packages)
     where = None if install else output or Path("typings")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of the parser that rosidl loads, and of what it generated
+        warnings.simplefilter("ignore")  # from rosidl's parser, and from generated code
         problems = _write_all(packages, where)
     for problem in problems:
         say(f"Error: {problem}", err=True)
@@ -72,14 +72,14 @@ def command(packages: tuple[str, ...], output: Path | None, install: bool, unins
 
 
 def _write_all(packages: tuple[str, ...], where: Path | None) -> list[str]:
-    """Write packages and those that they use; return what went wrong."""
+    """Write stubs of packages and of those that they use; return what went wrong."""
     loaded = load_with_comments(packages)
     problems = []
-    for package in loaded.packages:  # they become more while these are written
+    for package in loaded.packages:  # the list grows in the loop
         try:
             told = _write(package, loaded, where)
         except ForeignFilesError as error:
-            # Stubs that somebody else wrote for a package that is only used are as good as ours.
+            # If a package is only used, somebody else's stubs for it are good enough.
             if package.name in packages:
                 problems.append(f"{error} Remove it, or choose another folder with -o DIR.")
                 continue

@@ -1,4 +1,4 @@
-"""`actionkit timeline`: the log that `JsonLines` wrote, as text and as a picture."""
+"""`actionkit timeline`: show a log of `JsonLines` as text or as a picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from actionkit.cli._problems import Problem
 from actionkit.cli._say import say
 
 _SHOWN = 10
-"""How many lines that could not be read are told; more of them tell nothing new."""
+"""Unreadable lines that are reported; more of them would not help."""
 _EPILOG = """\b
 Examples:
   actionkit timeline goals.jsonl

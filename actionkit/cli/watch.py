@@ -1,4 +1,4 @@
-"""`actionkit watch`: the states of all goals of an action, other clients' goals too."""
+"""`actionkit watch`: show the states of all goals of an action, also of other clients."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Held:
-    """What is told when that changes: who has stopped the robot, if anybody."""
+    """A change of the holds: who has stopped the robot."""
 
     holds: tuple[Hold, ...]
 
@@ -35,7 +35,7 @@ TICK = 0.25
 _CLOSED: Any = object()
 """Put into the inbox when nobody reads the output any more."""
 FIRST = 1.0
-"""Seconds in which the states that a server remembers arrive, if it remembers any."""
+"""Seconds for the states of remembered goals to arrive, if there are any."""
 
 _EPILOG = """\b
 Examples:
@@ -96,7 +96,7 @@ def command(
 
 
 def _screen(name: str, type_of: Callable[[], str] | None, *, once: bool = False) -> Screen:
-    """Return what shows the goals: for a program where `type_of` is given."""
+    """Return the screen for the goals; with `type_of`, it is for programs."""
     from actionkit.cli import _watch_screens as screens
 
     if type_of is not None:
@@ -140,12 +140,9 @@ def _once(
 
 
 def first_look(board: Board, inbox: queue.SimpleQueue[Any], server_timeout: float) -> None:
-    """Wait until a server is in sight, and then a second at most for the goals it remembers.
+    """Wait until a server is in sight, then a second at most for the goals it remembers.
 
-    Args:
-        board: Where both are noted.
-        inbox: What a `StatusReader` tells.
-        server_timeout: Seconds for a server to come into sight.
+    `inbox` gets what a `StatusReader` reports; the board is updated from it.
     """
     give_up = time.monotonic() + server_timeout
     first: float | None = None
