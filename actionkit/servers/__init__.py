@@ -8,28 +8,28 @@ From Python:
 
 From a shell: `python -m actionkit.servers --list`.
 
-Most take goals of `test_msgs/action/Fibonacci`; their options, and what they do in detail, are in
-`actionkit/servers/_behaviours_*.py`, one class for each:
+Most take goals of `test_msgs/action/Fibonacci`. `actionkit/servers/_behaviours_*.py` has a class
+for each, which describes its options and what it does:
 
-- that work: fibonacci, countdown, slow_accept, twins (two on one name)
-- that look at their other goals: guarded (by rule), queued (one at a time), preemptive (the
-  newest wins)
-- with more to say, on `test_msgs/action/NestedMessage`: navigate (distance, percent, ETA and
-  status as feedback), error_code (a code in the result); and floods (of feedback)
-- that fail at first: flaky, restarts (each comes back by itself where its process ended)
-- that fail: silent, never_finishes, refuses_cancel, ignores_cancel, slow_cancel, aborts, raises,
+- these work: fibonacci, countdown, slow_accept, twins (two on one name)
+- these consider their other goals: guarded (has rules), queued (one at a time), preemptive (the
+  newest goal wins)
+- these send rich messages, on `test_msgs/action/NestedMessage`: navigate (distance, percent, ETA
+  and status as feedback), error_code (a code in the result); and floods (much feedback)
+- these fail at first: flaky, restarts (if their process ends, they come back by themselves)
+- these fail: silent, never_finishes, refuses_cancel, ignores_cancel, slow_cancel, aborts, raises,
   no_result, cancels_itself, blocking, wrong_type, crashes, expires, vanishes
 
-Most of them also serve an action of any other type, which `action_type=` gives: a class, or a name
-such as ``"my_robot/action/Pick"``. A goal then has `steps=5` steps, and feedback and results are
-empty messages. For a server of your own type that says something, in the process of a test, see
+Most of them also serve an action of any other type: give `action_type=` a class, or a name such as
+``"my_robot/action/Pick"``. Then a goal has `steps=5` steps, and feedback and results are empty
+messages. For a server of your own type with real messages, in the process of a test, see
 `actionkit.testing.FakeServer`.
 
 countdown and navigate also know the types `actionkit_interfaces/action/Countdown` and
-`actionkit_interfaces/action/NavigateToPose`. They speak these only where `action_type=` says so:
-what a server speaks does not depend on which packages are installed.
+`actionkit_interfaces/action/NavigateToPose`. They use these only with `action_type=`: the type of a
+server does not depend on the installed packages.
 
-What none of these does can be written as a script, step by step, for the server scripted:
+For everything else, write a script, step by step, for the server scripted:
 
     with actionkit.servers.start(
         "scripted",
@@ -41,9 +41,9 @@ What none of these does can be written as a script, step by step, for the server
     ):
         ...
 
-A step that is not right is a `ValueError` at once, which lists all steps that there are.
+A wrong step raises a `ValueError` at once, which lists all possible steps.
 
-Importing this package does not import rclpy; only the server's own process does.
+Importing this package does not import rclpy; only the server's own process imports it.
 """
 
 from actionkit.servers._events import ServerEvent

@@ -1,4 +1,4 @@
-"""What a reference server is made of: the base of all of them, and their options. No rclpy here."""
+"""The base class of the reference servers, and their options. No rclpy here."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from actionkit.servers._run import GoalStopped, Run
 
 OptionValue = int | float | str
 Option: TypeAlias = bool | int | float | str | Sequence[object]
-"""An option as `start` takes it. The lists are scripts."""
+"""The type of an option for `start`. The lists are scripts."""
 
 COMMON_OPTIONS: dict[str, OptionValue] = {
     # 0: a thread per executing goal, any number of them. 1: rclpy's SingleThreadedExecutor.
-    # More: its MultiThreadedExecutor with so many threads.
+    # More: its MultiThreadedExecutor with this many threads.
     "threads": 0,
     # Seconds for which the server keeps a result; 15 minutes, as rclpy's ActionServer does.
     "result_timeout": 900.0,
-    # "all" events, all but "feedback" ("goals"), or "ready" and what ends a process ("none").
+    # "all" events, all except "feedback" ("goals"), or only "ready" and ends of processes ("none").
     "journal": "all",
-    # How many steps a goal has where the action's type is not the server's own: Fibonacci's goals
-    # say it by `order`.
+    # How many steps a goal has if the action's type is not the server's own. (Goals of Fibonacci
+    # have `order`.)
     "steps": 5,
 }
 """Options of every server, with their defaults. The default's type is the option's type."""
 
 
 class Process(Protocol):
-    """What a behaviour may ask of the process that serves it."""
+    """What a behaviour may ask its process to do."""
 
     life: Life
     foreign: bool
@@ -38,27 +38,26 @@ class Process(Protocol):
         """Make a second action client, in a node of its own; call it before any goal."""
 
     def cancel_from_elsewhere(self, goal_id: str) -> None:
-        """Ask, through that second client, for a goal's cancel."""
+        """Cancel a goal through that second client."""
 
     def destroy_server(self, index: int) -> None:
         """Destroy an action server; the process and its node stay."""
 
 
 class Behaviour:
-    """What one reference server does. Subclass it, set the fields, override the hooks.
+    """Base of the reference servers. Subclass it, set the fields, override the hooks.
 
-    The hooks run on different threads at the same time; per-goal state belongs to the `Run`.
+    The hooks run on different threads at the same time; the state of a goal belongs to its `Run`.
 
     Attributes:
-        options: The options of its own, with their defaults.
-        choices: The values that an option may have, where there are only a few.
-        action_type: The type of the action.
+        options: Its own options, with their defaults.
+        choices: The values that an option may have, if there are only a few.
         other_types: Other types with fields that it knows.
-        any_type: Whether it makes sense for actions of other types: it then reads nothing of a goal
+        any_type: Whether it makes sense for actions of other types: then it reads nothing of a goal
             but `run.order`, and its feedback and results are empty messages.
         servers: How many action servers there are on the name, each with its own node.
-        decides_slowly: Whether `decide` may wait: it then runs beside the other requests, which
-            are answered meanwhile.
+        decides_slowly: Whether `decide` may wait: then it runs beside the other requests, which are
+            answered meanwhile.
     """
 
     options: ClassVar[dict[str, OptionValue]] = {}
@@ -75,16 +74,16 @@ class Behaviour:
         self.life = process.life
 
     def order_of(self, goal: Any) -> int:
-        """Return how many steps a goal asks for, 0 where the server's own type has no such field.
+        """Return how many steps a goal asks for; 0 if the server's own type has no such field.
 
-        In another type a field of that name may be anything.
+        In another type, a field of that name may mean anything.
         """
         if self.process.foreign:
             return int(self.option["steps"])
         return int(getattr(goal, "order", 0))
 
     def received(self, run: Run) -> None:
-        """Hear of a goal request; of all hooks, the first, and in the order of the requests."""
+        """Called with a goal request, before all other hooks, in the order of the requests."""
 
     def takes_time_to_decide(self, run: Run) -> bool:
         """Return whether `decide` may wait about this goal."""
@@ -95,10 +94,10 @@ class Behaviour:
         return run.order >= 0
 
     def accepted(self, run: Run) -> None:
-        """Hear that the acceptance was sent; the goal does not execute yet."""
+        """Called after the acceptance was sent; the goal does not execute yet."""
 
     def begin(self, run: Run) -> None:
-        """Let the accepted goal execute; override it to put that off."""
+        """Let the accepted goal execute; override this to delay it."""
         run.begin()
 
     def may_cancel(self, run: Run) -> bool:
@@ -106,13 +105,13 @@ class Behaviour:
         return True
 
     def cancelled(self, run: Run) -> None:
-        """Hear that the goal has entered CANCELING; its waiting thread was woken."""
+        """Called when the goal has entered CANCELING; its waiting thread was woken."""
 
     def result_requested(self, run: Run) -> None:
-        """Hear that a client asked for the goal's result, so it knows of the acceptance."""
+        """Called when a client has asked for the goal's result, so it knows of the acceptance."""
 
     def execute_to_end(self, run: Run) -> object:
-        """Do all of a goal's work, on a thread of its own; return its result message."""
+        """Do all of a goal's work, on its own thread; return its result message."""
         try:
             return self.execute(run)
         except GoalStopped:
@@ -122,21 +121,19 @@ class Behaviour:
         """Do the work; return what `run.succeed` or `run.abort` returns.
 
         Raises:
-            GoalStopped: The goal is to stop, as the waits of `run` say.
+            GoalStopped: The goal must stop; the waits of `run` raise this.
         """
         raise NotImplementedError
 
     def stopped(self, run: Run) -> object:
-        """End a goal that is to stop, with `run.content` as its result."""
+        """End a goal that must stop, with `run.content` as its result."""
         return run.canceled()
 
     @classmethod
     def parse(cls, given: Mapping[str, str], *, foreign: bool = False) -> dict[str, OptionValue]:
-        """Return all options with their values.
+        """Return all options with their values, from the given texts.
 
-        Args:
-            given: Those that were given, as texts.
-            foreign: Whether the action is of another type than the server's own.
+        `foreign` means that the action has another type than the server's own.
 
         Raises:
             ValueError: An option is unknown, not of its type, or not among the choices.
@@ -166,7 +163,7 @@ def format_option(value: Option) -> str:
     """Return an option's value as it is written on the command line.
 
     Raises:
-        TypeError: It holds something that JSON does not know.
+        TypeError: JSON has no form for a part of it.
     """
     if isinstance(value, bool):
         return str(int(value))

@@ -1,4 +1,4 @@
-"""Servers that do their work well."""
+"""Reference servers that work."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from actionkit.servers._behaviour import Behaviour
 from actionkit.servers._run import Run
 
 _INT32 = 2**31
-"""int32 fields take no more; the true sequence exceeds it from its 48th number on."""
+"""int32 fields hold smaller numbers; from its 48th number on, the true sequence exceeds this."""
 
 
 def fibonacci_steps(order: int) -> Iterator[list[int]]:
-    """Yield the sequence so far, as of the ROS tutorial: 0, 1, then one number more per step.
+    """Yield the growing sequence of the ROS tutorial: 0, 1, then one more number in each step.
 
-    Numbers are modulo 2**31, so that an order beyond 46 overflows no int32.
+    Numbers are modulo 2**31, so that they fit into an int32, also for an order above 46.
     """
     sequence = [0, 1]
     for _ in range(1, order):
@@ -28,10 +28,10 @@ def fibonacci_steps(order: int) -> Iterator[list[int]]:
 def compute(
     run: Run, steps: Iterable[list[int]], period: float, *, feedback: object = True
 ) -> None:
-    """Take the steps one after the other: `period` seconds each, then a feedback.
+    """Do the steps one after the other: each waits `period` seconds, then publishes feedback.
 
     Raises:
-        GoalStopped: The goal is to stop; the step under way is its result.
+        GoalStopped: The goal must stop; the current step is its result.
     """
     run.content = [0, 1]
     for sequence in steps:
@@ -45,9 +45,9 @@ class Fibonacci(Behaviour):
     """As the tutorial's, concurrent: each goal has its own feedback and its own cancel.
 
     Order n gives n - 1 feedbacks and n + 1 numbers (modulo 2**31). Rejects negative orders, and
-    those above `max_order`. `period`: seconds per step. `gate=1`: goals wait before they succeed
-    until released. `feedback=0`: none. `cancel_takes`: seconds that the server thinks about each
-    request to cancel, in which it answers no other.
+    orders above `max_order`. `period`: seconds per step. `gate=1`: goals wait before they succeed
+    until released. `feedback=0`: no feedback. `cancel_takes`: seconds that the server needs for
+    each request to cancel; meanwhile it answers no other request.
     """
 
     options: ClassVar = {
@@ -58,13 +58,13 @@ class Fibonacci(Behaviour):
         "cancel_takes": 0.0,
     }
     gate_at_end: ClassVar[bool] = True
-    """Whether the gate, if there is one, comes before the end (and not somewhere else)."""
+    """Whether the gate, if there is one, is before the end (and not in another place)."""
 
     def decide(self, run: Run) -> bool:
         return 0 <= run.order <= int(self.option["max_order"])
 
     def may_cancel(self, run: Run) -> bool:
-        # Not run.pause(): its waits belong to the thread of the goal, which goes on.
+        # Not run.pause(): that is for the thread of the goal, which goes on.
         time.sleep(self.option["cancel_takes"])
         return True
 
@@ -76,7 +76,7 @@ class Fibonacci(Behaviour):
         return run.succeed()
 
     def compute(self, run: Run, steps: Iterable[list[int]]) -> None:
-        """Take the steps as the options say."""
+        """Do the steps with the settings of the options."""
         compute(run, steps, self.option["period"], feedback=self.option["feedback"])
 
 
@@ -92,8 +92,8 @@ class Countdown(Behaviour):
 
     Feedback and result hold the numbers that remain: ``[2, 1, 0]`` after the first step from 3,
     ``[0]`` at the end. `gate=1`: goals wait before they succeed until released.
-    Of the type actionkit_interfaces/action/Countdown it counts down from `target`, and its feedback
-    has the `current_count`.
+    With the type actionkit_interfaces/action/Countdown, it counts down from `target`, and its
+    feedback has the `current_count`.
     """
 
     options: ClassVar = {"period": 0.1, "gate": 0, "max_order": 10_000}

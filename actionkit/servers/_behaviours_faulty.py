@@ -1,4 +1,4 @@
-"""Servers that fail, each in one way of its own."""
+"""Reference servers that fail, each in its own way."""
 
 from __future__ import annotations
 
@@ -118,8 +118,8 @@ class WrongType(Behaviour):
 class Crashes(Fibonacci):
     """Kills itself (SIGKILL) at a `point`: before_accept, after_accept, feedback, before_result.
 
-    after_accept: the acceptance was sent, nothing executed. feedback: after the first one.
-    before_result: the goal has reached SUCCEEDED, its result was not sent.
+    after_accept: the acceptance was sent, nothing executes yet. feedback: after the first feedback.
+    before_result: the goal is SUCCEEDED, but its result was not sent.
     """
 
     any_type = True
@@ -161,7 +161,7 @@ class Expires(Fibonacci):
 class Vanishes(Behaviour):
     """Destroys its action server while the first goal executes; its process and node stay.
 
-    It does so once the goal's result is asked for, or, with gate=1, when released: any sooner,
+    It waits until the goal's result is asked for or, with gate=1, until it is released: earlier,
     the acceptance itself could be lost with the server.
     """
 

@@ -1,4 +1,4 @@
-"""Servers that look at their other goals before they take or run one."""
+"""Reference servers that consider their other goals before they accept or run one."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from actionkit.servers._run import Run
 class Guarded(Fibonacci):
     """As fibonacci, for even orders up to `max_order`; with busy=1, for one goal at a time.
 
-    The journal's event "rejected" has the `reason`: negative, odd, too large or busy. busy=1:
-    goals are rejected from the acceptance of another one to its end.
+    The journal's event "rejected" has the `reason`: negative, odd, too large or busy. With
+    busy=1, goals are rejected from the acceptance of another goal until its end.
     """
 
     options: ClassVar = {**Fibonacci.options, "max_order": 20, "busy": 0}
@@ -43,8 +43,8 @@ class Guarded(Fibonacci):
 class Queued(Fibonacci):
     """One goal at a time, in the order of their acceptance; each as by fibonacci.
 
-    The others wait, accepted and not executing. One that is cancelled while it waits ends at
-    once as CANCELED, without having executed.
+    The other goals wait: they are accepted, but do not execute. If a waiting goal is cancelled, it
+    ends at once as CANCELED, without executing.
     """
 
     any_type = True
@@ -63,7 +63,7 @@ class Queued(Fibonacci):
         self._advance()
 
     def enters(self, run: Run, before: list[Run]) -> None:
-        """Hear that a goal was accepted; those before it have not ended."""
+        """Called when a goal was accepted; the goals in `before` have not ended."""
 
     def cancelled(self, run: Run) -> None:
         with self._lock:
@@ -80,7 +80,7 @@ class Queued(Fibonacci):
         return result
 
     def _advance(self) -> None:
-        """Let the goal that has waited longest execute, if none executes."""
+        """If no goal executes, let the goal that has waited longest execute."""
         while True:
             with self._lock:
                 if self._current is not None or not self._waiting:
@@ -99,10 +99,10 @@ class Queued(Fibonacci):
 class Preemptive(Queued):
     """A new goal preempts the running one, which is aborted before the new one executes.
 
-    Both as by fibonacci, with the sequence so far as the result of the older one.
-    ends=canceled: it ends as CANCELED. rclpy permits that only after a request to cancel the
-    goal, so another client, in the server process, asks. Goals that come in a burst are
-    preempted in turn: each executes, if for no time, since no goal may be aborted before.
+    Both work as with fibonacci; the older goal's result is the sequence that it had reached.
+    ends=canceled: the older goal ends as CANCELED. rclpy permits this only after a request to
+    cancel the goal, so another client in the server process sends one. Goals that come in a burst
+    preempt each other in turn: each executes for a moment, because a goal can be aborted only then.
     """
 
     options: ClassVar = {**Queued.options, "ends": "aborted"}

@@ -1,4 +1,4 @@
-"""Servers that fail for their first goals only, some of them by the end of their process."""
+"""Reference servers that fail only for their first goals; some of them end their process."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from actionkit.servers._run import Run
 class Flaky(Fibonacci):
     """Fails its first goals, `fails` = 2 of them; then works as fibonacci.
 
-    how=aborts: ends them as ABORTED, half-way, with the sequence so far. how=rejects. how=silent:
-    does not answer the goal request. how=crashes: half-way it vanishes, as by SIGKILL, and comes
-    back at once. A ``Server.restart()`` does not start the count again.
+    how=aborts: ends them as ABORTED, half-way, with the numbers that it has. how=rejects.
+    how=silent: does not answer the goal request. how=crashes: it vanishes half-way, as with
+    SIGKILL, and comes back at once. ``Server.restart()`` does not start the count again.
     """
 
     any_type = True
@@ -47,13 +47,13 @@ class Flaky(Fibonacci):
 class Restarts(Fibonacci):
     """Restarts in the middle of its first goals, `times` = 1 of them; then works as fibonacci.
 
-    The goal is gone after it. how=clean: the server leaves the ROS graph properly. how=kill: it
-    vanishes, as by SIGKILL. Either way it is back as soon as its program has started again, in
-    the same process, with nothing but the count of goals: its parent notices nothing.
+    The goal is gone afterwards. how=clean: the server leaves the ROS graph properly. how=kill: it
+    vanishes, as with SIGKILL. In both cases its program starts again at once, in the same process,
+    and keeps only the count of goals: its parent notices nothing.
 
-    point=feedback: while the goal executes, after a first feedback. point=accepted: nothing
-    executes. Both wait until a client has asked for the result: any sooner, the acceptance
-    itself could be lost with the server.
+    point=feedback: while the goal executes, after a first feedback. point=accepted: before anything
+    executes. Both wait until a client has asked for the result: earlier, the acceptance itself
+    could be lost with the server.
     """
 
     any_type = True

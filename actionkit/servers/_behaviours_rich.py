@@ -1,4 +1,4 @@
-"""Servers with much to say: fields of many types, codes, floods."""
+"""Reference servers with rich messages: fields of many types, codes, much feedback."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from actionkit.servers._run import Content, GoalStopped, Run
 
 _NESTED = "test_msgs/action/NestedMessage"
 _PLANNING, _MOVING, _ARRIVED, _STOPPED = range(4)
-"""What `navigate` says in `nested_field.uint8_value`."""
+"""The values of `nested_field.uint8_value` of `navigate`."""
 _WORDS = ("planning", "moving", "arrived", "stopped")
-"""The same in `status_message`, by a type of its own."""
+"""The same in `status_message`, with the type of actionkit_interfaces."""
 
 
 class Navigate(Behaviour):
     """Drives `distance` metres, with rich feedback at `rate` Hz; on test_msgs/action/NestedMessage.
 
-    The fields of NestedMessage and what they stand for:
+    The fields of NestedMessage and their meanings:
 
     =========================================  =====================  ==========================
     field                                      in the goal            in feedback and result
@@ -35,13 +35,13 @@ class Navigate(Behaviour):
     nested_field.uint32_value                  -                      number of the feedback
     =========================================  =====================  ==========================
 
-    In a goal, 0 stands for the options `distance` = 5 and `speed` = 1. Status: 0 planning (the
-    first feedback), 1 moving, 2 arrived, 3 stopped (by a cancel). Each feedback is one step,
-    `speed` / `rate` metres; the last says 100 percent. Rejects what is negative or not finite.
-    gate=1: goals wait before they succeed until released.
+    In a goal, 0 means the options `distance` = 5 and `speed` = 1. Status: 0 planning (the first
+    feedback), 1 moving, 2 arrived, 3 stopped (by a cancel). Each feedback is one step,
+    `speed` / `rate` metres; the last says 100 percent. Rejects values that are negative or not
+    finite. gate=1: goals wait before they succeed until released.
 
-    Of the type actionkit_interfaces/action/NavigateToPose, the robot starts at zero; `distance`
-    does not count, and `speed` only for a `max_velocity` of 0.
+    With the type actionkit_interfaces/action/NavigateToPose, the robot starts at zero; `distance`
+    is not used, and `speed` only if `max_velocity` is 0.
     """
 
     action_type = _NESTED
@@ -126,11 +126,11 @@ def _position(distance: float, speed: float, done: int, steps: int, status: int)
 class ErrorCode(Behaviour):
     """Ends with the error code that the goal asks for; on test_msgs/action/NestedMessage.
 
-    The code is `nested_field.int32_value`, of the goal and of the result, and the result's
-    `nested_field.bool_value` tells whether it is 0. 0 ends as SUCCEEDED, others as ABORTED or,
-    with ends=succeeded, as SUCCEEDED too. codes=102,102,0: not the goal but the server chooses,
-    one code per goal in turn, restarts included; the last one repeats. `period`: seconds that it
-    takes.
+    The code is `nested_field.int32_value` of the goal and of the result; the result's
+    `nested_field.bool_value` says whether it is 0. With 0 the goal ends as SUCCEEDED, otherwise as
+    ABORTED or, with ends=succeeded, as SUCCEEDED, too. codes=102,102,0: the server chooses the
+    code, one for each goal in turn, also over restarts; the last one repeats. `period`: seconds for
+    each goal.
     """
 
     action_type = _NESTED
@@ -167,9 +167,9 @@ def _codes(text: str) -> list[int]:
 class Floods(Behaviour):
     """Publishes `order` feedbacks as fast as it can, or at `rate` Hz; then succeeds.
 
-    The feedbacks are ``[0]``, ``[1]``, ...; with `size` > 1, padded to so many numbers. The
-    result is how many were published. The journal has a "feedback" for the first only, and
-    "flooded" (`n`, `seconds`) at the end. Requests, cancels too, are answered in the middle of it.
+    The feedbacks are ``[0]``, ``[1]``, ...; with `size` > 1, they are padded to that many numbers.
+    The result is how many were published. The journal has "feedback" only for the first one, and
+    "flooded" (`n`, `seconds`) at the end. Requests, also to cancel, are answered meanwhile.
     """
 
     any_type = True
@@ -177,13 +177,12 @@ class Floods(Behaviour):
 
     def __init__(self, options: Mapping[str, Any], process: Process) -> None:
         super().__init__(options, process)
-        # Seconds for which one thread may keep the others waiting, a tenth of Python's default.
-        # Those that flood never wait by themselves, and a request takes several turns of the
-        # thread that answers it.
+        # Seconds for which one thread may block the others, a tenth of Python's default. A thread
+        # that floods never waits, and the answer to a request needs several turns of its thread.
         sys.setswitchinterval(0.0005)
 
     def may_cancel(self, run: Run) -> bool:
-        # The flood takes the goal's lock so often that the cancel might not get it: have it rest.
+        # The flood takes the goal's lock so often that the cancel might never get it.
         run.notes = "rest"
         return True
 
@@ -197,7 +196,7 @@ class Floods(Behaviour):
                 if rate:
                     run.pause(began + sent / rate - time.monotonic())
                 if run.notes:
-                    run.pause(1)  # second; the cancel comes well before, and ends the pause
+                    run.pause(1)  # second; the cancel comes earlier and ends the pause
                 run.feedback([sent, *padding], journal=sent == 0)
                 sent += 1
         run.emit("flooded", n=sent, seconds=round(time.monotonic() - began, 6))

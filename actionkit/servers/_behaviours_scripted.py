@@ -1,4 +1,4 @@
-"""The server with a script from the test that uses it, and others that are scripts."""
+"""Reference servers that follow a script: from a test, or a preset."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ByScript(Behaviour):
         raise NotImplementedError
 
     def begin_step(self, run: Run, step: Step) -> None:
-        """Hear that a step begins."""
+        """Called when a step begins."""
 
     def script_of(self, run: Run) -> Script:
         """Return the script of a goal."""
@@ -74,7 +74,7 @@ class ByScript(Behaviour):
     def _end(self, run: Run, step: Step) -> object:
         self.begin_step(run, step)
         if step.word == "raise":
-            # Before it happens: rclpy ends the goal, and does not say so.
+            # Before it happens: rclpy ends the goal without a call.
             run.emit("aborted", raised=True)
             raise ValueError("this reference server raises on purpose")
         if step.word == "abort":
@@ -95,7 +95,7 @@ class ByScript(Behaviour):
         elif step.word == "gate":
             run.wait_gate()
         elif step.word in MODES:
-            run.notes = step.value  # seconds that a cancel takes, of "cancel_after"
+            run.notes = step.value  # the seconds of "cancel_after"
             run.refuses_cancel = step.word == "refuse_cancel"
             run.heeds_cancel = step.word in ("heed_cancel", "cancel_after")
         elif step.word == "cancel_itself":
@@ -104,7 +104,7 @@ class ByScript(Behaviour):
             self._stay(run, step)
 
     def _stay(self, run: Run, step: Step) -> None:
-        """Do a step that does not come to an end by itself."""
+        """Do a step that does not end by itself."""
         if step.word == "crash" and step.value == "kill":
             self.life.crash(run, "script")
         elif step.word == "crash":
@@ -142,34 +142,34 @@ class Scripted(ByScript):
                                           {"abort": [102]}])
         servers.start("scripted", script=[["reject"], [{"crash": "kill"}], [{"succeed": [0, 1]}]])
 
-    A script is a list of steps, the same for every goal; or a list of scripts, one for each goal
-    in turn, restarts included; the last one repeats. In a shell it is JSON:
+    A script is a list of steps, the same for every goal. Or it is a list of scripts, one for each
+    goal in turn, also over restarts; the last one repeats. In a shell it is JSON:
     ``--option 'script=[["reject"], [{"feedback": 3}]]'``.
 
-    How the request is answered. Where none of these is in the script, the goal is accepted before
+    The answer to the request. If the script has none of these steps, the goal is accepted before
     the first other step. Steps before one of these are done before the answer:
 
     - ``"accept"``, ``{"accept_after": 0.5}`` (seconds), ``"reject"``
-    - ``"no_answer"``: never answers it
+    - ``"no_answer"``: never answers
 
-    What happens then; where the script ends without an end, the goal succeeds:
+    The execution. If the script has no step that ends the goal, the goal succeeds:
 
-    - ``{"feedback": [1, 2, 3]}``: one with that sequence; ``{"feedback": 5}``: so many, with the
-      numbers of Fibonacci; both with ``"period": 0.05``: seconds before each
+    - ``{"feedback": [1, 2, 3]}``: one feedback with that sequence; ``{"feedback": 5}``: so many,
+      with the numbers of Fibonacci; both with ``"period": 0.05``: seconds before each
     - ``{"wait": 0.2}`` (seconds), ``"gate"`` (until ``Server.release()``)
     - ``"succeed"``, ``{"succeed": [0, 1]}``, ``"abort"``, ``{"abort": [102]}``: the end, with the
       last feedback as the result, or with that sequence
-    - ``"raise"``: an exception, which rclpy makes ABORTED; ``"no_result"``: succeeds, and its
+    - ``"raise"``: an exception, which rclpy turns into ABORTED; ``"no_result"``: succeeds, and its
       result is never sent; ``"never"``: executes until it is cancelled
     - ``{"crash": "kill"}``, ``{"crash": "clean"}``: the end of the process, until
       ``Server.restart()``; ``{"restart": "kill"}``, ``{"restart": "clean"}``: it is back at once
 
-    What happens at a cancel. A goal ends CANCELED at once, with the last feedback as the result,
-    unless one of these came before:
+    The reaction to a cancel. A goal ends as CANCELED at once, with the last feedback as the result,
+    unless one of these steps came before:
 
     - ``"refuse_cancel"``: requests are refused; ``"ignore_cancel"``: accepted, without effect;
-      ``{"cancel_after": 0.3}``: accepted, and the goal takes so many seconds to end;
-      ``"heed_cancel"``: as at first
+      ``{"cancel_after": 0.3}``: accepted, and the goal takes that many seconds to end;
+      ``"heed_cancel"``: as at the beginning
     - ``"cancel_itself"``: another client, in the server process, cancels the goal
 
     Each step is an event "step" in the journal, with its `index` in the script and its `word`.

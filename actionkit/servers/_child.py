@@ -1,4 +1,4 @@
-"""The server's own process: its arguments, signals, journal (stdout) and commands (stdin)."""
+"""Runs in the server's own process: arguments, signals, journal (stdout), commands (stdin)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from actionkit.servers._harness import Harness
 
 _STOP_TIMEOUT = 3.0
-"""Seconds for a clean end, which takes a fraction of one, before the process just ends."""
+"""Seconds for a clean end; normally much less. Then the process is ended."""
 
 
 class StdoutJournal:
@@ -50,25 +50,22 @@ class StdoutJournal:
                 line = json.dumps({"event": event, "goal_id": goal_id, "monotonic": now, **details})
             data = line.encode() + b"\n"
             try:
-                while data:  # unbuffered, so that a crash loses nothing of it
+                while data:  # unbuffered, so that a crash loses nothing
                     data = data[os.write(self._descriptor, data) :]
             except OSError:
-                pass  # nobody reads any more; the closing of stdin ends us
+                pass  # nobody reads any more; when stdin is closed, we end
 
 
 def main(
     arguments: Sequence[str] | None = None, refuse: Callable[[str], NoReturn] | None = None
 ) -> None:
-    """Run a server until SIGINT, SIGTERM, or, under a program, the end of stdin.
+    """Run a server until SIGINT, SIGTERM or, if a program started it, the end of stdin.
 
-    Does not return: the process ends here, with exit code 0, or 2 for wrong usage.
-
-    Args:
-        arguments: The words after the program's name; `None` takes them from `sys.argv`.
-        refuse: Called with what is wrong with them; by default that is printed with the usage of
-            this program, and the process ends.
+    Does not return: the process ends here, with exit code 0, or 2 for wrong usage. `None` takes the
+    arguments from `sys.argv`. `refuse` gets the text about wrong arguments; by default it is
+    printed with the usage of this program, and the process ends.
     """
-    # Before any thread is started, since threads inherit it: signals are taken by sigwait alone.
+    # Before any thread is started, because threads inherit it: only sigwait takes signals.
     signal.pthread_sigmask(signal.SIG_BLOCK, {*END_SIGNALS, RESTART_SIGNAL})
     parser = _parser()
     refuse = refuse or parser.error
@@ -88,16 +85,16 @@ def main(
     except ValueError as error:
         refuse(str(error))
 
-    # A pipe from a program carries commands, and its end ends the server; a terminal does not.
+    # A pipe from a program has commands, and its end ends the server. A terminal does not.
     piped = not given.human and stat.S_ISFIFO(os.fstat(0).st_mode)
     human = given.human or os.isatty(0)
-    # Only the journal may get into stdout, even if a library prints something.
+    # Only the journal may write to stdout, even if a library prints something.
     sys.stdout.flush()
     stdout = os.dup(1)
     os.dup2(2, 1)
     journal = StdoutJournal(stdout, str(options["journal"]), human)
 
-    from actionkit.servers._harness import Harness  # rclpy: heavy, and not needed before
+    from actionkit.servers._harness import Harness  # needs rclpy, which is heavy
 
     try:
         harness = Harness(
@@ -105,7 +102,7 @@ def main(
             options,
             action,
             given.action,
-            # The same after a restart, as a real server has it, and another for each server.
+            # The same after a restart, as for a real server, but different for each server.
             node_name=f"reference_server_{os.environ.get(INSTANCE_VARIABLE, os.getpid())}",
             journal=journal,
             life=Life(stdout, journal),
@@ -124,16 +121,16 @@ def main(
 
 
 def _end(harness: Harness, *, restart: bool) -> NoReturn:
-    # The middleware may hang while it is taken down.
+    # The middleware may hang during its shutdown.
     guard = threading.Timer(_STOP_TIMEOUT, os._exit, (1,))
     guard.daemon = True
     guard.start()
     harness.stop()
     sys.stderr.flush()
-    # Where both a restart and an end were asked for, the process ends.
+    # If both a restart and an end were requested, the process ends.
     if restart and not signal.sigpending() & END_SIGNALS:
         harness.life.start_anew("clean")
-    # Not sys.exit: it would wait for threads of goals that may be blocked in anything.
+    # Not sys.exit: it would wait for the threads of goals, which may be blocked.
     os._exit(0)
 
 

@@ -1,4 +1,4 @@
-"""From what a behaviour wants to say to a message. No rclpy here."""
+"""Fills messages with a behaviour's contents. No rclpy here."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ from actionkit.servers._run import Content
 
 
 def message_of(message: Any, content: Content) -> Any:
-    """Return the message with its fields set; one without a `sequence` takes none for it.
+    """Return a new message with its fields set; without a field `sequence`, ignore numbers.
 
-    Args:
-        message: A new one.
-        content: What it says; or a message of its class, which is returned as it is.
+    The content may also be a message of that class; then this is returned.
     """
     if isinstance(content, type(message)):
         return content

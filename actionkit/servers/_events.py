@@ -1,4 +1,4 @@
-"""What a server process reports, as its parent sees it."""
+"""The journal of a server process, on the side of the process that started it."""
 
 from __future__ import annotations
 
@@ -14,18 +14,17 @@ from typing import Any
 TERMINAL = frozenset({"succeeded", "canceled", "aborted"})
 """Events that end a goal."""
 SYNCED = "synced"
-"""The mark in the journal that `Server.sync` asks for."""
+"""The event that `Server.sync` requests as a mark in the journal."""
 _ASKED_AGAIN = 1.0
-"""Seconds; an answer takes a millisecond."""
+"""Seconds until it is requested again; normally it takes a millisecond."""
 _SHOWN_IN_ERRORS = 60
-"""Events; those of a few goals, which fit on a screen."""
+"""Events in an error text, enough for a few goals and for a screen."""
 
 
 class EventNotSeenError(AssertionError, TimeoutError):
-    """The journal did not show what was waited for. Both a failed assertion and a timeout.
+    """The journal did not show the awaited event. Both a failed assertion and a timeout.
 
-    Attributes:
-        ended: The process had ended, so there was nothing more to wait for.
+    `ended` means that the process had ended, so waiting longer made no sense.
     """
 
     ended = False
@@ -37,10 +36,10 @@ class ServerEvent:
 
     Attributes:
         event: What happened, such as `"accepted"`.
-        goal_id: The goal that it happened to, as a UUID string; `None` where there is none.
+        goal_id: The id of its goal, as a UUID string; `None` if it is not about a goal.
         monotonic: Seconds on the monotonic clock, which all processes of a machine share.
         incarnation: 0 for the first process of a `Server`, one more after each restart.
-        details: What else was said: `order`, `n` (the number of the feedback), ...
+        details: More values: `order`, `n` (the number of the feedback), ...
     """
 
     event: str
@@ -55,32 +54,24 @@ class ServerEvent:
 
 
 class Journal:
-    """All events of a server, in order, over its restarts. Thread-safe.
-
-    Attributes:
-        events: Those that have happened; only to be copied.
-        counts: How many there were of each name.
-        goals: How many goals the server was asked for.
-        max_running: The most goals that ever executed at one time.
-    """
+    """All events of a server, in order, over its restarts. Thread-safe."""
 
     def __init__(
         self,
         whose: str = "the server process",
         gives_up: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Make an empty one.
+        """Make an empty journal.
 
-        Args:
-            whose: The writer's name, for error texts.
-            gives_up: Whether to wait no more; asked at each event, and by `wake`.
+        The writer's name is for error texts. `gives_up` says whether to stop waiting; it
+        is asked at each event, and by `wake`.
         """
         self._whose = whose
         self._gives_up = gives_up
-        self.events: list[ServerEvent] = []
-        self.counts: Counter[str] = Counter()
-        self.goals = 0
-        self.max_running = 0
+        self.events: list[ServerEvent] = []  # other code only copies it
+        self.counts: Counter[str] = Counter()  # by name
+        self.goals = 0  # that the server was asked for
+        self.max_running = 0  # at one time
         self._changed = threading.Condition()
         # Keyed by goal and server, because one goal may run in two servers on one name.
         self._accepted: set[tuple[str, int]] = set()
@@ -90,14 +81,14 @@ class Journal:
         self._asked = self._synced = 0
 
     def begin(self) -> int:
-        """Note that a new process starts to write; return its incarnation."""
+        """Record that a new process starts to write; return its incarnation."""
         with self._changed:
             self._incarnation += 1
             self._open = True
             return self._incarnation
 
     def end(self) -> None:
-        """Note that the process is gone: no event follows, and none of its goals runs."""
+        """Record that the process is gone: it writes no more, and its goals do not run."""
         with self._changed:
             self._open = False
             self._accepted.clear()
@@ -105,7 +96,7 @@ class Journal:
             self._changed.notify_all()
 
     def add_line(self, line: bytes) -> None:
-        """Take one line of JSON from the process; a torn line (it was killed) is left out."""
+        """Add one line of JSON from the process; ignore half a line (the process was killed)."""
         try:
             raw: dict[str, Any] = json.loads(line)
             event = ServerEvent(
@@ -117,9 +108,9 @@ class Journal:
         self.add(event)
 
     def add(self, event: ServerEvent) -> None:
-        """Take one event."""
+        """Add one event."""
         with self._changed:
-            if event.event == SYNCED:  # a mark, and nothing that happened
+            if event.event == SYNCED:  # only a mark
                 self._synced = max(self._synced, int(event.details["n"]))
                 self._changed.notify_all()
                 return
@@ -130,17 +121,17 @@ class Journal:
 
     @property
     def incarnation(self) -> int:
-        """Return which process writes: 0 for the first."""
+        """Return the number of the process that writes: 0 for the first."""
         return self._incarnation
 
     def wake(self) -> None:
-        """Have all threads that wait look whether to give up."""
+        """Make all waiting threads check whether to give up."""
         with self._changed:
             self._changed.notify_all()
 
     def _follow(self, event: ServerEvent) -> None:
         if event.event == "restarting":
-            # The last event before the process starts its program again.
+            # This is the last event before the process starts its program again.
             self._incarnation += 1
             self._accepted.clear()
             self._executing.clear()
@@ -161,12 +152,11 @@ class Journal:
     def sync(self, ask: Callable[..., None], timeout: float) -> None:
         """Block until a mark that the process writes now has been read, or the process is gone.
 
-        Args:
-            ask: Has the process write the mark `n`; raises `RuntimeError` where it has ended.
-            timeout: Seconds.
+        `ask` makes the process write the mark `n`; it raises `RuntimeError` if the process has
+        ended.
 
         Raises:
-            TimeoutError: The mark did not come.
+            TimeoutError: The mark did not come within `timeout` seconds.
         """
         with self._changed:
             self._asked += 1
@@ -177,16 +167,16 @@ class Journal:
             return self._synced >= mark or not self._open
 
         while (left := until - time.monotonic()) > 0:
-            with contextlib.suppress(RuntimeError):  # what it wrote last is still to be read
+            with contextlib.suppress(RuntimeError):  # its last output is still to be read
                 ask(n=mark)
             with self._changed:
-                # A process that starts again loses what it was asked before.
+                # A process that starts again loses earlier requests.
                 if self._changed.wait_for(is_over, min(left, _ASKED_AGAIN)):
                     return
         raise TimeoutError(f"{self._whose} did not answer within {timeout:g} s")
 
     def running(self) -> set[str]:
-        """Return the ids of goals accepted and not ended; none once the process is gone."""
+        """Return the ids of goals that are accepted and have not ended; none without a process."""
         with self._changed:
             return {goal_id for goal_id, _ in self._accepted}
 
@@ -199,10 +189,10 @@ class Journal:
         count: int = 1,
         timeout: float = 10.0,
     ) -> list[ServerEvent]:
-        """Block until `count` such events were seen; return those seen.
+        """Block until `count` such events were seen; return all of them.
 
         Raises:
-            EventNotSeenError: After `timeout` seconds, or at once when the process has ended.
+            EventNotSeenError: After `timeout` seconds, or at once if the process has ended.
         """
         found: list[ServerEvent] = []
         seen = 0

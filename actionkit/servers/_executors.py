@@ -1,6 +1,6 @@
 # rclpy has annotations here and there only.
 # mypy: disable-error-code="no-untyped-call"
-"""Executors that suit a server with goals that run long, many at a time."""
+"""Executors for servers with many long goals at the same time."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from actionkit.servers._run import ServerStopping
 
 
 class ThreadPerGoalExecutor(SingleThreadedExecutor):
-    """One thread answers requests, in their order; each executing goal has a thread of its own.
+    """One thread answers requests, in their order; each executing goal has its own thread.
 
-    rclpy's MultiThreadedExecutor hands out a task again and again until a thread of its pool has
-    begun it, so it takes a whole core while the pool is full, and it lets requests overtake each
-    other. rclpy's ActionServer gives coroutine functions to `create_task` for nothing but the
-    execution of goals, which is what tells them apart here.
+    rclpy's MultiThreadedExecutor offers a task again and again until a thread of its pool begins
+    it. So it uses a whole core while the pool is full, and requests overtake each other. rclpy's
+    ActionServer passes coroutine functions to `create_task` only to execute goals: so these tasks
+    can be identified here.
     """
 
     def __init__(self, *, context: Context, on_error: Callable[[BaseException], None]) -> None:
@@ -78,10 +78,10 @@ def make_executor(
 def spin(
     executor: Executor, stopping: Callable[[], bool], on_error: Callable[[BaseException], None]
 ) -> None:
-    """Spin until `stopping`. A callback's exception is reported and does not end it.
+    """Spin until `stopping`. A callback's exception is reported, and the loop goes on.
 
-    rclpy's own `spin` would leave with the first; and some come from rclpy itself, such as a
-    KeyError for a goal that expired while its result was being set.
+    rclpy's own `spin` would end with the first one. Some come from rclpy itself, such as a KeyError
+    for a goal that expired while its result was being set.
     """
     while not stopping() and executor.context.ok():
         try:
@@ -89,5 +89,5 @@ def spin(
         except ServerStopping:
             return
         except Exception as error:  # noqa: BLE001 - any error is reported
-            if executor.context.ok():  # else rclpy's signal handler has just shut it down
+            if executor.context.ok():  # otherwise rclpy's signal handler has just shut it down
                 on_error(error)

@@ -1,6 +1,6 @@
 # rclpy has annotations here and there only.
 # mypy: disable-error-code="no-untyped-call"
-"""Runs one behaviour as real rclpy ActionServers: in a process of its own, or for a fake server."""
+"""Runs one behaviour as real rclpy ActionServers, in its own process or for a fake server."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from actionkit.servers._life import Life
 from actionkit.servers._run import Content, Control, Journal, Run
 
 _JOIN_TIMEOUT = 1.0
-"""Seconds for the spinning thread to end its round, or for a service of our own to be matched; both
-take milliseconds, and a server has to be gone within `_child._STOP_TIMEOUT`."""
+"""Seconds for the spinning thread to end its round, or for our own service to be matched. Both take
+milliseconds, and a server must end within `_child._STOP_TIMEOUT`."""
 
 
 class JournalledServer(ActionServer):
-    """An rclpy ActionServer that notes each request and puts a behaviour behind the callbacks."""
+    """An rclpy ActionServer that records each request, and calls a behaviour in its callbacks."""
 
     def __init__(self, harness: Harness, node: Node, index: int) -> None:
         self._harness = harness
         self._behaviour = harness.behaviour
         self._index = index
         self._goals: dict[str, Run] = {}
-        # The callbacks are not told which client's request they serve; they run on the thread that
-        # takes the request in `execute`.
+        # The callbacks do not get the client's request; but they run on the thread that takes the
+        # request in `execute`.
         self._request = threading.local()
         super().__init__(
             node,
@@ -51,7 +51,7 @@ class JournalledServer(ActionServer):
         )
 
     async def execute(self, taken_data: dict[str, Any]) -> None:
-        """Serve requests that were taken; rclpy calls this."""
+        """Serve requests; rclpy calls this after it has taken them."""
         goal = taken_data.pop("goal", None)
         if goal is not None:
             run = self._make_run(goal[1])
@@ -71,7 +71,7 @@ class JournalledServer(ActionServer):
 
     def _make_run(self, request: Any) -> Run:
         goal_id = _text(request.goal_id)
-        # A request may be sent twice: rclpy itself rejects the second.
+        # If a request is sent twice, rclpy itself rejects the second.
         first = self._goals.get(goal_id)
         run = Run(
             request.goal,
@@ -100,13 +100,13 @@ class JournalledServer(ActionServer):
         try:
             await super().execute({"cancel": cancel})
         except SystemError as error:
-            # rclpy warns, in C, where the client has left or is not discovered yet; this is what
-            # `-W error` makes of it. The server's work is done.
+            # rclpy warns, in C, if the client has left or is not discovered yet; `-W error` makes
+            # an exception of that. The server's work is done.
             if not isinstance(error.__cause__, RuntimeWarning):
                 raise
         for run in cancelled:
-            # Not from the callback: rclpy enters CANCELING only after it, and before that the
-            # goal may not become CANCELED. It may also have ended in between.
+            # Not in the callback: rclpy enters CANCELING only after it, and earlier the goal cannot
+            # become CANCELED. The goal may also have ended in between.
             if run.handle.is_cancel_requested:
                 run.cancel()
                 self._behaviour.cancelled(run)
@@ -124,8 +124,8 @@ class JournalledServer(ActionServer):
         run: Run = self._request.run
         self._harness.control.add(run)
         if self._behaviour.decide(run):
-            # Before the acceptance is sent, for a cancel may follow it at once. A request that
-            # came a second time while the first was being decided does not take its place.
+            # Before the acceptance is sent, because a cancel may follow at once. If the request
+            # came again meanwhile, the first one stays.
             self._goals.setdefault(run.goal_id, run)
             return GoalResponse.ACCEPT
         self._harness.control.discard(run)
@@ -144,7 +144,7 @@ class JournalledServer(ActionServer):
         run = self._goals.get(_text(handle.goal_id))
         if run is None:
             return CancelResponse.REJECT
-        # A goal may be cancelled before `_on_accepted` has got to it.
+        # A goal may be cancelled before `_on_accepted` is called.
         run.handle = handle
         if not self._behaviour.may_cancel(run):
             run.emit("cancel_refused")
@@ -190,13 +190,13 @@ class Harness:
 
         Args:
             make_behaviour: The behaviour's class.
-            options: Its options, all of them.
+            options: All of its options.
             action: The action's class.
             action_name: The name to serve.
-            node_name: Of the first node; those after it have a number more.
-            journal: Where events are written.
-            life: The process's, as the behaviour sees it.
-            foreign: Whether the action is of another type than the behaviour's own.
+            node_name: Of the first node; the names of later nodes end with a number.
+            journal: Gets the events.
+            life: The process, for the behaviour.
+            foreign: Whether the action has another type than the behaviour's own.
             domain_id: The ROS domain; `None` takes the environment's.
 
         Raises:
@@ -211,7 +211,7 @@ class Harness:
         self.foreign = foreign
         self._node_name = node_name
         self._context = Context()
-        # No log files, no signal handlers: the process has its own.
+        # No log files and no signal handlers: the process has its own.
         self._context.init(args=[], initialize_logging=False, domain_id=domain_id)
         self.executor = make_executor(options["threads"], self._context, self._on_error)
         self._canceller: Any = None
@@ -221,7 +221,7 @@ class Harness:
             self.behaviour = make_behaviour(options, self)
             for index in range(self.behaviour.servers):
                 self._servers[index] = JournalledServer(self, self._add_node(), index)
-        except BaseException:  # the error goes on, but nothing is left of the start
+        except BaseException:  # nothing is left behind
             self._take_down()
             raise
         self._spinner = threading.Thread(
@@ -234,8 +234,9 @@ class Harness:
     def publish_status(self) -> None:
         """Publish that there are no goals; call it before `start`.
 
-        rclpy's servers publish a status with their first goal. A client that is sent one knows that
-        the server has found it; else it gives the server 0.1 s for that before its first goal.
+        rclpy's servers publish their first status with their first goal. A client that gets a
+        status knows that the server has discovered it. Otherwise the client's first goal waits 0.1
+        s.
         """
         for server in self._servers.values():
             server._handle.publish_status()
@@ -247,29 +248,25 @@ class Harness:
     def stop(self, seconds: float = 0) -> bool:
         """Leave the ROS graph, at once and properly. Running goals are not ended.
 
-        Args:
-            seconds: How long to wait for the goals' threads, which end at once unless they are in
-                code that is not ours.
-
-        Returns:
-            Whether they have ended.
+        Wait for the goals' threads at most this many seconds; they end at once, unless they run
+        foreign code. Return whether they have ended.
         """
         self.control.stop()
         try:
             if self._context.ok():
-                # Not executor.wake(): that ends a wait, but not spin_once, which needs a task.
+                # Not executor.wake(): that ends a wait, but spin_once ends only with a task.
                 self.executor.create_task(lambda: None)
-            # While it waits, the spinning thread keeps alive what it waits for.
+            # While the spinning thread waits, it keeps its entities alive.
             self._spinner.join(_JOIN_TIMEOUT)
             ended = True
             if isinstance(self.executor, ThreadPerGoalExecutor):
                 ended = self.executor.join_goals(seconds)
-        finally:  # also after a Ctrl-C in one of these waits: nobody calls this a second time
+        finally:  # also after Ctrl-C in one of these waits, because this is not called again
             self._take_down()
         return ended
 
     def _take_down(self) -> None:
-        # It may have been left half-way through a round, which still uses the entities.
+        # The thread may still be in a round that uses the entities.
         self.executor.shutdown(timeout_sec=0)
         for index in list(self._servers):
             self._destroy(index)
@@ -296,15 +293,15 @@ class Harness:
         self._canceller.call_async(request)
 
     def destroy_server(self, index: int) -> None:
-        # On the spinning thread, between two waits: elsewhere it would pull the server out of
-        # the wait set that is being waited on.
+        # On the spinning thread, between two waits: on another thread, it would remove the server
+        # from the wait set during a wait.
         self.executor.create_task(self._destroy, index)
 
     def make_message(self, part: str, content: Content) -> Any:
         """Return a message of the action: its "Feedback" or its "Result"."""
         message = getattr(self.action, part)()
         if self.foreign and not isinstance(content, type(message)):
-            return message  # what the behaviour has to say is about fields of its own type
+            return message  # the behaviour's contents are for fields of its own type
         return message_of(message, content)
 
     # -- private ---------------------------------------------------------------------------

@@ -1,6 +1,6 @@
-"""What countdown and navigate say in messages of actionkit_interfaces. No rclpy here.
+"""The contents of countdown's and navigate's messages of actionkit_interfaces. No rclpy here.
 
-The package is built by `actionkit interfaces build --own`.
+`actionkit interfaces build --own` builds the package.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def duration(path: str, seconds: float) -> dict[str, object]:
 
 
 def counted(goal: Any, left: int) -> Content:
-    """Return what countdown says in its result, `left` before zero."""
+    """Return countdown's result, `left` steps before zero."""
     done = f"counted down from {goal.target}" if left == 0 else f"stopped at {left}"
     return {"completed": left == 0, "message": done}
 
@@ -41,7 +41,7 @@ def way(goal: Any) -> tuple[float, ...]:
 
 
 def refusal(goal: Any) -> str | None:
-    """Return why navigate refuses a goal; `None` if it does not."""
+    """Return why navigate rejects a goal; `None` if it does not."""
     if not all(map(math.isfinite, way(goal))):
         return f"target_pose {way(goal)}"
     if not 0 <= goal.max_velocity < math.inf:
@@ -50,7 +50,7 @@ def refusal(goal: Any) -> str | None:
 
 
 def driving(goal: Any, done: float, seconds_left: float, status: str) -> Content:
-    """Return navigate's feedback; `done` is the part of the way behind it, 0 to 1."""
+    """Return navigate's feedback; `done` is the finished part of the way, 0 to 1."""
     pose = "current_pose.pose"
     place = {
         f"{pose}.position.{axis}": at * done for axis, at in zip("xyz", way(goal), strict=True)

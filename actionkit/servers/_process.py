@@ -1,4 +1,4 @@
-"""Starting, steering and ending a server process. No rclpy here."""
+"""Starts, controls and ends a server process. No rclpy here."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from actionkit.servers._types import type_name
 
 _instances = itertools.count(1)
 _START_TIMEOUT = 20.0
-"""Seconds; a start takes one, and many times that where dozens start on a busy machine."""
+"""Seconds; a start takes one, but many more if dozens start on a busy machine."""
 _STOP_TIMEOUT = 5.0
-"""Seconds until a process is killed; it ends itself after `_child._STOP_TIMEOUT`."""
+"""Seconds until a process is killed; it ends by itself after `_child._STOP_TIMEOUT`."""
 _STDERR_SHOWN = 20_000
-"""Bytes; a few tracebacks, and short enough for the error text of a test."""
+"""Bytes: enough for a few tracebacks, but short enough for a test's error text."""
 
 
 class Server:
-    """One reference server in a process of its own. Made by `start`; a context manager.
+    """One reference server in its own process. Made by `start`; a context manager.
 
     Every method may be called from any thread.
 
     Attributes:
-        name: Which reference server it is.
+        name: The name of the reference server, such as `"fibonacci"`.
         action_name: The action that it serves.
     """
 
@@ -64,7 +64,7 @@ class Server:
         self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed by stop()
         try:
             self._launch()
-        except BaseException:  # the error goes on, but no file is left open
+        except BaseException:  # no file is left open
             self._stderr.close()
             raise
 
@@ -72,13 +72,13 @@ class Server:
 
     @property
     def events(self) -> list[ServerEvent]:
-        """Return all events so far, over restarts, in order."""
+        """Return all events, over restarts, in order."""
         return list(self._journal.events)
 
     def wait_for(
         self, event_name: str, *, goal_id: str | None = None, count: int = 1, timeout: float = 10.0
     ) -> list[ServerEvent]:
-        """Block until the journal shows an event, however long ago it happened.
+        """Block until the journal shows an event; earlier events count, too.
 
         Args:
             event_name: For instance `"accepted"` or `"cancel_requested"`.
@@ -87,31 +87,31 @@ class Server:
             timeout: Seconds to wait.
 
         Returns:
-            All such events so far, `count` or more.
+            All such events until now, `count` or more.
 
         Raises:
             AssertionError: (also a `TimeoutError`) They were not seen in time, or the process
-                ended without them; the message holds the journal.
+                ended without them; the message has the journal.
         """
         return self._journal.wait_for(event_name, goal_id=goal_id, count=count, timeout=timeout)
 
     def sync(self, timeout: float = 10.0) -> None:
-        """Block until all that the process has written into its journal can be read here.
+        """Block until everything that the process has written to its journal can be read here.
 
-        The journal comes by a pipe, and may be behind the server's answers. `"accepted"` and
-        `"executing"` are written only after the answer to a goal: `wait_for` them.
+        The journal comes through a pipe, so it may be later than the server's answers. `"accepted"`
+        and `"executing"` are written only after the answer to a goal: use `wait_for` for them.
 
         Raises:
-            TimeoutError: The process did not answer in so many seconds; it may be paused.
+            TimeoutError: The process did not answer in `timeout` seconds; it may be paused.
         """
         self._journal.sync(partial(self.command, "sync"), timeout)
 
     def count(self, event_name: str) -> int:
-        """Return how many such events there were so far."""
+        """Return how many such events have happened."""
         return self._journal.counts[event_name]
 
     def running(self) -> set[str]:
-        """Return the ids of goals accepted and not ended; none once the process is gone."""
+        """Return the ids of goals that are accepted and have not ended; none without a process."""
         return self._journal.running()
 
     @property
@@ -121,16 +121,16 @@ class Server:
 
     @property
     def stderr(self) -> str:
-        """Return what the process wrote to standard error, rclpy's log: its end, if it is long."""
+        """Return the end of what the process wrote to standard error, such as rclpy's log."""
         if self._stderr.closed:
             return self._last_stderr
-        # pread leaves alone the file offset, which the child shares and writes at.
+        # pread does not move the file offset: the child shares it and writes there.
         descriptor = self._stderr.fileno()
         size = os.fstat(descriptor).st_size
         text = os.pread(descriptor, _STDERR_SHOWN, max(0, size - _STDERR_SHOWN))
         return text.decode(errors="replace")
 
-    # -- steering it -----------------------------------------------------------------------
+    # -- controlling it -------------------------------------------------------------------
 
     def command(self, name: str, **arguments: Option | None) -> None:
         """Send the server a command, such as `command("release", n=2)`.
@@ -153,8 +153,8 @@ class Server:
         """Open the gate at which goals wait (option `gate=1`).
 
         Args:
-            n: Let this many goals through, the first to wait first; `None` opens it for good
-                (until `command("hold")`).
+            n: How many goals to let through, in the order in which they came; `None` opens the gate
+                until `command("hold")`.
         """
         self.command("release", n=n)
 
@@ -162,7 +162,7 @@ class Server:
 
     @property
     def pid(self) -> int:
-        """Return the id of the present (or last) process."""
+        """Return the id of the present or last process."""
         return self._process.pid
 
     @property
@@ -172,14 +172,14 @@ class Server:
 
     @property
     def returncode(self) -> int | None:
-        """Return the exit code; negative is a signal's number; `None` while it runs."""
+        """Return the exit code, or minus the number of a signal; `None` while it runs."""
         return self._process.poll()
 
     def kill(self) -> int:
-        """Send SIGKILL: the server vanishes, and nobody is told. Return the exit code.
+        """Send SIGKILL: the server vanishes without a message. Return the exit code.
 
-        It is sent in a moment in which the process does nothing, where there is one within half a
-        second: otherwise it might hold a lock of the middleware.
+        It is sent at a moment when the process does nothing, if there is one within half a second:
+        otherwise the process might hold a lock of the middleware.
         """
         await_quiet(self.pid)
         return self._end(signal.SIGKILL)
@@ -195,7 +195,7 @@ class Server:
     def pause(self) -> None:
         """Send SIGSTOP and wait for it: the server stays in the ROS graph and answers nothing.
 
-        It is sent in a moment in which the process does nothing, as by `kill`.
+        It is sent at a moment when the process does nothing, as with `kill`.
         """
         await_quiet(self.pid)
         self._process.send_signal(signal.SIGSTOP)
@@ -206,12 +206,12 @@ class Server:
         self._process.send_signal(signal.SIGCONT)
 
     def restart(self) -> None:
-        """Start a new process with the same name and options, ending the present one first.
+        """End the present process, then start a new one with the same name and options.
 
         Servers that count goals, such as flaky and scripted, go on counting.
 
         Raises:
-            RuntimeError: The new process did not come up.
+            RuntimeError: The new process did not start.
         """
         if self._stderr.closed:
             raise RuntimeError(f"the {self.name} server was stopped for good")
@@ -219,7 +219,7 @@ class Server:
         self._launch()
 
     def stop(self) -> None:
-        """End it and free everything. Safe to call twice; nothing can be started afterwards."""
+        """End the process and free everything. Safe to call twice; then nothing can be started."""
         if self._stderr.closed:
             return
         self.terminate()
@@ -243,8 +243,8 @@ class Server:
         command += ["--action", self.action_name, "--type", self._type_name]
         for key, value in self._options.items():
             command += ["--option", f"{key}={format_option(value)}"]
-        # The same interpreter: where ROS comes from wheels, the library path that their
-        # bootstrapper has put into our environment is right for the child, too.
+        # The same interpreter: if ROS comes from wheels, our environment has the library path from
+        # their bootstrapper, which is right for the child, too.
         environment = {**os.environ, INSTANCE_VARIABLE: self._instance}
         environment[GOALS_VARIABLE] = str(self._journal.goals)
         if self._domain_id is not None:
@@ -255,9 +255,8 @@ class Server:
             stdout=subprocess.PIPE,
             stderr=self._stderr,
             env=environment,
-            # Away from the terminal's process group: a Ctrl-C there is meant for the client:
-            # its goal is to be cancelled on a server that still lives. When we die, the
-            # child sees its stdin close and ends, so it is not left behind.
+            # Not in the terminal's process group: Ctrl-C is for the client, and the server must
+            # live to cancel the goal. When we die, the child's stdin is closed, and it ends.
             start_new_session=True,
         )
         incarnation = self._journal.begin()
@@ -268,7 +267,7 @@ class Server:
             self._journal.wait_for("ready", incarnation=incarnation, timeout=_START_TIMEOUT)
         except EventNotSeenError as error:
             if error.ended:
-                # Its stdout is closed; the process itself may take a moment more.
+                # Its stdout is closed; the process itself may need a moment more.
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self._process.wait(_STOP_TIMEOUT)
             code = self.kill()
@@ -279,7 +278,7 @@ class Server:
                 f"the {self.name} server {problem}; it said:\n{self.stderr.rstrip()}"
             ) from None
         except BaseException:
-            # Ctrl-C while it waits: nobody has the object yet that would stop the process.
+            # Ctrl-C during the wait: the caller has no object yet to stop the process.
             self.kill()
             raise
 
@@ -304,7 +303,7 @@ class Server:
         with self._stdin_lock, contextlib.suppress(BrokenPipeError):
             if self._process.stdin is not None:
                 self._process.stdin.close()
-        # The journal is whole once its end of file was read.
+        # The journal is complete when its end of file was read.
         self._reader.join(_STOP_TIMEOUT)
         return code
 
@@ -317,30 +316,31 @@ def start(
     domain_id: int | None = None,
     **options: Option,
 ) -> Server:
-    """Start a reference server in a process of its own and return once it is up.
+    """Start a reference server in its own process; return when it is ready.
 
-    Use the returned `Server` in a `with` statement, or call its `stop()`. The process ends
-    by itself when this one does, however that comes about.
+    Use the returned `Server` in a `with` statement, or call its `stop()`. The process also ends if
+    this process ends in any way.
 
     Args:
-        name: Which server; see `names`, or `python -m actionkit.servers --list`.
+        name: The server's name; see `names`, or `python -m actionkit.servers --list`.
         action_name: The action to serve.
-        action_type: Its type, where that is not the server's own: a class, or a name such as
-            `"my_robot/action/Pick"`. Most servers do without fields of their own: a goal then has
-            `steps=5` steps (an option), and feedback and results are empty messages. The error
-            for one that does not lists those that do. countdown and navigate speak the types of
-            `actionkit_interfaces` only if one is given here, whether it is installed or not.
+        action_type: The action's type, if it is not the server's own: a class, or a name such as
+            `"my_robot/action/Pick"`. Most servers work with any type: then a goal has `steps=5`
+            steps (an option), and feedback and results are empty messages. For other servers, the
+            error lists those that work. countdown and navigate use the types of
+            `actionkit_interfaces` only if one is given here, even if the package is installed.
         domain_id: Its ROS domain; `None` takes the environment's.
         options: The server's own options, such as `period=0.1`; a script is a list.
 
     Returns:
-        The running server, already announced to the ROS graph.
+        The running server, which is already in the ROS graph.
 
     Raises:
         TypeError: `action_type` is not an action type.
-        ValueError: There is no such server or option, an option's value is not right, or the
+        ValueError: There is no such server or option, the value of an option is wrong, or the
             server cannot serve that type.
-        RuntimeError: The process ended, or was not up within 20 seconds; says what it said.
+        RuntimeError: The process ended, or was not ready within 20 seconds; the text has its
+            output.
     """
     behaviour = behaviour_named(name)
     served = behaviour.action_type if action_type is None else type_name(action_type)

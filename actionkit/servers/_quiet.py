@@ -1,9 +1,9 @@
-"""Waiting for a moment in which a process does nothing, before it is stopped for good.
+"""Waits until a process does nothing for a moment, before it is killed or paused.
 
-Fast DDS shares memory, and locks in it, with every process on the machine. One that is killed while
-it holds such a lock blocks each process that talks to it for seconds, and may crash that process;
-see `docs/losing-the-server.md`. A test that kills a server for another reason should not meet this
-fault from time to time.
+Fast DDS shares memory, with locks in it, with all processes on the machine. If a process is killed
+while it holds such a lock, it blocks each process that talks to it for seconds, and may crash it;
+see `docs/losing-the-server.md`. A test that kills a server for another reason should not sometimes
+get this fault, too.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import time
 from pathlib import Path
 
 _MOMENT = 0.005
-"""Seconds; what Fast DDS does under such a lock takes microseconds."""
+"""Seconds; Fast DDS holds such a lock for microseconds."""
 _PATIENCE = 0.5
-"""Seconds; an idle server is quiet at once, and one that floods never is."""
+"""Seconds; an idle server is quiet at once, but a server that floods is never quiet."""
 
 
 def await_quiet(pid: int) -> None:
-    """Return when no thread of the process has run for 5 ms, but after half a second in any case.
+    """Return when no thread of the process has run for 5 ms, or after half a second.
 
-    It returns at once where there is no `/proc`, or no such process.
+    It returns at once if there is no `/proc`, or no such process.
     """
     until = time.monotonic() + _PATIENCE
     before = _threads(pid)
@@ -33,7 +33,7 @@ def await_quiet(pid: int) -> None:
 
 
 def _threads(pid: int) -> list[tuple[str, str]]:
-    """Return the state of each thread, and how often it has gone to sleep."""
+    """Return the state of each thread, and how many times it has gone to sleep."""
     found = []
     for path in sorted(Path(f"/proc/{pid}/task").glob("*/status")):
         try:

@@ -1,4 +1,4 @@
-"""The reference servers by their names. No rclpy here, so that they can be listed without it."""
+"""Finds reference servers by name. No rclpy here, so that listing them does not need it."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ _BEHAVIOURS: dict[str, type[Behaviour]] = {
 
 
 def names() -> dict[str, str]:
-    """Return the reference servers: name to one-line description, sorted."""
+    """Return the reference servers: name -> description in one line, sorted."""
     return {name: (cls.__doc__ or "").splitlines()[0] for name, cls in _BEHAVIOURS.items()}
 
 
 def behaviour_named(name: str) -> type[Behaviour]:
-    """Return the behaviour of that name.
+    """Return the behaviour with that name.
 
     Raises:
-        ValueError: There is none.
+        ValueError: There is no such behaviour.
     """
     try:
         return _BEHAVIOURS[name]
@@ -61,11 +61,9 @@ def behaviour_named(name: str) -> type[Behaviour]:
 
 
 def is_foreign(server: str, name: str) -> bool:
-    """Return whether a type is another than the reference server's own, and served all the same.
+    """Return whether a type is not the reference server's own, but is served all the same.
 
-    Args:
-        server: The server's name.
-        name: The type's name, such as `test_msgs/action/Fibonacci`.
+    `name` is the type's name, such as `test_msgs/action/Fibonacci`.
 
     Raises:
         ValueError: There is no such server, or it makes no sense for that type.

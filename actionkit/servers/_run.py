@@ -1,4 +1,4 @@
-"""One goal on its server, and the gate that goals may be made to wait at. No rclpy here."""
+"""One goal on its server, and the gate where goals can be made to wait. No rclpy here."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, TypeAlias
 
 Content: TypeAlias = Sequence[int] | Mapping[str, object]
-"""What a message says: its `sequence`, or its fields by path, as `{"goal_info.stamp.sec": 3}`. A
-message itself does too: it is sent as it is."""
+"""The contents of a message: its `sequence`, or its fields by path, as `{"goal_info.stamp.sec":
+3}`. A message is possible, too: it is sent unchanged."""
 
 
 class ServerStopping(BaseException):
-    """Ends a goal's thread when the process is to end.
+    """Ends a goal's thread when the process must end.
 
-    Not an `Exception`: rclpy would take that for a failed goal, abort it and print a traceback.
+    Not an `Exception`: for rclpy, that would be a failed goal; it would abort it and print a
+    traceback.
     """
 
 
 class GoalStopped(Exception):
-    """The goal is to stop: it is being cancelled, or another one takes its place."""
+    """The goal must stop: it is being cancelled, or another goal replaces it."""
 
 
 class Journal(Protocol):
-    """Where events are written. Holding the lock keeps others from writing in between."""
+    """Takes events. While a thread holds the lock, no other thread writes."""
 
     lock: Any
 
@@ -34,14 +35,14 @@ class Journal(Protocol):
 
 
 class Control:
-    """What all goals of a process share: the end of the process, and the gate."""
+    """Shared by all goals of a process: the end of the process, and the gate."""
 
     def __init__(self) -> None:
         self.stopping = False
         self._lock = threading.Lock()
         self._runs: set[Run] = set()
         self._waiting: deque[Run] = deque()
-        self._tickets = 0.0  # how many goals more may pass; infinite while the gate is open
+        self._tickets = 0.0  # how many more goals may pass; infinite while the gate is open
 
     def add(self, run: Run) -> None:
         with self._lock:
@@ -60,7 +61,7 @@ class Control:
             run.wake()
 
     def release(self, n: int | None = None) -> None:
-        """Let `n` goals through the gate, the first to wait first; `None`: open it."""
+        """Let the first `n` waiting goals through the gate; `None` opens it."""
         with self._lock:
             self._tickets = math.inf if n is None else self._tickets + n
             while self._waiting and self._tickets:
@@ -72,7 +73,7 @@ class Control:
             self._tickets = 0
 
     def arrive(self, run: Run) -> None:
-        """Let the goal through the gate, or put it at the end of the queue before it."""
+        """Let the goal through the gate, or put it at the end of the queue there."""
         with self._lock:
             if self._tickets:
                 self._pass(run)
@@ -92,7 +93,7 @@ class Control:
 
 
 class Run:
-    """One goal, from its request on. Its waits end at once on a cancel, without polling."""
+    """One goal, from its request on. A cancel ends its waits at once, without polling."""
 
     def __init__(
         self,
@@ -111,9 +112,9 @@ class Run:
         self.goal_id = goal_id
         self.handle: Any = None  # rclpy's ServerGoalHandle, once the goal is accepted
         self.server = server  # which of the action servers on the name
-        self.number = number  # how many goals were asked for before, restarts included
+        self.number = number  # how many goals came before, also before restarts
         self.reason: str | None = None  # of its rejection
-        self.content: Content = ()  # what its result says, unless its end says otherwise
+        self.content: Content = ()  # the contents of its result, unless its end has others
         self.notes: Any = None  # the behaviour's own
         self.earlier: frozenset[Run] = frozenset()  # the goals that it replaces
         self.steps = 0  # of its script that have begun
@@ -138,7 +139,7 @@ class Run:
         self._journal.emit(event, self.goal_id, **details)
 
     def refuse(self, reason: str) -> bool:
-        """Return `False`, for `decide`; the journal will say why."""
+        """Return `False`, for `decide`; the journal gets the reason."""
         self.reason = reason
         return False
 
@@ -147,13 +148,13 @@ class Run:
         try:
             self.handle.execute()
         except RuntimeError:
-            # A cancel came between rclpy's look at the state and its step to EXECUTING.
+            # A cancel came between rclpy's check of the state and its change to EXECUTING.
             if not self.handle.is_cancel_requested:
                 raise
             self.handle.execute()
 
     def drop(self) -> None:
-        """End as CANCELED, without executing, a goal that is being cancelled."""
+        """End a goal that is being cancelled as CANCELED, without executing it."""
         self.dropped = True
         self.begin()
 
@@ -163,28 +164,28 @@ class Run:
         self._wake.set()
 
     def cancel(self) -> None:
-        """Note that the goal has entered the state CANCELING."""
+        """Record that the goal has entered CANCELING."""
         self.cancelled = True
         self.wake()
 
     def preempt(self) -> None:
-        """Note that another goal is to take this one's place."""
+        """Record that another goal replaces this one."""
         self.preempted = True
         self.wake()
 
     def request_result(self) -> None:
-        """Note that a client asked for the goal's result."""
+        """Record that a client has asked for the goal's result."""
         self.result_requested = True
         self.wake()
 
-    # -- waits; each raises ServerStopping when the process is to end, and all but two GoalStopped
+    # -- waits: all raise ServerStopping when the process must end, all except two GoalStopped
 
     def pause(self, seconds: float) -> None:
-        """Wait so long; with 0, only look whether the goal is to stop."""
+        """Wait that long; with 0, only check whether the goal must stop."""
         self._wait(lambda: False, seconds)
 
     def wait_gate(self) -> None:
-        """Wait until let through the gate."""
+        """Wait until the gate lets the goal through."""
         self.passed = False
         self._control.arrive(self)
         try:
@@ -195,7 +196,7 @@ class Run:
     def wait_result_request(self) -> None:
         """Wait until a client has asked for the result.
 
-        A client may cancel right after it asked, before this thread wakes: the cancel counts.
+        If a client cancels right after that, before this thread wakes, the cancel counts.
         """
         self._wait(lambda: self.result_requested, None)
 
@@ -223,7 +224,7 @@ class Run:
     def _sleep(self, until: Callable[[], bool], seconds: float | None) -> None:
         deadline = None if seconds is None else time.monotonic() + seconds
         while True:
-            # Cleared before looking: code that changes something after that sets it again.
+            # Cleared before the check: code that changes something later sets it again.
             self._wake.clear()
             if self._control.stopping:
                 raise ServerStopping
@@ -237,27 +238,23 @@ class Run:
     # -- what the client sees --------------------------------------------------------------
 
     def feedback(self, content: Content, *, journal: bool = True) -> None:
-        """Publish feedback, and keep it as the result; write a journal event about it, or not."""
+        """Publish feedback, and keep it as the result; `journal` says whether to write an event."""
         if self._control.stopping:
             raise ServerStopping
         self.content = content
         self._feedbacks += 1
         try:
             self.handle.publish_feedback(self._make_message("Feedback", content))
-        except RuntimeError as error:  # RCLError, InvalidHandle: the server is being taken down
+        except RuntimeError as error:  # RCLError, InvalidHandle: the server is ending
             self.emit("error", message=f"feedback: {error}")
         else:
             if journal:
                 self.emit("feedback", n=self._feedbacks)
 
     def succeed(self, content: Content | None = None) -> Any:
-        """End as SUCCEEDED.
+        """End as SUCCEEDED; return the result message, which `execute` has to return.
 
-        Args:
-            content: What the result says; `None` means `self.content`.
-
-        Returns:
-            The result message, which `execute` has to return.
+        `content` is what the result says; `None` means `self.content`.
         """
         return self._end("succeeded", self.handle.succeed, content)
 
@@ -266,14 +263,14 @@ class Run:
         return self._end("canceled", self.handle.canceled, None)
 
     def abort(self, content: Content | None = None) -> Any:
-        """End as ABORTED; the rest is as for `succeed`."""
+        """End as ABORTED; otherwise like `succeed`."""
         return self._end("aborted", self.handle.abort, content)
 
     def _end(self, event: str, transition: Callable[[], None], content: Content | None) -> Any:
         if self._control.stopping:
             raise ServerStopping
-        # Under the lock, because a client may answer the published status with a new goal at
-        # once: in the journal, that goal must not come before this one's end.
+        # Under the lock, because a client may send a new goal at once after the published status:
+        # in the journal, that goal must come after this one's end.
         with self._journal.lock:
             self.ended = True
             try:

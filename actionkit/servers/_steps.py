@@ -1,4 +1,4 @@
-"""Scripts: the words of their steps, and the check that they are right. No rclpy here."""
+"""Reads and checks scripts and their steps. No rclpy here."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 _INT32 = 2**31
-"""Numbers from here on do not fit into the int32 fields of Fibonacci."""
+"""This number and larger ones do not fit into the int32 fields of Fibonacci."""
 _MOST_SECONDS = 1e9
-"""Thirty years: for ever, in a test, and no clock overflows."""
+"""Thirty years: for ever in a test, and no clock overflows."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step: its word, and what goes with it."""
+    """One step: its word and its values."""
 
     word: str
     value: Any = None
@@ -24,19 +24,12 @@ class Step:
 
 @dataclass(frozen=True)
 class Script:
-    """What happens to one goal.
+    """What happens to one goal."""
 
-    Attributes:
-        before: The steps that are done before the request is answered.
-        decision: The answer: "accept", "accept_after", "reject" or "no_answer".
-        explicit: The answer is written in the script.
-        after: The steps after the acceptance.
-    """
-
-    before: tuple[Step, ...]
-    decision: Step
-    explicit: bool
-    after: tuple[Step, ...]
+    before: tuple[Step, ...]  # the steps before the answer to the request
+    decision: Step  # "accept", "accept_after", "reject" or "no_answer"
+    explicit: bool  # whether the answer is written in the script
+    after: tuple[Step, ...]  # the steps after the acceptance
 
 
 def _seconds(value: Any) -> bool:
@@ -65,22 +58,13 @@ def _alone(value: object) -> bool:
 
 @dataclass(frozen=True)
 class _Word:
-    """How a step is written, and where it may be.
+    """How to write a step, and where it may be."""
 
-    Attributes:
-        example: How it is written.
-        right: Whether a value fits.
-        decides: It answers the request, so it comes at most once, and nothing that executes comes
-            before.
-        early: It may come before the answer.
-        ends: Nothing follows.
-    """
-
-    example: str
-    right: Callable[[object], bool] = _alone
-    decides: bool = False
-    early: bool = False
-    ends: bool = False
+    example: str  # how to write it
+    right: Callable[[object], bool] = _alone  # whether a value fits
+    decides: bool = False  # it answers the request: only once, and before all steps that execute
+    early: bool = False  # it may come before the answer
+    ends: bool = False  # nothing may follow
 
 
 _WORDS = {
@@ -108,14 +92,14 @@ _WORDS = {
 }
 
 MODES = ("refuse_cancel", "ignore_cancel", "heed_cancel", "cancel_after")
-"""The steps that say what happens at a cancel."""
+"""The steps that say how to react to a cancel."""
 
 
 def parse_scripts(text: str) -> list[Script]:
     """Return the scripts, one or more, in a text of JSON.
 
     Raises:
-        ValueError: It is not JSON, or a step of it is not right; says which one, and why.
+        ValueError: It is not JSON, or a step is wrong; the text says which one, and why.
     """
     try:
         raw = json.loads(text)
@@ -127,10 +111,10 @@ def parse_scripts(text: str) -> list[Script]:
 
 
 def read_scripts(raw: list[Any]) -> list[Script]:
-    """Return the scripts in what JSON has become.
+    """Return the scripts in data from JSON.
 
     Raises:
-        ValueError: A step is not right; says which one, and why.
+        ValueError: A step is wrong; the text says which one, and why.
     """
     if not any(isinstance(step, list) for step in raw):
         return [_script(raw, "script")]
@@ -152,7 +136,7 @@ def _script(raw: list[Any], where: str) -> Script:
         rest = steps[at + 1 :]
         decision = steps[at]
     else:
-        # What is said of cancels holds from the acceptance on.
+        # Steps about cancels are valid from the acceptance on.
         at = next((i for i, step in enumerate(steps) if step.word not in MODES), len(steps))
         rest = steps[at:]
         decision = Step("accept")

@@ -1,4 +1,4 @@
-"""The name of an action's type, and the type of that name. No rclpy here."""
+"""Finds the name of an action type, and the type by its name. No rclpy here."""
 
 from __future__ import annotations
 
@@ -13,12 +13,11 @@ _PARTS = ("Goal", "Result", "Feedback", "Impl")
 def type_name(action_type: object) -> str:
     """Return the name of an action type, such as `test_msgs/action/Fibonacci`.
 
-    Args:
-        action_type: Its class, or its name.
+    `action_type` is its class or its name.
 
     Raises:
         TypeError: It is neither.
-        ValueError: It is a text, and not of that form.
+        ValueError: It is a str that is not such a name.
     """
     if isinstance(action_type, str):
         if _NAME.fullmatch(action_type):
@@ -45,7 +44,7 @@ def load_type(name: str) -> Any:
     package, _, kind = name.split("/")
     try:
         found = getattr(importlib.import_module(f"{package}.action"), kind, None)
-    except Exception as error:  # any error of a broken package
+    except Exception as error:  # a broken package may raise any error
         raise ValueError(
             f"the action type {name} cannot be imported ({type(error).__name__}: {error})."
             f" {_remedy(package)}"
