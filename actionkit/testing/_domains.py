@@ -1,4 +1,4 @@
-"""ROS domains that no other test run on this machine uses at the same time."""
+"""Finds ROS domains that no other test run on this machine uses at the same time."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from contextlib import contextmanager
 from pathlib import Path
 
 _FIRST, _LAST = 1, 101
-"""Above 101 the ports of a domain reach into Linux's ephemeral range, where any program's
-connection may use them. 0 is everybody's default."""
+"""Domains above 101 use ports in Linux's ephemeral range, where any program's connection may use
+them. 0 is the default for everybody."""
 _COUNT = _LAST - _FIRST + 1
 
 
 @contextmanager
 def isolated_domain() -> Iterator[int]:
-    """Hold a ROS domain that no other holder on this machine has meanwhile.
+    """Reserve a ROS domain, so that no other caller on this machine gets it meanwhile.
 
-    It is held by a lock on a file, which the system drops when the process dies. Domains are given
-    out in turn, over all processes, so one that was just given back is not used for a while: its
-    last users may not have left the middleware's discovery.
+    A lock on a file reserves it; the system releases the lock when the process dies. All processes
+    take the domains in turn, so a domain that was just released is not used for a while: the
+    middleware may still discover its last users.
 
     Yields:
-        Its id, 1 to 101.
+        The id of the domain, 1 to 101.
 
     Raises:
         RuntimeError: All domains are taken.
@@ -59,7 +59,7 @@ def _claim(directory: Path) -> tuple[int, int]:
             except OSError:
                 os.close(descriptor)
                 continue
-            # Of one width, so that a shorter number leaves no digit of the last one.
+            # All of one width, so that a shorter number leaves no digit of the last one.
             os.pwrite(turn, f"{domain:<4}".encode(), 0)
             return domain, descriptor
     finally:

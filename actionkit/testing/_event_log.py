@@ -1,4 +1,4 @@
-"""A list that one thread fills and another waits on."""
+"""A list that one thread fills and another thread waits for."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class EventLog(Generic[T]):
-    """A list of what was seen, in order. Pass it, or its `append`, as a callback or an observer.
+    """A list of events, in order. Pass it, or its `append`, as a callback or an observer.
 
     log = EventLog()
     future = client.call_async(goal, on_feedback=log)
@@ -28,7 +28,7 @@ class EventLog(Generic[T]):
         self._items: list[T] = []
 
     def append(self, item: T) -> None:
-        """Note `item` and wake the threads that wait. From any thread."""
+        """Append `item` and wake the threads that wait. From any thread."""
         with self._changed:
             self._items.append(item)
             self._changed.notify_all()
@@ -36,12 +36,12 @@ class EventLog(Generic[T]):
     __call__ = append
 
     def on_event(self, event: T, call: object) -> None:
-        """Note a `GoalEvent`: what makes this an observer of a client."""
+        """Append a `GoalEvent`; with this method, the log is an observer of a client."""
         self.append(event)
 
     @property
     def items(self) -> list[T]:
-        """Return a copy of everything so far."""
+        """Return a copy of all items."""
         with self._changed:
             return list(self._items)
 
@@ -64,18 +64,18 @@ class EventLog(Generic[T]):
     def wait_for(
         self, wanted: int | Callable[[T], object], timeout: float = 5.0, **unknown: Never
     ) -> list[T] | T:
-        """Block until something was noted, without polling.
+        """Block until the wanted items are there, without polling.
 
         Args:
-            wanted: How many items there have to be; or what has to hold for one of them. It is
-                asked once about each.
+            wanted: How many items must be there; or a function that must be true for one item. It
+                is called once with each item.
             timeout: Seconds to wait.
 
         Returns:
-            All items so far; or the first that it holds for.
+            All items; or the first item for which the function is true.
 
         Raises:
-            TimeoutError: It did not come; the message holds the items.
+            TimeoutError: They did not come in time; the message has the items.
         """
         refuse_unknown(unknown, self.wait_for)
         found: list[T] = []

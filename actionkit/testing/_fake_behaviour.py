@@ -1,6 +1,6 @@
 # rclpy has annotations here and there only.
 # mypy: disable-error-code="no-untyped-call"
-"""What a fake server does when goals come. Imports rclpy, so it is imported late."""
+"""Serves the goals of a fake server. Imports rclpy, so it is imported late."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from actionkit.servers._run import Journal, Run, ServerStopping
 from actionkit.testing._fake_plans import Plan, Script
 
 _LONGEST = 60
-"""Characters of the action's name that the node's name repeats; ROS allows 255 in all."""
+"""Characters of the action's name in the node's name; ROS allows 255 in all."""
 
 
 def check_name(name: object) -> str:
@@ -44,11 +44,7 @@ def check_name(name: object) -> str:
 
 
 class Goals:
-    """The goals that a fake server has received, and the plan of each.
-
-    Attributes:
-        received: The goals' messages, in the order of their requests.
-    """
+    """The goals that a fake server has received, and the plan of each."""
 
     def __init__(self, script: Script, on_error: Callable[[BaseException], None]) -> None:
         self.script = script
@@ -57,7 +53,7 @@ class Goals:
         self._entries: dict[str, Plan | Callable[[Any], Any]] = {}
 
     def enter(self, run: Run) -> Plan | Callable[[Any], Any]:
-        """Note a request; return the goal's plan, the same where a request is sent again."""
+        """Record a request; return the goal's plan. A repeated request gets the same plan."""
         if run.goal_id not in self._entries:
             self._entries[run.goal_id] = self.script.take()
             self.received.append(run.goal)
@@ -65,7 +61,7 @@ class Goals:
 
 
 class Fake(Behaviour):
-    """Does what the plan of each goal says; what a function of the user's raises is kept."""
+    """Follows the plan of each goal; errors of the user's functions are kept."""
 
     any_type = True
 
@@ -80,7 +76,7 @@ class Fake(Behaviour):
         run.notes = self._goals.enter(run)
 
     def takes_time_to_decide(self, run: Run) -> bool:
-        # A function of the user's may take as long as it likes: other requests are answered.
+        # A user's function may take any time: other requests are answered meanwhile.
         return not isinstance(run.notes, Plan) or run.notes.asks_early
 
     def decide(self, run: Run) -> bool:
@@ -122,7 +118,7 @@ class Fake(Behaviour):
                 self._running.discard(run)
                 others = list(self._running)
             for other in others:
-                other.wake()  # it may wait for this end
+                other.wake()  # it may wait for the end of this goal
 
     def execute(self, run: Run) -> object:
         plan: Plan = run.notes
@@ -134,7 +130,7 @@ class Fake(Behaviour):
         run.pause(0)
         end = plan.settings["end"]
         if end == "never":
-            run.wait_until(lambda: False)  # raises where it is to stop
+            run.wait_until(lambda: False)  # raises if the goal must stop
         result = plan.value("result", run.goal)
         run.pause(0)
         if end == "canceled":
@@ -145,8 +141,8 @@ class Fake(Behaviour):
 
     def stopped(self, run: Run) -> object:
         if not (run.cancelled and run.heeds_cancel):
-            return run.abort(())  # preempted: Nav2's servers, too, send an empty result then
-        # Where the plan's end is another, its result speaks of something that did not happen.
+            return run.abort(())  # preempted: with an empty result, as Nav2's servers do
+        # If the plan has another end, its result is not for a cancelled goal.
         meant = run.notes.settings["end"] in ("never", "canceled")
         run.content = run.notes.value("result", run.goal) if meant else ()
         return run.canceled()
@@ -158,11 +154,11 @@ class Fake(Behaviour):
 
     @staticmethod
     def _enter_canceling(run: Run) -> None:
-        """Do what a client's request to cancel does: ROS permits CANCELED only after it."""
+        """Enter CANCELING like after a client's request: ROS permits CANCELED only then."""
         try:
             run.handle._update_state(GoalEvent.CANCEL_GOAL)
         except RuntimeError:
-            if not run.handle.is_cancel_requested:  # a client was quicker: that is as good
+            if not run.handle.is_cancel_requested:  # otherwise a client was quicker, which is fine
                 raise
 
 
@@ -171,13 +167,7 @@ def make_harness(
 ) -> Harness:
     """Return a fake server's ROS side, which answers nothing before it is started.
 
-    Args:
-        goals: Its goals.
-        action: The action's class.
-        name: The action's name.
-        domain_id: The ROS domain; `None` takes the environment's.
-        number: Of this fake server, among those of this process.
-        journal: Where events are written.
+    `number` counts the fake servers of this process. A domain of `None` takes the environment's.
     """
     options = {**COMMON_OPTIONS, "steps": 0}
     short = re.sub(r"\W|__+", "_", name)[-_LONGEST:].strip("_")

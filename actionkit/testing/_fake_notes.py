@@ -1,4 +1,4 @@
-"""What a fake server notes of its goals, and by which names tests wait for it."""
+"""Records a fake server's events, and checks the event names that tests wait for."""
 
 from __future__ import annotations
 
@@ -27,8 +27,7 @@ EVENTS = (
 class Notes:
     """The journal of a fake server, as its ROS side writes it.
 
-    Attributes:
-        lock: Holding it keeps others from writing in between.
+    While a thread holds the lock, no other thread writes.
     """
 
     def __init__(
@@ -48,8 +47,8 @@ class Notes:
                 return
             self._known.add(goal_id)
             event, details = "received", {"number": len(self._received) - 1}
-        details.pop("order", None)  # it is for Fibonacci's goals
-        # Clients ask for the cancel of goals that do not exist to see whether a server is alive.
+        details.pop("order", None)  # only for goals of Fibonacci
+        # To see whether a server is alive, clients cancel goals that do not exist.
         if event not in EVENTS or details.pop("running", None) is False:
             return
         with self.lock:

@@ -1,4 +1,4 @@
-"""What a fake server does with its goals: checked settings, and functions that give them."""
+"""Says what a fake server does with its goals: checked settings, or functions for them."""
 
 from __future__ import annotations
 
@@ -19,39 +19,33 @@ from actionkit._model.similar_names import similar_names
 ENDS = ("succeeded", "aborted", "canceled", "never")
 CANCELS = ("accept", "refuse", "ignore")
 EARLY = ("accept", "period", "end", "cancel", "preempts")
-"""Settings that have to be known before a goal is accepted."""
+"""Settings that must be known before a goal is accepted."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What happens to a goal: each setting is a checked value, or a function of the goal.
+    """What happens to a goal: each setting is a checked value, or a function of the goal."""
 
-    Attributes:
-        action: The action's class.
-        settings: All of them, by name.
-        where: How an error calls the place that they come from: `""`, or `"script[2]."`.
-    """
-
-    action: Any
-    settings: Mapping[str, Any]
-    where: str = ""
+    action: Any  # the action's class
+    settings: Mapping[str, Any]  # all of them, by name
+    where: str = ""  # the place of the settings, for errors: `""` or `"script[2]."`
 
     @classmethod
     def checked(cls, action: Any, settings: Mapping[str, Any]) -> Plan:
-        """Return the plan of settings that are all given.
+        """Return the plan for a complete set of settings.
 
         Raises:
-            TypeError, ValueError: A setting is not right.
+            TypeError, ValueError: A setting is wrong.
         """
         return cls(
             action, {name: checked(action, name, value, name) for name, value in settings.items()}
         )
 
     def changed(self, settings: object, where: str) -> Plan:
-        """Return a plan with some settings in place of these.
+        """Return a plan with some settings replaced.
 
         Raises:
-            TypeError, ValueError: A setting is not right, or there is none of that name.
+            TypeError, ValueError: A setting is wrong, or does not exist.
         """
         if not isinstance(settings, Mapping):
             raise TypeError(
@@ -71,23 +65,23 @@ class Plan:
 
     @property
     def asks_early(self) -> bool:
-        """Return whether a function of the user's is asked before the goal is accepted."""
+        """Return whether a user's function is called before the goal is accepted."""
         return any(callable(self.settings[name]) for name in EARLY)
 
     def settled(self, goal: Any) -> Plan:
-        """Return the plan with the settings known that are needed before the acceptance."""
+        """Return the plan with values for the settings that are needed before the acceptance."""
         known = {name: self.value(name, goal) for name in EARLY}
         return Plan(self.action, {**self.settings, **known}, self.where)
 
     def value(self, name: str, goal: Any) -> Any:
-        """Return a setting for a goal. A function's answer is checked; what it raises goes on."""
+        """Return a setting for a goal. A function's answer is checked, its errors go on."""
         setting = self.settings[name]
         if not callable(setting):
             return setting
         return checked_value(self.action, name, setting(goal), self.where + name)
 
     def feedback(self, goal: Any) -> Iterator[Any]:
-        """Yield the feedback messages for a goal; those of a generator as they come."""
+        """Yield the feedback messages for a goal; from a generator, each when it comes."""
         setting = self.settings["feedback"]
         if not callable(setting):
             return iter(setting)
@@ -95,7 +89,7 @@ class Plan:
 
 
 class Script:
-    """Gives each goal its plan: those of the script in turn, then the server's own settings.
+    """Gives each goal its plan: from the script in turn, then the server's own settings.
 
     Safe to use from any thread.
     """
@@ -107,10 +101,10 @@ class Script:
         self._all: Callable[[Any], Any] | None = None
 
     def replace(self, script: object) -> None:
-        """Forget what is left, and do this from the next goal on.
+        """Drop the rest of the old script, and use this one from the next goal on.
 
         Raises:
-            TypeError, ValueError: It is not right; says where, and why.
+            TypeError, ValueError: It is wrong; the text says where, and why.
         """
         wanted = "a function (goal) -> mapping of settings"
         if callable(script):
@@ -136,21 +130,21 @@ class Script:
             self._all = every and (lambda goal: (every(goal), "script"))
 
     def take(self) -> Plan | Callable[[Any], Any]:
-        """Return the plan of the next goal, or the function that gives it."""
+        """Return the plan of the next goal, or a function for it."""
         with self._lock:
             return self._next.popleft() if self._next else self._all or self._defaults
 
     def asked(self, function: Callable[[Any], Any], goal: Any) -> Plan:
-        """Return the plan that a function gives for a goal; what it raises goes on."""
+        """Return a function's plan for a goal; its errors are not caught."""
         settings, where = function(goal)
         return self._defaults if settings is None else self._defaults.changed(settings, where)
 
 
 def checked(action: Any, name: str, value: object, path: str) -> Any:
-    """Return a setting, checked: a function as it is, a value as messages or plain values.
+    """Return a checked setting: a function unchanged, or a value as messages or plain values.
 
     Raises:
-        TypeError, ValueError: It is not right; the text begins with the path.
+        TypeError, ValueError: It is wrong; the text begins with the path.
     """
     if callable(value) and not (name in ("feedback", "result") and is_message_class(value)):
         check_function(path, value, "a value, or a function of the goal that returns it")
@@ -163,10 +157,10 @@ def checked(action: Any, name: str, value: object, path: str) -> Any:
 
 
 def checked_value(action: Any, name: str, value: Any, path: str) -> Any:
-    """Return a setting other than the feedback, checked and no function.
+    """Return a checked value of a setting that is not the feedback.
 
     Raises:
-        TypeError, ValueError: It is not right; the text begins with the path.
+        TypeError, ValueError: It is wrong; the text begins with the path.
     """
     if name == "result":
         return action.Result() if value is None else _message(action.Result, value, path)
@@ -184,10 +178,10 @@ def checked_value(action: Any, name: str, value: Any, path: str) -> Any:
 
 
 def feedback_of(action: Any, value: Any, path: str) -> Iterator[Any]:
-    """Yield feedback messages, each checked when its turn comes.
+    """Yield feedback messages; each is checked when its turn comes.
 
     Raises:
-        TypeError, ValueError: It is not a list of feedback, or one of them is not right.
+        TypeError, ValueError: It is not a list of feedback, or a message is wrong.
     """
     single = isinstance(value, (str, bytes, Mapping)) or is_message_class(type(value))
     if single or not isinstance(value, Iterable):

@@ -1,4 +1,4 @@
-"""A server of any action type, in the process of the test that uses it."""
+"""A fake server for any action type, in the process of the test."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 _numbers = itertools.count(1)
 _STOP_TIMEOUT = 3.0
-"""Seconds for functions of the user's to return; all else ends in milliseconds."""
+"""Seconds for the user's functions to return; all else ends in milliseconds."""
 _IN_VIEW_WITHIN = 5.0
-"""Seconds until clients of this process see a new server; it takes 0.1 to 0.3 mostly."""
+"""Seconds until clients of this process see a new server; normally 0.1 to 0.3."""
 
 
 class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
@@ -42,14 +42,14 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             mission.run()
             assert server.goals == [Pick.Goal(object_id="mug")]
 
-    It has a ROS context and threads of its own, and needs no `rclpy.init()`. What a goal meets is
-    said by the settings, the same for every goal; by functions of the goal, in place of a setting's
-    value; or by `script`, for each goal in turn. A function runs on the goal's own thread. Where
-    one raises, the goal is rejected, or aborted once it was accepted, and the exception is raised
-    in the test: by `wait_for`, or at the latest by `stop` or the end of the `with` statement.
+    It has its own ROS context and threads, and does not need `rclpy.init()`. The settings say what
+    happens to goals: with values, the same for every goal; with functions of the goal in place of
+    values; or with `script`, for each goal in turn. A function runs on the goal's own thread. If it
+    raises, the goal is rejected (or aborted, if it was accepted), and the test gets the exception:
+    from `wait_for`, or at the latest from `stop` or the end of the `with` statement.
 
-    Every method may be called from any thread. Ending the server leaves goals that are running as
-    they are, as the end of a real server does.
+    Every method may be called from any thread. When the server ends, it does not end its running
+    goals, like a real server.
     """
 
     def __init__(
@@ -73,33 +73,33 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         domain_id: int | None = None,
         **unknown: Never,
     ) -> None:
-        """Check everything. Nothing is in the ROS graph before `start` or the `with` statement.
+        """Check the settings. The server enters the ROS graph with `start` or `with`.
 
         Args:
             action_type: The action's class.
             name: The action's name.
             accept: Whether goals are accepted.
-            feedback: What is published while a goal executes: messages, or mappings of their
-                fields. Of a generator, a function that yields, each is published when it is
-                yielded, so a test can steer the goal by what the generator waits for.
+            feedback: The feedback of a goal while it executes: messages, or mappings of their
+                fields. A generator function may yield them, too; each is published when it is
+                yielded, so a test can control the goal by what the generator waits for.
             period: Seconds after each feedback.
             result: The result: a message, a mapping of its fields, or `None` for an empty one.
-                A function is called when the goal is about to end.
+                A function is called just before the goal ends.
             end: How goals end. `"never"`: they execute until they are cancelled. `"canceled"`: as
                 if somebody else had cancelled them.
-            cancel: What happens at a request to cancel: `"accept"`, the goal ends CANCELED at once;
-                `"refuse"`; or `"ignore"`, accepted, and the goal goes on to its `end`. A goal that
-                a client cancelled has an empty result, unless `end` is `"never"` or `"canceled"`:
-                then it has `result`.
-            preempts: Whether a goal, when it is accepted, replaces the goals that are running, as
-                it does in Nav2's servers: they end ABORTED with an empty result, then the new goal
-                does its work. Otherwise goals run side by side.
+            cancel: The answer to a request to cancel: `"accept"` (the goal ends as CANCELED at
+                once), `"refuse"`, or `"ignore"` (it is accepted, but the goal goes on to its
+                `end`). A goal that a client cancelled has an empty result, unless `end` is
+                `"never"` or `"canceled"`: then it has `result`.
+            preempts: Whether an accepted goal replaces the running goals, as in Nav2's servers:
+                they end as ABORTED with an empty result, then the new goal executes. Otherwise
+                goals run side by side.
             domain_id: The ROS domain, 0 to 232; `None` takes the environment's.
 
         Raises:
-            TypeError: An argument, or a field of a message, is of the wrong type.
-            ValueError: An argument, or a field, has a value that is not right.
-            ImportError: rclpy is not importable.
+            TypeError: An argument, or a field of a message, has the wrong type.
+            ValueError: An argument, or a field of a message, has a wrong value.
+            ImportError: rclpy cannot be imported.
         """
         refuse_unknown(unknown, FakeServer.__init__)
         if isinstance(action_type, str):
@@ -141,21 +141,21 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         entries: Iterable[Mapping[str, Any] | Callable[[GoalT], Mapping[str, Any] | None]]
         | Callable[[GoalT], Mapping[str, Any] | None],
     ) -> None:
-        """Say what happens to the next goals: each entry is for one, in the order they come.
+        """Say what happens to the next goals; each entry is for one goal, in order.
 
             server.script([{"accept": False}, {"end": "aborted", "result": {"code": 7}}, {}])
 
-        An entry has settings by their names; those that it leaves out are the server's own. An
-        entry may be a function of the goal that returns such a mapping, or `None` for `{}`. When
-        the script is over, goals meet the server's own settings. One function in place of the list
-        is for every goal from now on. What was left of an earlier script is forgotten.
+        An entry has settings by name; all other settings are the server's own. An entry may also be
+        a function of the goal that returns such a mapping, or `None` for `{}`. After the last
+        entry, goals use the server's own settings. One function in place of the list is for every
+        goal from now on. The rest of an earlier script is dropped.
 
         Args:
             entries: The script.
 
         Raises:
-            TypeError: It, or something in it, is of the wrong type; nothing has changed then.
-            ValueError: Something in it has a value that is not right; nothing has changed then.
+            TypeError: The script, or a part of it, has the wrong type; then nothing has changed.
+            ValueError: A part of it has a wrong value; then nothing has changed.
         """
         self._script.replace(entries)
 
@@ -163,19 +163,19 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
 
     @property
     def goals(self) -> list[GoalT]:
-        """Return the goals that were received so far, rejected ones too, as messages, in order."""
+        """Return the received goals, also rejected ones, as messages, in order."""
         return list(self._goals.received)
 
     @property
     def events(self) -> list[ServerEvent]:
-        """Return all events so far, in order."""
+        """Return all events, in order."""
         return list(self._journal.events)
 
     def count(self, event: str) -> int:
-        """Return how many events of a name there were so far; the names are those of `wait_for`.
+        """Return how many events with a name have happened; `wait_for` lists the names.
 
         Raises:
-            ValueError: There is no event of that name.
+            ValueError: There is no event with that name.
         """
         return self._journal.counts[checked_event(event)]
 
@@ -192,10 +192,10 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         timeout: float = 10.0,
         **unknown: Never,
     ) -> list[ServerEvent]:
-        """Block until an event was seen, however long ago it happened. Never polls.
+        """Block until an event was seen; earlier events count, too. Never polls.
 
-        It blocks its thread. In a coroutine, if the event loop has to go on meanwhile, write
-        `await asyncio.to_thread(server.wait_for, "executing")`.
+        It blocks its thread. In a coroutine, write
+        `await asyncio.to_thread(server.wait_for, "executing")`, so that the event loop goes on.
 
         Args:
             event: `"received"`, `"accepted"`, `"rejected"`, `"executing"`, `"feedback"`,
@@ -206,14 +206,14 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             timeout: Seconds to wait.
 
         Returns:
-            All such events so far, `count` or more. That of `"received"` has, in `details`, the
+            All such events until now, `count` or more. In `details` of a `"received"` event is the
             `number` of the goal in `goals`.
 
         Raises:
             AssertionError: (also a `TimeoutError`) They were not seen in time, or the server was
-                stopped without them; the message holds all events.
+                stopped without them; the message has all events.
             TypeError, ValueError: An argument is wrong.
-            Exception: What a function of yours raised.
+            Exception: An error of one of your functions.
         """
         refuse_unknown(unknown, self.wait_for)
         checked_event(event)
@@ -231,16 +231,16 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
     # -- its life --------------------------------------------------------------------------
 
     def start(self) -> Self:
-        """Enter the ROS graph and answer goals. After `stop` it is as a server that came back.
+        """Enter the ROS graph and answer goals. After `stop`, the server comes back.
 
-        It returns when clients of this process, made without `node=`, see the server. Where that
-        takes longer than five seconds, it logs a warning and returns.
+        It returns when clients of this process that were made without `node=` see the server. If
+        that takes more than five seconds, it logs a warning and returns.
 
         Returns:
             The server itself.
 
         Raises:
-            RuntimeError: It runs already, or rclpy refuses.
+            RuntimeError: The server runs already, or rclpy refuses.
         """
         with self._life:
             if self._harness is not None:
@@ -264,7 +264,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
                 harness.start()
                 atexit.register(self._leave, at_exit=True)
                 self._await_clients()
-            except BaseException:  # also for a Ctrl-C: no `with` statement has begun
+            except BaseException:  # also after Ctrl-C: the `with` statement has not begun
                 self._leave()
                 raise
         return self
@@ -273,8 +273,8 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         """Leave the ROS graph and end all threads, within seconds. Safe to call twice.
 
         Raises:
-            RuntimeError: A function of yours has not returned, so its thread is left.
-            Exception: What a function of yours raised, where `wait_for` has not raised it.
+            RuntimeError: One of your functions has not returned, so its thread is left.
+            Exception: An error of one of your functions that `wait_for` has not raised.
         """
         self._leave()
         self._raise_kept()
@@ -285,7 +285,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
     def __exit__(self, _type: object, error: BaseException | None, _traceback: object) -> None:
         self._leave()
         if error is None or isinstance(error, Exception):
-            # Python shows both: the test's own error is often a consequence of the function's.
+            # Python shows both: the function's error is often the cause of the test's own error.
             self._raise_kept()
 
     def __repr__(self) -> str:
@@ -311,17 +311,17 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
 
     def _leave(self, *, at_exit: bool = False) -> None:
         if os.getpid() != self._pid:
-            return  # a forked child: the server is its parent's
+            return  # a forked child: the server belongs to its parent
         with self._life:
             harness, self._harness = self._harness, None
             if harness is None:
                 return
             atexit.unregister(self._leave)
-            self._journal.end()  # a function of the user's may wait for an event
+            self._journal.end()  # a user's function may wait for an event
             try:
                 if self._presence is not None:
                     self._presence.leave(at_exit=at_exit)
-            finally:  # also after a Ctrl-C in there
+            finally:  # also after Ctrl-C
                 ended = harness.stop(_STOP_TIMEOUT)
             if not ended:
                 self._keep(
@@ -330,10 +330,10 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
                         f" {_STOP_TIMEOUT:g} s after the server was stopped; its thread is left"
                     )
                 )
-            self._journal.end()  # what came in between is over, too
+            self._journal.end()  # ends events that came in between, too
 
     def _keep(self, error: BaseException) -> None:
-        """Keep an error until it can be raised in the test."""
+        """Keep an error until the test can get it."""
         with self._errors_lock:
             self._errors.append(error)
         self._journal.wake()

@@ -1,4 +1,4 @@
-"""Ticking a behaviour tree in a test, without sleeping."""
+"""Ticks a behaviour tree in a test, without sleeping."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class TreeNotThereError(AssertionError, TimeoutError):
-    """The tree did not come to what was waited for. Both a failed assertion and a timeout."""
+    """The tree did not reach the wanted state. Both a failed assertion and a timeout."""
 
 
 def tick_until(
@@ -30,14 +30,14 @@ def tick_until(
     period: float = 0.05,
     **unknown: Never,
 ) -> int:
-    """Tick a tree until it has a status, or something holds.
+    """Tick a tree until it has a status, or until a function returns true.
 
-    The next tick follows as soon as a goal of an `ActionBehaviour` in the tree has ended, and after
-    `period` at the latest, for what is not a goal: timers, conditions, other behaviours.
+    The next tick follows as soon as a goal of an `ActionBehaviour` in the tree has ended. It
+    follows after `period` at the latest, for timers, conditions and other behaviours.
 
     Args:
-        tree: A tree, or a behaviour alone.
-        wanted: The status that its root is to have; or a function that is asked after each tick.
+        tree: A tree, or a single behaviour.
+        wanted: The wanted status of the root; or a function that is called after each tick.
         timeout: Seconds to wait.
         period: Seconds between two ticks, at most.
 
@@ -47,7 +47,7 @@ def tick_until(
     Raises:
         TypeError, ValueError: A time is not a number of seconds.
         AssertionError: (also a `TimeoutError`) It did not come in time; or the tree ended with
-            SUCCESS where FAILURE or RUNNING was wanted, or the like. The message shows the tree.
+            another status, such as SUCCESS instead of FAILURE. The message shows the tree.
     """
     refuse_unknown(unknown, tick_until)
     check_seconds("timeout", timeout, optional=False)

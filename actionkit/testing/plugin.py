@@ -1,6 +1,6 @@
-"""The pytest plugin. Pytest itself loads it if ActionKit is installed.
+"""The pytest plugin. pytest loads it if ActionKit is installed.
 
-So nothing heavy is imported here: people run pytest for other things, and may have no rclpy.
+So nothing heavy is imported here: people also run pytest for other things, and may have no rclpy.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class ActionServerFactory(Protocol):
 
 
 class FakeServerFactory(Protocol):
-    """The type of the `fake_server` fixture: it takes what `FakeServer` takes."""
+    """The type of the `fake_server` fixture, with the arguments of `FakeServer`."""
 
     def __call__(
         self,
@@ -55,17 +55,17 @@ class FakeServerFactory(Protocol):
 
 @pytest.fixture
 def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """Return the id of a ROS domain that this test has for itself, on this machine only.
+    """Return the id of a ROS domain that only this test uses, on this machine only.
 
-    It is set in the environment, so everything that the test starts is in it, but no context that
-    was initialised before.
+    It is set in the environment, so everything that the test starts is in that domain, except
+    contexts that were initialised before.
     """
     from actionkit.testing._domains import isolated_domain
 
     with isolated_domain() as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        # The older variable overrules the range, and peers would be looked for beyond it.
+        # The older variable overrides the range, and peers are searched for beyond the range.
         monkeypatch.delenv("ROS_LOCALHOST_ONLY", raising=False)
         monkeypatch.delenv("ROS_STATIC_PEERS", raising=False)
         yield domain
@@ -111,8 +111,8 @@ def fake_server(ros_domain: int) -> Iterator[FakeServerFactory]:
         def test_it(fake_server):
             server = fake_server(Pick, "pick", result={"ok": True})
 
-    They are stopped at the end of the test. Where a function of the test's raised, and nobody was
-    told, that is an error of the test.
+    They are stopped at the end of the test. If a function of the test raised, and the test did not
+    get that error, it is raised then.
     """
     from actionkit.testing import FakeServer
 

@@ -1,4 +1,4 @@
-"""The leaf of a behaviour tree that has an action done."""
+"""The leaf of a behaviour tree that executes an action."""
 
 from __future__ import annotations
 
@@ -28,18 +28,19 @@ from actionkit.trees._sources import FromBlackboard, GoalSource, NoGoalError, ch
 
 
 class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
-    """A leaf that sends a goal, and is RUNNING until it is known how that ended.
+    """A leaf that sends a goal, and is RUNNING until the end of the goal is known.
 
         ActionBehaviour("dock", (Dock, "dock"), {"speed": 0.2}, timeout=30.0)
 
-    SUCCESS where the call succeeded, retries included, FAILURE otherwise; `feedback_message` says
-    how far the goal is, or the error's sentence. If the tree moves on and interrupts it
-    (`stop(INVALID)`), the goal is cancelled, accepted or not; a tree that is shut down or dropped
-    cancels its goals, too. A tick never blocks: it sends, cancels and looks.
+    It is SUCCESS if the call succeeded, retries included, and FAILURE otherwise. `feedback_message`
+    has the progress of the goal, or the error's text. If the tree interrupts the leaf
+    (`stop(INVALID)`), the goal is cancelled, accepted or not. A tree that is shut down or dropped
+    cancels its goals, too. A tick never blocks: it sends, cancels and checks.
 
-    A new run sends its goal only when the earlier one is known to have stopped. Until then it is
-    RUNNING and says so. If this does not become known within `timeouts.server` of the client,
-    because the server is gone or silent, it is FAILURE, and says that the goal may still run.
+    A new run sends its goal only when the earlier goal is known to have stopped. Until then the
+    leaf is RUNNING and says so. If the server is gone or silent, and this does not become known
+    within `timeouts.server` of the client, the leaf is FAILURE and says that the goal may still
+    run.
     """
 
     def __init__(
@@ -62,27 +63,27 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
 
         Args:
             name: The behaviour's name in the tree.
-            client: A client of yours, which you close; or the action's type and name. Then the
-                client is made at `setup()` and closed with the tree; leaves of one process that
-                name the same action share it.
-            goal: A goal message or a mapping of its fields, which is copied; a function that is
-                called with this behaviour each time a goal is to be sent, in the tick; or
+            client: Your own client, which you close; or the action's type and name. Then the client
+                is made at `setup()` and closed with the tree; leaves of one process with the same
+                action share it.
+            goal: A goal message or a mapping of its fields, which is copied; a function that gets
+                this behaviour and is called in the tick each time a goal is sent; or
                 `FromBlackboard("key")`.
-            timeout: Seconds for each run, as for `Client.call`, the wait for an earlier goal
-                included; `None` means the client's `timeouts.total`.
-            retry: In place of the client's policy.
-            classify: In place of the client's.
+            timeout: Seconds for each run, as for `Client.call`, also for the wait for an earlier
+                goal; `None` means the client's `timeouts.total`.
+            retry: Replaces the client's policy.
+            classify: Replaces the client's function.
             feedback_key: The blackboard variable for the latest feedback message, written when the
-                leaf is ticked. It is unset at the begin of each run.
-            result_key: The same for the result message, of failed goals too where there is one.
-            earlier_goal: What a new run does while the goal of the one before may still run: it
-                waits (`"wait"`), or fails at once and says so (`"fail"`).
+                leaf is ticked. It is unset at the beginning of each run.
+            result_key: The same for the result message, also of failed goals if they have one.
+            earlier_goal: What a new run does while the goal of an earlier run may still run:
+                `"wait"`, or `"fail"` at once and say so.
             server_timeout: Seconds that `setup()` waits for the server of a client that it makes;
                 `None` means no limit.
 
         Raises:
             TypeError, ValueError: An argument is wrong, or the goal does not fit the action.
-            AttributeError: Another behaviour is the exclusive writer of a key.
+            AttributeError: Another behaviour is the only permitted writer of a key.
         """
         refuse_unknown(unknown, ActionBehaviour.__init__)
         super().__init__(name)
@@ -107,48 +108,49 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         self._runs = Runs()
         self._run: Run | None = None
         self._shown: tuple[Any, Any] = (None, None)
-        # A tree that is dropped leaves no goal running (C11.2). At the interpreter's exit, the
-        # clients see to that themselves.
+        # A dropped tree leaves no goal running (C11.2). At the interpreter's exit, the clients
+        # cancel their goals themselves.
         weakref.finalize(self, self._runs.close).atexit = False
 
     # --- what users look at ------------------------------------------------------------------
 
     @property
     def client(self) -> Client[ActionType[GoalT, ResultT, FeedbackT]] | None:
-        """The client; `None` where it is made at `setup()`, and that was not called."""
+        """The client; `None` if `setup()` will make it, but was not called yet."""
         return self._hold.client
 
     @property
     def future(self) -> GoalFuture[ResultT, FeedbackT] | None:
-        """The handle on the goal of the latest run; `None` if that has sent none yet."""
+        """The future of the latest run's goal; `None` if that run has not sent one yet."""
         return None if self._run is None else self._run.future
 
     # --- what py_trees calls -----------------------------------------------------------------
 
     def setup(self, **kwargs: Any) -> None:
-        """Make the client, where none was given, and wait until a server is ready for goals.
+        """Make the client, if none was given, and wait until a server is ready for goals.
 
         Args:
-            kwargs: What `tree.setup()` was given. With `node=`, the client is made with that node.
+            kwargs: The arguments of `tree.setup()`. With `node=`, the client is made with that
+                node.
 
         Raises:
             ServerUnavailableError: No server was ready within `server_timeout`.
-            ImportError: rclpy is not importable.
+            ImportError: rclpy cannot be imported.
             ActionTypeMismatchError: This process already uses the name with another type.
             TypeError, ValueError: A bad action name, or `node`.
         """
         node = kwargs.get("node")
         self._hold.make(node)
         for leaf in self._leaves_of_tree():
-            # It comes again in the leaf's own setup. No others: py_trees' limit for the setup
-            # raises in the middle of this code, and once.
+            # The leaf's own setup raises these again. No other errors: py_trees' time limit for the
+            # setup raises somewhere in this code, and only once.
             with suppress(ImportError, TypeError, ValueError, ActionKitError):
-                leaf._hold.make(node)  # so that all find their servers at the same time
+                leaf._hold.make(node)  # all find their servers at the same time
         self._hold.await_server(self._server_timeout, self.name)
         self._runs.closed = False
 
     def initialise(self) -> None:
-        """Begin a run: give up the goal of an earlier one, where there is any."""
+        """Begin a run, and give up the goal of an earlier run if there is one."""
         client, timeout = self._hold.client, self._timeout
         if timeout is None and client is not None:
             timeout = client.timeouts.total
@@ -159,7 +161,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
                 self._board.unset(key)
 
     def update(self) -> Status:
-        """Send the goal when that may be done, and look how far it is."""
+        """Send the goal when this is allowed, and check its progress."""
         run = self._run
         if run is None:
             self.initialise()
@@ -172,17 +174,17 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         return Status.RUNNING if run.future is None else self._follow(run.future)
 
     def terminate(self, new_status: Status) -> None:
-        """Cancel the goal where it has not ended, because the tree moves on. Never blocks."""
+        """Cancel the goal if it has not ended, because the tree moves on. Never blocks."""
         if new_status is Status.INVALID and self._runs.in_flight():
             self.feedback_message = "interrupted: the server is asked to cancel the goal"
         self._runs.give_up()
 
     def shutdown(self) -> None:
-        """End the tree's goals: cancel those of all its leaves, then wait for all of them.
+        """End the tree's goals: cancel the goals of all its leaves, then wait for all of them.
 
-        The wait ends when no goal has for `timeouts.cancel` seconds (the longest of the clients')
-        and half a second. Then clients are closed that were made for this tree alone. The leaves
-        send nothing afterwards, unless `setup()` is called again.
+        The wait ends when no goal has ended for `timeouts.cancel` seconds (the longest of all
+        clients) and half a second. Then clients that were made only for this tree are closed. The
+        leaves send nothing afterwards, unless `setup()` is called again.
         """
         end_together((leaf._runs, leaf._hold) for leaf in self._leaves_of_tree())
 
@@ -196,7 +198,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
     # --- a run -------------------------------------------------------------------------------
 
     def _try_to_start(self, run: Run) -> None:
-        """Send the goal, unless an earlier one may run, or set why that cannot be done."""
+        """Send the goal, unless an earlier goal may run; or record why that is impossible."""
         client = self._hold.client
         if client is None or self._runs.closed:
             run.problem = (
@@ -215,7 +217,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
                 run.problem = str(error)
 
     def _earlier_stopped(self, run: Run, client: Client[Any]) -> bool:
-        """Return whether no earlier goal may run; say at the node what is waited for."""
+        """Return whether no earlier goal may run; show at the node what the leaf waits for."""
         earlier = self._runs.before(run)
         if not earlier:
             return True
@@ -242,7 +244,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         return False
 
     def _follow(self, future: GoalFuture[ResultT, FeedbackT]) -> Status:
-        done = future.done()  # before the feedback: more may have come with the end
+        done = future.done()  # before reading the feedback: the last one comes before the end
         feedback = future.latest_feedback
         if feedback is not None and feedback is not self._shown[1] and self._feedback_key:
             self._board.set(self._feedback_key, feedback)

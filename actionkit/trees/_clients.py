@@ -1,4 +1,4 @@
-"""The clients of leaves: given ones, and those that all leaves for one action share."""
+"""Keeps the clients of leaves: given clients, and clients that leaves for one action share."""
 
 from __future__ import annotations
 
@@ -11,17 +11,14 @@ from actionkit._client import Client
 from actionkit._model.errors import ServerUnavailableError
 
 _lock = threading.RLock()
-"""Held while a client is made or given back, which no tick does. Re-entrant for signal handlers."""
+"""Held while a client is made or released; ticks never do that. Re-entrant for signal handlers."""
 
 
 class ClientHold:
-    """What one leaf holds of a client."""
+    """One leaf's share of a client."""
 
     def __init__(self, client: object) -> None:
-        """Keep the client, or what to make it from. Makes none yet.
-
-        Args:
-            client: A `Client`, or the action's type and name.
+        """Keep a `Client`, or the action's type and name to make it from. Makes no client yet.
 
         Raises:
             TypeError: It is neither.
@@ -50,10 +47,9 @@ class ClientHold:
         self.action_type, self.action_name = pair
 
     def make(self, node: Any) -> None:
-        """Make the client, or share that of another leaf. One that was given is left as it is.
+        """Make the client, or share that of another leaf. A given client is not changed.
 
-        Args:
-            node: A node of the user's, or `None`.
+        `node` is a node of the user, or `None`.
         """
         if self._made_from is not None and (self.client is None or self.client.closed):
             self._shared = _share(*self._made_from, node, self)
@@ -61,11 +57,9 @@ class ClientHold:
             self.action_name = self.client.action_name
 
     def await_server(self, server_timeout: float | None, behaviour: str) -> None:
-        """Wait for a server, where the client was made here.
+        """Wait for a server, if the client was made here.
 
-        Args:
-            server_timeout: Seconds, or `None` for no limit.
-            behaviour: The leaf's name, for the error.
+        A timeout of `None` means no limit; `behaviour` is the leaf's name, for the error.
 
         Raises:
             ServerUnavailableError: No server came in time.
@@ -82,7 +76,7 @@ class ClientHold:
             )
 
     def let_go(self) -> Client[Any] | None:
-        """Give the client back; return it where it is to be closed now."""
+        """Release the client; return it if it must be closed now."""
         shared, self._shared = self._shared, None
         if shared is None:
             return None
@@ -97,7 +91,7 @@ class ClientHold:
 
 
 class _Shared:
-    """A client that leaves share. Nobody but they hold it: if all are dropped, so is the client."""
+    """A client that leaves share. Only they keep it alive: if all are dropped, it is, too."""
 
     def __init__(self, key: tuple[Any, ...], client: Client[Any], node: Any) -> None:
         self.key = key

@@ -1,4 +1,4 @@
-"""The end of a tree: all goals are cancelled first, then waited for together."""
+"""Ends a tree: first cancels all goals, then waits for all together."""
 
 from __future__ import annotations
 
@@ -9,12 +9,9 @@ from actionkit.trees._runs import AnyClient, AnyFuture, Runs
 
 
 def end_together(leaves: Iterable[tuple[Runs, ClientHold]]) -> None:
-    """End what leaves have: cancel, wait within one bound for all, close clients nobody needs.
+    """End the runs of leaves: cancel, wait for all within one limit, close unneeded clients.
 
-    A second time there is nothing left to wait for.
-
-    Args:
-        leaves: The runs and the client of each.
+    A second call has nothing left to wait for.
     """
     waited_for: list[AnyFuture] = []
     closing: list[AnyClient] = []
@@ -29,9 +26,9 @@ def end_together(leaves: Iterable[tuple[Runs, ClientHold]]) -> None:
         if (client := hold.let_go()) is not None:
             closing.append(client)
     for client in closing:
-        client._session.close_calls()  # so that no client waits for another one's end
+        client._session.close_calls()  # so no client waits for another client's end
     if waited_for:
-        from actionkit._calls.session import MARGIN, await_ends  # rclpy is there, as clients are
+        from actionkit._calls.session import MARGIN, await_ends  # rclpy is there, like the clients
 
         await_ends(waited_for, grace + MARGIN)
     for client in closing:

@@ -1,7 +1,7 @@
-"""The runs of one leaf, and the goals that they sent: what is known of each, and giving it up.
+"""Tracks the runs of one leaf and their goals, and gives them up.
 
-No py_trees here. Nothing waits. Any thread may use it, a signal handler and a garbage collection
-too: what they share is changed by one operation in C each.
+No py_trees here. Nothing waits. Any thread may use it, also a signal handler or a garbage
+collection: each change of shared data is one operation in C.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ AnyFuture = GoalFuture[Any, Any]
 
 
 class Run:
-    """One run of a leaf: from its first tick until it ends, or is interrupted."""
+    """One run of a leaf, from its first tick until it ends or is interrupted."""
 
     def __init__(self, timeout: float | None) -> None:
-        """Begin a run. Its time runs from now; it has no goal yet."""
+        """Begin a run. Its time starts now; it has no goal yet."""
         self.future: AnyFuture | None = None
         self.unwanted = False
         self.problem = ""
-        """Why it fails without a goal, as a sentence."""
+        """A sentence: why it fails without a goal."""
         self.deadline = None if timeout is None else time.monotonic() + timeout
         self.unknown_since: float | None = None
-        """Since when it waits for an earlier goal that nothing is known about."""
+        """When it began to wait for an earlier goal in an unknown state."""
         self._client: AnyClient | None = None
         self._tickets = deque([None])
 
     def start(
         self, client: AnyClient, goal: Any, retry: RetryPolicy | None, classify: Classify | None
     ) -> None:
-        """Send the goal, unless it was sent or the run was given up.
+        """Send the goal, unless it was sent already or the run was given up.
 
         Raises:
             ClientClosedError: The client was closed.
@@ -51,12 +51,12 @@ class Run:
         try:
             self._tickets.pop()
         except IndexError:
-            return  # another thread ticks this leaf, too, and was first
+            return  # another thread also ticks this leaf, and was first
         left = UNSET if self.deadline is None else max(0.0, self.deadline - time.monotonic())
         self._client = client
         try:
             call = client._prepare(goal, None, left, retry, classify)
-            # Before it begins, so that an interruption here leaves no goal unknown.
+            # Before the call begins, so that an interruption here cannot lose a goal.
             self.future = call.future
             if not self.unwanted:
                 client._session.begin(call)
@@ -65,22 +65,22 @@ class Run:
                 self.future = None  # nothing has begun
             self.give_up()
             raise
-        if self.unwanted:  # perhaps only now, by another thread
+        if self.unwanted:  # another thread may have set it just now
             call.request_cancel()
 
     def give_up(self) -> None:
-        """Send no goal any more, and cancel the one that was sent."""
+        """Send no goal any more, and cancel the goal that was sent."""
         self.unwanted = True
         if self.future is not None and not self.future.done():
             self.future.cancel()
 
     @property
     def known_to_run(self) -> bool | None:
-        """True if its goal is known to run, False if it does not run any more; else `None`."""
-        unwanted = self.unwanted  # first: `start` looks for it after it has set `future`
+        """True if its goal is known to run, False if it is known not to run; else `None`."""
+        unwanted = self.unwanted  # first: `start` checks it after setting `future`
         if self.future is None:
             return False if unwanted else None
-        done = self.future.done()  # first: another attempt may begin before it is
+        done = self.future.done()  # first: until then, another attempt may begin
         known = self.future.known_to_run
         if not done:
             return known or None
@@ -89,11 +89,11 @@ class Run:
 
     @property
     def holds_up(self) -> bool:
-        """Whether nothing may be started beside it.
+        """Whether no other run may send a goal beside this one.
 
-        A goal does not hold it up if its server has left the graph: that server may never be seen
-        again, and if it is, the client cancels the goal. A server that is only silent may go on
-        with its goal.
+        If the server has left the graph, its goal does not hold up other runs: that server may
+        never be seen again, and if it is, the client cancels the goal. A server that is only silent
+        may go on with its goal.
         """
         known, future = self.known_to_run, self.future
         if known is not None or future is None:
@@ -108,19 +108,19 @@ class Runs:
         self._runs: deque[Run] = deque()
         self._pid = os.getpid()
         self.closed = False
-        """Whether nothing is to be started any more."""
+        """Whether no run may start a goal any more."""
 
     def begin(self, timeout: float | None) -> Run:
-        """Begin a run, and give up all others, those too that have sent nothing yet."""
+        """Begin a run, and give up all others, also those that have sent nothing yet."""
         run = Run(timeout)
-        # First, so that of two threads that begin one sees the other (C11.1).
+        # First, so that if two threads begin, at least one sees the other (C11.1).
         self._runs.append(run)
         self.give_up([each for each in list(self._runs) if each is not run])
         self.before(run)
         return run
 
     def before(self, run: Run) -> list[Run]:
-        """Return the other runs that hold it up; forget those that do not."""
+        """Return the other runs that hold this run up; forget those that do not."""
         others = [each for each in list(self._runs) if each is not run]
         for each in others:
             if not each.holds_up:
@@ -131,12 +131,12 @@ class Runs:
     def give_up(self, runs: Iterable[Run] | None = None) -> None:
         """Cancel the goals of these runs, or of all."""
         if os.getpid() != self._pid:
-            return  # a forked process: the goals are its parent's
+            return  # a forked process: the goals belong to its parent
         for run in list(self._runs) if runs is None else runs:
             run.give_up()
 
     def close(self) -> None:
-        """Start nothing any more, and cancel what there is."""
+        """Start no more goals, and cancel the existing ones."""
         self.closed = True
         self.give_up()
 

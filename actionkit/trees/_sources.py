@@ -1,4 +1,4 @@
-"""Where the goal of a leaf comes from: given once, made by a function, or on the blackboard."""
+"""Gets the goal of a leaf: a fixed one, from a function, or from the blackboard."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from actionkit._threads.diagnostics import log_later
 
 
 class NoGoalError(Exception):
-    """There is no goal to send. Its text is a sentence for the tree's node."""
+    """There is no goal to send. The text is a sentence for the tree's node."""
 
 
 @dataclass(frozen=True)
 class FromBlackboard:
-    """The goal of a behaviour is the value on the blackboard when the goal is sent.
+    """Takes the goal of a behaviour from the blackboard when the goal is sent.
 
     Attributes:
-        key: Its name there, such as `"target"`, `"/mission/target"` or `"mission.target"`, an
-            attribute of the value of `mission`. A goal message, or a mapping of its fields.
+        key: The name of the value, such as `"target"`, `"/mission/target"` or `"mission.target"`
+            (an attribute of the value of `mission`). The value is a goal message, or a mapping of
+            its fields.
 
     Raises:
         TypeError: The key is not a string.
@@ -41,11 +42,11 @@ class FromBlackboard:
 
 
 def check_key(name: str, key: object, *, nested: bool = False) -> None:
-    """Raise where this cannot be the key of a blackboard variable.
+    """Raise if this cannot be the key of a blackboard variable.
 
     Raises:
         TypeError: It is not a string.
-        ValueError: It is empty, or has a dot where it must not.
+        ValueError: It is empty, or has a dot that is not allowed.
     """
     if not isinstance(key, str):
         raise TypeError(f"{name}={key!r} must be a text, the name of a blackboard variable")
@@ -58,28 +59,25 @@ def check_key(name: str, key: object, *, nested: bool = False) -> None:
 
 
 class GoalSource:
-    """Gives the goal to be sent."""
+    """Provides the goal to send."""
 
     def __init__(self, goal: object, goal_class: type, board: BlackboardClient) -> None:
-        """Check what the user gave.
+        """Check the user's goal: a message, a mapping, a function, or `FromBlackboard`.
 
-        Args:
-            goal: A message, a mapping, a function of the behaviour, or `FromBlackboard`.
-            goal_class: The action's goal message.
-            board: The behaviour's blackboard client, which gets read access.
+        `board` is the behaviour's blackboard client, which gets read access.
 
         Raises:
             TypeError, ValueError: It is none of these, or does not fit the action's goal.
         """
         self.label = ""
-        """Where it comes from, as the beginning of a sentence about it; `""` where it was given."""
+        """Where the goal comes from, as the beginning of a sentence; `""` for a fixed goal."""
         self._board = board
         if isinstance(goal, FromBlackboard):
             self.label = f"the goal under the blackboard key {goal.key!r} is not right: "
             board.register_key(key=Blackboard.key(goal.key), access=Access.READ)
             self._get: Callable[[Any], Any] = lambda _: self._read(goal.key)
         elif isinstance(goal, Mapping) or (not inspect.isclass(goal) and _is_message(goal)):
-            message = from_plain(goal_class, goal)  # a copy, so what is given may change
+            message = from_plain(goal_class, goal)  # a copy, because the original may change
             self._get = lambda _: message
         else:
             wanted = (
@@ -93,10 +91,10 @@ class GoalSource:
             self._get = lambda behaviour: _ask(function, behaviour)
 
     def goal(self, behaviour: object) -> Any:
-        """Return the goal to be sent now.
+        """Return the goal to send now.
 
         Raises:
-            NoGoalError: There is none.
+            NoGoalError: There is no goal.
         """
         return self._get(behaviour)
 
@@ -117,7 +115,7 @@ def _is_message(value: object) -> bool:
 def _ask(function: Callable[[Any], Any], behaviour: object) -> Any:
     try:
         return function(behaviour)
-    except Exception as error:  # noqa: BLE001  any error of the user's function
+    except Exception as error:  # noqa: BLE001  the user's function may raise any error
         log_later(logging.ERROR, "the function for a goal raised", exc_info=error)
         raise NoGoalError(
             f"the function for the goal raised {type(error).__name__}: {error}; nothing was sent"

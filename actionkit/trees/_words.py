@@ -1,4 +1,4 @@
-"""What a leaf says at its node of the tree: one line for people. Pure."""
+"""The texts that a leaf shows at its node of the tree: one line for people. Pure."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _STATES = {
     GoalState.TIMED_OUT: "out of time, being cancelled",
 }
 _FIELDS = 3
-"""Fields of the feedback that are shown: the node of a tree has room for so many."""
+"""Fields of the feedback that are shown: a tree's node has no room for more."""
 _LOOKED_AT = 12
-"""Fields that are looked at for them, so that large messages cost no more."""
+"""Fields that are searched for these, so that large messages do not take more time."""
 
 
 def running(state: GoalState, feedback: Any) -> str:
@@ -64,12 +64,12 @@ def _text(value: Any) -> str:
 
 
 def succeeded(elapsed: float) -> str:
-    """Return that the goal succeeded."""
+    """Return the text for a goal that succeeded."""
     return f"succeeded after {elapsed:.1f} s"
 
 
 def waiting(goal_id: object, known: bool | None, refused: bool) -> str:
-    """Return what is waited for before a new goal is sent."""
+    """Return the text for a leaf that waits before it sends a new goal."""
     if refused and known:
         return f"the server refused to cancel the earlier goal {goal_id}: waits for its end"
     if known:
@@ -78,6 +78,6 @@ def waiting(goal_id: object, known: bool | None, refused: bool) -> str:
 
 
 def may_still_run(goal_id: object, known: bool | None, why: str) -> str:
-    """Return that nothing was sent because an earlier goal may be running."""
+    """Return the text for a leaf that sent nothing, because an earlier goal may be running."""
     does = "still runs" if known else "MAY STILL BE RUNNING"
     return f"nothing was sent, because the earlier goal {goal_id} of this behaviour {does}{why}"
