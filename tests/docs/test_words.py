@@ -17,10 +17,12 @@ WORDS = {
     r"for want of": "if there is no, without",
     r"of an? (strange|odd) form": "malformed",
     r"parted by": "separated by",
+    r"stands? (there|on|in)": "is there, is on, is in",
     r"deaf": "not responding",
     r"of (which|whom)": "a sentence of its own",
     r"be about this": "switch to",
     r"(not?|none|never|nothing|\w+n't)\b[^.;:|]* so far": "yet",
+    r"dearer": "slower, more expensive",
     r"learnt|learns? of": "know, discover",
     r"wherever": "if, in each place where",
 }
