@@ -1,4 +1,4 @@
-"""A plain rclpy server that takes long to accept goals: so many seconds, its only argument.
+"""A plain rclpy server that needs a long time to accept goals: its argument, in seconds.
 
 While one thread of an rclpy server accepts a goal, there is a moment in which the middleware knows
 the goal and the server's own table does not. Other threads then answer as if it refused to cancel

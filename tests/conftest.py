@@ -30,7 +30,7 @@ NEVER = threading.Event()  # nobody sets it: waiting for it is how a test lets t
 
 @dataclass
 class Answer:
-    """What one call came back with, in whichever form."""
+    """The result of one call, in any form."""
 
     result: Any = None
     error: BaseException | None = None
@@ -114,7 +114,7 @@ RCLPYS_RACE = "the given context is not valid"
 
 @contextmanager
 def until_shutdown() -> Iterator[None]:
-    """Let an executor spin until its context is shut down, whichever way rclpy tells that."""
+    """Let an executor spin until its context is shut down; rclpy reports that in several ways."""
     from rclpy.executors import ExternalShutdownException
 
     from actionkit._ros.native import RCLError
@@ -255,9 +255,9 @@ def own_threads() -> Callable[[], list[str]]:
 
 
 def without_noise(text: str) -> str:
-    """Return what a process wrote but for what Fast DDS wrote.
+    """Return what a process wrote, without the output of Fast DDS.
 
-    Where many processes start at once, whatever their domains, it complains on either stream of
+    If many processes start at once, in any domains, it complains on either stream of
     a port in shared memory that it did not get, and takes the next.
     """
     lines = text.splitlines(keepends=True)

@@ -1,4 +1,4 @@
-"""What tests of holds share: the processes that keep them, and an agent in a process of its own."""
+"""Shared by tests of holds: the processes that keep them, and an agent in its own process."""
 
 from __future__ import annotations
 

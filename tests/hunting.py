@@ -1,4 +1,4 @@
-"""How much the tests try where more is always better.
+"""How many examples the random tests try.
 
 Property tests look for an order of events that breaks a promise.
 

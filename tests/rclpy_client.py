@@ -1,4 +1,4 @@
-"""What tests of the reference servers share: a plain rclpy client, and a look at journals."""
+"""Shared by tests of the reference servers: a plain rclpy client, and checks of journals."""
 
 from __future__ import annotations
 

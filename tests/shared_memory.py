@@ -1,4 +1,4 @@
-"""Mends what a killed process leaves behind in shared memory, so that no other process hangs.
+"""Repairs shared memory after a process was killed, so that no other process hangs.
 
 Fast DDS makes a file for each of its ports, empty at first. If a process is killed just then, the
 file stays empty, and every process of the machine that opens that port waits for it without end,

@@ -1,4 +1,4 @@
-"""The least that has to work on every interpreter: import, a call, a cancel, an error.
+"""The minimum that must work on every interpreter: import, a call, a cancel, an error.
 
 A script that needs nothing but ActionKit, rclpy and test_msgs: ``python tests/smoke.py``.
 """

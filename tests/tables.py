@@ -1,6 +1,6 @@
-"""Tables in `docs/` that tests check against what they see, and write.
+"""Tables in `docs/` that tests write, and compare with their own results.
 
-A table stands between two marks, and everything else on the page is written by hand, the head of
+A table is between two marks, and everything else on the page is written by hand, the head of
 the table too:
 
     <!-- table: NAME -->

@@ -1,4 +1,4 @@
-"""The shape of the cost: what is not done, not made, not kept (C7). Speed is for `benchmarks`."""
+"""Work and objects that must not exist (C7). `benchmarks` measure the speed."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def node_of(client: Client) -> Any:
 
 
 def wakeups(client: Client) -> int:
-    """Return how often the communication thread has been woken so far."""
+    """Return how often the communication thread has been woken."""
     thread = client._session.port.runtime._thread
     text = Path(f"/proc/self/task/{thread.native_id}/status").read_text()
     found = re.search(r"^voluntary_ctxt_switches:\t(\d+)$", text, re.MULTILINE)
@@ -146,7 +146,7 @@ def test_what_a_call_held_is_freed_when_its_user_lets_go(action_server, make_cli
         gc.enable()
 
 
-# --- what is not made --------------------------------------------------------------------------
+# --- what must not be made -------------------------------------------------------------------
 
 
 def test_a_client_has_four_entities_and_shares_the_rest(action_server, make_client, own_threads):
@@ -184,7 +184,7 @@ def test_status_is_subscribed_to_only_while_a_goal_lasts(action_server, make_cli
     assert port.runtime.run(lambda: len(list(node_of(client).subscriptions))) == 1
 
 
-# --- what is not done --------------------------------------------------------------------------
+# --- what must not be done -------------------------------------------------------------------
 
 
 def test_nobody_elses_feedback_is_decoded(action_server, make_client, count):

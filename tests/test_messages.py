@@ -1,4 +1,4 @@
-"""Fields in and out of messages: every installed message type, and every way to be refused."""
+"""Conversion of fields, with every installed message type, and every kind of wrong value."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def log(action_server, make_client, tmp_path) -> Path:
 def structure(svg: Path) -> list[list[list[str]]]:
     """Return, for each call, for each attempt, what is drawn, without where.
 
-    But for the bars of canceling: the goal's end may overtake the answer to the cancel request.
+    Except the bars of canceling: the goal's end may overtake the answer to the cancel request.
     """
     calls = ET.parse(svg).getroot().findall(f"{SVG}g")
     return [

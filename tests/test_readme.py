@@ -1,4 +1,4 @@
-"""The README is true: its commands are those of CI, what it shows is real."""
+"""The README is true: its commands are those of CI, and its outputs are real."""
 
 from __future__ import annotations
 

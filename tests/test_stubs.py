@@ -1,4 +1,4 @@
-"""The stubs tell the truth: what they name exists in the installed packages, as they name it."""
+"""The stubs are true: all their names exist in the installed packages, with the same kinds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The public types, proven both ways: right code is clean, wrong code is refused (STYLE 9).
+"""The public types: right code has no errors, and wrong code is refused (STYLE 9).
 
 The snippets are under `typing/`; mypy (strict) and pyright read them, nothing runs them.
 """

@@ -1,4 +1,4 @@
-"""Waiting for what nobody tells of. Where there is an event, wait for that instead."""
+"""Waits for conditions without an event. If there is an event, wait for that instead."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tests of agents share: a human's stop that the test works, and toolboxes."""
+"""Shared by tests of agents: toolboxes, and a human's stop that the test controls."""
 
 from __future__ import annotations
 

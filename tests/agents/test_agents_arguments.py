@@ -1,4 +1,4 @@
-"""Arguments against limits, whatever the schema says; and schemas against arguments."""
+"""Arguments are checked against limits, independent of the schema; schemas fit arguments."""
 
 from __future__ import annotations
 

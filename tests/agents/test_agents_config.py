@@ -1,4 +1,4 @@
-"""A toolbox's configuration: read whole, every problem with its place."""
+"""A toolbox's configuration: one error has all problems, each with its place."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ten thousand argument sets: none outside of the limits reaches a server."""
+"""Ten thousand sets of arguments: none beyond the limits reaches a server."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a model is told of goals that ended while they were being cancelled."""
+"""The results for a model of goals that ended while they were being cancelled."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_what_was_rejected_while_it_was_being_cancelled_never_ran() -> None:
 
 
 def record_of(status: GoalState) -> tuple[GoalRecord, uuid.UUID, uuid.UUID]:
-    """Return the record of a call whose first goal was lost, and its two ids."""
+    """Return the record of a call that lost its first goal, and its two ids."""
     first, second = uuid.uuid4(), uuid.uuid4()
     future: Any = Future(first, second, status)
     record = GoalRecord("count")

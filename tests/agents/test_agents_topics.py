@@ -1,4 +1,4 @@
-"""What a toolbox reads of topics: the latest message with its age, images as images."""
+"""Topics as tools: the latest message with its age, images as images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known of holds, put together in any order. Contract C10.4."""
+"""The state of holds, merged in any order. Contract C10.4."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_what_is_written_is_read(told: HoldState) -> None:
 def test_a_release_ends_what_it_knows_of_and_nothing_else() -> None:
     ended = state.released(of(one("1"), one("2")), [one("1"), one("2")])
     assert not ended.active
-    # Who was away still says so; a human's new stop, heard of by nobody so far, is another thing.
+    # Who was away still says so; a human's new stop, which nobody knows yet, is different.
     assert merged(ended, of(one("1"))).active == ()
     assert merged(of(one("3", since=0.0)), ended).active == (one("3", since=0.0),)
 
@@ -169,7 +169,7 @@ def test_of_two_users_each_has_a_file(directory: Path) -> None:
     HoldFiles(7).write(of(one("1")))
     (ours,) = directory.iterdir()
     prefix = ours.name.rpartition("-")[0]
-    # Whose name says another user than its owner's is nobody's.
+    # A file with another user's name in its own name is ignored.
     (directory / f"{prefix}-4711").write_text(encode(of(one("2"))))
     assert HoldFiles(7).read().active == (one("1"),)
     if os.getuid() == 0:

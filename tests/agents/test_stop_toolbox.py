@@ -1,4 +1,4 @@
-"""The real `actionkit stop` against a real `Toolbox`: whatever its calls are waiting for."""
+"""The real `actionkit stop` and a real `Toolbox`, with calls in every phase."""
 
 from __future__ import annotations
 

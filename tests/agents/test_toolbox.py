@@ -1,4 +1,4 @@
-"""Calls of actions: how each ending is told, and that nothing runs on that was given up."""
+"""Calls of actions: the result for each ending, and that given-up goals are cancelled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calls that are given up, and toolboxes that end: nothing runs on."""
+"""Given-up calls, and toolboxes that end: their goals are cancelled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a human says to the calls of a toolbox: stop, and yes or no."""
+"""A human's answers to the calls of a toolbox: stop, and yes or no."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a call tells while its goal runs."""
+"""The progress of a call while its goal runs."""
 
 from __future__ import annotations
 

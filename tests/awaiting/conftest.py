@@ -30,7 +30,7 @@ def ros_domain() -> Iterator[int]:
 
 @pytest.fixture(scope="module")
 def server(ros_domain: int) -> Iterator[Server]:
-    """A server whose goals last 0.3 s for each number. The tests of a module share it."""
+    """A server that needs 0.3 s for each number of a goal. The tests of a module share it."""
     with servers.start(
         "fibonacci", action_name="shared", domain_id=ros_domain, period=0.3
     ) as started:

@@ -1,4 +1,4 @@
-"""Awaiting goals in coroutines that an executor of rclpy drives (C1.13)."""
+"""Awaiting goals in coroutines that an executor of rclpy runs (C1.13)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ KINDS = ("single", "multi", "rclpy.spin", "spin_once")
 
 
 class Robot:
-    """A node of the user's on an executor of the user's."""
+    """A node of the user on an executor of the user."""
 
     def __init__(self, domain: int, kind: str) -> None:
         self.context = Context()

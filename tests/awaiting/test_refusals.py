@@ -1,4 +1,4 @@
-"""What is refused, warned of or logged around awaiting (C1.3, C1.4)."""
+"""Errors, warnings and logs about awaiting (C1.3, C1.4)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tests of the command line share: running it as users do, beside servers that are kept."""
+"""Shared by tests of the command line: run it as users do, with servers that keep running."""
 
 from __future__ import annotations
 

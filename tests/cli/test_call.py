@@ -1,4 +1,4 @@
-"""`actionkit call`: every exit code, what is shown with it, and what becomes of the goal (C6.3)."""
+"""`actionkit call`: every exit code, its output, and what happens to the goal (C6.3)."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Scene:
     act: Callable[[Running, Server], None] | None = None
     apart: bool = False
     """Whether in a domain of its own: a process that is stopped, or leaves at once, may do so with
-    a lock of Fast DDS's, and its peers may be deaf to others after that."""
+    a lock of Fast DDS's, and then its peers may not hear others any more."""
 
 
 CODE_102 = "{nested_field: {int32_value: 102}}"

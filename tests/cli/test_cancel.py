@@ -174,7 +174,7 @@ def fate(
         # Somebody else is cancelling it already, or it has just ended.
         ((T,), {"state": "CANCELING", "now": 1.5}, None),
         ((T,), {"state": "CANCELED"}, "CONFIRMED"),
-        # One of two servers does not know it; nor does one that has not accepted it so far.
+        # One of two servers does not know it; it may only not have accepted it yet.
         ((U,), {"now": 1.5}, None),
         ((U,), {"over": True}, "UNKNOWN"),
         ((U, A), {"state": "", "now": 1.5}, None),

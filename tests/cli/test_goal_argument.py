@@ -65,7 +65,7 @@ def test_nothing_is_no_goal(text: str) -> None:
 
 
 def bomb(inside: str) -> str:
-    """Return YAML whose value is 10 to the power of 12 times as long as its text."""
+    """Return YAML with a value that is 10 to the power of 12 times as long as its text."""
     lines = [f"a0: &a0 [{inside}]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 13)]
     return "\n".join([*lines, "order: *a12"])

@@ -1,4 +1,4 @@
-"""What others wrote, in names, messages and errors, reaches no terminal raw."""
+"""Foreign texts, in names, messages and errors, are escaped on a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`actionkit stop` where the agent, the servers and the human are different users. Contract C10.4.
+"""`actionkit stop`, if the agent, the servers and the human are different users. Contract C10.4.
 
 Fast DDS talks by shared memory between processes of one computer, which those of another user
 cannot open.

@@ -1,4 +1,4 @@
-"""`actionkit show`: a goal to fill in, which `actionkit call` takes (C6.3)."""
+"""`actionkit show`: a goal to fill in, which `actionkit call` accepts (C6.3)."""
 
 from __future__ import annotations
 

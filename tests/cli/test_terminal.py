@@ -1,4 +1,4 @@
-"""The command line on a terminal: what is drawn, Ctrl-C as a person presses it, a closed window."""
+"""The command line on a terminal: its output, Ctrl-C by a person, a closed window."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def test_what_a_terminal_shows_is_the_picture_in_the_readme(world, terminal) -> 
 def drawn(raw: str) -> list[str]:
     """Return every line that was on the screen, with its colours; the bar once for each feedback.
 
-    But for the bar while there is no feedback: how often that is drawn depends on discovery.
+    Except the bar while there is no feedback: how often that is drawn depends on discovery.
     """
     last: dict[object, str] = {}
     for n, line in enumerate(re.split(r"\r\n|\n|\r", re.sub(CODES_BUT_COLOURS, "", raw))):

@@ -1,4 +1,4 @@
-"""Wrong usage, help, completion, and what is documented. Contract C6.3."""
+"""Wrong usage, help, completion and documentation. Contract C6.3."""
 
 from __future__ import annotations
 

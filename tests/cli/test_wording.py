@@ -1,4 +1,4 @@
-"""The command line's errors name options, not what Python calls them."""
+"""The command line's errors name options, not Python arguments."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_no_python_is_left_in_the_texts_of_errors() -> None:
     texts = [text for module in modules for text in texts_of(module.__file__)]
     assert len(texts) > 100
     left = {text: in_options(text) for text in texts if PYTHON.search(in_options(text))}
-    # A strategy of one's own, which the command line never has, and a part of a replaced text.
+    # A strategy of a user, which the command line never has, and a part of a replaced text.
     assert set(left) == {"`RetryPolicy.?=?`", "; resend='server_gone' tries again after that"}
 
 

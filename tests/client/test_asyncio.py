@@ -1,4 +1,4 @@
-"""Awaiting calls: wakes without polling, and cancels what is cancelled (C1.4, C1.5)."""
+"""Awaiting calls wakes without polling; a cancelled task cancels its goal (C1.4, C1.5)."""
 
 from __future__ import annotations
 

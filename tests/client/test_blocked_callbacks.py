@@ -1,4 +1,4 @@
-"""Callbacks, observers and log handlers that block or raise hold up nobody else (C1.8, C6.2)."""
+"""Callbacks, observers and log handlers that block or raise delay nobody else (C1.8, C6.2)."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ def test_a_log_handler_that_raises_does_not_silence_the_log(action_server, make_
 
 
 def use(how, client, stuck):
-    """Make a call in which something of the user's blocks."""
+    """Make a call in which a function of the user blocks."""
     future = client.call_async({"order": 5}, stuck if how == "feedback" else None, timeout=LONG)
     if how == "done":
         future.add_done_callback(stuck)

@@ -1,4 +1,4 @@
-"""Cancelling, giving up, and what becomes of the goal (C1.5, C2.3, C2.4)."""
+"""Cancelling, giving up, and what happens to the goal (C1.5, C2.3, C2.4)."""
 
 from __future__ import annotations
 
@@ -211,7 +211,7 @@ def test_a_goal_that_is_watched_no_more_leaves_nothing_on_a_shared_thread(
     client.close()
     assert future.outcome(0).cancel is CancelReport.UNKNOWN
     assert carrier.port.freed.wait(10)
-    # One that is left asks over destroyed entities, and subscribes to the status anew.
+    # One that is left asks over destroyed entities, and subscribes to the status again.
     assert len(attempt._timers) == 0
 
 

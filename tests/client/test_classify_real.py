@@ -1,4 +1,4 @@
-"""`classify=` over real servers: what cannot be judged is never a success (C3.3, C3.1)."""
+"""`classify=` over real servers: without a verdict, nothing is a success (C3.3, C3.1)."""
 
 from __future__ import annotations
 

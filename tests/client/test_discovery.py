@@ -1,4 +1,4 @@
-"""Leaving the graph while others come and go (the hang that `_ros.discovery` tells of)."""
+"""Leaving the graph while others come and go (the hang that `_ros.discovery` describes)."""
 
 from __future__ import annotations
 

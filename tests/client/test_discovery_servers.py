@@ -1,4 +1,4 @@
-"""Two robots of one name and domain, each behind a discovery server of its own (C1.2)."""
+"""Two robots with one name and domain, each with its own discovery server (C1.2)."""
 
 from __future__ import annotations
 

@@ -275,7 +275,7 @@ def test_a_server_is_said_to_be_lost_when_it_was(action_server, make_client):
     (lost,) = [event for event in error.timeline if event.state is GoalState.LOST]
     after = lost.monotonic - error.timeline[0].monotonic
     assert f"was lost {after:.1f} s into the call" in str(error)
-    assert error.elapsed > after + 1  # another attempt waited for a server in vain
+    assert error.elapsed > after + 1  # another attempt waited for a server without success
 
 
 @pytest.mark.parametrize("how", ["deadline", "cancel", "close"])
@@ -347,7 +347,7 @@ def test_the_type_that_is_served_is_named(action_server, make_client):
 
 
 def test_another_type_is_told_in_a_process_that_had_a_client_before(action_server, make_client):
-    """Its successor's node learns anew what is there, by chance long after its first look."""
+    """The next client's node discovers everything again, perhaps long after its first look."""
     action_server("fibonacci")
     for limit in (0.15, 0.3, 0.5, 0.7, 30.0):
         with make_client() as before:
@@ -358,7 +358,7 @@ def test_another_type_is_told_in_a_process_that_had_a_client_before(action_serve
         with client, pytest.raises(ak.ActionKitError) as caught:
             client.call({})
         if not isinstance(caught.value, ak.ActionTypeMismatchError):
-            assert isinstance(caught.value, ak.ServerUnavailableError)  # it is not seen so far
+            assert isinstance(caught.value, ak.ServerUnavailableError)  # it is not seen yet
             assert "similar name" not in str(caught.value)
     assert isinstance(caught.value, ak.ActionTypeMismatchError)
     assert caught.value.expected == "test_msgs/action/NestedMessage"

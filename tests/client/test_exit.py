@@ -134,7 +134,7 @@ BY_DEFAULT = (("fork", "raises"), ("forkserver", "exits"), ("fork", "ends with i
     ],
 )
 def test_a_child_of_multiprocessing(how, end, action_server, tmp_path, run_script):
-    """It ends without the functions of `atexit`, but for spawned ones."""
+    """Except spawned ones, it ends without the functions of `atexit`."""
     server = action_server("never_finishes")
     (tmp_path / "workers.py").write_text(WORKERS, "utf-8")
     script = run_script(

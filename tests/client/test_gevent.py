@@ -1,4 +1,4 @@
-"""Where gevent has replaced Python's threads, a client says so, and does not wait for ever (C1.1).
+"""If gevent has replaced Python's threads, a client raises and does not wait for ever (C1.1).
 
 Skipped where gevent is not found; `test_qt.py` tells where it is looked for.
 """

@@ -62,7 +62,7 @@ def test_the_longest_timeouts_work(action_server, make_client):
 
 @pytest.mark.parametrize("at", [1e300, math.inf])
 def test_a_timer_beyond_all_clocks_does_not_end_the_thread(at, make_client):
-    """A `wait=` strategy of the user's may ask for any pause."""
+    """A user's `wait=` strategy may return any pause."""
     client = make_client()
     runtime = client._session.port.runtime
     handle = runtime.run(lambda: runtime.call_at(at, lambda: None))

@@ -1,4 +1,4 @@
-"""No server is one error, in the time there was, and nothing is tried again for it (C2.7)."""
+"""Without a server there is one error, in time, and no retry (C2.7)."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_no_server_is_one_error(limit, form, make_client):
     assert isinstance(error, TimeoutError)
     assert error.transient
     assert (error.attempts, error.cancel) == (1, CancelReport.NOT_NEEDED)
-    # At once, but for a busy machine; `unit/call_life.py` has a clock that tells to the instant.
+    # At once, except on a busy machine; `unit/call_life.py` has a clock that tells to the instant.
     assert time_there_was <= error.elapsed < time_there_was + 5
     assert "tried again" not in str(error)
     assert "used up" not in str(error)
@@ -115,7 +115,7 @@ def test_a_cancel_ends_the_wait_for_a_server(make_client):
 
 
 def had_a_server(action_server, make_client, timeouts, timeout):
-    """Return the future of a call whose server aborted the goal, and then went away."""
+    """Return the future of a call after its server aborted the goal and went away."""
     server = action_server("aborts")
     gone = threading.Event()
     states: EventLog[GoalState] = EventLog()

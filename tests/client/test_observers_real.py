@@ -361,7 +361,7 @@ sys.stdin.readline()
 
 
 def test_a_process_killed_half_way_leaves_its_log(action_server, run_script, tmp_path):
-    """Shown as docs/pictures/killed.jsonl; ACTIONKIT_WRITE_PICTURES=1 writes it anew."""
+    """Shown as docs/pictures/killed.jsonl; ACTIONKIT_WRITE_PICTURES=1 writes it again."""
     server = action_server("fibonacci", period=0.1)
     path = tmp_path / "killed.jsonl"
     script = run_script(KILLED, str(path))

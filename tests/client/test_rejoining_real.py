@@ -88,7 +88,7 @@ def test_waits_and_calls_survive_a_second_try(action_server, make_client):
     assert waits == [True]
     assert list(awaited[0].sequence) == [0, 1, 1, 2]
     assert taken_back.cancelled()
-    # Each goal came to its server once, whatever became of the node.
+    # Each goal came to its server once, no matter what happened to the node.
     for server in servers:
         server.sync()
     assert [server.count("goal_received") for server in servers] == [2, 1]

@@ -1,4 +1,4 @@
-"""Retries over real servers: safe, bounded, and stopped by whoever may (C4, C3.3)."""
+"""Retries over real servers: safe, limited, and stopped by users (C4, C3.3)."""
 
 from __future__ import annotations
 

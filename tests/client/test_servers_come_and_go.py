@@ -207,7 +207,7 @@ def test_nobody_is_asked_again_when_both_servers_have_ended_a_goal(
     server.wait_for("executing", count=2)
     server.release()
     assert future.result(10)
-    give_up = time.monotonic() + 10  # for less time than it would be asked for in vain
+    give_up = time.monotonic() + 10  # for less time than it would be asked for without success
     both_ended = False
     while client._session.port.table_sizes()["orphans"] or not both_ended:
         both_ended = server.count("succeeded") + server.count("canceled") == 2
@@ -257,7 +257,7 @@ def test_a_busy_server_is_asked_a_few_times_and_no_more(action_server, make_clie
     server.sync()
     before = server.count("cancel_requested")
     newcomer = make_client()
-    assert newcomer.wait_for_server(30)  # it is taken for busy
+    assert newcomer.wait_for_server(30)  # it counts as busy
     server.release()
     assert first.result(30)
     assert newcomer.call({"order": 1}, 30)  # what it asked is answered by now

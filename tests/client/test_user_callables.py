@@ -1,4 +1,4 @@
-"""Whatever a user hands in may block: calls end, and others go on.
+"""Any function of a user may block: calls end, and others go on.
 
 Each call ends within its deadline (and the wait for a cancellation), and a call of another client,
 made while the first one hangs in the user's code, is not delayed. What raises or returns nonsense
@@ -32,7 +32,7 @@ Function = Callable[..., Any]
 
 @dataclass
 class Misbehaviour:
-    """A function of the user's that blocks, or raises."""
+    """A user's function that blocks or raises."""
 
     raises: bool = False
     entered: threading.Event = field(default_factory=threading.Event)
@@ -69,7 +69,7 @@ class Place:
 
 
 class Observing:
-    """An observer whose hook is a function of the test's."""
+    """An observer with a function of the test as its hook."""
 
     def __init__(self, hook: str, function: Function) -> None:
         if hook != "on_event":
@@ -115,7 +115,7 @@ CASES.append(pytest.param(PLACES["done callback"], True, id="done callback raise
 
 @contextmanager
 def attached(logger_name: str, kind: str, function: Function) -> Iterator[None]:
-    """Have a logger call the function for every record, and for none of its children's."""
+    """Make a logger call the function for every record, but not for records of its children."""
     logger = logging.getLogger(logger_name)
     level, child = logger.level, logging.getLogger("actionkit.goal")
     child.propagate = False

@@ -56,7 +56,7 @@ class Block:
     """The number of its first line."""
     text: str
     mark: str
-    """What stands in the comment above it."""
+    """The text of the comment above it."""
 
 
 def blocks(page: Path) -> list[Block]:

@@ -66,7 +66,7 @@ def _inventory(site: Path) -> set[str]:
 
 
 def _members(cls: type, public: set[type]) -> Iterator[str]:
-    """Yield what a class of ActionKit's has, but for what stands in the text of a public class."""
+    """Yield the members of a class that the text of a public class does not have."""
     ours = [base for base in cls.__mro__ if base.__module__.startswith("actionkit")]
     told = "\n".join(base.__doc__ or "" for base in ours if base in public)
     for base in ours:
@@ -154,7 +154,7 @@ def test_every_page_is_in_the_navigation() -> None:
 
 
 def test_no_command_installs_actionkit_from_an_index() -> None:
-    # There is no release. What is to be true of one stands in the page on installing alone.
+    # There is no release yet. Only the page on installing says what will be true for one.
     texts = [*ROOT.glob("*.md"), *DOCS.rglob("*.md"), *(ROOT / "actionkit").rglob("*.py")]
     wrong = re.compile(r"pip install [^`\n]*(?<![\w/])actionkit\b")
     found = [str(path.relative_to(ROOT)) for path in texts for _ in wrong.findall(path.read_text())]

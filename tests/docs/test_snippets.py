@@ -1,4 +1,4 @@
-"""The runner of snippets notices what is not so."""
+"""The runner of snippets notices wrong claims."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The web service of the page on asyncio stops the robot when whoever asked is gone."""
+"""The web service of the page on asyncio stops the robot when its client is gone."""
 
 from __future__ import annotations
 

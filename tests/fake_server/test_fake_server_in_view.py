@@ -23,7 +23,7 @@ ROUNDS = 5
 
 @contextmanager
 def initialised(wanted: bool) -> Iterator[None]:
-    """Have a context of the user's, in which clients are then, or not."""
+    """With a context of the user, which clients use, or without."""
     if wanted:
         rclpy.init()
     try:
@@ -35,7 +35,7 @@ def initialised(wanted: bool) -> Iterator[None]:
 @pytest.mark.parametrize("init", [False, True])
 def test_a_new_client_sees_the_server_at_once(ros_domain: int, init: bool) -> None:
     taken = []
-    for _ in range(ROUNDS):  # in each, whoever was in the graph in the last one has left it
+    for _ in range(ROUNDS):  # in each one, all nodes of the last one have left the graph
         with initialised(init), FakeServer(Fibonacci, "fibonacci"):
             began = time.monotonic()
             with Client(Fibonacci, "fibonacci") as client:

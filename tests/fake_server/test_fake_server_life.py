@@ -78,7 +78,7 @@ def test_a_stop_or_start_that_is_interrupted_leaves_nothing(
     assert not harness._context.ok()
     server.stop()
 
-    # So does a start, whose `with` statement has not begun.
+    # So does a start, before its `with` statement has begun.
     contexts: list[Any] = []
     start = Harness.start
 

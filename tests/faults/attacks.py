@@ -1,4 +1,4 @@
-"""The attacks of docs/faults.md: which rows there have to be."""
+"""The attacks of docs/faults.md: the required rows."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Row:
     Attributes:
         attack: What was done.
         left: Goals that went on running though nobody waited for them, and nobody was told.
-        wrong: Calls whose outcome is not what the server's journal shows.
+        wrong: Calls with an outcome that differs from the server's journal.
         delay: The longest delay in seconds; of what, the page says.
     """
 

@@ -1,4 +1,4 @@
-"""Clients to strike with faults: one in this process, one in a process elsewhere."""
+"""Clients for fault tests: one in this process, one in another process."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class RemoteCaller:
         return watches
 
     def kill(self) -> None:
-        """End the process, whatever it does."""
+        """End the process in any state."""
         if self._process.poll() is None:
             self._process.kill()
         self._process.wait(10)

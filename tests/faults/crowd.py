@@ -1,4 +1,4 @@
-"""Starting programs with many goals, and comparing what they say with the server's journal."""
+"""Starts programs with many goals, and compares their reports with the server's journal."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Crowd:
         self.process.send_signal(signal.SIGUSR1)
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(2)  # it may be stuck, and not answer
-        self.process.send_signal(signal.SIGABRT)  # `faulthandler` answers, whatever holds the GIL
+        self.process.send_signal(signal.SIGABRT)  # for `faulthandler`, which needs no GIL
         said = self._script.finish(10)[2]
         return f"the program (exit code before: {ended}) said:\n{said}"
 
@@ -131,7 +131,7 @@ class Crowd:
         return [End(**end) for end in json.loads(self._report.read_text())["ends"]]
 
     def kill(self) -> None:
-        """End it, whatever it does."""
+        """End it in any state."""
         self._script.end()
 
 

@@ -1,4 +1,4 @@
-"""A program with many goals in flight, which gives up on all of them in a way of its own.
+"""A program with many goals in flight, which gives up on all of them in one of several ways.
 
 Started by `tests/faults/crowd.py`, with which it speaks by lines. When its end comes, after
 whatever ActionKit does at the interpreter's exit, it writes what each of its calls came to.
@@ -26,7 +26,7 @@ IGNORED = (Exception,) if WAY == "term_close" else ()
 
 
 def write_report() -> None:
-    """Write the outcome of each call; where it was written before, that stands."""
+    """Write the outcome of each call, unless it was written before."""
     if Path(REPORT).exists():
         return
     ends = []
@@ -52,7 +52,7 @@ from actionkit import Client, RetryPolicy, Timeouts  # noqa: E402
 
 
 def tell_state(*_: object) -> None:
-    """Handle SIGUSR1, of a test that waits in vain: tell how far the goals are."""
+    """Handle SIGUSR1, from a test that waits too long: report the state of the goals."""
     states = Counter(str(future.timeline[-1].state) for future in futures)
     link = client._session.port.link
     said = f"goals {dict(states)}, server {link.readiness.state}, tables {link.table_sizes()}"

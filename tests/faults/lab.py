@@ -1,4 +1,4 @@
-"""Goals in every phase, under every policy, waiting for a fault to strike; and what came of them.
+"""Goals in every phase and with every policy, which wait for a fault; and their outcomes.
 
 One server follows a script for each goal, and one client sends them, in order. A fault strikes
 them all at once, since the slow part of most faults, the lease of the middleware, can be
@@ -276,7 +276,7 @@ def give_up(
 
 
 def check(row: Row, seen: Seen) -> None:
-    """What no fault may bring about, whatever the table says."""
+    """What no fault may cause, even if the table says so."""
     story = f"{row}\n{seen.text}\n" + "\n".join(map(str, seen.events))
     assert row.left == 0, story
     assert row.executed <= seen.attempts, story

@@ -1,4 +1,4 @@
-"""Two hosts on one machine: network namespaces, joined by a virtual cable."""
+"""Two hosts on one machine: network namespaces, connected by a virtual cable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables of docs/faults.md: which rows there have to be, and how tests record them."""
+"""The tables of docs/faults.md: the required rows, and how tests record them."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def record(rows: Iterable[Row]) -> None:
 
 
 def attacked(row: attacks.Row) -> None:
-    """Take the row of an attack: nothing may be left or wrong, whatever the page says."""
+    """Take the row of an attack: nothing may be left or wrong, even if the page says so."""
     assert (row.left, row.wrong) == (0, 0), row
     what = row.attack
     cells = (row.left, row.wrong, Seconds(row.delay))

@@ -1,4 +1,4 @@
-"""The process of a `RemoteCaller`: a client that obeys lines of JSON, and answers with others."""
+"""The process of a `RemoteCaller`: a client that gets commands and answers as lines of JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Attacks: a program gives up on very many goals at once, and none may run on (C2.3 to C2.5)."""
+"""Attacks: a program gives up on very many goals at once; all are cancelled (C2.3 to C2.5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Attacks on outcomes: races with the deadline, and judges that are not heard (C2.3, C3.3)."""
+"""Attacks on outcomes: races with deadlines, and classify functions that block (C2.3, C3.3)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _DEADLINE = 3.0
 
 @dataclass(frozen=True)
 class Server:
-    """A server whose goals last a third of a second, and what they result in."""
+    """A server with goals that last a third of a second, and their result."""
 
     name: str
     order: int
@@ -92,7 +92,7 @@ def test_attack_deadlines_near_the_ends_of_goals(kind, action_server, make_clien
         calls += ended if number else []
     left = drain(server)
     ends = endings(server)
-    # If the machine stood still, the deadline may pass before a goal is sent: NOT_NEEDED is right.
+    # If the machine stopped, the deadline may pass before a goal is sent: NOT_NEEDED is right.
     never = ("never received", math.inf)
     problems = []
     for outcome, _, deadline in calls:
@@ -161,7 +161,7 @@ def test_attack_a_judge_behind_blocked_logs(n, action_server, make_client, block
 
 
 def judge(attack: attacks.Attack, clients: list[Any], server: Any) -> None:
-    """Make a call with each client, whose result is to be judged a failure."""
+    """Make a call with each client; its result will be classified as a failure."""
     futures = [
         client.call_async({"order": 3}, timeout=_DEADLINE, classify=failure) for client in clients
     ]

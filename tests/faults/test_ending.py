@@ -1,4 +1,4 @@
-"""Programs that end, in whatever way, leave no goal running (C2.5, C2.6); docs/faults.md says how.
+"""Programs that end in any way leave no goal running (C2.5, C2.6); docs/faults.md says how.
 
 What reached the server is read in its own journal.
 """

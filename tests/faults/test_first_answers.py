@@ -1,4 +1,4 @@
-"""The answers to a new node's first announcement are lost: it enters the graph anew (C7.6)."""
+"""The answers to a new node's first announcement are lost: it enters the graph again (C7.6)."""
 
 from __future__ import annotations
 

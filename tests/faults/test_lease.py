@@ -1,4 +1,4 @@
-"""The shorter lease of docs/losing-the-server.md, as it is written there."""
+"""The shorter lease of docs/losing-the-server.md works as written there."""
 
 from __future__ import annotations
 

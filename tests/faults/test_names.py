@@ -1,4 +1,4 @@
-"""Two servers on one name, and a name that is taken over by a server of another type (C5.6)."""
+"""Two servers on one name, and a name that a server of another type takes over (C5.6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A client and a server on two hosts, and what becomes of goals when the network fails (C5.4)."""
+"""A client and a server on two hosts, and what happens to goals if the network fails (C5.4)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Programs that are stopped for a while, as a debugger or `docker pause` does (C5.4).
+"""Programs that are stopped for a while, as by a debugger or `docker pause` (C5.4).
 
 Meanwhile the server drops them. When they go on, they believe that the server is gone, or it does
 not know all of their entities any more.

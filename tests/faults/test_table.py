@@ -1,4 +1,4 @@
-"""docs/faults.md has all its rows, and they are as it promises."""
+"""docs/faults.md has all its rows, and its promises are true."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Interface packages that the tests share: each is built once, whichever test process is first."""
+"""Interface packages that the tests share: the first test process that needs one builds it."""
 
 from __future__ import annotations
 

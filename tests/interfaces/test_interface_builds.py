@@ -75,7 +75,7 @@ def test_packages_that_were_built_elsewhere(points: Path, tmp_path: Path) -> Non
     user = write_package(tmp_path / "lines", {"msg/Line.msg": "points/Point[] points\n"})
     refused = actionkit("interfaces", "build", user, "-o", here)
     assert "the package points cannot be found here" in refused.stderr
-    # Compiled anew, and not taken from the cache.
+    # Compiled again, and not taken from the cache.
     env = environment(XDG_CACHE_HOME=str(tmp_path / "cache"))
     built(points, "-o", there, env=env)
     done = actionkit("interfaces", "build", user, "-o", here, env={**env, "PYTHONPATH": str(there)})
@@ -270,7 +270,7 @@ def test_without_pip_the_error_says_how_to_go_on(
 
 
 def test_what_pip_refuses_is_told(points: Path, python: str, tmp_path: Path) -> None:
-    # Stands in for the pip of a system whose packages are managed by another program.
+    # Replaces the pip of a system where another program manages the packages.
     broken = tmp_path / "pip"
     (broken / "pip").mkdir(parents=True)
     (broken / "pip" / "__init__.py").touch()

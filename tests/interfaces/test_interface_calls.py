@@ -1,4 +1,4 @@
-"""Built packages in real calls: with servers of the shipped package, of one's own, and ours."""
+"""Built packages in real calls: with servers of the shipped package, of a user, and ours."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong in a package is told with file and line, before anything is made."""
+"""Mistakes in a package are reported with file and line, before anything is made."""
 
 from __future__ import annotations
 

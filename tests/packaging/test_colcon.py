@@ -1,4 +1,4 @@
-"""colcon builds ActionKit as a ROS package (C9.3), and pip's sdist and wheel stay as they are.
+"""colcon builds ActionKit as a ROS package (C9.3), and pip's sdist and wheel do not change.
 
 Where no colcon is found these tests are skipped: `.ci/run` installs one from PyPI in an environment
 of its own and names it in ACTIONKIT_COLCON.

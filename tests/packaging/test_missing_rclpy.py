@@ -1,4 +1,4 @@
-"""Where rclpy is missing, the error names the commands that get it (C9.3)."""
+"""If rclpy is missing, the error names the commands to install it (C9.3)."""
 
 from __future__ import annotations
 

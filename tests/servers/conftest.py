@@ -1,4 +1,4 @@
-"""What tests of the reference servers share: plain rclpy clients, and servers that are checked."""
+"""Shared by tests of the reference servers: plain rclpy clients, and servers with checks."""
 
 from __future__ import annotations
 

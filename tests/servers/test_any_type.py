@@ -1,4 +1,4 @@
-"""Reference servers of another action type than their own."""
+"""Reference servers with an action type that is not their own."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.rclpy_client import ABORTED, CANCELED, OK, PATIENCE, SUCCEEDED, Drive
 NESTED = "test_msgs/action/NestedMessage"
 EMPTY = NestedMessage.Result()
 UNABLE = {"countdown", "error_code", "fibonacci", "guarded", "navigate"}
-"""Those whose behaviour is about the fields of their own type."""
+"""Servers that need the fields of their own type."""
 ENDS = [
     # server, options, how its goals end, how many feedbacks it journals
     ("aborts", {}, ABORTED, 5),

@@ -117,7 +117,7 @@ def test_no_result(action_server: Any, driver: Driver) -> None:
     goal_id, handle = driver.accepted()
     result = handle.get_result_async()
     server.wait_for("succeeded", goal_id=goal_id)
-    # In vain does rclpy try to send None; later requests are answered all the same.
+    # rclpy cannot send None; later requests are answered all the same.
     server.wait_for("error")
     assert driver.cancel(str(uuid.uuid4())) == (UNKNOWN_GOAL, [])
     assert not result.done()

@@ -1,4 +1,4 @@
-"""Reference servers that look at their other goals."""
+"""Reference servers that consider their other goals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reference servers that fail at first, some of them by a restart."""
+"""Reference servers that fail at first; some of them restart."""
 
 from __future__ import annotations
 

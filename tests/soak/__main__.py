@@ -1,4 +1,4 @@
-"""The command `python -m tests.soak`: everything at once, for as long as one likes.
+"""The command `python -m tests.soak`: everything at once, for any time.
 
 Threads, asyncio tasks, deadlines, cancels, retries and judges, against servers that are killed,
 stopped, restarted, doubled and replaced, or that block, over networks that lose packets, by

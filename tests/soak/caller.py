@@ -1,4 +1,4 @@
-"""Calls of every sort, made by one process of the soak; each is noted in a record."""
+"""Makes calls of every kind in one process of the soak; each gets a record."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _POLICIES = {
     "always": RetryPolicy(resend="always"),
 }
 _LONGEST = 2 * PATIENCE
-"""Seconds after which a call that has not ended is taken for hung."""
+"""Seconds after which a call that has not ended counts as hung."""
 
 
 def failure(_: object) -> Verdict:
@@ -66,7 +66,7 @@ class Caller:
         return Client(Fibonacci, kind, timeouts=timeouts, retry_budget=budget())
 
     def take_records(self) -> list[Record]:
-        """The records so far; each is taken once."""
+        """The records until now; each is taken once."""
         with self._lock:
             taken, self._records = self._records, []
         return taken

@@ -1,4 +1,4 @@
-"""Whether what callers were told agrees with what the servers' journals show. Pure.
+"""Checks that the callers' outcomes agree with the servers' journals. Pure.
 
 It knows nothing of how ActionKit works: only calls, journals, and what was done to the servers.
 """
@@ -87,7 +87,7 @@ class Journal:
             if event.event == GONE or (event.event == HIDDEN and seen_since is not None):
                 out.add(server)
                 here.clear()
-            elif event.event == "ready":  # one that was not told to end may have started anew
+            elif event.event == "ready":  # one that was not told to end may have started again
                 out.discard(server)
                 here.clear()
             elif event.event == SHOWN and event.monotonic < (seen_since or 0.0):

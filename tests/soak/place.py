@@ -1,4 +1,4 @@
-"""Where the processes of a round are: on this machine, or on two hosts with a network between."""
+"""The place of a round's processes: this machine, or two hosts with a network between."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Place:
         self.lingering: frozenset[str] = frozenset()
 
     def enter(self) -> None:
-        """Let processes that are started from now on belong here, whoever starts them."""
+        """Let all processes that are started from now on belong here."""
         os.environ["ROS_DOMAIN_ID"] = str(self.domain)
         os.environ.pop("ROS_LOCALHOST_ONLY", None)
         os.environ.pop("ROS_STATIC_PEERS", None)

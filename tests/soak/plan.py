@@ -1,4 +1,4 @@
-"""What is done in a round, as chance has it: the same seed, the same plan. Pure."""
+"""The random plan of a round: the same seed gives the same plan. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The processes of the soak: the one that calls all the time, and programs told to end."""
+"""The processes of the soak: one that calls all the time, and programs that are ended."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def run_program(place: Place, program: Program, directory: Path) -> Ended:
 
 
 def _run_with_child(place: Place, program: Program) -> Ended:
-    """Start a program whose child sends the goals, and wait for their ends."""
+    """Start a program with a child that sends the goals, and wait for their ends."""
     how, end = program.way.split(", ")
     command = ["-m", "tests.soak.children", how, end, str(program.n), str(program.life)]
     with place.clients():
@@ -194,7 +194,7 @@ def _run_with_child(place: Place, program: Program) -> Ended:
     except subprocess.TimeoutExpired:
         ended.problem = f"it did not end within {_LONGEST:g} s"
     finally:
-        with contextlib.suppress(ProcessLookupError):  # its child, too, wherever that hangs
+        with contextlib.suppress(ProcessLookupError):  # its child, too, even if that hangs
             os.killpg(script.process.pid, signal.SIGKILL)
         script.end()
     return ended

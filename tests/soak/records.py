@@ -1,4 +1,4 @@
-"""What is called in the soak, and the record of each call. No rclpy here."""
+"""The calls of the soak, and the record of each call. No rclpy here."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from actionkit._model.settings import LONGEST_GRACE
 GRACE = 2.0
 """`Timeouts.cancel` of all clients of the soak, in seconds."""
 _AT_ONCE = 8
-"""Goals whose cancellation is asked for at the same time; the others wait for their turn."""
+"""Goals that are cancelled at the same time; the others wait for their turn."""
 _LOST_COMES = 3.5
 """Seconds until what was lost on the network is there, with Fast DDS."""
 PATIENCE = 30.0

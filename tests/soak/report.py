@@ -1,4 +1,4 @@
-"""What the soak tells: each minute, at its end, and as JSON."""
+"""The reports of the soak: each minute, at its end, and as JSON."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MB = 1e6
 
 @dataclass
 class Totals:
-    """All rounds so far.
+    """All rounds until now.
 
     Attributes:
         seed: Of the soak.

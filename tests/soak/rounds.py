@@ -77,7 +77,7 @@ class Round:
                 self._servers[kind] = future.result()
                 stack.callback(self._servers[kind].stop)
             self._run(self._directory / "records.jsonl")
-        # Whoever was killed, or whose goodbye was lost, is in sight for 20 s more.
+        # A process that was killed, or lost its last message, is in sight for 20 s more.
         self._place.lingering = frozenset(
             kind for kind in KINDS if self._done(kind) & {"kill", "loss"}
         )

@@ -1,4 +1,4 @@
-"""The servers of one action in a round: the first, those beside it, and what is done to them."""
+"""The servers of one action in a round: the first, the others, and their faults."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class Serving:
         )
 
     def drain(self, until: float) -> set[str]:
-        """Wait until no goal runs any more, but for those out of reach; returns those that do."""
+        """Wait until no goal runs, except goals out of reach; return the goals that still run."""
         left = self.out_of_reach
         for server in self._servers:
             if server not in self._vanished:

@@ -1,4 +1,4 @@
-"""That the oracle of the soak finds what is not as promised, and nothing else."""
+"""The oracle of the soak finds broken promises, and nothing else."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def test_the_bound_of_a_call():
     # On a network that loses packets it is worth waiting while others are cancelled.
     assert given_up.bound(healthy=False, served_until=115.0) == pytest.approx(120.5)
     assert given_up.bound(healthy=False, served_until=300.0) == 132.0
-    # A server that refuses: the goal runs on, and so does its call.
+    # A server that refuses: the goal continues, and so does its call.
     assert replace(given_up, kind="stubborn").bound(healthy=True) == 132.0
 
 

@@ -1,4 +1,4 @@
-"""The process of the soak that calls, round after round, and lives as long as the soak does.
+"""The process of the soak that makes calls in all rounds, until the soak ends.
 
 It obeys lines of JSON: {"seconds": 20, "seed": 1, "records": PATH} is a round, which it answers
 with a line that says what has grown. The end of its input ends it. On SIGUSR1 it writes the

@@ -1,4 +1,4 @@
-"""Interface packages that no compiler has seen, and the command `actionkit stubs` beside them."""
+"""Interface packages that were not compiled, and the command `actionkit stubs` for them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`actionkit stubs`: what it writes where, what it leaves alone, and what it says (C9.2)."""
+"""`actionkit stubs`: the files that it writes and does not touch, and its output (C9.2)."""
 
 from __future__ import annotations
 

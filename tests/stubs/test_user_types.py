@@ -1,4 +1,4 @@
-"""mypy and pyright, both strict, know the types of users' own packages by stubs alone (C9.2)."""
+"""mypy and pyright, both strict, know the types of users' own packages from stubs only (C9.2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A ROS domain and reference servers that the tests of a file share: starting a process costs."""
+"""A ROS domain and reference servers that the tests of a file share, to save time."""
 
 from __future__ import annotations
 

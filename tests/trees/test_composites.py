@@ -1,4 +1,4 @@
-"""Decorators and composites of py_trees do with goals what they say; random trees leave none."""
+"""Decorators and composites of py_trees work with goals; random trees leave no goal running."""
 
 from __future__ import annotations
 

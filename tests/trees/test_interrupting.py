@@ -1,4 +1,4 @@
-"""Each way to give up on a goal in a tree, in each phase of the goal: what reached the server."""
+"""Each way to give up on a goal in a tree, in each phase of the goal, as the server sees it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A leaf that has an action done: its statuses, its words, its goals, with real servers."""
+"""A leaf that executes an action: its statuses, texts and goals, with real servers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""No tick waits for anything: all that could block is counted, whatever the servers do."""
+"""No tick waits: all calls that could block are counted, with servers in any state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`tick_until` ticks until it is so, wakes by goals' ends, and tells what it saw instead."""
+"""`tick_until` ticks until its condition is true, wakes when goals end, and has good errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What users write who have no stubs. For type checkers only: nothing runs it.
+"""Code of users without stubs. For type checkers only: nothing runs it.
 
 mypy takes the action for `Any`; pyright reads the class that ROS generates.
 """

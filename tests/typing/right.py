@@ -1,4 +1,4 @@
-"""What users write, with the types that they must get. For type checkers only: nothing runs it."""
+"""Code of users, with the types that they must get. For type checkers only: nothing runs it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Unit tests use no middleware, so that they are quick, and can run anywhere."""
+"""Unit tests use no middleware, so they are fast and run anywhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Goals of one client, a server and the way between them, as packets are lost and held up.
+"""Goals of one client, a server, and a network that loses and delays packets.
 
 Everything of the client's is real, from the attempt down to its requests; only the middleware is
 not. Requests and answers of one service arrive in their order, as they do with a reliable
@@ -30,7 +30,7 @@ ACCEPTED, UNKNOWN_GOAL, TERMINATED = 0, 2, 3
 
 
 class Service:
-    """A service client: sends over the network of its life, and gives what has come."""
+    """A service client: sends over the simulated network, and returns what has come."""
 
     def __init__(self, life: NetworkLife, name: str, on_response: Callable[[int, Any], None]):
         self.name = name
@@ -257,7 +257,7 @@ class NetworkLife(CommunicationThread):
             for seq in goal.waiting:
                 self._answer(self.link._entities.result, seq, key, status=state, result=None)
 
-    # -- whose goals they are ------------------------------------------------------------------
+    # -- owners of goals ----------------------------------------------------------------------
 
     def on_record(self, attempt: Attempt, record: Record) -> None:
         self.note(str(record), attempt.goal_id.bytes)

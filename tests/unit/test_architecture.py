@@ -1,4 +1,4 @@
-"""The rooms of the library, and that imports between them run one way."""
+"""The layers of the library; imports between them go one way."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_imports_between_packages_run_one_way() -> None:
 
 
 def test_there_are_no_cycles() -> None:
-    # Imports for the type checker and inside functions count: whoever reads the code follows them.
+    # Imports for the type checker and inside functions count: readers of the code follow them.
     left = {name: own_imports(name, runtime=False) & set(modules()) for name in modules()}
     while free := [name for name, needed in left.items() if not needed & set(left)]:
         for name in free:

@@ -1,4 +1,4 @@
-"""What the benchmarks make of their samples. What they measure is run by hand."""
+"""How the benchmarks evaluate their samples. The measurements are run by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The brake on retries that callers share (contract C4.5)."""
+"""The limit on retries that callers share (contract C4.5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cancel requests go out a few at a time, and again until they are answered (C1.12, C2.4)."""
+"""Cancel requests are sent a few at a time, and again until they are answered (C1.12, C2.4)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When a closed client lets go of its place on the communication thread."""
+"""When a closed client releases its place on the communication thread."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class World(Clock):
 def test_it_stays_while_goals_are_cancelled_on_a_second_server() -> None:
     world = World()
     world.carrier.release()
-    assert world.carrier.released.is_set()  # whoever closes does not wait for it
+    assert world.carrier.released.is_set()  # closing does not wait for it
     assert not world.freed.is_set()
     world.orphans.confirmed = False
     world.orphans.on_none_confirmed()

@@ -1,4 +1,4 @@
-"""Timers are called in the order in which they are due, and cost nothing once cancelled."""
+"""Timers are called in the order of their times, and cost nothing after a cancel."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def test_a_group_of_timers_ends_together() -> None:
     assert told == ["first", "from within"]
     group.close()
     group.call_at(105.0, lambda: told.append("after the end"))
-    assert len(clock.queue) == 1  # but for the other's
+    assert len(clock.queue) == 1  # except for the other one
     clock.advance(5.0)
     assert told == ["first", "from within"]
     assert other.callback is not None

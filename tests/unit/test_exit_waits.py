@@ -1,4 +1,4 @@
-"""The interpreter's exit waits once for each cancellation, and no more (C2.5)."""
+"""The interpreter's exit waits only once for each cancellation (C2.5)."""
 
 from __future__ import annotations
 

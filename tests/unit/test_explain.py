@@ -1,4 +1,4 @@
-"""The error that each way to fail gets, and what its text tells (contract C3.2).
+"""The error for each kind of failure, and its text (contract C3.2).
 
 Not every sentence is compared: only what a user needs of it.
 """
@@ -259,7 +259,7 @@ def test_the_facts_of_each_error() -> None:
 
 
 def assert_told(text: str, report: CancelReport) -> None:
-    """A text says that the goal runs, may run, or runs no more, exactly where that is so."""
+    """A text says that the goal runs, may run, or has stopped, exactly when that is true."""
     assert ("IT IS STILL RUNNING" in text) == (report is CancelReport.REFUSED)
     assert ("IT MAY STILL BE RUNNING" in text) == (report is CancelReport.UNKNOWN)
     assert ("runs no more" in text) == (report is CancelReport.CONFIRMED)

@@ -1,4 +1,4 @@
-"""Running functions of the user's off the communication thread, for a limited time."""
+"""Running users' functions on other threads, for a limited time."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_where_no_thread_can_be_started_the_pool_says_why(monkeypatch: pytest.Mo
 
 
 class Thread:
-    """A communication thread whose clock and turns are the test's."""
+    """A communication thread with the clock and turns of the test."""
 
     def __init__(self) -> None:
         self.timers = TimerQueue()

@@ -1,4 +1,4 @@
-"""A program waits for no import of what it does not use (C7.6).
+"""A program does not import what it does not use (C7.6).
 
 Modules are counted here and not seconds: those depend on the machine.
 """

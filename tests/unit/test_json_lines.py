@@ -1,4 +1,4 @@
-"""JSON lines: written whole, rotated, read back, whatever happened to the file (C6.2)."""
+"""JSON lines: complete, rotated and read back, also from damaged files (C6.2)."""
 
 from __future__ import annotations
 

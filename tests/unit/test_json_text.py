@@ -1,4 +1,4 @@
-"""Data as JSON: strict, on one line, and with one spelling of what JSON has no numbers for."""
+"""Data as JSON: strict, on one line, with one spelling of NaN and the infinities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a link sends for its goals, and what it tells them, with servers that the test plays."""
+"""What a link sends for its goals and reports to them, with servers that the test simulates."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class Listener:
 
 
 class World(CommunicationThread):
-    """A link on a thread whose clock the test moves."""
+    """A link on a thread with a clock that the test moves."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -354,7 +354,7 @@ def test_whether_a_server_is_ready_is_asked_of_the_middleware(world: World) -> N
     world.link._feedback.look()
     world.gids = [A]
     world.entities.event = (1, 1)
-    assert not world.link.server_is_ready()  # it has not answered so far
+    assert not world.link.server_is_ready()  # it has not answered yet
     world.advance(0.1)
     world.entities.cancel.answer(CancelGoal.Response(return_code=UNKNOWN))
     assert world.link.server_is_ready()

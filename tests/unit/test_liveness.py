@@ -1,4 +1,4 @@
-"""When a server that answers nothing is taken for dead, on a clock that the test moves."""
+"""When a server without answers counts as dead, on a clock that the test moves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which goals are lost with which servers: servers come and go, and are seen late.
+"""Which goals are lost with which servers, while servers come and go and are seen late.
 
 What comes from the graph and what comes as the middleware's event is not in step, and neither is
 in step with the servers themselves. The world here knows what is true; whoever is told that a

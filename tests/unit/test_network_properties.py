@@ -1,4 +1,4 @@
-"""Whatever is lost on the way: no goal given up on runs on, and none is said to be lost."""
+"""With any lost packets, every given-up goal is cancelled, and no goal counts as lost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who is told of transitions: in order, off the communication thread, whatever they do (C6.2)."""
+"""Observers get transitions in order, on another thread, and cannot disturb calls (C6.2)."""
 
 from __future__ import annotations
 
@@ -525,7 +525,7 @@ def test_nothing_is_made_where_nobody_listens(monkeypatch: pytest.MonkeyPatch) -
     for state in (GoalState.SENDING, GoalState.ACCEPTED, GoalState.FEEDBACK, GoalState.SUCCEEDED):
         dispatcher.event(event(state), CALL)
     dispatcher.outcome(outcome(), CALL)
-    assert put == []  # the root logger lets through warnings, and these are none
+    assert put == []  # the root logger passes warnings on, and these are not warnings
 
 
 SILENT = """

@@ -238,7 +238,7 @@ def test_what_is_over_while_it_waits_for_its_turn_takes_no_place() -> None:
     world = World(window)
     world.servers = 3
     world.ended(accepted=2)
-    world.orphans.accepted_late(1)  # it is to be asked for again, and waits for its own request
+    world.orphans.accepted_late(1)  # it must be asked for again, and waits for its own request
     world.canceling()
     world.canceling()  # a second server, to the same request
     assert world.at_rest

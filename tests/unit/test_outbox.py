@@ -1,4 +1,4 @@
-"""Goal requests go out in their order, and no more than a window of them unanswered (C1.12)."""
+"""Goal requests are sent in order, with at most one window of unanswered ones (C1.12)."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_any_order_of_operations(window: int, steps: list[str | int]) -> None:
 
 
 class Sender:
-    """Sends whatever its outbox lets it, as a link does."""
+    """Sends everything that its outbox allows, as a link does."""
 
     def __init__(self, window: Window, numbers: range, log: list[int]) -> None:
         self.log = log

@@ -1,4 +1,4 @@
-"""Pictures of goals: what is drawn, from events alone (contract C6.3)."""
+"""Pictures of goals, drawn from events only (contract C6.3)."""
 
 from __future__ import annotations
 

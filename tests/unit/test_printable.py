@@ -1,4 +1,4 @@
-"""Texts of others, made harmless for a terminal, a file and JSON."""
+"""Foreign texts are escaped for a terminal, a file and JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The names and signatures that users build on. A change here is a change for all of them."""
+"""The public names and signatures. A change here is a change for all users."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which goal a request belongs to, and what its answer is worth."""
+"""The goal of a request, and the meaning of its answer."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_a_forgotten_goal_leaves_nothing_behind(requests: ServiceRequests, threa
 def test_each_cancel_request_is_told_of_also_those_that_are_repeated(
     requests: ServiceRequests, thread: Thread
 ) -> None:
-    """By these, less those in vain, one knows whether a cancellation was ours (C4.4)."""
+    """These, without the unsuccessful ones, say whether a cancellation was ours (C4.4)."""
     requests.cancels.ask(KEY)
     assert thread.cancelled == [KEY]
     sent = thread.now()
@@ -133,7 +133,7 @@ def test_a_second_server_that_accepts_a_goal_is_told_of_also_one_that_was_not_in
     assert requests.goal_answered(1, accepted=True) == KEY
     assert requests.goal_answered(1, accepted=True) == KEY
     requests.forget(KEY, abandoned=False, finished=False)
-    assert not requests.orphans.confirmed  # whose goal it was has taken care of both
+    assert not requests.orphans.confirmed  # the owner of the goal has handled both
     assert not any(requests.table_sizes().values())
 
 
@@ -208,7 +208,7 @@ def test_a_goal_that_was_abandoned_is_never_cancelled(
 
 @pytest.mark.parametrize("lost", [False, True])
 def test_a_late_answer_to_an_early_question_ends_nothing(lost: bool) -> None:
-    """A server that did not know the goal yet, and whose word was held up on the way."""
+    """A server that did not know the goal yet, with a delayed answer."""
     life = CallLife()
     life.ready()
     life.accepted(0)

@@ -1,4 +1,4 @@
-"""What a user sets is checked when it is made, and the error names the field and the value."""
+"""Settings are checked when they are made, and the error names the field and the value."""
 
 from __future__ import annotations
 

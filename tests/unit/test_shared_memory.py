@@ -1,4 +1,4 @@
-"""What a killed process leaves in shared memory does not stop the other processes."""
+"""After a process was killed, its shared memory does not stop other processes."""
 
 from __future__ import annotations
 

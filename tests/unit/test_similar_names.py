@@ -1,4 +1,4 @@
-"""The names that somebody may have meant."""
+"""Similar names, for hints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A process that stood still believes no loss at once, and hears its servers again (C5.4)."""
+"""A process that was stopped waits before it believes a loss, and finds its servers (C5.4)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LOOK = 2.0
 
 
 class Thread(Clock):
-    """A communication thread with one client, which stands still when the test says so."""
+    """A communication thread with one client, which the test can stop."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""What `actionkit stop` makes of what servers say, on a clock of the test's."""
+"""How `actionkit stop` handles servers' answers, on a clock of the test."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_the_exit_code_is_that_of_the_worst() -> None:
 
 
 class Telling:
-    """Stands in for the view of holds: what it knows at each look."""
+    """Replaces the view of holds: what it knows at each look."""
 
     def __init__(self, *looks: tuple[tuple[Hold, ...], str]) -> None:
         self.looks = list(looks)

@@ -1,4 +1,4 @@
-"""Tables in the documentation that tests check, and write."""
+"""Tables in the documentation that tests write and check."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The story of a call: in order, and bounded in memory (contract C6.1)."""
+"""The timeline of a call: in order, and with limited memory (contract C6.1)."""
 
 from __future__ import annotations
 

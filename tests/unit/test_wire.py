@@ -1,4 +1,4 @@
-"""Reading the action topics undecoded, against what rclpy really writes."""
+"""Reading the action topics without decoding, compared with rclpy's real messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot, agents of all four kinds that drive it over MCP, and what came of it."""
+"""A robot, all four kinds of agents that drive it over MCP, and the results."""
 
 from __future__ import annotations
 

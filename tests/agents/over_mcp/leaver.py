@@ -1,4 +1,4 @@
-"""A program with a client of the SDK in it, which calls a tool and is killed meanwhile."""
+"""A program with a client of the SDK in it, which calls a tool and is killed during the call."""
 
 from __future__ import annotations
 

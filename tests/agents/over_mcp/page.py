@@ -1,4 +1,4 @@
-"""The tables of docs/agents-faults.md: which rows there have to be, and how a test records one."""
+"""The tables of docs/agents-faults.md: the required rows, and how a test records a row."""
 
 from __future__ import annotations
 

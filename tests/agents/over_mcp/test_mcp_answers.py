@@ -1,4 +1,4 @@
-"""What a result becomes on its way to a client, and progress where nothing changes."""
+"""The form of results for clients, and progress when nothing changes."""
 
 from __future__ import annotations
 

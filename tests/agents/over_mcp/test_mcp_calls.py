@@ -1,4 +1,4 @@
-"""Calls over MCP that come to nothing, or are refused: in both eras, over both transports."""
+"""Calls over MCP that fail or are refused: in both eras, over both transports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calls between client and toolbox, at moments that only a test meets for sure. No ROS."""
+"""Calls between client and toolbox, at exact moments. No ROS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""However an agent or the process that serves it ends, the goals are cancelled, and in time."""
+"""An agent, or the process that serves it, ends in any way: its goals are cancelled in time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""HTTP: who may come in, and connections that end without a word."""
+"""HTTP: who may connect, and connections that end without a message."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/agents-faults.md has all its rows, and no goal runs on that could be cancelled."""
+"""docs/agents-faults.md has all its rows, and every goal that can be cancelled is cancelled."""
 
 from __future__ import annotations
 

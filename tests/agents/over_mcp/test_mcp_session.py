@@ -1,4 +1,4 @@
-"""The session that docs/mcp.md shows is one that took place."""
+"""docs/mcp.md shows a real session."""
 
 from __future__ import annotations
 

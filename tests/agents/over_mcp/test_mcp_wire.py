@@ -1,4 +1,4 @@
-"""Nothing but the protocol is on standard output; what cannot be read is answered all the same."""
+"""Standard output has only the protocol; unreadable messages get an answer, too."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def call(arguments: str, number: int = 90) -> str:
 
 
 def test_stdout_is_the_protocols(robot: Robot) -> None:
-    """With no more in the environment than hosts pass on, and whatever the host sends."""
+    """With the few variables that hosts pass on, and anything that a host sends."""
     watch = Watch(robot.server("fibonacci", period=0.02))
     with Host(robot, before=_NOISE, RCUTILS_LOGGING_USE_STDOUT="1") as host:
         answer = host.answer(host.call("count", order=3))
