@@ -66,8 +66,7 @@ class HoldFiles:
         return state
 
     def _is_ours(self, entry: os.DirEntry[str]) -> bool:
-        """Whether it is a file of this domain and this boot, owned by the user that its name
-        has."""
+        """Whether it is a file of this domain and boot, owned by the user in its name."""
         prefix, _, owner = entry.name.rpartition("-")
         if prefix != f"{self._prefix}{_boot()}":
             return False

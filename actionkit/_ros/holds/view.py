@@ -206,8 +206,7 @@ class HoldView:
         return ""
 
     def _domain(self) -> int:
-        """Return the domain, always the same for topic and files, even if the environment
-        changes."""
+        """Return the domain: the first one is kept, even if the environment changes."""
         if self._domain_id is None:
             self._domain_id = environment_domain()
         return self._domain_id
