@@ -110,7 +110,7 @@ class Client(Generic[ActionT_co]):
         self._classify = classify
         self._budget = RetryBudget() if retry_budget is None else retry_budget
         self._session: Session = session.Session(
-            lambda: port.Port(action_type, action_name, node), on_close, timeouts.cancel, checked
+            port.Port(action_type, action_name, node), on_close, timeouts.cancel, checked
         )
         self._action_type: Any = action_type  # pyright knows no properties of a class object
         self._pool = self._session.callbacks
@@ -136,7 +136,7 @@ class Client(Generic[ActionT_co]):
 
     @property
     def closed(self) -> bool:
-        """Whether the client was closed: it takes no more calls."""
+        """Whether the client takes no more calls: it was closed, or ROS was shut down under it."""
         return self._session.closed
 
     @property
@@ -321,6 +321,7 @@ class Client(Generic[ActionT_co]):
         Raises:
             ClientClosedError: The client was closed.
         """
+        self._session.check()
         return self._session.port.server_is_ready()
 
     # --- the end ---------------------------------------------------------------------------

@@ -27,7 +27,6 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
-import rclpy
 from test_msgs.action import Fibonacci
 
 from actionkit import (
@@ -39,7 +38,6 @@ from actionkit import (
     cancel_on_signals,
 )
 from actionkit._calls import signals
-from actionkit._ros.native import RCLError
 from actionkit._threads.pool import in_callback
 
 HANG = 30.0
@@ -168,15 +166,6 @@ def making(client: AnyClient) -> None:
         assert another.pending == 0
 
 
-def renewing(client: AnyClient) -> None:
-    """As after Ctrl-C and another `rclpy.init()`: the next call starts a new thread."""
-    context = client._session.port.runtime.context
-    # As rclpy's signal handler does. From Kilted on `Context.shutdown` destroys the nodes, too.
-    with contextlib.suppress(RCLError):  # a handler that closes the client has shut it down
-        context.handle.shutdown()
-    client.call({"order": 1}, 20)
-
-
 def awaiting(client: AnyClient) -> None:
     async def on_feedback(_: Any) -> None:
         await asyncio.sleep(0)
@@ -196,7 +185,6 @@ USES = (
     server,
     closing,
     making,
-    renewing,
     awaiting,
 )
 
@@ -268,7 +256,6 @@ def interrupted(use: Callable[[AnyClient], None], interruption: Interruption) ->
 
 def main(use_name: str, count: int) -> None:
     (use,) = (use for use in USES if use.__name__ == use_name)
-    rclpy.init()  # for `renewing`
     signal.signal(signal.SIGUSR1, lambda *_: None)
     cancel_on_signals(signal.SIGUSR1)
     keeper = new_client()  # so that the thread, and what it knows of servers, stays

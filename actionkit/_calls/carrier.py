@@ -64,7 +64,7 @@ class PortCarrier:
         self._linger_timer: TimerHandle | None = None
         self._node_timer: TimerHandle | None = None
         self._closing = False
-        self._shut_down = ""
+        self.ended_because = ""
         """Why calls end though their client was not closed."""
         self.decode_feedback = port.decode_feedback
         self.call_soon = port.runtime.call_soon
@@ -83,9 +83,9 @@ class PortCarrier:
         failure = self.port.runtime.failure
         if failure is not None:
             call.fail(_DIED, failure)
-        elif self._closing or self._shut_down:
+        elif self._closing or self.ended_because:
             # It came after the closing, and has sent nothing.
-            call.close(abandon=True, because=self._shut_down or CLIENT_CLOSED)
+            call.close(abandon=True, because=self.ended_because or CLIENT_CLOSED)
         elif is_ending():
             call.unwanted = True  # between the signal and the process's end nothing begins
             call.start()
@@ -163,17 +163,17 @@ class PortCarrier:
         self._closing = True
         self.port.end_waits()
         for call in list(self.calls):
-            call.close(abandon=self._abandon, because=self._shut_down or CLIENT_CLOSED)
+            call.close(abandon=self._abandon, because=self.ended_because or CLIENT_CLOSED)
 
     def _look_at_ros(self) -> None:
         """End every call where the user's ROS was shut down (C2.6)."""
         if self.port.freed.is_set():
             return
-        if not self._shut_down:
-            self._shut_down = self.port.why_shut_down()
-            if self._shut_down and self._abandon:
+        if not self.ended_because:
+            self.ended_because = self.port.why_shut_down()
+            if self.ended_because and self._abandon:
                 self.call_at(time.monotonic() + _CTRL_C_HEARD, self.close_calls)
-            elif self._shut_down:
+            elif self.ended_because:
                 self.close_calls()
         self.port.end_spinning()
 
@@ -183,7 +183,7 @@ class PortCarrier:
     def _look_at_node(self) -> None:
         self._node_timer = None
         self._look_at_ros()
-        if self.calls and not self._shut_down:
+        if self.calls and not self.ended_because:
             self._arm_node_timer()
 
     def end_grace(self) -> None:
@@ -196,7 +196,9 @@ class PortCarrier:
         first, self._releasing = not self._releasing, True
         if first:
             self.port.end_waits()
-        if self._done:
+        if self.port.freed.is_set():
+            self._on_freed()  # as the thread died, perhaps before the closing
+        elif self._done:
             self.free()
         elif first:
             self._arm_linger()
@@ -258,6 +260,7 @@ class PortCarrier:
             self._on_freed()
 
     def _on_failure(self, error: BaseException) -> None:
+        self.ended_because = _DIED
         for call in list(self.calls):
             call.fail(_DIED, error)
         for attempt in list(self._attempts):

@@ -1,4 +1,4 @@
-"""The calls of one client, on one port or on several in turn, and their end.
+"""The calls of one client, and their end.
 
 A session outlives its client by as much as its goals need: one that was given up on is watched
 until it is known not to run any more (C2.4).
@@ -10,12 +10,10 @@ import math
 import os
 import time
 import uuid
-from collections.abc import Callable, Iterator
 from typing import Any, Literal
 
 from actionkit._calls.call import Call
 from actionkit._calls.carrier import LINGER, PortCarrier
-from actionkit._calls.carriers import Carriers
 from actionkit._calls.drivers import find_driver
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.left_running import warn_of_goals_left
@@ -24,7 +22,7 @@ from actionkit._model.errors import ClientClosedError
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._observers.dispatcher import ObserverDispatcher
 from actionkit._observers.protocol import Observer
-from actionkit._ros.port import Port, ServerWait
+from actionkit._ros.port import Port
 from actionkit._threads.in_hand import patience
 from actionkit._threads.pool import Pool
 
@@ -47,15 +45,15 @@ class Session:
 
     def __init__(
         self,
-        open_port: Callable[[], Port],
+        port: Port,
         on_close: OnClose,
         cancel_grace: float,
         observers: tuple[Observer, ...] = (),
     ) -> None:
-        """Open the first port.
+        """Take over a port.
 
         Args:
-            open_port: Opens a port; called again when a port became unusable.
+            port: It is the session's own.
             on_close: What closing does to goals in flight.
             cancel_grace: `Timeouts.cancel`.
             observers: The observers of the goals, already checked.
@@ -65,8 +63,9 @@ class Session:
         """Monotonic time at which Ctrl-C ended a wait for cancellations."""
         self._pid = os.getpid()
         self._closed = False
-        self._carriers = Carriers(open_port, self._on_freed, abandon=on_close == "abandon")
-        identity = self.identity = next(iter(self._carriers)).port.identity
+        self.port = port
+        self._carrier = PortCarrier(port, self._on_freed, abandon=on_close == "abandon")
+        identity = self.identity = port.identity
         self.action_name = identity.action_name
         self._dispatcher = ObserverDispatcher(
             observers,
@@ -80,32 +79,17 @@ class Session:
 
     @property
     def closed(self) -> bool:
-        """Whether the session was closed."""
-        return self._closed
+        """Whether it takes no more calls: it was closed, or cannot go on."""
+        return self._closed or bool(self._carrier.ended_because)
 
     @property
     def pending(self) -> int:
         """How many calls are in flight."""
-        return sum(len(carrier.calls) for carrier in self._carriers)
-
-    @property
-    def port(self) -> Port:
-        """The port over which new goals go.
-
-        Raises:
-            ClientClosedError: The session was closed.
-            RuntimeError: This process was forked from the session's.
-        """
-        return self._current().port
+        return len(self._carrier.calls)
 
     def prepare(self, request: Request) -> Call:
-        """Make a call. Its time runs from now; it sends nothing yet.
-
-        Raises:
-            ClientClosedError: The session was closed.
-            RuntimeError: This process was forked from the session's.
-        """
-        return Call(self._current(), request, self._dispatcher)
+        """Make a call. Its time runs from now; it sends nothing yet."""
+        return Call(self._carrier, request, self._dispatcher)
 
     def begin(self, call: Call) -> None:
         """Begin a call that was prepared. Calls begin in this order.
@@ -128,12 +112,12 @@ class Session:
             ClientClosedError: The session was closed, perhaps meanwhile.
             RuntimeError: This process was forked from the session's.
         """
-        for wait in self._server_waits(timeout):
-            with wait:
-                wait.over.wait(wait.seconds)
-            if wait.ready:
-                return True
-        return timeout == 0 and self.port.server_is_ready()
+        self.check()
+        with self.port.server_wait(timeout) as wait:
+            wait.over.wait(wait.seconds)
+        if not wait.ready:
+            self.check()
+        return wait.ready or (timeout == 0 and self.port.server_is_ready())
 
     async def wait_for_server_async(self, timeout: float | None) -> bool:
         """Like `wait_for_server`, but without blocking what runs this coroutine.
@@ -142,39 +126,30 @@ class Session:
             RuntimeError: Also where nothing runs this coroutine that could wait.
         """
         driver = find_driver()
-        for wait in self._server_waits(timeout):
-            with wait:
-                await driver.wait(wait.over)
-            if wait.ready:
-                return True
-        return False
-
-    def _server_waits(self, timeout: float | None) -> Iterator[ServerWait]:
-        """Yield waits to be carried out one after the other, until a server is ready."""
-        until = None if timeout is None else time.monotonic() + timeout
-        while True:
-            yield self.port.server_wait(timeout)
-            self.check()
-            if until is not None and until <= time.monotonic():
-                return
-            # The port became unusable. Wait on, over the next one.
-            timeout = None if until is None else until - time.monotonic()
-
-    def _current(self) -> PortCarrier:
         self.check()
-        carrier = self._carriers.current()
-        if self._closed:
-            carrier.call_soon(carrier.release)  # `release` may not have seen it
+        with self.port.server_wait(timeout) as wait:
+            await driver.wait(wait.over)
+        if not wait.ready:
             self.check()
-        return carrier
+        return wait.ready
 
     def check(self) -> None:
-        """Raise where the session cannot be used.
+        """Raise where no call can begin.
 
         Raises:
-            ClientClosedError: The session was closed.
+            ClientClosedError: The session was closed, or cannot go on.
             RuntimeError: This process was forked from the session's.
         """
+        self._check_open()
+        if why := self._carrier.ended_because or self.port.why_shut_down():
+            # A program that was told to end starts no goals.
+            raise ClientClosedError(
+                f"the client of action {self.action_name!r} takes no more calls, because {why}:"
+                " make a new client",
+                action_name=self.action_name,
+            ) from self.port.runtime.failure
+
+    def _check_open(self) -> None:
         if os.getpid() != self._pid:
             raise RuntimeError(
                 f"this Client was made in process {self._pid} and cannot be used in process"
@@ -189,8 +164,13 @@ class Session:
             )
 
     def cancel_all(self) -> int:
-        """Cancel every call in flight; return how many there were."""
-        self.check()
+        """Cancel every call in flight; return how many there were.
+
+        Raises:
+            ClientClosedError: The session was closed.
+            RuntimeError: This process was forked from the session's.
+        """
+        self._check_open()
         return self.cancel_calls()
 
     def cancel_calls(self, *, urgent: bool = False) -> int:
@@ -231,14 +211,12 @@ class Session:
     def close_calls(self) -> None:
         """Take no more calls, and begin to end those in flight by the policy `on_close`."""
         self._closed = True
-        for carrier in self._carriers:
-            carrier.call_soon(carrier.close_calls)
+        self._carrier.call_soon(self._carrier.close_calls)
 
     def end_grace(self) -> None:
         """Wait no longer for cancellations to be confirmed: end the calls that are left."""
         if left := self.futures():
-            for carrier in self._carriers:
-                carrier.call_soon(carrier.end_grace)
+            self._carrier.call_soon(self._carrier.end_grace)
             await_ends(left, MARGIN)
 
     def await_cancel(self, future: GoalFuture[Any, Any]) -> None:
@@ -262,7 +240,7 @@ class Session:
 
         Those that were told of before are left out: by a warning, or by the end of their call.
         """
-        left = [goal for carrier in self._carriers for goal in carrier.untold()]
+        left = self._carrier.untold()
         for goal in left:
             goal.told = True
         return [(self.action_name, goal.goal_id) for goal in left if goal.goal_id]
@@ -270,7 +248,7 @@ class Session:
     @property
     def confirming(self) -> bool:
         """Whether any goal may soon be confirmed to have stopped."""
-        return any(carrier.confirming for carrier in self._carriers)
+        return self._carrier.confirming
 
     def give_up_waiting(self) -> list[tuple[str, uuid.UUID]]:
         """Wait no more for the goals that may be running; return those to be told of."""
@@ -280,52 +258,46 @@ class Session:
         return left
 
     def _calls(self) -> list[Call]:
-        return [call for carrier in self._carriers for call in list(carrier.calls)]
+        return list(self._carrier.calls)
 
     def release_and_wait(self) -> None:
         """Release, and wait until what no goal needs is freed."""
         self.release()
         until = time.monotonic() + FREEING_TIMEOUT
-        for carrier in self._carriers:
-            carrier.released.wait(max(0.0, until - time.monotonic()))
-            if carrier.port.freed.is_set():
-                carrier.port.runtime.join_if_stopping(max(0.0, until - time.monotonic()))
+        self._carrier.released.wait(FREEING_TIMEOUT)
+        if self.port.freed.is_set():
+            self.port.runtime.join_if_stopping(max(0.0, until - time.monotonic()))
 
     def release(self) -> None:
-        """Free each port as soon as no goal needs it. Never blocks.
+        """Free the port as soon as no goal needs it. Never blocks.
 
         A client that is garbage collected without `close()` does only this.
         """
         if os.getpid() != self._pid:
             return
         self._closed = True
-        for carrier in self._carriers:
-            carrier.call_soon(carrier.release)
+        self._carrier.call_soon(self._carrier.release)
 
     def given_up_at(self, orphans_at: float) -> float:
         """Return when the last goal was given up on that may be running; see `PortCarrier`."""
-        return max((carrier.given_up_at(orphans_at) for carrier in self._carriers), default=0.0)
+        return self._carrier.given_up_at(orphans_at)
 
     @property
     def confirmed_at(self) -> float:
         """Monotonic time at which a server last answered a cancel request."""
-        return max(carrier.port.link.others_confirmed_at for carrier in self._carriers)
+        return self.port.link.others_confirmed_at
 
     def await_freed(self, until: float) -> bool:
-        """Wait until every port is freed, so no goal is watched; return whether it is so."""
-        return all(
-            carrier.port.freed.wait(max(0.0, until - time.monotonic()))
-            for carrier in self._carriers
-        )
+        """Wait until the port is freed, so no goal is watched; return whether it is so."""
+        return self.port.freed.wait(max(0.0, until - time.monotonic()))
 
     def free(self) -> None:
-        """Free every port now, even if goals need it."""
-        for carrier in self._carriers:
-            carrier.call_soon(carrier.free)
-            carrier.port.freed.wait(FREEING_TIMEOUT)
+        """Free the port now, even if goals need it."""
+        self._carrier.call_soon(self._carrier.free)
+        self.port.freed.wait(FREEING_TIMEOUT)
 
     def _on_freed(self) -> None:
-        if self._closed and all(c.port.freed.is_set() for c in self._carriers):
+        if self._closed:
             open_sessions.discard(self)
 
 

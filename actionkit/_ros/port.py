@@ -86,11 +86,6 @@ class Port:
 
     # --- from any thread -------------------------------------------------------------------
 
-    @property
-    def usable(self) -> bool:
-        """Whether new goals can be sent from here."""
-        return self.runtime.usable and not self.freed.is_set()
-
     def on_failure(self, callback: Callable[[BaseException], None]) -> None:
         """Call `callback` if the communication thread dies."""
         self._failure_callback = callback
@@ -128,10 +123,6 @@ class Port:
         context = native.default_context() if self._node is None else self._node.context
         if context is not None and not is_up(context):
             executors.wake_executors(context)
-
-    def is_up_again(self) -> bool:
-        """Return whether a client can go on after that; with a node it cannot."""
-        return self._node is None and native.default_context_is_up()
 
     def decode_feedback(self, message: bytes) -> Any:
         """Return the feedback in a serialised feedback message.

@@ -11,7 +11,7 @@ keep the old participant.
 A user's context may be shut down at any time, by `rclpy.shutdown()` or by the signal handler of
 `rclpy.init()`, which shuts down every context of the process (R10). Existing entities go on working
 (see `native`): a cancel request still reaches the server, and its answer wakes this thread. But the
-graph does not work any more, and nothing new can be made. So new calls get a new runtime.
+graph does not work any more, and nothing new can be made. So new clients get a new runtime.
 """
 
 from __future__ import annotations

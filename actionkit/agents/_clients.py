@@ -72,7 +72,7 @@ class Clients:
             client, made_with = self._clients.get(tool.name, (None, None))
             with_node = self._needs_node() if client is None else made_with is not None
             node = self.node.open() if with_node else None
-            if client is None or made_with is not node:
+            if client is None or client.closed or made_with is not node:
                 client = Client(
                     tool.cls,
                     tool.action,

@@ -209,6 +209,29 @@ def test_its_domain_is_not_that_of(
     server.wait_for("succeeded", count=2)
 
 
+def test_a_client_that_cannot_go_on_is_replaced(
+    make_toolbox: Make, action_server: ActionServerFactory, caplog: pytest.LogCaptureFixture
+) -> None:
+    server = action_server("fibonacci")
+
+    def die() -> None:
+        raise SystemExit("for the test")  # what no handler of ours catches
+
+    async def main() -> None:
+        async with make_toolbox({"fib": FIBONACCI}) as toolbox:
+            assert (await toolbox.call("fib", {"order": 1})).value["status"] == "succeeded"
+            ((client, _),) = toolbox._clients._clients.values()
+            runtime = client._session.port.runtime
+            runtime.call_soon(die)
+            runtime.join(20)
+            assert client.closed
+            assert (await toolbox.call("fib", {"order": 1})).value["status"] == "succeeded"
+
+    asyncio.run(main())
+    server.wait_for("succeeded", count=2)
+    assert "died" in caplog.text
+
+
 def test_the_limit_of_goals_holds_also_for_calls_at_the_same_moment(
     make_toolbox: Make, action_server: ActionServerFactory
 ) -> None:

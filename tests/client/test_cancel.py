@@ -206,7 +206,7 @@ def test_a_goal_that_is_watched_no_more_leaves_nothing_on_a_shared_thread(
     client = make_client(timeouts=Timeouts(cancel=0.2))
     future = client.call_async({"order": 1})
     server.wait_for("goal_received")
-    (carrier,) = client._session._carriers
+    carrier = client._session._carrier
     (attempt,) = carrier._attempts
     client.close()
     assert future.outcome(0).cancel is CancelReport.UNKNOWN

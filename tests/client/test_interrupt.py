@@ -245,7 +245,7 @@ except (asyncio.CancelledError, KeyboardInterrupt) as error:
     assert (code, err) == (3, "")
 
 
-def test_the_client_goes_on_after_ctrl_c(action_server, run_script):
+def test_the_program_goes_on_after_ctrl_c(action_server, run_script):
     # rclpy's handler has shut down every context of the process by then (R10).
     action_server("fibonacci", period=0.05)
     script = run_script(
@@ -253,12 +253,13 @@ def test_the_client_goes_on_after_ctrl_c(action_server, run_script):
         + """
 import rclpy
 rclpy.init()
-with Client(Fibonacci, "fibonacci") as client:
-    try:
+try:
+    with Client(Fibonacci, "fibonacci") as client:
         client.call({"order": 90}, on_feedback=lambda fb: print("running"))
-    except KeyboardInterrupt:
-        rclpy.try_shutdown()
-        rclpy.init()
+except KeyboardInterrupt:
+    rclpy.try_shutdown()
+    rclpy.init()
+with Client(Fibonacci, "fibonacci") as client:
     print("result", list(client.call({"order": 1}, 10).sequence))
     with Client(Fibonacci, "fibonaci", timeouts=Timeouts(server=1.0)) as typo:
         error = typo.call_async({"order": 1}).exception()

@@ -211,7 +211,7 @@ def test_a_closed_client_is_gone_at_once(action_server, make_client):
         if name == "fibonacci":
             assert client.call({"order": 1}, timeout=20.0)
         session = client._session
-        (carrier,) = session._carriers
+        carrier = session._carrier
         held = (client, session, carrier, session.port, session.port.link, session._dispatcher)
         client.close()
         assert carrier.port.freed.is_set()

@@ -13,7 +13,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from actionkit import Client, Timeouts
+from actionkit import Client, ClientClosedError, Timeouts
 from actionkit._ros import own_node
 from actionkit._ros.rejoining import SWITCH
 from actionkit._ros.runtime import Runtime
@@ -173,7 +173,9 @@ def test_a_second_try_that_fails_ends_the_calls_with_its_error(make_client, monk
         error = future.exception(30)
     assert error is not None
     assert "for the test" in f"{error} {error.__cause__}"
-    assert not client.server_is_ready()  # a new node was made, on a new thread
+    with pytest.raises(ClientClosedError, match="make a new client"):
+        client.server_is_ready()
+    assert not make_client().server_is_ready()  # a new node was made, on a new thread
 
 
 def test_the_switch_leaves_one_node(make_client, monkeypatch):

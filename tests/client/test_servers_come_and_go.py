@@ -231,8 +231,15 @@ def test_the_death_of_our_thread_fails_every_call_loudly(action_server, make_cli
         future.result(10)
     assert all_is_logged()
     assert "communication thread" in caplog.text
-    # The next call gets a new thread.
-    again = client.call_async({"order": 1})
+    with pytest.raises(
+        ak.ClientClosedError, match="thread of ActionKit died: make a new"
+    ) as caught:
+        client.call_async({"order": 1})
+    assert isinstance(caught.value.__cause__, SystemExit)
+    with pytest.raises(ak.ClientClosedError):
+        client.wait_for_server(10)
+    assert client.closed
+    again = make_client().call_async({"order": 1})
     server.wait_for("executing", count=2)
     again.cancel()
     assert again.outcome(10).status is GoalState.CANCELED

@@ -43,13 +43,11 @@ def run(*command: str) -> list[dict[str, Any]]:
 )
 def test_a_handler_may_run_between_any_two_bytecodes(use, action_server):
     server = action_server("fibonacci", period=0.002)
-    # A new node of ROS is not seen by all at once: seconds for each place.
-    places = max(1, PLACES // 5) if use == "renewing" else PLACES
-    reports = run("tests.signal_walk", use, str(places))
+    reports = run("tests.signal_walk", use, str(PLACES))
     assert [report["handler"] for report in reports] == [one.__name__ for one in HANDLERS]
     for report in reports:
         # A run may take a shorter way than those that were counted.
-        assert report["interrupted"] >= places // 2, report
+        assert report["interrupted"] >= PLACES // 2, report
         assert report["longest"] < LONGEST, report
     for goal_id in server.running():
         server.wait_for("canceled", goal_id=goal_id)

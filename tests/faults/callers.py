@@ -71,8 +71,7 @@ class LocalCaller:
     def close(self) -> bool:
         self.client.close()
         # What a server has done is on its way as an answer; a lost one is asked for within 2 s.
-        freed = [each.port.freed for each in self.client._session._carriers]
-        return not all(each.wait(_LAST_ANSWERS) for each in freed)
+        return not self.client._session.port.freed.wait(_LAST_ANSWERS)
 
 
 class RemoteCaller:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from py_trees.common import Status
+from test_msgs.action import Fibonacci
 
 from actionkit import Timeouts
 from actionkit.testing import tick_until
@@ -122,21 +123,23 @@ def test_its_time_includes_the_wait_for_the_earlier_goal(
     server.release(1)
 
 
-def test_a_goal_that_its_client_lost_touch_with_is_not_run_beside_another(
-    place: Place, open_client: MakeClient
-) -> None:
-    """The client's own thread dies, and the client goes on with another one."""
+def test_a_goal_that_its_client_lost_touch_with_is_not_run_beside_another(place: Place) -> None:
+    """The client's own thread dies, and the tree is set up once more, which makes a new client."""
     server = place.server("lasting", script=["accept", "never"])
-    client = open_client("lasting", timeouts=Timeouts(server=0.5))
-    leaf = ActionBehaviour("a", client, {"order": 1})
+    leaf = ActionBehaviour("a", (Fibonacci, "lasting"), {"order": 1})
+    leaf.setup()
     tick_until(leaf, lambda: leaf.future.known_to_run, BOUND)
-    lost = leaf.future
+    lost, client = leaf.future, leaf._hold.client
     runtime = client._session.port.runtime
     runtime.run(lambda: setattr(runtime, "_broken", MemoryError("for the test")))
     assert lost.exception(BOUND) is not None
     assert lost.known_to_run is None
     tick_until(leaf, Status.FAILURE, BOUND)
-    tick_until(leaf, lambda: "MAY STILL BE RUNNING" in leaf.feedback_message, BOUND)
-    assert client.wait_for_server(BOUND)
+    tick_until(leaf, lambda: "the client is closed" in leaf.feedback_message, BOUND)
+    leaf.setup()
+    assert leaf._hold.client is not client
+    tick_until(
+        leaf, lambda: f"{lost.goal_id} of this behaviour MAY" in leaf.feedback_message, BOUND
+    )
     assert server.max_running == 1
     leaf.shutdown()
