@@ -13,6 +13,7 @@ from actionkit._calls.blocking import refuse_in_callback, warn_on_event_loop
 from actionkit._calls.budget import RetryBudget, check_budget
 from actionkit._calls.call import Call
 from actionkit._calls.classify import Classify, check_classify
+from actionkit._calls.closing import await_cancel, close
 from actionkit._calls.drivers import finished_in_thread
 from actionkit._calls.feedback import callbacks_for
 from actionkit._calls.future import GoalFuture
@@ -152,7 +153,7 @@ class Client(Generic[ActionT_co]):
     @property
     def pending(self) -> int:
         """How many calls of this client are in flight."""
-        return self._session.pending
+        return len(self._session.calls)
 
     # --- the two calls ---------------------------------------------------------------------
 
@@ -204,7 +205,7 @@ class Client(Generic[ActionT_co]):
             if not future.done():
                 # Ctrl-C, or an error that a signal handler of the user's raised here.
                 call.request_cancel(urgent=True)
-                self._session.await_cancel(future)
+                await_cancel(self._session, future)
 
     def call_async(
         self: Client[ActionType[GoalT, ResultT, FeedbackT]],
@@ -352,7 +353,7 @@ class Client(Generic[ActionT_co]):
         have not returned by then, and none begins afterwards.
         """
         self._finalizer.detach()
-        self._session.close()
+        close(self._session)
 
     def __enter__(self) -> Self:
         return self

@@ -1,6 +1,6 @@
 """One call: drives its machine, its attempts, and the future that its user holds.
 
-What is decided is in `machine`. All of it but `begin` and `request_cancel` happens on the
+What is decided is in `machine`. All of it but `request_cancel` happens on the
 communication thread.
 """
 
@@ -43,7 +43,6 @@ class Carrier(ActionView, Clock, Protocol):
         owner: Call,
     ) -> Attempt: ...
     def server_is_ready(self) -> bool: ...
-    def begin(self, call: Call) -> None: ...
     def finished(self, call: Call) -> None: ...
 
 
@@ -92,10 +91,6 @@ class Call:
 
     # --- the caller's wishes ---------------------------------------------------------------
 
-    def begin(self) -> None:
-        """Start soon, and be counted. From any thread; calls start in this order."""
-        self._carrier.begin(self)
-
     def request_cancel(self, *, urgent: bool = False) -> None:
         """Cancel soon. From any thread.
 
@@ -107,7 +102,7 @@ class Call:
         self._carrier.call_soon(self.cancel)
 
     def start(self) -> None:
-        """Begin the first attempt. The carrier calls it."""
+        """Begin the first attempt. The session calls it."""
         if self.unwanted:
             self.cancel()
         self._do(self.machine.begin(self._request.invalid))
@@ -145,10 +140,6 @@ class Call:
             self._do(self.machine.broke(error))
         if self.machine.phase is Phase.ENDED:
             self._settle()  # the timer that ends the wait for callbacks fires no more
-
-    def refuse(self, reason: str) -> None:
-        """End before anything was sent, because this side cannot send."""
-        self._do(self.machine.refuse(reason))
 
     # --- what attempts tell ----------------------------------------------------------------
 

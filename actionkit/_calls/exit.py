@@ -11,15 +11,9 @@ from collections.abc import Callable
 from functools import cache, partial
 
 from actionkit._calls import signals
+from actionkit._calls.closing import FREEING_TIMEOUT, OBSERVERS_TIMEOUT, end_calls
 from actionkit._calls.left_running import warn_of_goals_left
-from actionkit._calls.session import (
-    FREEING_TIMEOUT,
-    MARGIN,
-    OBSERVERS_TIMEOUT,
-    Session,
-    await_ends,
-    open_sessions,
-)
+from actionkit._calls.session import Session, open_sessions
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._observers import observer_queue
 from actionkit._ros import runtimes
@@ -44,7 +38,7 @@ def close_all() -> None:
     """
     sessions = list(open_sessions)
     hurry = any(session.was_interrupted for session in sessions)
-    hurry = _is_interrupted(partial(_await_cancellations, sessions, hurry)) or hurry
+    hurry = _is_interrupted(partial(_end_calls, sessions)) or hurry
     if _is_interrupted(partial(_free, sessions)):
         _is_interrupted(partial(_free, sessions, at_once=True))  # it takes milliseconds then
     if not hurry:
@@ -66,20 +60,22 @@ def _is_interrupted(step: Callable[[], object]) -> bool:
     return False
 
 
-def _await_cancellations(sessions: list[Session], hurry: bool) -> None:
-    grace = max((s.cancel_grace for s in sessions), default=0.0) + MARGIN
-    if hurry:
-        grace = 0.0
+def _end_calls(sessions: list[Session]) -> None:
     began = time.monotonic()
-    for session in sessions:
-        session.close_calls()
-    futures = [future for session in sessions for future in session.futures()]
-    await_ends(futures, grace)
-    for session in sessions:
-        session.end_grace()
-    for session in sessions:
-        session.release_and_wait()
-    _await_freed(sessions, began, grace)
+    _await_freed(sessions, began, end_calls(sessions))
+
+
+def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
+    """Wait until all is freed, for as long as servers go on confirming cancellations.
+
+    Where a caller has waited in vain for a goal's cancellation before, it is not waited for again.
+    """
+    while True:
+        confirmed_at = max((session.confirmed_at for session in sessions), default=began)
+        given_up_at = max((session.given_up_at(began) for session in sessions), default=began)
+        until = max(given_up_at, min(confirmed_at, began + LONGEST_GRACE)) + grace
+        if time.monotonic() >= until or all(s.await_freed(until) for s in sessions):
+            return
 
 
 def _free(sessions: list[Session], *, at_once: bool = False) -> None:
@@ -94,21 +90,11 @@ def _free(sessions: list[Session], *, at_once: bool = False) -> None:
     warn_of_goals_left(_give_up_waiting(sessions))
     for session in sessions:
         session.free()
+    until = time.monotonic() + FREEING_TIMEOUT
+    for session in sessions:
+        session.await_freed(until)
     # They also crash under a thread that still uses it.
     runtimes.join_ending(FREEING_TIMEOUT, at_once=at_once)
-
-
-def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
-    """Wait until all ports are freed, for as long as servers go on confirming cancellations.
-
-    Where a caller has waited in vain for a goal's cancellation before, it is not waited for again.
-    """
-    while True:
-        confirmed_at = max((session.confirmed_at for session in sessions), default=began)
-        given_up_at = max((session.given_up_at(began) for session in sessions), default=began)
-        until = max(given_up_at, min(confirmed_at, began + LONGEST_GRACE)) + grace
-        if time.monotonic() >= until or all(s.await_freed(until) for s in sessions):
-            return
 
 
 def cancel_goals(hurry: Callable[[], bool]) -> None:
@@ -125,7 +111,7 @@ def cancel_goals(hurry: Callable[[], bool]) -> None:
     try:
         for session in sessions:
             session.cancel_calls(urgent=True)
-        while any(session.pending or session.confirming for session in sessions) and not hurry():
+        while any(session.calls or session.confirming for session in sessions) and not hurry():
             confirmed_at = max(session.confirmed_at for session in sessions)
             if time.monotonic() >= min(max(began, confirmed_at), began + LONGEST_GRACE) + grace:
                 break
@@ -135,7 +121,14 @@ def cancel_goals(hurry: Callable[[], bool]) -> None:
 
 
 def _give_up_waiting(sessions: list[Session]) -> list[tuple[str, uuid.UUID]]:
-    return [left for session in sessions for left in session.give_up_waiting()]
+    """Have nobody wait any more for goals that may be running; return those to be told of."""
+    left = []
+    for session in sessions:
+        untold = session.take_untold()
+        if untold or session.calls:
+            session.interrupted_at = time.monotonic()
+        left += untold
+    return left
 
 
 def forget_inherited() -> None:

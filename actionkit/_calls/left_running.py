@@ -9,6 +9,9 @@ import uuid
 from actionkit._threads.diagnostics import log_later, write_to_stderr
 
 _log = logging.getLogger("actionkit")
+LINGER = 30.0
+"""Seconds that a closed client goes on watching for the late acceptance of a goal (C2.4). A server
+that is busy in a callback answers only after that, and few callbacks take longer."""
 _NAMED = 10
 """How many goals are named, so that the text stays readable; the log of the goals names all."""
 

@@ -218,10 +218,6 @@ class CallMachine:
             return self.end_grace(self.closing)
         return self._end(fx.Ending(fx.End.LOST, GoalState.LOST, error=error))
 
-    def refuse(self, reason: str) -> list[Effect]:
-        """This side cannot send, and has sent nothing."""
-        return self._end(fx.Ending(fx.End.LOST, GoalState.SENDING, lost_because=reason))
-
     # --- what happens to attempts ----------------------------------------------------------
 
     def made(self, attempt: AttemptView) -> None:

@@ -1,4 +1,4 @@
-"""The calls of one client, and their end.
+"""The calls of one client and their goals, from the making of the client until all is freed.
 
 A session outlives its client by as much as its goals need: one that was given up on is watched
 until it is known not to run any more (C2.4).
@@ -6,42 +6,53 @@ until it is known not to run any more (C2.4).
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import time
 import uuid
+from functools import partial
 from typing import Any, Literal
 
+from actionkit._calls.attempt import Attempt
 from actionkit._calls.call import Call
-from actionkit._calls.carrier import LINGER, PortCarrier
 from actionkit._calls.drivers import find_driver
+from actionkit._calls.explain import CLIENT_CLOSED
 from actionkit._calls.future import GoalFuture
-from actionkit._calls.left_running import warn_of_goals_left
+from actionkit._calls.graph_snapshot import GraphSnapshot
+from actionkit._calls.left_running import LINGER
 from actionkit._calls.request import Request
+from actionkit._calls.signals import is_ending
+from actionkit._goal.stages import Stage
 from actionkit._model.errors import ClientClosedError
-from actionkit._model.settings import LONGEST_GRACE
+from actionkit._model.settings import Timeouts
 from actionkit._observers.dispatcher import ObserverDispatcher
 from actionkit._observers.protocol import Observer
-from actionkit._ros.port import Port
-from actionkit._threads.in_hand import patience
+from actionkit._ros.port import DIED, Port
+from actionkit._threads.clock import TimerHandle
+from actionkit._threads.diagnostics import log_later
 from actionkit._threads.pool import Pool
 
 OnClose = Literal["cancel", "abandon"]
-MARGIN = 0.5
-"""Seconds that closing may take beyond the wait for cancellations: the communication thread needs
-milliseconds to end the calls, and a busy machine some more."""
 _INTERRUPTED_FOR = 2.0
 """Seconds after Ctrl-C ended a wait for cancellations in which no other is begun. The exit of the
 `with` block and of the interpreter follow within that time."""
-OBSERVERS_TIMEOUT = 1.0
-"""Seconds that closing, and the interpreter's exit, wait for slow observers: enough to write a few
-thousand lines to a file, and not so long that a blocked observer is noticed as a hang."""
-FREEING_TIMEOUT = 5.0
-"""Seconds that the freeing of entities may take; it takes milliseconds on an idle machine."""
+_NODE_CHECK = 1.0
+"""Seconds between looks whether the user's node was destroyed, while calls are in flight. Nothing
+tells of that, and nothing polls more often (C7.4)."""
+_CTRL_C_HEARD = 0.6
+"""Seconds in which a blocking call hears Ctrl-C (see `_threads.waiting`). It cancels its goal, also
+where the client abandons the others."""
+_MOST = 4096
+"""Goals that may run, from which on the oldest that was lost with its server is forgotten."""
 
 
 class Session:
-    """The calls of one client. Any thread may use it."""
+    """The calls of one client, and their goals.
+
+    Any thread may use what has no underscore, unless it says otherwise; the rest happens on the
+    communication thread.
+    """
 
     def __init__(
         self,
@@ -53,68 +64,122 @@ class Session:
         """Take over a port.
 
         Args:
-            port: It is the session's own.
+            port: The session frees it.
             on_close: What closing does to goals in flight.
             cancel_grace: `Timeouts.cancel`.
             observers: The observers of the goals, already checked.
         """
+        self.port = port
         self.cancel_grace = cancel_grace
-        self._interrupted_at = -math.inf
-        """Monotonic time at which Ctrl-C ended a wait for cancellations."""
+        self.identity = port.identity
+        self.action_name, self.type_name = port.identity.action_name, port.identity.type_name
+        self.decode_feedback = port.decode_feedback
+        self.call_soon = port.runtime.call_soon
+        self.call_at = port.runtime.call_at
+        self.cancel_timer = port.runtime.cancel_timer
+        self._abandon = on_close == "abandon"
         self._pid = os.getpid()
         self._closed = False
-        self.port = port
-        self._carrier = PortCarrier(port, self._on_freed, abandon=on_close == "abandon")
-        identity = self.identity = port.identity
-        self.action_name = identity.action_name
-        self._dispatcher = ObserverDispatcher(
+        """Whether its user has closed it."""
+        self._ended_because = ""
+        """Why calls that start now end at once; set on the communication thread, in its order."""
+        self.interrupted_at = -math.inf
+        """Monotonic time at which Ctrl-C ended a wait for cancellations."""
+        self.calls: set[Call] = set()
+        """Those in flight."""
+        self._attempts: dict[Attempt, None] = {}
+        """Those with a goal that may run, oldest first."""
+        self._linger_timer: TimerHandle | None = None
+        """Running from the release until all is freed."""
+        self._node_timer: TimerHandle | None = None
+        self.dispatcher = ObserverDispatcher(
             observers,
-            action_name=identity.action_name,
-            action_type=identity.type_name,
-            node_name=identity.label,
+            action_name=self.action_name,
+            action_type=self.type_name,
+            node_name=port.identity.label,
         )
-        self.callbacks = Pool(identity.action_name)
+        self.callbacks = Pool(self.action_name)
         """Where the user's callbacks run."""
+        port.link.orphans.on_none_confirmed = self._free_if_done
         open_sessions.add(self)
+        port.watch(self._on_failure, self._look_at_ros)
+
+    # --- what a client asks for ------------------------------------------------------------
 
     @property
     def closed(self) -> bool:
         """Whether it takes no more calls: it was closed, or cannot go on."""
-        return self._closed or bool(self._carrier.ended_because)
+        return self._closed or bool(self._ended_because)
 
-    @property
-    def pending(self) -> int:
-        """How many calls are in flight."""
-        return len(self._carrier.calls)
+    def check(self) -> None:
+        """Raise where no call can begin.
+
+        Raises:
+            ClientClosedError: The session was closed, or cannot go on.
+            RuntimeError: This process was forked from the session's.
+        """
+        self._check_open()
+        if why := self._ended_because or self.port.why_unusable():
+            # A program that was told to end starts no goals.
+            raise ClientClosedError(
+                f"the client of action {self.action_name!r} takes no more calls, because {why}:"
+                " make a new client",
+                action_name=self.action_name,
+            ) from self.port.runtime.failure
+
+    def _check_open(self) -> None:
+        if self.inherited:
+            raise RuntimeError(
+                f"this Client was made in process {self._pid} and cannot be used in process"
+                f" {os.getpid()}, which was forked from it: the middleware's threads are not here."
+                " Start processes with the 'spawn' method, or before the first Client"
+            )
+        if self._closed:
+            raise ClientClosedError(
+                f"the client of action {self.action_name!r} is closed: make a new one, or call"
+                " inside its `with` block",
+                action_name=self.action_name,
+            )
 
     def prepare(self, request: Request) -> Call:
         """Make a call. Its time runs from now; it sends nothing yet."""
-        return Call(self._carrier, request, self._dispatcher)
+        return Call(self, request, self.dispatcher)
 
     def begin(self, call: Call) -> None:
         """Begin a call that was prepared. Calls begin in this order.
 
-        One that is begun just after the closing ends at once, and sends nothing.
+        One that is begun just after the closing ends at once, and sends nothing. Raises as `check`.
+        """
+        self.check()
+        self.calls.add(call)
+        self.call_soon(partial(self._start, call))
+
+    def cancel_all(self) -> int:
+        """Cancel every call in flight; return how many there were.
 
         Raises:
             ClientClosedError: The session was closed.
+            RuntimeError: This process was forked from the session's.
         """
-        self.check()
-        call.begin()
+        self._check_open()
+        return self.cancel_calls()
+
+    def cancel_calls(self, *, urgent: bool = False) -> int:
+        """Do so also where the session was closed; `urgent` as for `Call.request_cancel`."""
+        calls = list(self.calls)
+        for call in calls:
+            call.request_cancel(urgent=urgent)
+        return len(calls)
 
     def wait_for_server(self, timeout: float | None) -> bool:
-        """Block until goals can be sent; return whether they can.
+        """Block until goals can be sent; return whether they can. Raises as `check`.
 
         Args:
             timeout: Seconds, or `None` for no limit.
-
-        Raises:
-            ClientClosedError: The session was closed, perhaps meanwhile.
-            RuntimeError: This process was forked from the session's.
         """
         self.check()
         with self.port.server_wait(timeout) as wait:
-            wait.over.wait(wait.seconds)
+            wait.over.wait(timeout)
         if not wait.ready:
             self.check()
         return wait.ready or (timeout == 0 and self.port.server_is_ready())
@@ -133,184 +198,244 @@ class Session:
             self.check()
         return wait.ready
 
-    def check(self) -> None:
-        """Raise where no call can begin.
+    # --- for calls, on the communication thread --------------------------------------------
 
-        Raises:
-            ClientClosedError: The session was closed, or cannot go on.
-            RuntimeError: This process was forked from the session's.
-        """
-        self._check_open()
-        if why := self._carrier.ended_because or self.port.why_shut_down():
-            # A program that was told to end starts no goals.
-            raise ClientClosedError(
-                f"the client of action {self.action_name!r} takes no more calls, because {why}:"
-                " make a new client",
-                action_name=self.action_name,
-            ) from self.port.runtime.failure
+    def _start(self, call: Call) -> None:
+        failure = self.port.runtime.failure
+        if failure is not None:
+            call.fail(DIED, failure)
+        elif self._ended_because:
+            call.close(abandon=True, because=self._ended_because)  # it has sent nothing
+        elif is_ending():
+            call.unwanted = True  # between the signal and the process's end nothing begins
+            call.start()
+        else:
+            call.start()
+            if self.port.has_node and self._node_timer is None:
+                self._arm_node_timer()
 
-    def _check_open(self) -> None:
-        if os.getpid() != self._pid:
-            raise RuntimeError(
-                f"this Client was made in process {self._pid} and cannot be used in process"
-                f" {os.getpid()}, which was forked from it: the middleware's threads are not here."
-                " Start processes with the 'spawn' method, or before the first Client"
-            )
+    def attempt(
+        self,
+        goal_id: uuid.UUID,
+        goal: Any,
+        timeouts: Timeouts,
+        deadline: float | None,
+        owner: Call,
+    ) -> Attempt:
+        """Make an attempt, and watch it until its goal is over."""
+        made = Attempt(
+            self.port.link,
+            goal_id,
+            goal,
+            timeouts,
+            deadline,
+            owner,
+            on_out_of_sight=self._out_of_sight,
+        )
+        self._attempts[made] = None
+        return made
+
+    def server_is_ready(self) -> bool:
+        """Whether goals can be sent now. On the communication thread."""
+        return self.port.link.readiness.ready
+
+    def graph_snapshot(self) -> GraphSnapshot:
+        """Return what the graph shows now, for an error's text. On the communication thread."""
+        return GraphSnapshot(
+            self.port.actions(),
+            self.identity.domain_id,
+            self.port.middleware(),
+            self.port.best_effort(),
+        )
+
+    def finished(self, call: Call) -> None:
+        """Count a call out: its future is about to end. On the communication thread."""
+        self.calls.discard(call)
+        self._free_if_done()
+
+    def _out_of_sight(self, attempt: Attempt) -> None:
+        if attempt.goal.stage is Stage.OVER:
+            self._attempts.pop(attempt, None)
+        elif attempt.goal.stage is Stage.LOST and len(self._attempts) > _MOST:
+            self._forget_a_lost_one()
+        self._free_if_done()
+
+    def _forget_a_lost_one(self) -> None:
+        oldest = next(each for each in self._attempts if each.goal.stage is Stage.LOST)
+        log_later(
+            logging.WARNING,
+            "goal %s of action %s was lost with its server, and MAY STILL BE RUNNING: more than %d"
+            " goals may run, so it is not cancelled any more if that server is seen again",
+            oldest.goal_id,
+            self.action_name,
+            _MOST,
+        )
+        oldest.forget()
+
+    # --- what ends calls, on the communication thread --------------------------------------
+
+    def _end_calls(self) -> None:
+        """End every call by the client's policy, and take no more."""
+        self._ended_because = self._ended_because or CLIENT_CLOSED
+        self.port.end_waits()
+        for call in list(self.calls):
+            call.close(abandon=self._abandon, because=self._ended_because)
+
+    def _look_at_ros(self) -> None:
+        """End every call where the user's ROS was shut down (C2.6)."""
+        if self.port.freed.is_set():
+            return
+        if not self._ended_because and (why := self.port.why_unusable()):
+            self._ended_because = why
+            if self._abandon:
+                self.call_at(time.monotonic() + _CTRL_C_HEARD, self._end_calls)
+            else:
+                self._end_calls()
+        self.port.end_spinning()
+
+    def _arm_node_timer(self) -> None:
+        self._node_timer = self.call_at(time.monotonic() + _NODE_CHECK, self._look_at_node)
+
+    def _look_at_node(self) -> None:
+        self._node_timer = None
+        self._look_at_ros()
+        if self.calls and not self._ended_because:
+            self._arm_node_timer()
+
+    def _on_failure(self, error: BaseException) -> None:
+        self._ended_because = DIED
+        for call in list(self.calls):
+            call.fail(DIED, error)
+        for attempt in list(self._attempts):
+            attempt.goal.lose_touch()
+        self.port.end_waits()
+        # The entities died with the thread; nobody is left to free them.
+        self.port.freed.set()
         if self._closed:
-            raise ClientClosedError(
-                f"the client of action {self.action_name!r} is closed: make a new one, or call"
-                " inside its `with` block",
-                action_name=self.action_name,
-            )
+            open_sessions.discard(self)
 
-    def cancel_all(self) -> int:
-        """Cancel every call in flight; return how many there were.
+    def _end_grace(self) -> None:
+        for call in list(self.calls):
+            call.end_grace()
 
-        Raises:
-            ClientClosedError: The session was closed.
-            RuntimeError: This process was forked from the session's.
-        """
-        self._check_open()
-        return self.cancel_calls()
+    # --- what frees the port, on the communication thread ----------------------------------
 
-    def cancel_calls(self, *, urgent: bool = False) -> int:
-        """Do so also where the session was closed; `urgent` as for `Call.request_cancel`."""
-        calls = self._calls()
-        for call in calls:
-            call.request_cancel(urgent=urgent)
-        return len(calls)
+    def _release(self) -> None:
+        """Free the port as soon as no goal has to be watched any more."""
+        if self.port.freed.is_set():
+            open_sessions.discard(self)
+        elif self._done:
+            self._free()
+        elif self._linger_timer is None:
+            self._arm_linger()
 
-    # --- the end ---------------------------------------------------------------------------
+    def _arm_linger(self) -> None:
+        self._linger_timer = self.call_at(time.monotonic() + LINGER, self._stop_lingering)
+
+    def _stop_lingering(self) -> None:
+        if self.calls:
+            self._arm_linger()  # somebody may wait for their futures
+        else:
+            self._free()
+
+    @property
+    def _done(self) -> bool:
+        # If its server is gone, a goal is watched only for as long as the client lives (C2.4).
+        watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)
+        return not self.calls and not watched and not self.port.link.orphans.confirmed
+
+    def _free_if_done(self) -> None:
+        if self._linger_timer is not None and self._done:
+            self.call_soon(self._free)  # not from within the link's own callback
+
+    def _free(self) -> None:
+        """Free the port now, even if goals are in flight. Does nothing the second time."""
+        if self.port.freed.is_set():
+            return
+        self._ended_because = self._ended_because or CLIENT_CLOSED
+        # The thread may live on, with other clients. A timer that is left there would keep this
+        # session, and with it the whole client, in memory until it is due.
+        for timer in (self._linger_timer, self._node_timer):
+            if timer is not None:
+                self.cancel_timer(timer)
+        self._linger_timer = self._node_timer = None
+        for attempt in list(self._attempts):
+            attempt.drop()
+        self.port.free()
+        open_sessions.discard(self)
+
+    # --- the end, see `closing` ------------------------------------------------------------
+
+    @property
+    def inherited(self) -> bool:
+        """Whether everything here belongs to the process that this one was forked from."""
+        return os.getpid() != self._pid
 
     @property
     def was_interrupted(self) -> bool:
         """Whether Ctrl-C has just ended a wait for cancellations: then none is begun."""
-        return time.monotonic() - self._interrupted_at < _INTERRUPTED_FOR
+        return time.monotonic() - self.interrupted_at < _INTERRUPTED_FOR
 
-    def close(self) -> None:
-        """End every call by the policy `on_close`, within a bound, and free what is held."""
-        if os.getpid() != self._pid:
-            return  # everything here belongs to the process that was forked
-        self.close_calls()
-        try:
-            try:
-                if not self.was_interrupted:
-                    self._await_ends(self.futures(), self.cancel_grace + MARGIN)
-                self.end_grace()
-            finally:
-                self.release_and_wait()
-            left = self._told_now()
-            seconds = None if self.await_freed(time.monotonic()) else LINGER  # none for lost goals
-            warn_of_goals_left(left, seconds)
-            if not self.was_interrupted:
-                self.callbacks.dues.finish(time.monotonic() + patience(self.cancel_grace))
-        finally:
-            self.callbacks.dues.end()
-        self._dispatcher.flush(time.monotonic() + OBSERVERS_TIMEOUT)
+    @property
+    def futures(self) -> list[GoalFuture[Any, Any]]:
+        """Those of the calls in flight."""
+        return [call.future for call in list(self.calls)]
 
     def close_calls(self) -> None:
         """Take no more calls, and begin to end those in flight by the policy `on_close`."""
         self._closed = True
-        self._carrier.call_soon(self._carrier.close_calls)
+        self.call_soon(self._end_calls)
 
     def end_grace(self) -> None:
-        """Wait no longer for cancellations to be confirmed: end the calls that are left."""
-        if left := self.futures():
-            self._carrier.call_soon(self._carrier.end_grace)
-            await_ends(left, MARGIN)
+        """Have no call wait any longer for cancellations to be confirmed."""
+        self.call_soon(self._end_grace)
 
-    def await_cancel(self, future: GoalFuture[Any, Any]) -> None:
-        """Wait for a call that was just cancelled, within `Timeouts.cancel`."""
-        if not self.was_interrupted:
-            self._await_ends([future], self.cancel_grace)
+    def release(self) -> None:
+        """Free everything as soon as no goal needs it.
 
-    def _await_ends(self, futures: list[GoalFuture[Any, Any]], grace: float) -> None:
-        try:
-            await_ends(futures, grace)
-        except KeyboardInterrupt:
-            self._interrupted_at = time.monotonic()
-            raise
+        A client that is garbage collected without `close()` does only this.
+        """
+        if not self.inherited:
+            self._closed = True
+            self.call_soon(self._release)
 
-    def futures(self) -> list[GoalFuture[Any, Any]]:
-        """Return the futures of the calls in flight."""
-        return [call.future for call in self._calls()]
+    def free(self) -> None:
+        """Free everything soon, even if goals need it."""
+        self.call_soon(self._free)
 
-    def _told_now(self) -> list[tuple[str, uuid.UUID]]:
+    def await_freed(self, until: float) -> bool:
+        """Wait until all is freed, so no goal is watched; return whether it is so."""
+        return self.port.freed.wait(max(0.0, until - time.monotonic()))
+
+    def take_untold(self) -> list[tuple[str, uuid.UUID]]:
         """Return the goals that may be running, with the action's name, to be told of now.
 
         Those that were told of before are left out: by a warning, or by the end of their call.
         """
-        left = self._carrier.untold()
+        goals = [each.goal.facts for each in list(self._attempts)]
+        left = [goal for goal in goals if goal.may_run and not goal.told]
         for goal in left:
             goal.told = True
         return [(self.action_name, goal.goal_id) for goal in left if goal.goal_id]
 
     @property
     def confirming(self) -> bool:
-        """Whether any goal may soon be confirmed to have stopped."""
-        return self._carrier.confirming
-
-    def give_up_waiting(self) -> list[tuple[str, uuid.UUID]]:
-        """Wait no more for the goals that may be running; return those to be told of."""
-        left = self._told_now()
-        if left or self.pending:
-            self._interrupted_at = time.monotonic()
-        return left
-
-    def _calls(self) -> list[Call]:
-        return list(self._carrier.calls)
-
-    def release_and_wait(self) -> None:
-        """Release, and wait until what no goal needs is freed."""
-        self.release()
-        until = time.monotonic() + FREEING_TIMEOUT
-        self._carrier.released.wait(FREEING_TIMEOUT)
-        if self.port.freed.is_set():
-            self.port.runtime.join_if_stopping(max(0.0, until - time.monotonic()))
-
-    def release(self) -> None:
-        """Free the port as soon as no goal needs it. Never blocks.
-
-        A client that is garbage collected without `close()` does only this.
-        """
-        if os.getpid() != self._pid:
-            return
-        self._closed = True
-        self._carrier.call_soon(self._carrier.release)
+        """Whether any goal may soon be confirmed to have stopped: a server in sight may have it."""
+        return any(each.goal.may_run for each in list(self._attempts))
 
     def given_up_at(self, orphans_at: float) -> float:
-        """Return when the last goal was given up on that may be running; see `PortCarrier`."""
-        return self._carrier.given_up_at(orphans_at)
+        """Return when the last of the goals that may be running was given up on.
+
+        Args:
+            orphans_at: What to take for the goals that another server has: nobody notes it.
+        """
+        times = [a.goal.cancelled_at for a in list(self._attempts) if a.goal.facts.may_run]
+        return max([*times, orphans_at] if self.port.link.orphans.confirmed else times, default=0.0)
 
     @property
     def confirmed_at(self) -> float:
         """Monotonic time at which a server last answered a cancel request."""
         return self.port.link.others_confirmed_at
-
-    def await_freed(self, until: float) -> bool:
-        """Wait until the port is freed, so no goal is watched; return whether it is so."""
-        return self.port.freed.wait(max(0.0, until - time.monotonic()))
-
-    def free(self) -> None:
-        """Free the port now, even if goals need it."""
-        self._carrier.call_soon(self._carrier.free)
-        self.port.freed.wait(FREEING_TIMEOUT)
-
-    def _on_freed(self) -> None:
-        if self._closed:
-            open_sessions.discard(self)
-
-
-def await_ends(futures: list[GoalFuture[Any, Any]], grace: float) -> None:
-    """Wait for calls to end, for as long as some of them do so within each `grace` seconds."""
-    latest = time.monotonic() + grace + LONGEST_GRACE
-    before = len(futures) + 1
-    while futures and len(futures) < before and time.monotonic() < latest:
-        before = len(futures)
-        until = time.monotonic() + grace
-        if all(future._wait_until_over(until - time.monotonic()) for future in futures):
-            return
-        futures = [future for future in futures if not future.done()]
 
 
 open_sessions: set[Session] = set()

@@ -28,6 +28,7 @@ from actionkit._threads.waiting import Flag
 
 _UNDONE_WITHIN = 5.0
 """Seconds that it may take to free what a failed constructor has made; it takes milliseconds."""
+DIED = "the communication thread of ActionKit died"
 
 
 class Port:
@@ -58,8 +59,7 @@ class Port:
         names = None if node is None else resolve(node, name)
         self.freed = Flag()
         """Set when the entities are destroyed and the runtime is released."""
-        self._failure_callback: Callable[[BaseException], None] | None = None
-        self._shutdown_callback: Callable[[], None] | None = None
+        self._watchers: tuple[Any, Any] | None = None
         self._node: Node | None = node
         self.server_waits: set[Flag] = set()
         """What is set when the port is freed. On the communication thread, as the next."""
@@ -86,29 +86,35 @@ class Port:
 
     # --- from any thread -------------------------------------------------------------------
 
-    def on_failure(self, callback: Callable[[BaseException], None]) -> None:
-        """Call `callback` if the communication thread dies."""
-        self._failure_callback = callback
-        self.runtime.on_failure.append(callback)
+    def watch(
+        self, on_failure: Callable[[BaseException], None], on_shutdown: Callable[[], None]
+    ) -> None:
+        """Tell of what ends the port, on the communication thread, until it is freed.
 
-    def on_shutdown(self, callback: Callable[[], None]) -> None:
-        """Call `callback` on the communication thread when `why_shut_down` may say something."""
-        self._shutdown_callback = callback
-        self.runtime.on_shutdown.append(callback)
-        if self.runtime.was_shut_down or self.why_shut_down():  # just before
-            self.runtime.call_soon(callback)
+        Args:
+            on_failure: Called if that thread dies.
+            on_shutdown: Called when `why_unusable` may say something.
+        """
+        self._watchers = (on_failure, on_shutdown)
+        self.runtime.on_failure.append(on_failure)
+        self.runtime.on_shutdown.append(on_shutdown)
+        if self.runtime.was_shut_down or self.why_unusable():  # just before
+            self.runtime.call_soon(on_shutdown)
 
     @property
     def has_node(self) -> bool:
         """Whether the client was made with `node=`."""
         return self._node is not None
 
-    def why_shut_down(self) -> str:
-        """Return what of the user's ROS was shut down that calls depend on, or `""`.
+    def why_unusable(self) -> str:
+        """Return what ended that calls depend on, or `""`: our thread, or the user's ROS.
 
-        The context of the client's node; without a node rclpy's default one, or our own, which only
-        rclpy's signal handler shuts down: it does so with every context of the process (R10).
+        That is the context of the client's node; without a node rclpy's default one, or our own,
+        which only rclpy's signal handler shuts down: it does so with every context of the process
+        (R10).
         """
+        if self.runtime.failure is not None:
+            return DIED
         if self._node is not None:
             if not is_up(self._node.context):
                 return "the ROS context of its client's node was shut down"
@@ -209,12 +215,11 @@ class Port:
 
     def free(self) -> None:
         """Destroy the entities and release the runtime."""
-        if self._failure_callback is not None:
-            self.runtime.on_failure.remove(self._failure_callback)
-            self._failure_callback = None
-        if self._shutdown_callback is not None:
-            self.runtime.on_shutdown.remove(self._shutdown_callback)
-            self._shutdown_callback = None
+        if self._watchers is not None:
+            on_failure, on_shutdown = self._watchers
+            self.runtime.on_failure.remove(on_failure)
+            self.runtime.on_shutdown.remove(on_shutdown)
+            self._watchers = None
         self.end_waits()
         self.link.close()
         self.runtime.names_in_use.remove((self.identity.action_name, self.identity.type_name))

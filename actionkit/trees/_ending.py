@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from actionkit._calls.closing import MARGIN, await_ends
 from actionkit.trees._clients import ClientHold
 from actionkit.trees._runs import AnyClient, AnyFuture, Runs
 
@@ -28,8 +29,6 @@ def end_together(leaves: Iterable[tuple[Runs, ClientHold]]) -> None:
     for client in closing:
         client._session.close_calls()  # so no client waits for another client's end
     if waited_for:
-        from actionkit._calls.session import MARGIN, await_ends  # rclpy is there, like the clients
-
         await_ends(waited_for, grace + MARGIN)
     for client in closing:
         client.close()

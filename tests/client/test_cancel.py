@@ -9,7 +9,7 @@ import pytest
 
 import actionkit as ak
 from actionkit import CancelReport, GoalState, Timeouts
-from actionkit._calls import carrier as _carrier
+from actionkit._calls import session as _session
 from tests.conftest import asked_to_cancel, cancels, is_accepted, runs_nothing
 
 
@@ -200,17 +200,17 @@ def test_closing_settles_what_is_in_flight(policy, action_server, make_client, o
 def test_a_goal_that_is_watched_no_more_leaves_nothing_on_a_shared_thread(
     action_server, make_client, monkeypatch
 ):
-    monkeypatch.setattr(_carrier, "LINGER", 0.1)
+    monkeypatch.setattr(_session, "LINGER", 0.1)
     server = action_server("silent")
     make_client(name="other")  # it keeps the thread
     client = make_client(timeouts=Timeouts(cancel=0.2))
     future = client.call_async({"order": 1})
     server.wait_for("goal_received")
-    carrier = client._session._carrier
-    (attempt,) = carrier._attempts
+    session = client._session
+    (attempt,) = session._attempts
     client.close()
     assert future.outcome(0).cancel is CancelReport.UNKNOWN
-    assert carrier.port.freed.wait(10)
+    assert session.port.freed.wait(10)
     # One that is left asks over destroyed entities, and subscribes to the status again.
     assert len(attempt._timers) == 0
 

@@ -211,10 +211,10 @@ def test_a_closed_client_is_gone_at_once(action_server, make_client):
         if name == "fibonacci":
             assert client.call({"order": 1}, timeout=20.0)
         session = client._session
-        carrier = session._carrier
-        held = (client, session, carrier, session.port, session.port.link, session._dispatcher)
+        port = session.port
+        held = (client, session, port, port.link, session.dispatcher)
         client.close()
-        assert carrier.port.freed.is_set()
+        assert port.freed.is_set()
         return [weakref.ref(each) for each in held]
 
     policy = {"observers": [Ignorant()], "timeouts": Timeouts(liveness=5.0)}

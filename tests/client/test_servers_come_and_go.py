@@ -9,7 +9,7 @@ import pytest
 
 import actionkit as ak
 from actionkit import GoalState, RetryPolicy, Timeouts
-from actionkit._calls import carrier
+from actionkit._calls import session
 from tests.conftest import NEVER, all_is_logged, is_accepted, runs_nothing
 
 ONCE = RetryPolicy.none()
@@ -70,7 +70,7 @@ def test_the_last_word_of_a_server_does_not_seem_to_bring_it_back(
 
 
 def test_no_more_lost_goals_are_kept_than_can_be(action_server, make_client, monkeypatch, caplog):
-    monkeypatch.setattr(carrier, "_MOST", 3)
+    monkeypatch.setattr(session, "_MOST", 3)
     server = action_server("never_finishes")
     client = make_client(retry=RetryPolicy.none())
     futures = [client.call_async({"order": 1}) for _ in range(6)]

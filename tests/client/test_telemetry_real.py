@@ -128,7 +128,7 @@ def test_calls_in_flight_and_calls_that_are_given_up(action_server, make_client,
     server.wait_for("executing", count=3)
     for future in futures:
         next(iter(future.feedback()))
-    client._session._dispatcher.flush(time.monotonic() + 10)
+    client._session.dispatcher.flush(time.monotonic() + 10)
     assert telemetry.metrics("actionkit.calls.in_flight")[""].value == 3
     futures[0].cancel()
     futures[0].outcome(10)

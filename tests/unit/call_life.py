@@ -220,7 +220,7 @@ class CallLife:
 
         self.call.future._settle = count  # type: ignore[method-assign]
         if begin:
-            self.does(self.call.begin)
+            self.does(self.call.start)
 
     # --- the user's functions --------------------------------------------------------------
 
@@ -286,9 +286,6 @@ class CallLife:
 
     def graph_snapshot(self) -> GraphSnapshot:
         return GraphSnapshot({}, 0, "none")
-
-    def begin(self, call: Call) -> None:
-        self.call_soon(call.start)
 
     def finished(self, call: Call) -> None:
         self.finishes += 1

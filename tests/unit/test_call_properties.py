@@ -439,7 +439,7 @@ def test_a_call_that_had_a_server_ends_with_what_came_of_it(
 def test_a_call_without_any_time(ready: bool) -> None:
     life = CallLife(0, begin=False)
     life.link.ready = life.had_server = ready
-    life.does(life.call.begin)
+    life.does(life.call.start)
     expected = errors.DeadlineExceededError if ready else errors.ServerUnavailableError
     assert type(life.outcome.error) is expected
     assert life.outcome.cancel is CancelReport.NOT_NEEDED

@@ -13,14 +13,15 @@ import uuid
 from collections import deque
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 
 from actionkit import GoalState, Outcome, RetryBudget
 from actionkit._calls.call_view import GoalsOfCall
-from actionkit._calls.carrier import PortCarrier
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.future import GoalFuture
+from actionkit._calls.session import Session, open_sessions
 from actionkit._goal.effects import End
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import Timeline
@@ -220,7 +221,7 @@ class Port(SimpleNamespace):
         self.soon: list[Any] = []
         freed = Flag()
         super().__init__(
-            identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm"),
+            identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm", label=""),
             link=SimpleNamespace(orphans=SimpleNamespace(confirmed=False)),
             runtime=SimpleNamespace(
                 failure=None,
@@ -231,8 +232,8 @@ class Port(SimpleNamespace):
             freed=freed,
             free=freed.set,
             decode_feedback=None,
-            on_failure=lambda callback: None,
-            on_shutdown=lambda callback: None,
+            watch=lambda on_failure, on_shutdown: None,
+            why_unusable=lambda: "",
             has_node=False,
             end_waits=lambda: None,
         )
@@ -240,6 +241,12 @@ class Port(SimpleNamespace):
     def turn(self) -> None:
         while self.soon:
             self.soon.pop(0)()
+
+
+def session_over(port: Port) -> Session:
+    session = Session(port, "cancel", 1.0)  # type: ignore[arg-type]
+    open_sessions.discard(session)  # nothing here is to be ended at the interpreter's exit
+    return session
 
 
 class Begun:
@@ -254,20 +261,18 @@ class Begun:
     def close(self, *, abandon: bool, because: str) -> None:
         self.notes.append("closed")
 
-    def refuse(self, reason: str) -> None:
-        self.notes.append("refused")
-
     def fail(self, reason: str, error: BaseException) -> None:
         self.notes.append("failed")
 
 
 def test_a_call_that_slips_in_behind_the_closing_sends_nothing() -> None:
     port = Port()
-    carrier = PortCarrier(port, lambda: None)  # type: ignore[arg-type]
+    session = session_over(port)
     before, behind = Begun(), Begun()
-    carrier.begin(before)  # type: ignore[arg-type]
-    carrier.call_soon(carrier.close_calls)
-    carrier.begin(behind)  # type: ignore[arg-type]
+    session.begin(before)  # type: ignore[arg-type]
+    # In a signal handler, after the look whether it is closed.
+    with patch.object(session, "check", session.close_calls):
+        session.begin(behind)  # type: ignore[arg-type]
     port.turn()
     assert before.notes == ["started", "closed"]
     assert behind.notes[0] == "closed"
@@ -276,21 +281,26 @@ def test_a_call_that_slips_in_behind_the_closing_sends_nothing() -> None:
 
 def test_a_call_that_comes_to_a_port_that_is_gone_does_not_hang() -> None:
     port = Port()
-    carrier = PortCarrier(port, lambda: None)  # type: ignore[arg-type]
+    session = session_over(port)
     call = Begun()
-    carrier.release()
-    assert port.freed.is_set()
-    carrier.begin(call)  # type: ignore[arg-type]
+
+    def slip_in() -> None:
+        session.release()
+        port.turn()
+        assert port.freed.is_set()
+
+    with patch.object(session, "check", slip_in):
+        session.begin(call)  # type: ignore[arg-type]
     port.turn()
-    assert call.notes == ["refused"]
+    assert call.notes == ["closed"]
 
 
 def test_a_call_on_a_thread_that_died_fails() -> None:
     port = Port()
-    carrier = PortCarrier(port, lambda: None)  # type: ignore[arg-type]
+    session = session_over(port)
     port.runtime.failure = SystemExit("for the test")
     call = Begun()
-    carrier.begin(call)  # type: ignore[arg-type]
+    session.begin(call)  # type: ignore[arg-type]
     port.turn()
     assert call.notes == ["failed"]
 

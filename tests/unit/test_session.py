@@ -7,7 +7,8 @@ import time
 from types import SimpleNamespace
 from typing import Any
 
-from actionkit._calls.carrier import LINGER, PortCarrier
+from actionkit._calls.left_running import LINGER
+from actionkit._calls.session import Session, open_sessions
 from tests.unit.clock import Clock
 
 
@@ -19,7 +20,7 @@ class Orphans:
 
 
 class World(Clock):
-    """A carrier over a port on which nothing is in flight."""
+    """A session over a port on which nothing is in flight."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -27,7 +28,7 @@ class World(Clock):
         self.orphans = Orphans()
         self.freed = threading.Event()
         self.port = SimpleNamespace(
-            identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm"),
+            identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm", label=""),
             link=SimpleNamespace(orphans=self.orphans),
             freed=self.freed,
             free=self.freed.set,
@@ -36,18 +37,17 @@ class World(Clock):
                 call_soon=lambda callback: callback(),
                 call_at=self.call_at,
                 cancel_timer=self.queue.cancel,
+                failure=None,
             ),
-            on_failure=lambda callback: None,
-            on_shutdown=lambda callback: None,
+            watch=lambda on_failure, on_shutdown: None,
             end_waits=lambda: None,
         )
-        self.carrier = PortCarrier(self.port, on_freed=lambda: None)  # type: ignore[arg-type]
+        self.session = Session(self.port, "cancel", 1.0)  # type: ignore[arg-type]
 
 
 def test_it_stays_while_goals_are_cancelled_on_a_second_server() -> None:
     world = World()
-    world.carrier.release()
-    assert world.carrier.released.is_set()  # closing does not wait for it
+    world.session.release()
     assert not world.freed.is_set()
     world.orphans.confirmed = False
     world.orphans.on_none_confirmed()
@@ -56,11 +56,13 @@ def test_it_stays_while_goals_are_cancelled_on_a_second_server() -> None:
 
 def test_but_not_for_ever() -> None:
     world = World()
-    world.carrier.release()
+    world.session.release()
     world.orphans.on_none_confirmed()
     assert not world.freed.is_set()
+    assert world.session in open_sessions
     world.advance(LINGER + 1)
     assert world.freed.is_set()
+    assert world.session not in open_sessions
 
 
 def test_nothing_keeps_it_otherwise() -> None:
@@ -68,14 +70,14 @@ def test_nothing_keeps_it_otherwise() -> None:
     world.orphans.confirmed = False
     world.orphans.on_none_confirmed()  # while it is in use
     assert not world.freed.is_set()
-    world.carrier.release()
+    world.session.release()
     assert world.freed.is_set()
 
 
 def test_what_was_freed_is_held_by_no_timer() -> None:
     """Else each closed client stays in memory for as long as its timer runs."""
     world = World()
-    world.carrier.release()
+    world.session.release()
     assert len(world.queue) == 1
     world.orphans.confirmed = False
     world.orphans.on_none_confirmed()
@@ -86,6 +88,16 @@ def test_what_was_freed_is_held_by_no_timer() -> None:
 def test_what_is_freed_at_once_arms_no_timer() -> None:
     world = World()
     world.orphans.confirmed = False
-    world.carrier.release()
+    world.session.release()
     assert world.freed.is_set()
     assert len(world.queue) == 0
+
+
+def test_one_that_cannot_go_on_is_kept_until_it_is_closed() -> None:
+    """The interpreter's exit names goals that nobody was told of."""
+    world = World()
+    world.session._on_failure(SystemExit("for the test"))
+    assert world.freed.is_set()
+    assert world.session in open_sessions
+    world.session.release()
+    assert world.session not in open_sessions

@@ -1,0 +1,106 @@
+"""Waits until clients have ended: each wait has a bound, and Ctrl-C ends it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from actionkit._calls.future import GoalFuture
+from actionkit._calls.left_running import LINGER, warn_of_goals_left
+from actionkit._model.settings import LONGEST_GRACE
+from actionkit._threads.in_hand import patience
+from actionkit._threads.waiting import Flag
+
+if TYPE_CHECKING:
+    from actionkit._calls.session import Session
+
+MARGIN = 0.5
+"""Seconds that closing may take beyond the wait for cancellations: the communication thread needs
+milliseconds to end the calls, and a busy machine some more."""
+OBSERVERS_TIMEOUT = 1.0
+"""Seconds that closing, and the interpreter's exit, wait for slow observers: enough to write a few
+thousand lines to a file, and not so long that a blocked observer is noticed as a hang."""
+FREEING_TIMEOUT = 5.0
+"""Seconds that the freeing of entities may take; it takes milliseconds on an idle machine."""
+
+
+def close(session: Session) -> None:
+    """End every call by the policy `on_close`, and free what no goal needs."""
+    if session.inherited:
+        return
+    try:
+        end_calls([session])
+        warn_of_goals_left(session.take_untold(), None if session.port.freed.is_set() else LINGER)
+        if not session.was_interrupted:
+            session.callbacks.dues.finish(time.monotonic() + patience(session.cancel_grace))
+    finally:
+        session.callbacks.dues.end()
+    session.dispatcher.flush(time.monotonic() + OBSERVERS_TIMEOUT)
+
+
+def await_cancel(session: Session, future: GoalFuture[Any, Any]) -> None:
+    """Wait for a call that was just cancelled, within `Timeouts.cancel`."""
+    if not session.was_interrupted:
+        _await_ends([session], [future], session.cancel_grace)
+
+
+def end_calls(sessions: Sequence[Session]) -> float:
+    """End every call by the policies `on_close`, and free what no goal needs.
+
+    Returns:
+        The seconds that each confirmation of a cancellation was waited for.
+    """
+    hurry = any(session.was_interrupted for session in sessions)
+    grace = max((session.cancel_grace + MARGIN for session in sessions), default=0.0)
+    grace = 0.0 if hurry else grace
+    for session in sessions:
+        session.close_calls()
+    try:
+        _await_ends(sessions, _futures(sessions), grace)
+        for session in sessions:
+            session.end_grace()
+        await_ends(_futures(sessions), MARGIN)
+    finally:
+        _release(sessions)
+    return grace
+
+
+def _futures(sessions: Sequence[Session]) -> list[GoalFuture[Any, Any]]:
+    return [future for session in sessions for future in session.futures]
+
+
+def _await_ends(
+    sessions: Sequence[Session], futures: list[GoalFuture[Any, Any]], grace: float
+) -> None:
+    try:
+        await_ends(futures, grace)
+    except KeyboardInterrupt:
+        for session in sessions:
+            session.interrupted_at = time.monotonic()
+        raise
+
+
+def await_ends(futures: list[GoalFuture[Any, Any]], grace: float) -> None:
+    """Wait for calls to end, for as long as some of them do so within each `grace` seconds."""
+    latest = time.monotonic() + grace + LONGEST_GRACE
+    before = len(futures) + 1
+    while futures and len(futures) < before and time.monotonic() < latest:
+        before = len(futures)
+        until = time.monotonic() + grace
+        if all(future._wait_until_over(until - time.monotonic()) for future in futures):
+            return
+        futures = [future for future in futures if not future.done()]
+
+
+def _release(sessions: Sequence[Session]) -> None:
+    """Release, and wait until what no goal needs is freed."""
+    until = time.monotonic() + FREEING_TIMEOUT
+    for session in sessions:
+        session.release()
+    for session in sessions:
+        released = Flag()
+        session.call_soon(released.set)
+        released.wait(max(0.0, until - time.monotonic()))
+        if session.port.freed.is_set():
+            session.port.runtime.join_if_stopping(max(0.0, until - time.monotonic()))
