@@ -322,8 +322,7 @@ class Client(Generic[ActionT_co]):
         Raises:
             ClientClosedError: The client was closed.
         """
-        self._session.check()
-        return self._session.port.server_is_ready()
+        return self._session.sees_server()
 
     # --- the end ---------------------------------------------------------------------------
 

@@ -28,7 +28,8 @@ from actionkit._model.errors import ClientClosedError
 from actionkit._model.settings import Timeouts
 from actionkit._observers.dispatcher import ObserverDispatcher
 from actionkit._observers.protocol import Observer
-from actionkit._ros.port import DIED, Port
+from actionkit._ros import graph
+from actionkit._ros.port import DIED, Port, ServerWait
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.diagnostics import log_later
 from actionkit._threads.pool import Pool
@@ -74,9 +75,10 @@ class Session:
         self.identity = port.identity
         self.action_name, self.type_name = port.identity.action_name, port.identity.type_name
         self.decode_feedback = port.decode_feedback
-        self.call_soon = port.runtime.call_soon
-        self.call_at = port.runtime.call_at
-        self.cancel_timer = port.runtime.cancel_timer
+        runtime = port.runtime
+        self.call_soon = runtime.call_soon
+        self.call_at = runtime.call_at
+        self.cancel_timer = runtime.cancel_timer
         self._abandon = on_close == "abandon"
         self._pid = os.getpid()
         self._closed = False
@@ -102,7 +104,10 @@ class Session:
         """Where the user's callbacks run."""
         port.link.orphans.on_none_confirmed = self._free_if_done
         open_sessions.add(self)
-        port.watch(self._on_failure, self._look_at_ros)
+        runtime.on_failure.append(self._on_failure)
+        runtime.on_shutdown.append(self._look_at_ros)
+        if runtime.was_shut_down or port.why_unusable():  # just before
+            self.call_soon(self._look_at_ros)
 
     # --- what a client asks for ------------------------------------------------------------
 
@@ -178,11 +183,11 @@ class Session:
             timeout: Seconds, or `None` for no limit.
         """
         self.check()
-        with self.port.server_wait(timeout) as wait:
+        with ServerWait(self.port, timeout) as wait:
             wait.over.wait(timeout)
         if not wait.ready:
             self.check()
-        return wait.ready or (timeout == 0 and self.port.server_is_ready())
+        return wait.ready or (timeout == 0 and self.sees_server())
 
     async def wait_for_server_async(self, timeout: float | None) -> bool:
         """Like `wait_for_server`, but without blocking what runs this coroutine.
@@ -192,11 +197,16 @@ class Session:
         """
         driver = find_driver()
         self.check()
-        with self.port.server_wait(timeout) as wait:
+        with ServerWait(self.port, timeout) as wait:
             await driver.wait(wait.over)
         if not wait.ready:
             self.check()
         return wait.ready
+
+    def sees_server(self) -> bool:
+        """Whether goals can be sent now. Raises as `check`."""
+        self.check()
+        return self.port.runtime.run(self.port.link.server_is_ready)
 
     # --- for calls, on the communication thread --------------------------------------------
 
@@ -244,7 +254,7 @@ class Session:
         return GraphSnapshot(
             self.port.actions(),
             self.identity.domain_id,
-            self.port.middleware(),
+            graph.middleware(),
             self.port.best_effort(),
         )
 
@@ -361,6 +371,8 @@ class Session:
         self._linger_timer = self._node_timer = None
         for attempt in list(self._attempts):
             attempt.drop()
+        self.port.runtime.on_failure.remove(self._on_failure)
+        self.port.runtime.on_shutdown.remove(self._look_at_ros)
         self.port.free()
         open_sessions.discard(self)
 

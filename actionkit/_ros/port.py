@@ -6,7 +6,7 @@ A port outlives its client until no goal is left that may still have to be cance
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -59,7 +59,6 @@ class Port:
         names = None if node is None else resolve(node, name)
         self.freed = Flag()
         """Set when the entities are destroyed and the runtime is released."""
-        self._watchers: tuple[Any, Any] | None = None
         self._node: Node | None = node
         self.server_waits: set[Flag] = set()
         """What is set when the port is freed. On the communication thread, as the next."""
@@ -85,21 +84,6 @@ class Port:
         self._feedback_type: Any = action_type.Feedback
 
     # --- from any thread -------------------------------------------------------------------
-
-    def watch(
-        self, on_failure: Callable[[BaseException], None], on_shutdown: Callable[[], None]
-    ) -> None:
-        """Tell of what ends the port, on the communication thread, until it is freed.
-
-        Args:
-            on_failure: Called if that thread dies.
-            on_shutdown: Called when `why_unusable` may say something.
-        """
-        self._watchers = (on_failure, on_shutdown)
-        self.runtime.on_failure.append(on_failure)
-        self.runtime.on_shutdown.append(on_shutdown)
-        if self.runtime.was_shut_down or self.why_unusable():  # just before
-            self.runtime.call_soon(on_shutdown)
 
     @property
     def has_node(self) -> bool:
@@ -144,14 +128,6 @@ class Port:
                 f" is no {self.identity.type_name} feedback ({error}): does its server use another"
                 " version of that type?"
             ) from error
-
-    def server_is_ready(self) -> bool:
-        """Return whether goals can be sent now."""
-        return self.runtime.run(self.link.server_is_ready)
-
-    def server_wait(self, seconds: float | None) -> ServerWait:
-        """Return a wait until goals can be sent, for so many seconds; `None` means no limit."""
-        return ServerWait(self, seconds)
 
     def table_sizes(self) -> dict[str, int]:
         """Return how many entries each table of the link and the timers hold."""
@@ -209,17 +185,8 @@ class Port:
         except (RCLError, InvalidHandle):
             return ()
 
-    def middleware(self) -> str:
-        """Return the name of the middleware in use."""
-        return graph.middleware()
-
     def free(self) -> None:
         """Destroy the entities and release the runtime."""
-        if self._watchers is not None:
-            on_failure, on_shutdown = self._watchers
-            self.runtime.on_failure.remove(on_failure)
-            self.runtime.on_shutdown.remove(on_shutdown)
-            self._watchers = None
         self.end_waits()
         self.link.close()
         self.runtime.names_in_use.remove((self.identity.action_name, self.identity.type_name))

@@ -38,9 +38,12 @@ class World(Clock):
                 call_at=self.call_at,
                 cancel_timer=self.queue.cancel,
                 failure=None,
+                was_shut_down=False,
+                on_failure=[],
+                on_shutdown=[],
             ),
-            watch=lambda on_failure, on_shutdown: None,
             end_waits=lambda: None,
+            why_unusable=lambda: "",
         )
         self.session = Session(self.port, "cancel", 1.0)  # type: ignore[arg-type]
 

@@ -225,6 +225,9 @@ class Port(SimpleNamespace):
             link=SimpleNamespace(orphans=SimpleNamespace(confirmed=False)),
             runtime=SimpleNamespace(
                 failure=None,
+                was_shut_down=False,
+                on_failure=[],
+                on_shutdown=[],
                 call_soon=self.soon.append,
                 call_at=lambda at, callback: None,
                 cancel_timer=None,
@@ -232,7 +235,6 @@ class Port(SimpleNamespace):
             freed=freed,
             free=freed.set,
             decode_feedback=None,
-            watch=lambda on_failure, on_shutdown: None,
             why_unusable=lambda: "",
             has_node=False,
             end_waits=lambda: None,

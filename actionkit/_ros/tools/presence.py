@@ -15,7 +15,7 @@ from rclpy.exceptions import InvalidHandle
 from actionkit._model.domain import environment_domain
 from actionkit._model.errors import ActionTypeMismatchError
 from actionkit._ros import native, runtimes
-from actionkit._ros.port import Port
+from actionkit._ros.port import Port, ServerWait
 from actionkit._ros.runtime import Runtime
 
 _LEFT_WITHIN = 5.0
@@ -44,7 +44,7 @@ class Presence:
         try:
             if port.identity.action_name != action_name:
                 return True
-            with port.server_wait(timeout) as wait:
+            with ServerWait(port, timeout) as wait:
                 wait.over.wait(timeout)
             # Not before: a node in use is not replaced, even if it has missed the server.
             if port.runtime.run(partial(port.runtime.add_user, self)):
