@@ -47,9 +47,8 @@ class Client(Generic[ActionT_co]):
     In an annotation it is a `Client[Fibonacci]`.
 
     It needs no `rclpy.init()`, node, executor or thread of yours; where there are any, it spins,
-    shuts down and blocks none of them. Safe to use from any thread, from any callback of any
-    executor, and in a signal handler, even if the signal came in the
-    middle of ActionKit's own code.
+    shuts down and blocks none of them. Safe to use from any thread and any callback of any
+    executor. In a signal handler use only `cancel_all()`, `close()` and what reads, or raise.
     """
 
     def __init__(

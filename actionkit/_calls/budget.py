@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import threading
-from collections import deque
 
 from typing_extensions import final
 
@@ -44,9 +43,7 @@ class RetryBudget:
         self._capacity = float(capacity)
         self._ratio = float(ratio)
         self._tokens = self._capacity
-        self._changes: deque[float] = deque()
         self._lock = threading.Lock()
-        """Nobody waits for it: the thread that has it makes the changes of the others too."""
 
     def __repr__(self) -> str:
         state = "allows" if self.allows_retry else "forbids"
@@ -76,15 +73,8 @@ class RetryBudget:
         self._change(-1.0)
 
     def _change(self, by: float) -> None:
-        # A signal handler may come here while the thread that it interrupted has the lock.
-        self._changes.append(by)
-        while self._changes and self._lock.acquire(blocking=False):
-            try:
-                while self._changes:
-                    tokens = self._tokens + self._changes.popleft()
-                    self._tokens = min(self._capacity, max(0.0, tokens))
-            finally:
-                self._lock.release()
+        with self._lock:
+            self._tokens = min(self._capacity, max(0.0, self._tokens + by))
 
 
 def check_budget(value: object) -> None:

@@ -55,8 +55,7 @@ class GoalFuture(
 
     Dropping it leaves the goal alone. A failure that nobody has looked at then is logged.
 
-    In a signal handler use the methods here: `wait` and `as_completed` may have been what the
-    handler interrupted, and would then wait for themselves.
+    In a signal handler use only `cancel()` and what reads, such as `done()` and `state`, or raise.
     """
 
     # Already here, for `__del__`: Ctrl-C may interrupt the constructor.
@@ -325,8 +324,8 @@ class GoalFuture(
         return self._over.wait(seconds)
 
     # What follows is for `concurrent.futures.wait` and `as_completed` alone. They take locks, in
-    # the main thread too, where a signal handler may run meanwhile and wait for another goal: so
-    # the communication thread never waits for these locks, and nothing else rests on them.
+    # the main thread too, where a signal handler may close the client meanwhile: so the
+    # communication thread never waits for these locks, and nothing else rests on them.
 
     def _notify_base_at_once(self) -> bool:
         """End the future of the base class if that needs no waiting; return whether it did."""

@@ -20,9 +20,6 @@ from actionkit._ros.runtime import Runtime
 
 Place: TypeAlias = "Context | int"
 """A context of the user's, or a ROS domain."""
-_TURN = 2.0
-"""Seconds to wait for another thread that starts a runtime, many times as long as that takes. After
-that a second one is started, which does no harm."""
 
 
 class _Registry:
@@ -30,10 +27,8 @@ class _Registry:
 
     def __init__(self) -> None:
         self.starting = threading.RLock()
-        """Held while a runtime is started, so that two threads do not start two.
-
-        The communication thread never waits for it, and other threads wait for 2 s at most.
-        """
+        """Held while a runtime is started, so that two threads do not start two. The communication
+        thread never waits for it."""
         self.by_place: dict[Place, Runtime] = {}
         self.ending: WeakSet[Runtime] = WeakSet()
         self.unheard: WeakSet[Context] = WeakSet()
@@ -78,18 +73,13 @@ def acquire(place: Context | int | None, user: object) -> Runtime:
 
 
 def _usable_runtime(place: Place) -> Runtime:
-    turn = _registry.starting.acquire(timeout=_TURN)
-    try:
+    with _registry.starting:
         runtime = _registry.by_place.get(place)
         if runtime is None or not runtime.usable:
-            # A signal handler may get here too; then two are started, which does no harm.
             runtime = _registry.by_place[place] = Runtime(
                 place, _registry.forget, apart=place in _registry.unheard
             )
         return runtime
-    finally:
-        if turn:
-            _registry.starting.release()
 
 
 def release(runtime: Runtime, user: object) -> None:

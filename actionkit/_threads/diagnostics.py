@@ -141,7 +141,7 @@ def is_enabled_for(logger: logging.Logger, level: int) -> bool:
     """Like `logger.isEnabledFor`, for the communication thread.
 
     That one has a lock at times, which a thread holds that sets up logging: if a signal handler
-    ran there, and waited for a goal, the communication thread would wait for both.
+    closed a client there, each would wait for the other.
     """
     return (
         not logger.disabled

@@ -3,7 +3,7 @@
 One that runs for long is named in the log when more comes for its client. Nothing watches it: what
 holds up nobody is named at the end, if it has not returned by then.
 
-Threads of the user's call `finish` and `end`, also in signal handlers: so these take no lock.
+`close()` calls `finish` and `end`, which a signal handler may do: so they take no lock.
 """
 
 from __future__ import annotations
@@ -21,13 +21,11 @@ from types import BuiltinFunctionType, FunctionType, MethodType
 from typing import Any, NamedTuple, Protocol
 
 from actionkit._threads.diagnostics import log_later
-from actionkit._threads.waiting import Flag, in_signal_handler, interrupted_at, taken_from
+from actionkit._threads.waiting import Flag, interrupted_at, taken_from
 
 _PATIENCE = 5.0
 """Seconds that closing and the interpreter's exit wait for callbacks: enough to save a result, and
 no hang for a human."""
-_IN_HANDLER = 0.5
-"""The same in a signal handler: what it interrupted may hold what the callbacks wait for."""
 WARN_AFTER = 5.0
 """Seconds after which the log names a callback: one that waits for a slow disk has returned by
 then."""
@@ -73,7 +71,7 @@ class Work(Protocol):
 
 def patience(cancel_grace: float) -> float:
     """Return how many seconds the end waits for callbacks, given `Timeouts.cancel`."""
-    return _IN_HANDLER if in_signal_handler() else max(_PATIENCE, cancel_grace)
+    return max(_PATIENCE, cancel_grace)
 
 
 class InHand:

@@ -13,7 +13,6 @@ from __future__ import annotations
 import _thread
 import contextlib
 import signal
-import sys
 import threading
 import time
 from collections import deque
@@ -60,12 +59,11 @@ def taken_from(queue: deque[_T]) -> Iterator[_T]:
 
 
 class Flag:
-    """Like `threading.Event`, but a signal handler may use it whatever it interrupted (C2.5).
+    """Like `threading.Event`, but setting it waits for nobody (C2.9).
 
-    An Event has a lock inside, which a thread holds for a moment when it begins to wait. A signal
-    handler that runs in that moment would wait for ever for the same Event, and whoever sets it
-    would wait for the handler. Here each who waits has a lock of its own, and setting the flag
-    waits for nobody.
+    An Event has a lock inside, which a thread holds for a moment when it begins to wait. If a
+    signal handler called `close()` in that moment, the communication thread would wait for that
+    lock, and the handler for that thread. Here each thread that waits has a lock of its own.
     """
 
     __slots__ = ("_is_set", "_waiting")
@@ -122,21 +120,6 @@ class Flag:
             return self._is_set
         finally:
             self.remove_waiter(woken.release)
-
-
-def in_signal_handler() -> bool:
-    """Whether a handler of the user's for some signal has called this, directly or not."""
-    if threading.current_thread() is not threading.main_thread():
-        return False
-    handlers = [signal.getsignal(number) for number in signal.valid_signals()]
-    codes = {getattr(getattr(each, "__func__", each), "__code__", None) for each in handlers}
-    codes -= {None, getattr(signal.default_int_handler, "__code__", None)}
-    frame = sys._getframe()
-    while frame.f_back is not None:
-        if frame.f_code in codes:
-            return True
-        frame = frame.f_back
-    return False
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""Nothing of ActionKit's waits for a lock that an interrupted main thread may hold (C2.5).
+"""Cancelling, closing and reading wait for no lock that an interrupted main thread may hold (C2.9).
 
 What is interrupted is played by this thread: it holds what the interrupted code would hold, and
 does what the handler would do. `tests/client/test_signal_handlers.py` interrupts the real code.
@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 import pytest
 
-from actionkit import GoalState, Outcome, RetryBudget
+from actionkit import GoalState, Outcome
 from actionkit._calls.call_view import GoalsOfCall
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.future import GoalFuture
@@ -189,16 +189,6 @@ def test_closing_waits_for_done_callbacks_before_it_sees_that_the_call_is_over()
 
 
 # --- the rest ----------------------------------------------------------------------------------
-
-
-def test_a_budget_is_used_while_its_lock_is_held() -> None:
-    budget = RetryBudget(capacity=10.0, ratio=0.5)
-    with budget._lock:
-        elsewhere(budget.on_transient_failure)
-        elsewhere(lambda: budget.tokens)
-        budget.on_transient_failure()  # in a handler
-    budget.on_success()
-    assert budget.tokens == 8.5
 
 
 def test_an_observer_is_told_while_somebody_waits_for_it() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import signal
 import threading
 import time
 from collections.abc import Callable
@@ -12,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from actionkit._threads.waiting import in_signal_handler, slices
+from actionkit._threads.waiting import slices
 from tests.conftest import NEVER
 
 
@@ -49,18 +48,3 @@ def test_slices_make_up_the_whole() -> None:
         assert seconds is not None
         NEVER.wait(seconds)
     assert 1.2 <= time.monotonic() - began < 5
-
-
-def test_a_signal_handler_knows_that_it_is_one() -> None:
-    seen = list[bool]()
-
-    def handler(number: int, frame: object) -> None:
-        seen.append(in_signal_handler())
-
-    before = signal.signal(signal.SIGUSR1, handler)
-    try:
-        signal.raise_signal(signal.SIGUSR1)
-    finally:
-        signal.signal(signal.SIGUSR1, before)
-    assert seen == [True]
-    assert not in_signal_handler()
