@@ -69,9 +69,7 @@ class ObserverDispatcher:
         self._names = (action_name, action_type, node_name)
         # A thread for each, if need be: no observer waits for another.
         most = 1 + len(observers)
-        self._pool = Pool(
-            action_name, name="actionkit-observers", busy=most, most=most, awaited=False
-        )
+        self._pool = Pool(action_name, name="actionkit-observers", most=most, awaited=False)
         self._log = GoalLog()
         log_label = Label(f"a handler of {self._log!r}", None, "the client's other records")
         log_queue = ObserverQueue(log_label, self._pool, action_name, ends_on_error=False)

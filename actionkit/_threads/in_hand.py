@@ -191,11 +191,6 @@ class Dues:
                 earliest = min(earliest, since)
         self._look_at = earliest + WARN_AFTER
 
-    def running_for(self, seconds: float) -> int:
-        """Return how many callbacks have been running for so long, on threads of the pool."""
-        now = time.monotonic()
-        return sum(now - due.since >= seconds for due in list(self._in_hand))
-
     def _name(self, due: InHand, seconds: float) -> None:
         log_later(
             logging.WARNING,

@@ -20,18 +20,9 @@ from collections.abc import Callable
 from actionkit._threads.diagnostics import log_own_error
 from actionkit._threads.in_hand import Dues, InHand, Label, Work
 
-MOST_BUSY = 8
-"""Threads of a client for its callbacks; one that is blocked does not count. Those that compute
-take turns at Python's one lock with the communication thread: beside 50 of them, a call of another
-client took 3 to 30 s, beside 8 of them 0.2 s."""
 MOST_THREADS = 64
-"""Threads of a client for its callbacks in all: so many megabytes of stack at the most, and more
-blocked callbacks than a program has that works."""
-BLOCKED_AFTER = 1.0
-"""Seconds after which a callback counts as blocked. One that only computes has returned long
-before."""
-_LOOK = 0.1
-"""Seconds between looks whether others are blocked, while work waits for a thread."""
+"""Threads of a client for its callbacks: so many megabytes of stack at the most, and more blocked
+callbacks than a program has that works."""
 _IDLE_SECONDS = 1.0
 """Seconds until an idle thread ends: longer than between two feedback messages of most servers."""
 
@@ -42,18 +33,13 @@ Job = Callable[[], object]
 
 
 class Pool:
-    """Daemon threads: another one while all are busy, up to a limit. Jobs must not raise.
-
-    Beyond the first few there is one spare thread at a time, and only while work waits. It does
-    that work when others are blocked.
-    """
+    """Daemon threads: another one while all are busy, up to a limit. Jobs must not raise."""
 
     def __init__(
         self,
         owner: str = "",
         *,
         name: str = "actionkit-callbacks",
-        busy: int = MOST_BUSY,
         most: int = MOST_THREADS,
         idle: float = _IDLE_SECONDS,
         warns: bool = True,
@@ -64,14 +50,12 @@ class Pool:
         Args:
             owner: The name of the client's action, for the log.
             name: The name of the threads.
-            busy: How many threads there are at most, but for those that are blocked.
-            most: How many there are at most in any case.
+            most: How many there are at most.
             idle: Seconds that a thread waits for more work before it ends.
             warns: Whether the log names what runs for long.
             awaited: Whether the interpreter's exit waits for its work.
         """
         self._name = name
-        self._busy = busy
         self._most = most
         self._idle_seconds = idle
         self._warns = warns
@@ -82,7 +66,6 @@ class Pool:
         self._lock = threading.Lock()
         self._threads = 0
         self._free = 0  # threads that wait for work, less work that waits for a thread
-        self._has_spare = False
         self._lacks_threads = False
 
     def submit(self, job: Job, label: Label) -> str:
@@ -108,41 +91,30 @@ class Pool:
             self.dues.warn([InHand(work.label, work)])
             return "its client is closed"
         due = self.dues.begin(work.label, work)
-        with self._lock:
-            self._free -= 1
         self._waiting.put(due)
         self.look()
-        return self._grow()
-
-    def look(self) -> None:
-        """Name in the log what has been running for long. To be called when more comes."""
-        if self._warns:
-            self.dues.look(time.monotonic())
-
-    def _grow(self) -> str:
-        """Start a thread if work waits and there may be another; return why it could not start."""
         with self._lock:
-            if self._free >= 0 or self._has_spare or self._threads >= self._most:
+            self._free -= 1
+            if self._free >= 0 or self._threads >= self._most:
                 return ""
-            spare = self._has_spare = self._threads >= self._busy
             self._threads += 1
-            if not spare:
-                self._free += 1
-        work = self._work_as_spare if spare else self._work
+            self._free += 1
         try:
-            threading.Thread(target=work, name=self._name, daemon=True).start()
+            threading.Thread(target=self._work, name=self._name, daemon=True).start()
         except RuntimeError as error:
             # No more threads; from Python 3.12 on there are none at the interpreter's exit. The
             # work waits for one that is there, or for the exit. What rests on it must not break.
             with self._lock:
                 self._lacks_threads = True
                 self._threads -= 1
-                if spare:
-                    self._has_spare = False
-                else:
-                    self._free -= 1
+                self._free -= 1
             return str(error)
         return ""
+
+    def look(self) -> None:
+        """Name in the log what has been running for long. To be called when more comes."""
+        if self._warns:
+            self.dues.look(time.monotonic())
 
     def _run_one_here(self) -> bool:
         """At the interpreter's exit: run on this thread what waits for one that cannot start."""
@@ -164,36 +136,12 @@ class Pool:
 
     # --- on a thread of the pool -----------------------------------------------------------
 
-    def _work_as_spare(self) -> None:
-        if self._is_needed():
-            self._grow()
-            self._work()
-
-    def _is_needed(self) -> bool:
-        """Wait until work waits only because others are blocked; return whether any waits."""
-        while True:
-            time.sleep(_LOOK)
-            others = self._threads - 1 - self.dues.running_for(BLOCKED_AFTER)
-            with self._lock:
-                waits = self._free < 0
-                if waits and others >= self._busy:
-                    continue
-                self._has_spare = False
-                if waits:
-                    self._free += 1
-                else:
-                    self._threads -= 1
-                return waits
-
     def _work(self) -> None:
         in_callback.set(True)
         while (due := self._next()) is not None:
             self._carry_out(due)
             del due  # or an idle thread would keep the last goal alive
             with self._lock:
-                if self._free >= self._busy:  # others took its place while it was blocked
-                    self._threads -= 1
-                    return
                 self._free += 1
 
     def _next(self) -> InHand | None:

@@ -196,7 +196,7 @@ def test_a_new_function_takes_the_place_of_the_last() -> None:
 
 def test_a_function_that_is_dropped_in_time_does_not_run() -> None:
     thread, gate = Thread(), Gate()
-    pool = Pool(busy=1, most=1, idle=0.01)
+    pool = Pool(most=1, idle=0.01)
     pool.submit(gate, IT)
     assert gate.entered.wait(LONG)
     runner, ran = FunctionRunner(thread, pool), list[int]()

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import functools
 import threading
-import time
 from collections.abc import Callable, Iterator
 
 import pytest
 
 from actionkit._threads import in_hand
-from actionkit._threads import pool as pool_module
 from actionkit._threads.in_hand import WARN_AFTER, Dues, InHand, Label, name_of
 from actionkit._threads.pool import Pool
 from actionkit._threads.serial_queue import SerialQueue
-from tests.conftest import NEVER, all_is_logged
+from tests.conftest import all_is_logged
 
 LONG = 20.0
 NOW = 1000.0
@@ -195,120 +193,3 @@ def test_the_next_of_its_queue_is_too(gates: list[Gate], caplog: pytest.LogCaptu
     assert named(caplog) == 0
     queue.put(lambda: None)
     assert named(caplog) == 1
-
-
-# --- threads -----------------------------------------------------------------------------------
-
-
-def comes_true(condition: Callable[[], bool]) -> bool:
-    """Wait for what nothing tells of."""
-    until = time.monotonic() + LONG
-    while not condition():
-        if time.monotonic() > until:
-            return False
-        NEVER.wait(0.005)
-    return True
-
-
-def test_callbacks_that_compute_get_no_more_than_a_few_threads(
-    gates: list[Gate], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each further one would take the communication thread's turns."""
-    monkeypatch.setattr(pool_module, "_LOOK", 0.001)
-    pool, waiting = Pool("/fibonacci", busy=2, idle=0.0), Gate()
-    blocked_in(pool, 2, gates)
-    looks = counted(pool, monkeypatch)
-    gates.append(waiting)
-    pool.submit(waiting, IT)
-    pool.submit(lambda: None, IT)
-    for _ in range(20):
-        assert looks.acquire(timeout=LONG)
-    assert not waiting.entered.is_set()
-    assert pool._threads == 3  # the two, and a spare one
-    gates[0].leave.set()
-    assert waiting.entered.wait(LONG)
-    for gate in gates:
-        gate.leave.set()
-    assert comes_true(lambda: not pool._threads)
-    assert (pool._free, pool._has_spare) == (0, False)
-
-
-def counted(pool: Pool, monkeypatch: pytest.MonkeyPatch) -> threading.Semaphore:
-    """Count the looks of the spare thread."""
-    looks, real = threading.Semaphore(0), pool.dues.running_for
-
-    def look(seconds: float) -> int:
-        looks.release()
-        return real(seconds)
-
-    monkeypatch.setattr(pool.dues, "running_for", look)
-    return looks
-
-
-def test_blocked_threads_are_replaced_up_to_a_limit(gates: list[Gate]) -> None:
-    pool = Pool("/fibonacci", busy=2, most=5, idle=0.0)
-    blocked_in(pool, 5, gates)  # two, two more after a second, and so on
-    queue, notes, done = SerialQueue(pool, IT, 10), list[int](), threading.Event()
-    queue.put(lambda: notes.append(1))
-    queue.finish(done.set)
-    assert comes_true(lambda: pool.dues.running_for(pool_module.BLOCKED_AFTER) == 5)
-    assert notes == []
-    assert pool._threads == 5
-    gates[2].leave.set()
-    assert done.wait(LONG)
-    assert notes == [1]
-    for gate in gates:
-        gate.leave.set()
-    assert comes_true(lambda: not pool._threads)
-    assert (pool._free, pool._has_spare) == (0, False)
-
-
-def test_who_comes_back_is_one_too_many_and_goes(gates: list[Gate]) -> None:
-    pool = Pool("/fibonacci", busy=1, idle=10 * LONG)
-    blocked_in(pool, 1, gates)
-    blocked_in(pool, 1, gates)  # on a thread that took the place of the first
-    gates[1].leave.set()
-    assert comes_true(lambda: pool._free == 1)
-    gates[0].leave.set()
-    assert comes_true(lambda: pool._threads == 1)  # it does not wait for work as the other does
-    pool._idle_seconds = 0.0
-    pool.submit(lambda: None, IT)
-    assert comes_true(lambda: not pool._threads)
-
-
-def test_a_job_is_followed_by_the_next_of_its_queue_however_long_it_took(
-    gates: list[Gate],
-) -> None:
-    pool, gate, notes = Pool("/fibonacci", busy=1, idle=0.0), Gate(), list[int]()
-    gates.append(gate)
-    queue = SerialQueue(pool, IT, 10)
-    queue.put(gate)
-    assert gate.entered.wait(LONG)
-    for number in range(3):
-        queue.put(lambda n=number: notes.append(n))  # type: ignore[misc]
-    other = threading.Event()
-    pool.submit(other.set, IT)
-    assert other.wait(LONG)  # on a thread that took the place of the first
-    assert notes == []
-    done = threading.Event()
-    queue.finish(done.set)
-    gate.leave.set()
-    assert done.wait(LONG)
-    assert notes == [0, 1, 2]
-
-
-def test_a_spare_thread_that_cannot_start_is_tried_again(
-    gates: list[Gate], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pool, late = Pool("/fibonacci", busy=1, idle=0.0), Gate()
-    blocked_in(pool, 1, gates)
-    gates.append(late)
-
-    def refuse(thread: threading.Thread) -> None:
-        raise RuntimeError("can't start new thread")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(threading.Thread, "start", refuse)
-        assert "can't start" in pool.submit(late, IT)
-    assert pool.submit(lambda: None, IT) == ""
-    assert late.entered.wait(LONG)

@@ -40,7 +40,7 @@ def noting(notes: list[int], number: int) -> Callable[[], None]:
 
 
 def test_a_pool_has_as_many_threads_as_it_needs_and_no_more() -> None:
-    pool, gates = Pool(busy=3, most=3, idle=0.01), [Gate() for _ in range(5)]
+    pool, gates = Pool(most=3, idle=0.01), [Gate() for _ in range(5)]
     for gate in gates:
         pool.submit(gate, IT)
     for gate in gates[:3]:
@@ -59,7 +59,7 @@ def test_a_pool_has_as_many_threads_as_it_needs_and_no_more() -> None:
 
 
 def test_a_pool_comes_back_after_its_threads_have_gone() -> None:
-    pool = Pool(busy=2, idle=0.0)
+    pool = Pool(most=2, idle=0.0)
     for _ in range(20):
         gate = Gate()
         gate.leave.set()
@@ -71,7 +71,7 @@ def test_a_pool_comes_back_after_its_threads_have_gone() -> None:
 
 
 def test_an_idle_thread_is_used_again() -> None:
-    pool, threads = Pool(busy=8, idle=LONG), set[threading.Thread]()
+    pool, threads = Pool(most=8, idle=LONG), set[threading.Thread]()
     for _ in range(100):
         gate = Gate()
         gate.leave.set()
@@ -83,7 +83,7 @@ def test_an_idle_thread_is_used_again() -> None:
 
 
 def test_jobs_that_come_together_do_not_wait_for_the_same_idle_thread() -> None:
-    pool, first, second = Pool(busy=8, idle=LONG), Gate(), Gate()
+    pool, first, second = Pool(most=8, idle=LONG), Gate(), Gate()
     pool.submit(lambda: None, IT)
     for _ in range(10_000):  # nothing tells that a thread is idle, so look inside
         if not pool._free:
@@ -98,7 +98,7 @@ def test_jobs_that_come_together_do_not_wait_for_the_same_idle_thread() -> None:
 
 
 def test_no_job_is_lost_between_threads_that_come_and_go() -> None:
-    pool, done = Pool(busy=4, idle=0.0), threading.Semaphore(0)
+    pool, done = Pool(most=4, idle=0.0), threading.Semaphore(0)
     for _ in range(3000):
         pool.submit(done.release, IT)
     for _ in range(3000):
@@ -109,7 +109,7 @@ def test_where_no_thread_can_be_started_the_job_waits_for_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As from Python 3.12 on at the interpreter's exit; what rests on it goes on."""
-    pool, gate, notes = Pool(busy=8, idle=0.0), Gate(), list[int]()
+    pool, gate, notes = Pool(most=8, idle=0.0), Gate(), list[int]()
     pool.submit(gate, IT)
     assert gate.entered.wait(LONG)
 
@@ -148,9 +148,9 @@ entered.wait()
 child = os.fork()
 if child == 0:
     in_hand.after_fork()
-    single, ran = pool.Pool(busy=1), threading.Event()
-    single.submit(forever.wait, it)
-    single.submit(ran.set, it)  # once it is seen that the first blocks
+    own, ran = pool.Pool(), threading.Event()
+    own.submit(forever.wait, it)
+    own.submit(ran.set, it)
     os._exit(0 if ran.wait(20) else 1)
 print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
@@ -166,7 +166,7 @@ def test_the_child_of_a_fork_has_threads_of_its_own() -> None:
 
 
 def test_what_is_due_or_running_is_waited_for() -> None:
-    pool, gate, notes = Pool(busy=1, most=1), Gate(), list[int]()
+    pool, gate, notes = Pool(most=1), Gate(), list[int]()
     pool.submit(gate, IT)
     pool.submit(noting(notes, 1), IT)
     assert gate.entered.wait(LONG)
@@ -176,7 +176,7 @@ def test_what_is_due_or_running_is_waited_for() -> None:
 
 
 def test_the_wait_has_an_end_and_nothing_begins_after_it(caplog: pytest.LogCaptureFixture) -> None:
-    pool, gate, notes = Pool("/arm", busy=1, most=1), Gate(), list[int]()
+    pool, gate, notes = Pool("/arm", most=1), Gate(), list[int]()
     pool.submit(gate, Label("done callback", noting, "nothing"))
     pool.submit(noting(notes, 1), IT)
     assert gate.entered.wait(LONG)
