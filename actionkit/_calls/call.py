@@ -26,7 +26,7 @@ from actionkit._goal import effects as fx
 from actionkit._goal.stages import Stage
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState, Verdict
-from actionkit._observers.dispatcher import NO_OBSERVERS, ObserverDispatcher
+from actionkit._observers.delivery import NO_OBSERVERS, ObserverDispatcher
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.function_runner import Clock
 

@@ -21,7 +21,7 @@ from actionkit._goal.effects import End, Ending
 from actionkit._messages.lazy import LazyMessage
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import GoalEvent, GoalState, Outcome
-from actionkit._observers.dispatcher import ObserverDispatcher
+from actionkit._observers.delivery import ObserverDispatcher
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.function_runner import Clock
 

@@ -15,7 +15,7 @@ from actionkit._calls.closing import FREEING_TIMEOUT, OBSERVERS_TIMEOUT, end_cal
 from actionkit._calls.left_running import warn_of_goals_left
 from actionkit._calls.session import Session, open_sessions
 from actionkit._model.settings import LONGEST_GRACE
-from actionkit._observers import observer_queue
+from actionkit._observers import delivery
 from actionkit._ros import runtimes
 from actionkit._threads import diagnostics as _diagnostics
 from actionkit._threads import in_hand as _in_hand
@@ -44,9 +44,9 @@ def close_all() -> None:
     if not hurry:
         grace = max((session.cancel_grace for session in sessions), default=0.0)
         until = time.monotonic() + _in_hand.patience(grace)
-        _is_interrupted(partial(_in_hand.finish_all, until))
+        _is_interrupted(partial(_in_hand.finish_all, until, _in_hand.CALLBACKS))
     observers_until = time.monotonic() + OBSERVERS_TIMEOUT
-    _is_interrupted(partial(observer_queue.flush_all, observers_until))
+    _is_interrupted(partial(delivery.flush_all, observers_until))
     _in_hand.end_all()  # observers are handed nothing after it either
     _is_interrupted(partial(_diagnostics.flush, time.monotonic() + OBSERVERS_TIMEOUT))
 
@@ -137,7 +137,6 @@ def forget_inherited() -> None:
     open_sessions.clear()
     runtimes.forget_inherited()
     _in_hand.after_fork()
-    observer_queue.after_fork()
     _diagnostics.after_fork()
 
 

@@ -10,10 +10,8 @@ from __future__ import annotations
 import inspect
 import logging
 import threading
-from collections import deque
 from collections.abc import Callable
-from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from actionkit._messages.lazy import UndecodableError
 from actionkit._threads.diagnostics import is_interrupt, log_here, log_later
@@ -21,7 +19,6 @@ from actionkit._threads.event_loop import running_loop, running_task
 from actionkit._threads.in_hand import InHand, Label
 from actionkit._threads.pool import Pool, in_callback
 from actionkit._threads.serial_queue import SerialQueue
-from actionkit._threads.waiting import taken_from
 
 if TYPE_CHECKING:
     import asyncio
@@ -31,133 +28,108 @@ KEPT = 100
 is some seconds of feedback: older messages say nothing of what the robot does now."""
 
 
-class Callbacks(Protocol):
-    """Hands feedback to a callback of the user's, in order."""
+class Callbacks(SerialQueue[Callable[[], Any]]):
+    """Hands feedback to a callback of the user's, in order. The communication thread puts it in."""
 
-    label: Label
-    """What the log calls the callback."""
-    errors: int
-    """How many times it has raised."""
+    def __init__(self, function: Callable[[Any], Any], action_name: str, pool: Pool) -> None:
+        super().__init__(KEPT)
+        self.label = Label("on_feedback", function, "the further feedback of its goal")
+        """What the log calls the callback."""
+        self.errors = 0
+        """How many times it has raised."""
+        self._function = function
+        self._action_name = action_name
+        self._pool = pool
+        self._closed = False
 
-    def put(self, *decodes: Callable[[], Any]) -> None:
+    def put(self, *items: Callable[[], Any]) -> None:
         """Queue messages."""
-
-    def finish(self, then: Callable[[], None]) -> None:
-        """Call `then` once, when what is queued was handed over."""
+        if not self._closed:
+            self._pool.look()  # the callback may have been running for long
+            super().put(*items)
 
     def close(self) -> int:
         """Hand over nothing more; return how many messages were waiting."""
-        ...
+        self._closed = True
+        waiting = len(self._items)
+        self._items.clear()
+        self._finishes.clear()
+        return waiting
+
+    def _failed(self) -> None:
+        """Count that the callback raised, and log it the first time: feedback may come at 50 Hz."""
+        self.errors += 1
+        if self.errors == 1:
+            log_here(
+                logging.ERROR,
+                "%s of action %r raised. It is called with the Feedback message itself; further"
+                " errors of it are counted until the goal ends",
+                str(self.label),
+                self._action_name,
+                exc_info=True,
+            )
 
 
-class ThreadCallbacks:
+class ThreadCallbacks(Callbacks):
     """Calls a plain function on a thread of the pool."""
 
-    def __init__(self, function: Callable[[Any], object], action_name: str, pool: Pool) -> None:
-        self.errors = 0
-        self._function = function
-        self._action_name = action_name
-        self.label = Label("on_feedback", function, "the further feedback of its goal")
-        self._queue = SerialQueue(pool, self.label, KEPT)
-        self.finish = self._queue.finish
-        self.close = self._queue.close
+    def _begin(self) -> None:
+        self._pool.run(self)
 
-    def put(self, *decodes: Callable[[], Any]) -> None:
-        """Queue messages."""
-        self._queue.put(*(partial(self._call, decode) for decode in decodes))
-
-    def _call(self, decode: Callable[[], Any]) -> None:
+    def step(self) -> bool:
+        """Hand over the next message; return whether there may be another."""
+        decode = self._take()
+        if decode is None:
+            return False
         try:
             self._function(decode())
         except UndecodableError:
-            return
+            pass
         except BaseException as error:  # further feedback is handed over all the same (C1.8)
             if is_interrupt(error):
                 raise  # it ends the wait of the exit
-            _failed(self, self._action_name)
+            self._failed()
+        return True
 
 
-class LoopCallbacks:
+class LoopCallbacks(Callbacks):
     """Awaits a coroutine function on the caller's event loop."""
 
     def __init__(
         self,
         function: Callable[[Any], Any],
         action_name: str,
-        loop: asyncio.AbstractEventLoop,
         pool: Pool,
+        loop: asyncio.AbstractEventLoop,
     ) -> None:
-        self.label = Label("on_feedback", function, "the further feedback of its goal")
-        self._dues = pool.dues
+        super().__init__(function, action_name, pool)
+        self._loop = loop
         self._thread = threading.get_ident()
         self._due: InHand | None = None
-        self.errors = 0
-        self._function = function
-        self._action_name = action_name
-        self._loop = loop
-        self._messages: deque[Callable[[], Any]] = deque()
-        self._finishes: deque[Callable[[], None]] = deque()
         self._task: asyncio.Task[None] | None = None
-        self._running = threading.Lock()
-        """Held while a task is running. Nobody waits for it: the task looks for more at its end."""
-        self._closed = False
 
-    def put(self, *decodes: Callable[[], Any]) -> None:
-        """Queue messages."""
-        if self._closed:
-            return
-        self._messages.extend(decodes)
-        for _ in range(len(self._messages) - KEPT):
-            self._messages.popleft()  # the oldest
-        if self._running.acquire(blocking=False):
-            self._run()
-
-    def finish(self, then: Callable[[], None]) -> None:
-        """Call `then` once, when what is queued was handed over."""
-        self._finishes.append(then)
-        if self._running.acquire(blocking=False):
-            if self._messages:
-                self._run()
-            else:
-                self._end()
-
-    def close(self) -> int:
-        """Hand over nothing more; return how many messages were waiting."""
-        self._closed = True
-        waiting = len(self._messages)
-        self._messages.clear()
-        self._finishes.clear()
-        return waiting
-
-    def _run(self) -> None:
-        self._begin_being_due()
+    def _begin(self) -> None:
+        runs = self._loop.is_running
+        self._due = self._pool.dues.begin(self.label, thread=self._thread, runs=runs)
         try:
-            self._loop.call_soon_threadsafe(self._begin)
+            self._loop.call_soon_threadsafe(self._start)
         except RuntimeError:  # the loop was closed, so no callback can run
-            self._closed = True
             self._end()
+
+    def _start(self) -> None:
+        self._task = self._loop.create_task(self._drain())  # kept: tasks are held weakly
+
+    def _rest(self) -> None:
+        due, self._due = self._due, None
+        if due is not None:
+            self._pool.dues.done(due)
+        super()._rest()
 
     def _end(self) -> None:
         """Leave out what is queued, and run no task any more."""
-        self._messages.clear()
-        self._call_finishes()
-        self._release()
-
-    def _begin_being_due(self) -> None:
-        self._due = self._dues.begin(self.label, thread=self._thread, runs=self._loop.is_running)
-
-    def _release(self) -> None:
-        due, self._due = self._due, None
-        if due is not None:
-            self._dues.done(due)
-        self._running.release()
-
-    def _call_finishes(self) -> None:
-        for then in taken_from(self._finishes):
-            then()
-
-    def _begin(self) -> None:
-        self._task = self._loop.create_task(self._drain())  # kept: tasks are held weakly
+        self._closed = True
+        self._items.clear()
+        self._rest()
 
     async def _drain(self) -> None:
         import asyncio  # it is there: its loop runs this
@@ -169,31 +141,20 @@ class LoopCallbacks:
             except UndecodableError:
                 continue
             except asyncio.CancelledError:
-                if _is_being_cancelled():
-                    self._closed = True  # the loop is shutting down
+                if _is_being_cancelled():  # the loop is shutting down
                     self._tell_that_cut_off()
                     self._end()
                     raise
-                _failed(self, self._action_name)
+                self._failed()
             except Exception:  # noqa: BLE001  further feedback is handed over all the same
-                _failed(self, self._action_name)
+                self._failed()
 
     def _next(self) -> Callable[[], Any] | None:
-        """Return the next message to hand over; `None` where the task is to end."""
-        while True:
-            if self._dues.ended and self._messages:
-                left_out, because = len(self._messages), "the client is closed"
-                log_left_out(logging.WARNING, self, self._action_name, left_out, because)
-                self._messages.clear()
-            for decode in taken_from(self._messages):
-                return decode
-            self._call_finishes()
-            self._release()
-            # Something may have been queued just before, while the lock was held.
-            queued = self._messages or self._finishes
-            if not queued or not self._running.acquire(blocking=False):
-                return None
-            self._begin_being_due()
+        if self._pool.dues.ended and self._items:
+            left_out, because = len(self._items), "the client is closed"
+            log_left_out(logging.WARNING, self, self._action_name, left_out, because)
+            self._items.clear()
+        return self._take()
 
     def _tell_that_cut_off(self) -> None:
         log_later(
@@ -218,20 +179,6 @@ def log_left_out(
         messages,
         because,
     )
-
-
-def _failed(callbacks: Callbacks, action_name: str) -> None:
-    """Count that the callback raised, and log it the first time: feedback may come at 50 Hz."""
-    callbacks.errors += 1
-    if callbacks.errors == 1:
-        log_here(
-            logging.ERROR,
-            "%s of action %r raised. It is called with the Feedback message itself; further errors"
-            " of it are counted until the goal ends",
-            str(callbacks.label),
-            action_name,
-            exc_info=True,
-        )
 
 
 def log_errors(callbacks: Callbacks, action_name: str) -> None:
@@ -281,4 +228,4 @@ def callbacks_for(
             f"on_feedback={function!r} is a coroutine function, but no event loop is running in"
             " this thread: pass a plain function, or call from inside a coroutine"
         )
-    return LoopCallbacks(function, action_name, loop, pool)
+    return LoopCallbacks(function, action_name, pool, loop)

@@ -84,38 +84,27 @@ class FeedbackStream(Generic[FeedbackT]):
         self._last_taken = 0
         """The number of the last message that was read."""
         self._ended = False
-        self._wakes: deque[Callable[[], None]] = deque()
+        self._more = Flag()
+        """Set, and another one made, when there is more to look at."""
 
     def __iter__(self) -> Iterator[FeedbackT]:
         """Yield messages, waiting for each."""
         while True:
-            ended = self._ended  # before looking, or the last message could be missed
+            more, ended = self._more, self._ended  # before looking, or the last could be missed
             yield from self._messages()
             if ended:
                 return
-            woken = Flag()
-            self._wakes.append(woken.set)
-            try:
-                if not self._buffer and not self._ended:
-                    woken.wait()
-            finally:
-                self._remove_wake(woken.set)
+            more.wait()
 
     async def __aiter__(self) -> AsyncIterator[FeedbackT]:
         """Yield messages, awaiting each without blocking what runs this coroutine."""
         while True:
-            ended = self._ended
+            more, ended = self._more, self._ended
             for message in self._messages():
                 yield message
             if ended:
                 return
-            woken = Flag()
-            self._wakes.append(woken.set)
-            try:
-                if not self._buffer and not self._ended:
-                    await find_driver().wait(woken)
-            finally:
-                self._remove_wake(woken.set)
+            await find_driver().wait(more)
 
     def _messages(self) -> Iterator[FeedbackT]:
         for number, decode in taken_from(self._buffer):
@@ -123,10 +112,6 @@ class FeedbackStream(Generic[FeedbackT]):
                 self._last_taken = number
                 with contextlib.suppress(UndecodableError):
                     yield decode()
-
-    def _remove_wake(self, wake: Callable[[], None]) -> None:
-        with contextlib.suppress(ValueError):  # it was called by now
-            self._wakes.remove(wake)
 
     def _put(self, numbered: Iterable[tuple[int, Callable[[], FeedbackT]]]) -> None:
         self._buffer.extend(numbered)
@@ -137,5 +122,5 @@ class FeedbackStream(Generic[FeedbackT]):
         self._wake()
 
     def _wake(self) -> None:
-        for wake in taken_from(self._wakes):
-            wake()
+        more, self._more = self._more, Flag()
+        more.set()

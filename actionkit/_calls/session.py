@@ -26,7 +26,7 @@ from actionkit._calls.signals import is_ending
 from actionkit._goal.stages import Stage
 from actionkit._model.errors import ClientClosedError
 from actionkit._model.settings import Timeouts
-from actionkit._observers.dispatcher import ObserverDispatcher
+from actionkit._observers.delivery import ObserverDispatcher
 from actionkit._observers.protocol import Observer
 from actionkit._ros import graph
 from actionkit._ros.port import DIED, Port, ServerWait

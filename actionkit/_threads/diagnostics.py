@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 import sys
 import threading
 import time
 import traceback
-from collections import deque
 from types import TracebackType
 from typing import NamedTuple
+
+from actionkit._threads.serial_queue import SerialQueue
+from actionkit._threads.waiting import Flag
 
 _logger = logging.getLogger("actionkit")
 MOST = 1_000
@@ -39,71 +42,54 @@ class _Entry(NamedTuple):
     stack: str | None
 
 
-class _Writer:
+class _Writer(SerialQueue[_Entry]):
     """Writes records in order, on a thread that is there only while there are any."""
 
-    def __init__(self) -> None:
-        self._changed = threading.Condition()
-        self._entries: deque[_Entry] = deque()
-        self._lost = 0
-        self._writing = False
+    _lost = 0
 
-    def put(self, entry: _Entry) -> None:
+    def add(self, entry: _Entry) -> None:
         """Queue a record. Never blocks."""
-        with self._changed:
-            if len(self._entries) >= MOST:
-                self._lost += 1
-                return
-            self._entries.append(entry)
-            if self._writing:
-                return
-            self._writing = True
+        if len(self._items) >= MOST:
+            self._lost += 1
+        else:
+            self.put(entry)
+
+    def _begin(self) -> None:
         try:
             threading.Thread(target=self._write_all, name="actionkit-log", daemon=True).start()
         except RuntimeError:
             # No more threads; from Python 3.12 on there are none at the interpreter's exit. The
             # record waits for `flush`, or for the next one that finds a thread.
-            with self._changed:
-                self._writing = False
+            self._in_use.release()
 
     def flush(self, until: float) -> bool:
         """Wait until everything is written, or until that monotonic time; return whether it is.
 
         Written on this thread where no other has begun to.
         """
-        with self._changed:
-            while self._writing:
-                if not self._changed.wait(max(0.0, until - time.monotonic())):
-                    return False
-            if not self._entries:
-                return True
-            self._writing = True
-        self._write_all(until)
-        return not self._entries
+        rested = Flag()
+        self._finishes.append(rested.set)
+        if self._in_use.acquire(blocking=False):
+            self._write_all(until)
+        return rested.wait(until - time.monotonic())
 
-    def _write_all(self, until: float | None = None) -> None:
-        try:
-            while (entry := self._next(until)) is not None:
+    def _write_all(self, until: float = math.inf) -> None:
+        while (entry := self._take()) is not None:
+            try:
                 _write(entry)
-        except KeyboardInterrupt:  # a human who does not want to wait at the exit
-            with self._changed:
-                self._rest()
-            raise
-
-    def _next(self, until: float | None) -> _Entry | None:
-        with self._changed:
-            if self._entries and (until is None or time.monotonic() < until):
-                return self._entries.popleft()
-            if self._lost:
-                lost, self._lost = self._lost, 0
-                text = "%d messages of ActionKit's were left out: a log handler was blocked"
-                return _entry(logging.WARNING, text, (lost,), None, None)
-            self._rest()  # under the same lock, or a record that is put just now would stay
-            return None
+            except KeyboardInterrupt:  # a human who does not want to wait at the exit
+                self._in_use.release()
+                raise
+            if self._items and time.monotonic() >= until:
+                self._in_use.release()
+                return
 
     def _rest(self) -> None:
-        self._writing = False
-        self._changed.notify_all()
+        if self._lost:
+            lost, self._lost = self._lost, 0
+            text = "%d messages of ActionKit's were left out: a log handler was blocked"
+            _write(_entry(logging.WARNING, text, (lost,), None, None))
+        super()._rest()
 
 
 _writer = _Writer()
@@ -134,7 +120,7 @@ def log_later(
             _write_at_the_end(text % args, error)
             return
         kept = None if error is None else (type(error), error, error.__traceback__)
-        _writer.put(_entry(level, text, args, kept, stack))
+        _writer.add(_entry(level, text, args, kept, stack))
 
 
 def is_enabled_for(logger: logging.Logger, level: int) -> bool:
@@ -173,7 +159,8 @@ def flush(until: float) -> bool:
 
 def after_fork() -> None:
     """In a forked child: leave the records of the parent to the parent."""
-    _writer.__init__()  # type: ignore[misc]  # its lock may be held by a thread that is not here
+    global _writer  # noqa: PLW0603  its lock may be held by a thread that is not here
+    _writer = _Writer()
 
 
 def dated(record: logging.LogRecord, wall: float) -> logging.LogRecord:

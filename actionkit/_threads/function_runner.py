@@ -14,7 +14,7 @@ from types import BuiltinFunctionType, FunctionType, MethodType
 from typing import Any, Protocol
 
 from actionkit._threads.clock import TimerHandle
-from actionkit._threads.in_hand import Label
+from actionkit._threads.in_hand import FUNCTIONS, Label
 from actionkit._threads.pool import Pool
 
 LONGEST_ANSWER = 10.0
@@ -33,7 +33,7 @@ def function_pool(owner: str) -> Pool:
 
     A function that does not return is reported by the error of its call, so no warning is needed.
     """
-    return Pool(owner, name="actionkit-questions", warns=False, awaited=False)
+    return Pool(owner, name="actionkit-questions", kind=FUNCTIONS)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ holds up nobody is named at the end, if it has not returned by then.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import logging
 import math
@@ -113,15 +114,15 @@ class InHand:
 class Dues:
     """What is due or running in one pool."""
 
-    def __init__(self, owner: str, *, awaited: bool) -> None:
+    def __init__(self, owner: str, busy: dict[Dues, None]) -> None:
         """Begin with nothing.
 
         Args:
             owner: The name of the client's action, for the log.
-            awaited: Whether the interpreter's exit waits for it.
+            busy: `CALLBACKS`, or others that the interpreter's exit treats in the same way.
         """
         self._owner = owner
-        self._awaited = awaited
+        self._busy = busy
         self._ended = False
         self._hurried = False
         self._look_at = 0.0
@@ -162,7 +163,7 @@ class Dues:
         """Undo `begin`."""
         self._in_hand.pop(due, None)
         if not self._in_hand:
-            _busy.pop(self, None)
+            self._busy.pop(self, None)
             if self._in_hand:  # begun meanwhile
                 self._note_busy()
         self._wake()
@@ -172,8 +173,8 @@ class Dues:
             wake()
 
     def _note_busy(self) -> None:
-        if self._awaited and not self._ended:
-            _busy[self] = None
+        if not self._ended:
+            self._busy[self] = None
 
     def look(self, now: float) -> None:
         """Name in the log, once, what has been running for long at the monotonic time `now`."""
@@ -218,11 +219,11 @@ class Dues:
         self._wake()  # others may wait for the callback that waits here
         try:
             while self._awaited_here():
-                if run_one is not None and run_one():
+                left = 0.0 if self._hurried else max(0.0, until - time.monotonic())
+                if run_one is not None and left and run_one():
                     continue
                 rested = Flag()
                 self._rests.append(rested.set)
-                left = 0.0 if self._hurried else max(0.0, until - time.monotonic())
                 # It may have come to rest just before.
                 if self._awaited_here() and not rested.wait(left):
                     return not self._awaited_here()
@@ -243,7 +244,7 @@ class Dues:
         """
         if not self._ended:
             self._ended = True
-            _busy.pop(self, None)
+            self._busy.pop(self, None)
             self.warn(list(self._in_hand) if at_exit else self._unfinished())
 
     def _unfinished(self) -> list[InHand]:
@@ -259,7 +260,7 @@ class Dues:
 
     def warn(self, left: list[InHand]) -> None:
         """Name in the log what did not finish."""
-        for due in left if self._awaited else []:
+        for due in left if self._busy is CALLBACKS else []:
             began = "has not begun" if due.thread is None else "has not returned"
             log_later(
                 logging.WARNING,
@@ -279,30 +280,34 @@ class _Exit:
 
 
 _exit = _Exit()
-_busy: dict[Dues, None] = {}
+CALLBACKS: dict[Dues, None] = {}
 """Those with callbacks that are due or running, for the interpreter's exit."""
+OBSERVERS: dict[Dues, None] = {}
+"""Those with something for observers or the log."""
+FUNCTIONS: dict[Dues, None] = {}
+"""Those with functions of which calls report what did not return. The exit does not wait for it."""
 
 
-def finish_all(until: float) -> None:
-    """At the interpreter's exit: wait for the callbacks of all clients."""
-    if not _busy:
-        return
+def finish_all(until: float, busy: dict[Dues, None]) -> list[InHand]:
+    """At the interpreter's exit: wait for all clients' callbacks, or observers; return the rest."""
     try:
-        with interrupted_at(until):
-            for dues in list(_busy):
+        with interrupted_at(until) if busy else contextlib.nullcontext():
+            for dues in list(busy):
                 dues.finish(until, dues.run_one)
     except KeyboardInterrupt:
         if time.monotonic() < until:
             raise  # a human's
+    return [due for dues in list(busy) for due in list(dues._in_hand)]
 
 
 def end_all() -> None:
     """At the interpreter's exit: let no callback begin any more, and name what did not finish."""
     _exit.begun = True
-    for dues in list(_busy):
+    for dues in list(CALLBACKS):
         dues.end(at_exit=True)
 
 
 def after_fork() -> None:
     """In a forked child: leave the callbacks of the parent to the parent."""
-    _busy.clear()
+    for busy in (CALLBACKS, OBSERVERS, FUNCTIONS):
+        busy.clear()

@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable
 
 from actionkit._threads.diagnostics import log_own_error
-from actionkit._threads.in_hand import Dues, InHand, Label, Work
+from actionkit._threads.in_hand import CALLBACKS, FUNCTIONS, Dues, InHand, Label, Work
 
 MOST_THREADS = 64
 """Threads of a client for its callbacks: so many megabytes of stack at the most, and more blocked
@@ -42,8 +42,7 @@ class Pool:
         name: str = "actionkit-callbacks",
         most: int = MOST_THREADS,
         idle: float = _IDLE_SECONDS,
-        warns: bool = True,
-        awaited: bool = True,
+        kind: dict[Dues, None] = CALLBACKS,
     ) -> None:
         """Make one without threads.
 
@@ -52,14 +51,13 @@ class Pool:
             name: The name of the threads.
             most: How many there are at most.
             idle: Seconds that a thread waits for more work before it ends.
-            warns: Whether the log names what runs for long.
-            awaited: Whether the interpreter's exit waits for its work.
+            kind: What its jobs are, as `Dues` takes it.
         """
         self._name = name
         self._most = most
         self._idle_seconds = idle
-        self._warns = warns
-        self.dues = Dues(owner, awaited=awaited)
+        self._warns = kind is not FUNCTIONS
+        self.dues = Dues(owner, kind)
         """What is due or running, and its end."""
         self.dues.run_one = self._run_one_here
         self._waiting: queue.SimpleQueue[InHand] = queue.SimpleQueue()
@@ -90,9 +88,9 @@ class Pool:
         if self.dues.ended:
             self.dues.warn([InHand(work.label, work)])
             return "its client is closed"
+        self.look()
         due = self.dues.begin(work.label, work)
         self._waiting.put(due)
-        self.look()
         with self._lock:
             self._free -= 1
             if self._free >= 0 or self._threads >= self._most:
@@ -117,20 +115,20 @@ class Pool:
             self.dues.look(time.monotonic())
 
     def _run_one_here(self) -> bool:
-        """At the interpreter's exit: run on this thread what waits for one that cannot start."""
-        with self._lock:
-            if not self._lacks_threads or self._free >= 0:
-                return False
-            self._free += 1
+        """At the interpreter's exit: take a step of what no thread comes for; return if one was."""
         try:
-            due = self._waiting.get_nowait()
-        except queue.Empty:  # a thread was quicker
-            with self._lock:
-                self._free -= 1
+            due = self._waiting.get_nowait() if self._lacks_threads else None
+        except queue.Empty:
+            return False
+        if due is None or due.work is None:
             return False
         due.thread = threading.get_ident()
-        while due.work is not None and due.work.step():
-            pass
+        if due.work.step():
+            due.thread = None
+            self._waiting.put(due)
+            return True
+        with self._lock:
+            self._free += 1
         self.dues.done(due)
         return True
 

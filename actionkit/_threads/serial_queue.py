@@ -1,122 +1,64 @@
-"""A queue of jobs that run one after the other, and not on the thread that puts them in (R8)."""
+"""Items that are handled one after the other, and not on the thread that puts them in (R8)."""
 
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
+from collections.abc import Callable
+from typing import Generic, TypeVar
 
-from actionkit._threads.in_hand import Label
-from actionkit._threads.pool import Job, Pool
 from actionkit._threads.waiting import taken_from
 
+_T = TypeVar("_T")
 
-class SerialQueue:
-    """Runs jobs in order, one at a time, on the threads of a pool.
 
-    `put` and `close` have a lock, which is held for a few bytecodes. `finish` has none, because
-    threads of the user's call it: see "Locks" in docs/architecture.md.
+class SerialQueue(Generic[_T]):
+    """A queue that one thread at a time empties. Nobody waits for another to use it.
+
+    A subclass says in `_begin` what empties it: that calls `_take` until there is no item.
     """
 
-    def __init__(self, pool: Pool, label: Label, most: int) -> None:
-        """Make an empty one.
+    def __init__(self, most: int | None = None) -> None:
+        """Make an empty one. If more than `most` items wait, the oldest are left out."""
+        self._items: deque[_T] = deque(maxlen=most)
+        self._finishes: deque[Callable[[], object]] = deque()
+        self._in_use = threading.Lock()
+        """Held while it is emptied. Nobody waits for it: who has it looks for more at the end."""
 
-        Args:
-            pool: Where the jobs run.
-            label: What the log calls a job that does not return.
-            most: How many jobs may wait.
-        """
-        self.label = label
-        self._pool = pool
-        self._most = most
-        self._lock = threading.RLock()  # at the interpreter's exit, handlers may interrupt it
-        self._jobs: deque[Job] = deque()
-        self._finishes: deque[Job] = deque()
-        self._scheduled = False
-        """Whether there are jobs, or one is running."""
-        self._thread: int | None = None
-        """The thread that runs the jobs, once one has begun to."""
-        self._closed = False
+    def put(self, *items: _T) -> None:
+        """Queue items. Never blocks."""
+        self._items.extend(items)
+        self._look()
 
-    def put(self, *jobs: Job) -> None:
-        """Queue jobs. Where too many wait, the oldest are left out. Never blocks."""
-        with self._lock:
-            if self._closed:
-                return
-            self._jobs.extend(jobs)
-            while len(self._jobs) > self._most:
-                self._jobs.popleft()
-            waits = self._scheduled
-            if not waits:
-                self._schedule()
-        if waits:
-            self._pool.look()  # what runs may have been running for long
-        else:
-            self._pool.run(self)
-
-    def finish(self, then: Job) -> None:
-        """Call `then` once, when no job waits or runs; at once if that is so, or it is closed."""
+    def finish(self, then: Callable[[], object]) -> None:
+        """Call `then` once, when no item waits or is handled; now if that is so."""
         self._finishes.append(then)
-        if self._closed or not self._scheduled:
-            self._call_finishes()
+        self._look()
 
-    def close(self) -> int:
-        """Run no more jobs. One that is running goes on, but `finish` does not wait for it.
+    def _begin(self) -> None:
+        """Have the queue emptied soon, by another thread."""
+        raise NotImplementedError
 
-        Returns:
-            How many jobs were waiting.
-        """
-        with self._lock:
-            self._closed = True
-            waiting = len(self._jobs)
-            self._jobs.clear()
-        self._call_finishes()
-        return waiting
-
-    def step(self) -> bool:
-        """Run the next job, unless another thread runs them; return whether to call again."""
-        job = self._next(None)
-        if job is None:
-            return False
-        self._run(job)
-        return True
-
-    def _run_here(self, until: float) -> None:
-        """Run jobs on this thread, until none waits or that monotonic time is past."""
-        try:
-            while (job := self._next(until)) is not None:
-                self._run(job)
-        except BaseException:
-            # A signal handler may raise here, at any line: the queue must be free for others.
-            with self._lock:
+    def _look(self) -> None:
+        """Begin, if there is anything to do and nobody does it."""
+        if (self._items or self._finishes) and self._in_use.acquire(blocking=False):
+            if self._items:
+                self._begin()
+            else:
                 self._rest()
-            raise
 
-    def _run(self, job: Job) -> None:
-        job()
-
-    def _next(self, until: float | None) -> Job | None:
-        here = threading.get_ident()
-        with self._lock:
-            if self._thread not in (None, here):
-                return None
-            if self._jobs and (until is None or time.monotonic() < until):
-                self._thread = here
-                return self._jobs.popleft()
-            self._rest()  # under the same lock, or a job that is put just now would stay
-        if self._finishes and not self._scheduled:
-            self._call_finishes()
+    def _take(self) -> _T | None:
+        """Return the next item; `None` if there is none, and the queue is free for others."""
+        for item in taken_from(self._items):
+            return item
+        self._rest()
         return None
 
-    def _schedule(self) -> None:
-        """Under the lock: note that the pool is to run what is queued."""
-        self._scheduled = True
-
     def _rest(self) -> None:
-        """Under the lock: let any thread run what is queued, if anything is."""
-        self._thread = None
-        self._scheduled = bool(self._jobs)
-
-    def _call_finishes(self) -> None:
-        for then in taken_from(self._finishes):
-            then()
+        """Free the queue for others."""
+        while self._finishes and not self._items:  # in this order: an item may come before the next
+            for then in taken_from(self._finishes):
+                then()
+                break
+        self._in_use.release()
+        self._look()  # something may have been queued just before

@@ -133,7 +133,7 @@ def test_a_coroutine_function_is_awaited_in_order_on_the_callers_loop() -> None:
             await asyncio.sleep(0)
             got.append((number, threading.get_ident() == here, in_callback.get()))
 
-        callbacks = LoopCallbacks(function, "/a", asyncio.get_running_loop(), Pool())
+        callbacks = LoopCallbacks(function, "/a", Pool(), asyncio.get_running_loop())
         putter = threading.Thread(target=lambda: [callbacks.put(message(n)) for n in range(KEPT)])
         putter.start()
         putter.join()
@@ -154,7 +154,7 @@ def test_what_a_coroutine_function_raises_is_logged_and_counted(
         async def function(number: int) -> None:
             raise ValueError(f"message {number}")
 
-        callbacks = LoopCallbacks(function, "/fibonacci", asyncio.get_running_loop(), Pool())
+        callbacks = LoopCallbacks(function, "/fibonacci", Pool(), asyncio.get_running_loop())
         for number in range(3):
             callbacks.put(message(number))
         await handed_over_async(callbacks)
@@ -173,7 +173,7 @@ def test_a_slow_coroutine_function_misses_the_oldest_and_nothing_after_close() -
         async def function(number: int) -> None:
             got.append(number)
 
-        callbacks = LoopCallbacks(function, "/a", asyncio.get_running_loop(), Pool())
+        callbacks = LoopCallbacks(function, "/a", Pool(), asyncio.get_running_loop())
         for number in range(3 * KEPT):
             callbacks.put(message(number))
         await handed_over_async(callbacks)
@@ -197,14 +197,14 @@ async def ignore(number: int) -> None:
 
 
 def test_a_loop_that_was_closed_is_nobodys_trouble() -> None:
-    callbacks = LoopCallbacks(ignore, "/a", closed_loop(), Pool())
+    callbacks = LoopCallbacks(ignore, "/a", Pool(), closed_loop())
     callbacks.put(message(1))
     callbacks.put(message(2))
     assert callbacks.errors == 0
 
 
 def test_finish_on_a_closed_loop() -> None:
-    callbacks, called = LoopCallbacks(ignore, "/a", closed_loop(), Pool()), list[int]()
+    callbacks, called = LoopCallbacks(ignore, "/a", Pool(), closed_loop()), list[int]()
     callbacks.put(message(1))
     callbacks.finish(lambda: called.append(1))
     assert called == [1]
@@ -217,7 +217,7 @@ def test_nothing_is_handed_over_after_close() -> None:
         async def function(number: int) -> None:
             got.append(number)
 
-        callbacks = LoopCallbacks(function, "/a", asyncio.get_running_loop(), Pool())
+        callbacks = LoopCallbacks(function, "/a", Pool(), asyncio.get_running_loop())
         callbacks.close()
         callbacks.put(message(1))
         await handed_over_async(callbacks)
@@ -234,7 +234,7 @@ def test_a_coroutine_function_that_raises_cancelled_error() -> None:
             got.append(number)
             raise asyncio.CancelledError
 
-        callbacks = LoopCallbacks(function, "/a", asyncio.get_running_loop(), Pool())
+        callbacks = LoopCallbacks(function, "/a", Pool(), asyncio.get_running_loop())
         callbacks.put(message(1))
         callbacks.put(message(2))
         for _ in range(10):
@@ -335,7 +335,7 @@ def test_on_an_event_loop_it_is_left_out_too(caplog: pytest.LogCaptureFixture) -
 
         broadcast: FeedbackBroadcast[int] = FeedbackBroadcast()
         stream = broadcast.stream()
-        callbacks = LoopCallbacks(note, "/fibonacci", asyncio.get_running_loop(), Pool())
+        callbacks = LoopCallbacks(note, "/fibonacci", Pool(), asyncio.get_running_loop())
         for one in (message(1), broken(2), message(3)):
             callbacks.put(one)
             broadcast.put(one)

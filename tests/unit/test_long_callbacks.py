@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from actionkit._calls.feedback import ThreadCallbacks
 from actionkit._threads import in_hand
-from actionkit._threads.in_hand import WARN_AFTER, Dues, InHand, Label, name_of
+from actionkit._threads.in_hand import FUNCTIONS, WARN_AFTER, Dues, InHand, Label, name_of
 from actionkit._threads.pool import Pool
-from actionkit._threads.serial_queue import SerialQueue
 from tests.conftest import all_is_logged
 
 LONG = 20.0
@@ -46,6 +46,11 @@ def blocked_in(pool: Pool, count: int, gates: list[Gate]) -> None:
         assert gate.entered.wait(LONG)
 
 
+def in_order(pool: Pool) -> ThreadCallbacks:
+    """Return what calls gates one after the other."""
+    return ThreadCallbacks(Gate.__call__, "/fibonacci", pool)
+
+
 def user_function() -> None:
     """Stands for a callback of the user's."""
 
@@ -58,7 +63,7 @@ IT = Label("on_feedback", user_function, "the further feedback of its goal")
 
 @pytest.fixture
 def dues() -> Dues:
-    return Dues("/fibonacci", awaited=False)
+    return Dues("/fibonacci", FUNCTIONS)
 
 
 def running(dues: Dues, since: float) -> InHand:
@@ -100,7 +105,7 @@ def test_each_callback_of_a_long_queue_counts_for_itself(
     pool = Pool("/fibonacci", idle=0.0)
     first, second = Gate(), Gate()
     gates += [first, second]
-    SerialQueue(pool, IT, 10).put(first, second)
+    in_order(pool).put(lambda: first, lambda: second)
     assert first.entered.wait(LONG)
     (due,) = pool.dues._in_hand
     began = due.since
@@ -186,10 +191,10 @@ def test_another_callback_of_the_client_is_the_time(
 
 @pytest.mark.usefixtures("at_once")
 def test_the_next_of_its_queue_is_too(gates: list[Gate], caplog: pytest.LogCaptureFixture) -> None:
-    queue, gate = SerialQueue(Pool("/fibonacci", idle=0.0), IT, 10), Gate()
+    queue, gate = in_order(Pool("/fibonacci", idle=0.0)), Gate()
     gates.append(gate)
-    queue.put(gate)
+    queue.put(lambda: gate)
     assert gate.entered.wait(LONG)
     assert named(caplog) == 0
-    queue.put(lambda: None)
+    queue.put(lambda: gate)
     assert named(caplog) == 1

@@ -17,11 +17,10 @@ import pytest
 import actionkit as ak
 from actionkit import CallInfo, GoalEvent, GoalState, Outcome, Rosout, Timeline
 from actionkit._messages.lazy import LazyMessage
-from actionkit._observers import observer_queue
-from actionkit._observers.dispatcher import ObserverDispatcher
+from actionkit._observers import delivery
+from actionkit._observers.delivery import Delivery, ObserverDispatcher
 from actionkit._observers.goal_log import GoalLog
-from actionkit._observers.observer_queue import ObserverQueue
-from actionkit._observers.protocol import check_observers
+from actionkit._observers.protocol import Observer, check_observers
 from actionkit._observers.words import (
     LEVELS,
     level_of,
@@ -30,9 +29,10 @@ from actionkit._observers.words import (
     outcome_word,
 )
 from actionkit._threads import diagnostics
-from actionkit._threads.in_hand import Label, Work
+from actionkit._threads.in_hand import OBSERVERS, Label
 from actionkit._threads.pool import Pool
 from actionkit.testing import EventLog
+from tests.conftest import NEVER
 
 LONG = 10.0
 GOAL = uuid.UUID(int=7)
@@ -82,20 +82,28 @@ class Gate:
         assert self.leave.wait(LONG)
 
 
-class NoThreads(Pool):
+@pytest.fixture
+def no_threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """As at the interpreter's exit from Python 3.12 on: no thread can be started."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.asked: list[Work] = []
+    def refuse(thread: threading.Thread) -> None:
+        raise RuntimeError("can't create new thread at interpreter shutdown")
 
-    def run(self, work: Work) -> None:
-        self.asked.append(work)
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    yield
+    OBSERVERS.clear()  # of what is never told any more
 
 
-def queue_for(name: str, pool: Pool | None = None, *, ends_on_error: bool = True) -> ObserverQueue:
-    label = Label(name, None, "the rest")
-    return ObserverQueue(label, pool or Pool(), "/fibonacci", ends_on_error=ends_on_error)
+class Queue(Delivery):
+    """The jobs for one observer, or for the log."""
+
+    def __init__(self, name: str, observer: Observer | None = None) -> None:
+        super().__init__(
+            observer or Noting(), Label(name, None, ""), Pool(kind=OBSERVERS), "/fibonacci"
+        )
+
+    def flush(self, until: float) -> bool:
+        return self._pool.dues.finish(until)
 
 
 def soon() -> float:
@@ -106,7 +114,7 @@ def soon() -> float:
 
 
 def test_jobs_run_in_order_and_one_at_a_time_from_any_threads() -> None:
-    queue, alone = queue_for("it"), threading.Lock()
+    queue, alone = Queue("it"), threading.Lock()
     notes: list[tuple[int, int]] = []
     overlaps = []
 
@@ -118,7 +126,7 @@ def test_jobs_run_in_order_and_one_at_a_time_from_any_threads() -> None:
         alone.release()
 
     def putter(who: int) -> Callable[[], None]:
-        return lambda: [queue.put_event(lambda n=n: job(who, n)) for n in range(500)] and None
+        return lambda: [queue.put_job(lambda n=n: job(who, n)) for n in range(500)] and None
 
     threads = [threading.Thread(target=putter(who)) for who in range(4)]
     for thread in threads:
@@ -133,11 +141,10 @@ def test_jobs_run_in_order_and_one_at_a_time_from_any_threads() -> None:
 
 
 def test_flushing_waits_for_no_longer_than_it_is_told() -> None:
-    queue, gate = queue_for("it"), Gate()
-    queue.put_event(gate)
+    queue, gate = Queue("it"), Gate()
+    queue.put_job(gate)
     assert gate.entered.wait(LONG)
     assert not queue.flush(time.monotonic() + 0.05)
-    assert not queue.flush(time.monotonic() + 0.05, here=True)  # another thread is at it
     gate.leave.set()
     assert queue.flush(soon())
 
@@ -145,15 +152,15 @@ def test_flushing_waits_for_no_longer_than_it_is_told() -> None:
 def test_a_job_that_raises_closes_the_queue_with_one_warning(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    queue, notes = queue_for("observer X"), list[int]()
+    queue, notes = Queue("observer X"), list[int]()
     gate = Gate()
-    queue.put_event(gate)
-    queue.put_event(lambda: 1 / 0)
-    queue.put_event(lambda: 1 / 0)
-    queue.put_event(lambda: notes.append(1))
+    queue.put_job(gate)
+    queue.put_job(lambda: 1 / 0)
+    queue.put_job(lambda: 1 / 0)
+    queue.put_job(lambda: notes.append(1))
     gate.leave.set()
     assert queue.flush(soon())
-    queue.put_event(lambda: notes.append(2))
+    queue.put_job(lambda: notes.append(2))
     assert queue.flush(soon())
     assert notes == []
     (record,) = caplog.records
@@ -168,15 +175,15 @@ def test_a_job_that_raises_closes_the_queue_with_one_warning(
 def test_where_too_much_waits_feedback_goes_first_and_is_told_of_once(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(observer_queue, "MOST_FEEDBACK", 3)
-    monkeypatch.setattr(observer_queue, "MOST", 6)
-    queue, gate, notes = queue_for("observer X"), Gate(), list[str]()
-    queue.put_event(gate)
+    monkeypatch.setattr(delivery, "MOST_FEEDBACK", 3)
+    monkeypatch.setattr(delivery, "MOST", 6)
+    queue, gate, notes = Queue("observer X"), Gate(), list[str]()
+    queue.put_job(gate)
     assert gate.entered.wait(LONG)
     for number in range(5):
-        queue.put_event(lambda n=number: notes.append(f"feedback {n}"), feedback=True)
+        queue.put_job(lambda n=number: notes.append(f"feedback {n}"), feedback=True)
     for number in range(5):
-        queue.put_event(lambda n=number: notes.append(f"event {n}"))
+        queue.put_job(lambda n=number: notes.append(f"event {n}"))
     gate.leave.set()
     assert queue.flush(soon())
     assert notes == ["feedback 0", "feedback 1", "feedback 2", "event 0", "event 1", "event 2"]
@@ -184,56 +191,63 @@ def test_where_too_much_waits_feedback_goes_first_and_is_told_of_once(
     assert "observer X of action '/fibonacci' is too slow" in record.getMessage()
 
 
+@pytest.mark.usefixtures("no_threads")
 def test_at_exit_what_no_thread_came_for_is_told_here() -> None:
-    queue, notes = queue_for("it", NoThreads()), list[int]()
+    queue, notes = Queue("it"), list[int]()
     for number in range(3):
-        queue.put_event(lambda n=number: notes.append(n))
+        queue.put_job(lambda n=number: notes.append(n))
     assert not queue.flush(time.monotonic() + 0.02)
-    observer_queue.flush_all(soon())
+    delivery.flush_all(soon())
     assert notes == [0, 1, 2]
-    assert queue not in observer_queue._busy
+    assert OBSERVERS == {}
 
 
-def test_a_thread_that_comes_late_leaves_the_order_alone() -> None:
-    pool = NoThreads()
-    queue, gate, notes = queue_for("it", pool), Gate(), list[int]()
-    queue.put_event(gate)
-    queue.put_event(lambda: notes.append(1))
-    flushing = threading.Thread(target=lambda: queue.flush(soon(), here=True))
-    flushing.start()
-    assert gate.entered.wait(LONG)
-    (late,) = pool.asked
-    assert not late.step()
-    assert notes == []  # the other thread is not through with what came before
-    gate.leave.set()
-    flushing.join(LONG)
-    assert notes == [1]
+@pytest.mark.usefixtures("no_threads")
+def test_at_exit_many_events_take_no_longer_than_the_time_there_is(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    queue, notes = Queue("X"), list[int]()
+    for number in range(10):
+        queue.put_job(lambda n=number: (notes.append(n), NEVER.wait(0.1)))
+    delivery.flush_all(time.monotonic() + 0.25)
+    assert notes[:2] == [0, 1]
+    assert len(notes) < 6
+    diagnostics.flush(soon())
+    assert "at exit, X of action '/fibonacci' had not been told everything" in caplog.text
 
 
+@pytest.mark.usefixtures("no_threads")
 def test_at_exit_a_human_need_not_wait_for_an_observer() -> None:
-    queue, notes = queue_for("it", NoThreads()), list[int]()
+    queue, notes = Queue("it"), list[int]()
 
     def interrupted() -> None:
         raise KeyboardInterrupt
 
-    queue.put_event(interrupted)
-    queue.put_event(lambda: notes.append(1))
+    queue.put_job(interrupted)
+    queue.put_job(lambda: notes.append(1))
     with pytest.raises(KeyboardInterrupt):
-        queue.flush(soon(), here=True)
+        delivery.flush_all(soon())
     assert notes == []
-    assert queue.flush(soon(), here=True)  # and it is in good order
-    assert notes == [1]
+
+
+@pytest.mark.usefixtures("no_threads")
+def test_at_exit_an_observer_that_hangs_is_cut_off(caplog: pytest.LogCaptureFixture) -> None:
+    queue = Queue("X")
+    queue.put_job(threading.Event().wait)
+    delivery.flush_all(time.monotonic() + 0.1)
+    diagnostics.flush(soon())
+    assert "at exit, X of action '/fibonacci' had not been told everything" in caplog.text
 
 
 def test_what_is_not_told_at_exit_is_told_of(
     caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    observer, log, gate = queue_for("X"), queue_for("the log", ends_on_error=False), Gate()
+    observer, log, gate = Queue("X"), Queue("the log", GoalLog()), Gate()
     for queue in (observer, log):
-        queue.put_event(gate)
+        queue.put_job(gate)
         assert gate.entered.wait(LONG)
         gate.entered.clear()
-    observer_queue.flush_all(time.monotonic() + 0.02)
+    delivery.flush_all(time.monotonic() + 0.02)
     assert diagnostics.flush(soon())
     text = "at exit, {} of action '/fibonacci' had not been told everything"
     assert [r.getMessage() for r in caplog.records] == [text.format("X")]
@@ -247,18 +261,18 @@ def test_what_is_not_told_at_exit_is_told_of(
 def test_the_log_goes_on_after_an_error_and_warns_once_a_minute(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    queue, notes = queue_for("the log", ends_on_error=False), list[int]()
+    queue, notes = Queue("the log", GoalLog()), list[int]()
 
     def job(number: int) -> None:
         notes.append(number)
         raise SystemExit("not even this")
 
     for number in range(5):
-        queue.put_event(lambda n=number: job(n))
+        queue.put_job(lambda n=number: job(n))
     assert queue.flush(soon())
     assert notes == [0, 1, 2, 3, 4]
     monkeypatch.setattr(queue, "_quiet_until", 0.0)  # as a minute later
-    queue.put_event(lambda: job(5))
+    queue.put_job(lambda: job(5))
     assert queue.flush(soon())
     said = [r.getMessage().partition(", and")[0] for r in caplog.records]
     raised = "the log of action '/fibonacci' raised"
@@ -275,11 +289,11 @@ def test_a_warning_that_cannot_be_written_ends_nothing(
         raise ValueError("from the handler")
 
     handler.emit = emit  # type: ignore[method-assign]
-    queue, notes = queue_for("the log", ends_on_error=False), list[int]()
+    queue, notes = Queue("the log", GoalLog()), list[int]()
     logging.getLogger("actionkit").addHandler(handler)
     try:
         for number in range(3):
-            queue.put_event(lambda n=number: notes.append(n) or 1 / 0)
+            queue.put_job(lambda n=number: notes.append(n) or 1 / 0)
         assert queue.flush(soon())
     finally:
         logging.getLogger("actionkit").removeHandler(handler)
@@ -289,15 +303,16 @@ def test_a_warning_that_cannot_be_written_ends_nothing(
 
 AT_EXIT = """
 import atexit, threading
-from actionkit._observers import observer_queue
+from actionkit._observers import delivery
 import time
-from actionkit._threads.in_hand import Label
+from actionkit._observers.goal_log import GoalLog
+from actionkit._threads.in_hand import OBSERVERS, Label
 from actionkit._threads.pool import Pool
-queue = observer_queue.ObserverQueue(Label("it", None, ""), Pool(), "/fibonacci")
+queue = delivery.Delivery(GoalLog(), Label("it", None, ""), Pool(kind=OBSERVERS), "/fibonacci")
 def at_exit():
     for number in range(3):
-        queue.put_event(lambda n=number: print(n, flush=True))
-    observer_queue.flush_all(time.monotonic() + 10)
+        queue.put_job(lambda n=number: print(n, flush=True))
+    delivery.flush_all(time.monotonic() + 10)
 atexit.register(at_exit)
 """
 
@@ -520,7 +535,7 @@ def test_a_cancelled_call_did_not_fail() -> None:
 
 def test_nothing_is_made_where_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
     put = []
-    monkeypatch.setattr(ObserverQueue, "put_event", lambda *args, **named: put.append(args))
+    monkeypatch.setattr(Delivery, "put_job", lambda *args, **named: put.append(args))
     dispatcher = ObserverDispatcher(action_name="/fibonacci")
     for state in (GoalState.SENDING, GoalState.ACCEPTED, GoalState.FEEDBACK, GoalState.SUCCEEDED):
         dispatcher.event(event(state), CALL)
@@ -530,7 +545,7 @@ def test_nothing_is_made_where_nobody_listens(monkeypatch: pytest.MonkeyPatch) -
 
 SILENT = """
 import actionkit as ak, uuid, time
-from actionkit._observers.dispatcher import ObserverDispatcher
+from actionkit._observers.delivery import ObserverDispatcher
 dispatcher = ObserverDispatcher(action_name="/fibonacci")
 id = uuid.uuid4()
 call = dispatcher.call_info(id, None, monotonic=0.0, wall=0.0)

@@ -25,8 +25,6 @@ from actionkit._calls.session import Session, open_sessions
 from actionkit._goal.effects import End
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import Timeline
-from actionkit._observers.observer_queue import ObserverQueue
-from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Pool
 from actionkit._threads.waiting import Flag, taken_from
 
@@ -189,19 +187,6 @@ def test_closing_waits_for_done_callbacks_before_it_sees_that_the_call_is_over()
 
 
 # --- the rest ----------------------------------------------------------------------------------
-
-
-def test_an_observer_is_told_while_somebody_waits_for_it() -> None:
-    queue = ObserverQueue(Label("observer", print, "nothing"), Pool(), "/arm")
-    told, go_on = Flag(), Flag()
-    queue.put(lambda: go_on.wait(BOUND))
-    flushing = threading.Thread(target=queue.flush, args=(time.monotonic() + BOUND,), daemon=True)
-    flushing.start()
-    elsewhere(queue.put, told.set)
-    go_on.set()
-    assert told.wait(BOUND)
-    flushing.join(BOUND)
-    assert not flushing.is_alive()
 
 
 class Port(SimpleNamespace):
