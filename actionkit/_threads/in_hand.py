@@ -285,7 +285,7 @@ CALLBACKS: dict[Dues, None] = {}
 OBSERVERS: dict[Dues, None] = {}
 """Those with something for observers or the log."""
 FUNCTIONS: dict[Dues, None] = {}
-"""Those with functions of which calls report what did not return. The exit does not wait for it."""
+"""Those with functions. A call reports one that does not return; the exit does not wait for it."""
 
 
 def finish_all(until: float, busy: dict[Dues, None]) -> list[InHand]:
