@@ -68,7 +68,7 @@ def _end_calls(sessions: list[Session]) -> None:
 def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
     """Wait until all is freed, for as long as servers go on confirming cancellations.
 
-    Where a caller has waited in vain for a goal's cancellation before, it is not waited for again.
+    If a caller has waited for a goal's cancellation before, without success, nobody waits again.
     """
     while True:
         confirmed_at = max((session.confirmed_at for session in sessions), default=began)
@@ -98,9 +98,9 @@ def _free(sessions: list[Session], *, at_once: bool = False) -> None:
 
 
 def cancel_goals(hurry: Callable[[], bool]) -> None:
-    """Cancel all goals, whatever their clients' `on_close`; wait for that, and warn of the others.
+    """Cancel all goals, with any `on_close`; wait for that, and warn of the others.
 
-    In a signal handler, whatever it interrupted.
+    A signal handler may call this at any moment.
 
     Args:
         hurry: Whether a human does not want to wait for it.

@@ -188,14 +188,14 @@ class GoalFuture(
         if os.getpid() == self._pid:  # in a forked child coroutines are cleared away as well
             self.cancel()
 
-    # What asyncio calls in a task whose coroutine this is, as in `asyncio.create_task(future)`.
+    # Asyncio calls these where this is a task's coroutine, as in `asyncio.create_task(future)`.
 
     def send(self, value: Any) -> Any:
-        """Go on with the running task of asyncio, whose coroutine this is."""
+        """Go on with the running task of asyncio; this is its coroutine."""
         return self._awaiters.send(self._wait_async, value)
 
     def throw(self, typ: Any, val: Any = None, tb: Any = None) -> Any:
-        """Raise an error in the running task of asyncio, whose coroutine this is."""
+        """Raise an error in the running task of asyncio; this is its coroutine."""
         return self._awaiters.throw(self._wait_async, typ if val is None else val)
 
     def close(self) -> None:
@@ -208,10 +208,10 @@ class GoalFuture(
         """Ask for the goal to be cancelled; never blocks, safe at any time.
 
         A goal that was not sent yet is never sent. Otherwise the server is asked, and the
-        future ends with what became of the goal: `CancelledError` where it was cancelled, the
-        result where it succeeded all the same. Where the server refuses, the goal runs on and
-        so does the future. Without an answer it ends after `Timeouts.cancel` seconds with a
-        `DeadlineExceededError` whose phase is `"cancel"`.
+        future ends with what happened to the goal: `CancelledError` if it was cancelled, the
+        result if it succeeded all the same. If the server refuses, the goal runs on and so does
+        the future. Without an answer it ends after `Timeouts.cancel` seconds with a
+        `DeadlineExceededError` of the phase `"cancel"`.
 
         Returns:
             Whether the request was made: `False` when the call is over.
@@ -275,7 +275,7 @@ class GoalFuture(
         raise RuntimeError(_NOT_YOURS.format("set_running_or_notify_cancel"))
 
     def __del__(self) -> None:
-        """Log a failure that nobody has looked at, on whatever thread drops the future."""
+        """Log a failure that nobody has looked at. Any thread may drop the future."""
         if self._looked_at or self._outcome is None:
             return
         error = self._outcome.error

@@ -42,7 +42,7 @@ def make_node(name: str, context: Context) -> Node:
     The arguments of the process are not for it: every name used on it is resolved already.
 
     Raises:
-        Exception: Whatever rclpy raises where that cannot be done.
+        Exception: Any error of rclpy, if the node cannot be made.
     """
     return _node(name, context, use_global_arguments=False)
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 _SLACK = 64
-"""Cancelled timers that are kept in any case, so that a short queue is not made anew for each."""
+"""Cancelled timers that are always kept, so that a short queue is not made again for each."""
 
 
 class TimerHandle:

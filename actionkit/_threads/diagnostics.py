@@ -1,7 +1,7 @@
-"""Writes to the logger `actionkit`, whatever the handlers there do.
+"""Writes to the logger `actionkit`, even if a handler there blocks or raises.
 
-They are the user's: one may block, and one may raise. So a thread that must not be held up, above
-all the communication thread (R8), hands its records to a thread that does nothing else.
+The handlers are the user's. So a thread that must not be held up, above all the communication
+thread (R8), hands its records to a thread that does nothing else.
 """
 
 from __future__ import annotations
@@ -108,8 +108,8 @@ def log_later(
         level: As for `logging`.
         text: The message, with placeholders for `args`.
         args: Nothing of the user's where its `str()` might block.
-        exc_info: An exception whose traceback to add, or whether to add that of the one that is
-            being handled.
+        exc_info: An exception, to add its traceback, or whether to add that of the exception that
+            is being handled.
         stack: A stack to show under the message.
     """
     if is_enabled_for(_logger, level):
@@ -142,9 +142,9 @@ def log_own_error() -> None:
 
 
 def log_here(level: int, text: str, *args: object, exc_info: bool = False) -> None:
-    """Log to `actionkit` on this thread, which a handler may block; never raises.
+    """Log to `actionkit` on this thread, which a handler may block.
 
-    But for Ctrl-C, on the main thread.
+    It raises nothing except KeyboardInterrupt, on the main thread.
     """
     try:
         _logger.log(level, text, *args, exc_info=exc_info, stacklevel=2)

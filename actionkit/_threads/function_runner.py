@@ -41,7 +41,7 @@ class NoAnswer:
     """The function returned nothing in time.
 
     Attributes:
-        why: A clause whose subject is the function, such as "did not answer within 10 s".
+        why: What the function did, such as "did not answer within 10 s".
         asked: Whether it was called.
     """
 
@@ -159,7 +159,7 @@ def described(value: object) -> str:
     try:
         error = isinstance(value, BaseException)
         text = f"{name}: {value}".rstrip(": .") if error else repr(value)
-    except Exception:  # noqa: BLE001  whatever the value's own class raises
+    except Exception:  # noqa: BLE001  the value's own class may raise anything
         text = f"a value of type {name}"
     text = " ".join(text.split())
     return text if len(text) <= _LONGEST_TEXT else f"{text[:_LONGEST_TEXT]}..."

@@ -206,7 +206,7 @@ class Dues:
         )
 
     def finish(self, until: float, run_one: Callable[[], bool] | None = None) -> bool:
-        """Wait for what is due or running, but for what waits for the caller.
+        """Wait for what is due or running, except what waits for the caller itself.
 
         Args:
             until: Monotonic time at which not to wait any longer.
