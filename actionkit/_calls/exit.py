@@ -94,7 +94,7 @@ def _free(sessions: list[Session], *, at_once: bool = False) -> None:
     for session in sessions:
         session.await_freed(until)
     # They also crash under a thread that still uses it.
-    runtimes.join_ending(FREEING_TIMEOUT, at_once=at_once)
+    runtimes.end_all(FREEING_TIMEOUT, at_once=at_once)
 
 
 def cancel_goals(hurry: Callable[[], bool]) -> None:

@@ -51,6 +51,9 @@ class Link(standstill.Link, Protocol):
     def enter(self, node: Node) -> None:
         """Make the entities again, on this node."""
 
+    def close(self) -> None:
+        """Destroy the entities; nobody is told anything more."""
+
 
 class Rejoining:
     """Decides when to replace the node, and does it. On the communication thread only."""

@@ -228,6 +228,13 @@ class Runtime:
             self._on_last(self)
             self._stopping = True
 
+    def end(self) -> None:
+        """End also where somebody still uses the thread."""
+        for link in list(self.rejoining.links):
+            link.close()
+        self._users.clear()
+        self.remove_user(None)
+
     def window(self, kind: type[_W], action_name: str) -> _W:
         """Return the window for requests of one kind that all clients of an action here share."""
         # Not setdefault: no strong reference would keep a new window alive.

@@ -101,6 +101,17 @@ def join_ending(timeout: float, *, at_once: bool = False) -> None:
         runtime.join(until - time.monotonic())
 
 
+def end_all(timeout: float, *, at_once: bool = False) -> None:
+    """End all threads at the interpreter's exit, and wait for them as `join_ending` does.
+
+    One that is still in use belongs to a client that was interrupted while it was made.
+    """
+    for runtime in list(_registry.by_place.values()):
+        runtime.call_soon(runtime.end)
+        _registry.ending.add(runtime)
+    join_ending(timeout, at_once=at_once)
+
+
 def forget_inherited() -> None:
     """Begin without runtimes in a process that was forked: its parent's cannot be used (R20)."""
     # The lock is new too: a thread that does not exist here may have held it.

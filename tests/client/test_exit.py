@@ -63,6 +63,16 @@ client.call({'order': 2}, 10)
 future = client.call_async({'order': 90})
 rclpy.shutdown()
 """,
+    "the client was interrupted while it was made": """
+import atexit
+from actionkit._calls import session
+atexit.register(lambda: [print(t) for t in threading.enumerate() if t.name == 'actionkit'])
+session.Session = None  # it raises in the place of Ctrl-C
+try:
+    Client(Fibonacci, 'fibonacci')
+except TypeError:
+    pass
+""",
     "in a child that was forked": """
 import os
 client = Client(Fibonacci, 'fibonacci')
