@@ -236,7 +236,7 @@ def _lost(ending: Ending, call: ErrorContext) -> str:
         return (
             f"The communication thread of ActionKit died in this process ({ending.error!r}), so"
             f" goal {call.goal_id} of action {call.action_name!r} cannot be followed any more:"
-            " IT MAY STILL BE RUNNING. Please report it; the next call starts a new thread."
+            " IT MAY STILL BE RUNNING. Please report it, and make a new client."
         )
     if ending.status is GoalState.SENDING:
         return f"{_what(call)} was never sent, because {ending.lost_because}. Call again."
