@@ -233,13 +233,14 @@ def _no_acceptance(ending: Ending, call: ErrorContext) -> str:
 
 def _lost(ending: Ending, call: ErrorContext) -> str:
     if ending.error is not None:
-        return (
-            f"The communication thread of ActionKit died in this process ({ending.error!r}), so"
-            f" goal {call.goal_id} of action {call.action_name!r} cannot be followed any more:"
-            " IT MAY STILL BE RUNNING. Please report it, and make a new client."
+        left = (
+            f", so goal {call.goal_id} of action {call.action_name!r} cannot be followed any more:"
+            " IT MAY STILL BE RUNNING"
         )
-    if ending.status is GoalState.SENDING:
-        return f"{_what(call)} was never sent, because {ending.lost_because}. Call again."
+        return (
+            f"The communication thread of ActionKit died in this process ({ending.error!r})"
+            f"{left if ending.may_run else ''}. Please report it, and make a new client."
+        )
     return (
         f"The server of action {call.action_name!r} was lost {_after(call)} into the"
         f" call, with goal {call.goal_id} in flight ({ending.lost_because}). Look for a crash in"

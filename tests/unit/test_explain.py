@@ -367,9 +367,11 @@ def test_only_a_goal_that_was_left_to_run_on_purpose_is_said_to_be_left() -> Non
 
 def test_a_thread_that_died_knows_nothing_of_the_goal() -> None:
     broken = RuntimeError("the thread died")
-    error = explained(replace(ENDINGS[End.LOST][0], error=broken))
+    ending = replace(ENDINGS[End.LOST][0], error=broken)
+    error = explained(replace(ending, goals=(GoalReport(GOAL_ID, GoalFate.RUNNING),)))
     assert "IT MAY STILL BE RUNNING" in str(error)
     assert error.__cause__ is broken
+    assert "RUNNING" not in str(explained(ending))  # where nothing was sent
 
 
 @pytest.mark.parametrize("end", ENDINGS, ids=lambda end: end.name)
