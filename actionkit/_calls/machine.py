@@ -163,8 +163,8 @@ class CallMachine:
         self._resend = resend
         self._server_limit = server_limit
         self._new_id = new_id
-        self.previous: AttemptView | None = None  # the last that sent anything
-        self._last: fx.Ending | None = None  # of the last attempt, judged, which is tried again
+        self.previous: AttemptView | None = None  # the last that sent its goal
+        self._last: fx.Ending | None = None  # how that ended, as it was judged
 
     # --- may another goal be sent? ---------------------------------------------------------
 

@@ -53,7 +53,7 @@ class LastNews(Enum):
 
 
 class End(Enum):
-    """The ways in which an attempt can end, one for each error class, and success."""
+    """The ways in which an attempt can end: success, and one for nearly each error class."""
 
     SUCCEEDED = auto()
     NO_SERVER = auto()
@@ -109,7 +109,7 @@ class Ending:
         elsewhere: Whether one server has said that it does not run it, and another may.
         ended_first: Whether it did so before the caller gave up on the goal.
         abandoned: Whether it was left to run on purpose.
-        refused: Whether the server refused to cancel the goal, and that is why it came to this.
+        refused: Whether the server refused to cancel the goal, and the attempt ended because of it.
         goals: What is known of the goals of the same call (C2.8).
         served: The types with which the name is served, where none is the client's.
         error: The exception that ended it: what is wrong with the goal, or what broke this side.

@@ -78,9 +78,9 @@ class GoalFacts:
     def may_run(self) -> bool:
         """Whether it may run, or be accepted yet, as far as its user is told (C2.8).
 
-        Where it is over for its caller by what one server said, another one that has never shown
-        that it has the goal does not count: nobody could say more of it than a guess. It counts
-        where the caller gave up on the goal, because the caller relies on the cancellation.
+        If one server's answer has ended it for its caller, another one that has never shown that it
+        has the goal does not count: to name it would only be a guess. It does count if the caller
+        gave up on the goal, because the caller relies on the cancellation.
         """
         if self.is_over:
             return False

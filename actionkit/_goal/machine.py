@@ -367,7 +367,7 @@ class Goal(CancellableGoal):
         return effects + self._cancel_accepted(now)
 
     def _unknown_to_another(self) -> list[fx.Effect]:
-        """A server says so that was never sent it: the one that was may be back, and run it."""
+        """This server never got the goal. The one that got it may return, and still run it."""
         return [fx.Disarm(fx.Timer.REASK), fx.StopCancel()]
 
     def _unknown_so_far(self) -> list[fx.Effect]:
@@ -387,7 +387,7 @@ class Goal(CancellableGoal):
             self.stage, self.facts.lost = Stage.LOST, True
             return [fx.Disarm(fx.Timer.REASK), *self._settle_held()]
         if self.stage not in (Stage.SENT, Stage.ACCEPTED):
-            self.facts.lost |= self.stage is Stage.LOST  # it was back, and did not show the goal
+            self.facts.lost |= self.stage is Stage.LOST  # it was back, and left again
             return []
         if self._terminal_seen is not None:
             return self._result_lost("its server went away before it had sent it", now)

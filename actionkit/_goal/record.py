@@ -131,7 +131,7 @@ class GoalRecord:
     def _end_here(
         self, end: fx.End, now: float, *, result: Any = None, lost_because: str = ""
     ) -> list[fx.Effect]:
-        """It is over for its caller, by what one server said. Another may run it yet (R14)."""
+        """One server's answer ends it for the caller. Another server may still run it (R14)."""
         if not self.facts.may_run:
             self.stage = Stage.OVER
             return [*self._settle(end, result=result, lost_because=lost_because), *self._release()]

@@ -80,9 +80,8 @@ class ServerMonitor:
         self._goals: dict[bytes, _SentGoal] = {}
         self._awaiting: dict[GoalListener, None] = {}
         self._ready_waiters: dict[Callable[[], None], None] = {}
-        self._held_until = 0.0
-        self._doubted: frozenset[bytes] = frozenset()
-        """The servers that are out of sight, but do not count as gone before that time."""
+        self._held_until = 0.0  # before that time, no server counts as gone
+        self._doubted: frozenset[bytes] = frozenset()  # those out of sight until then
         self.restarts = RestartDetector(self._timers, probe, self._on_one_answers)
         self.liveness = Liveness(
             self._timers,
@@ -267,7 +266,7 @@ class ServerMonitor:
     def tell_sent_goals(self) -> None:
         """Tell the goals that may be on a server that one is ready.
 
-        Others have nothing to say of those that were lost with a server.
+        Other servers know nothing about goals that were lost with their own server.
         """
         for listener, goal in self._sent_goals():
             if goal.servers or goal.sent_to & self.readiness.servers:
