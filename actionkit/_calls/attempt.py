@@ -1,4 +1,4 @@
-"""One goal on its way: carries out what its state machine asks for, and feeds it what comes.
+"""One goal that was sent: carries out what its state machine asks for, and feeds it what comes.
 
 All of it happens on the communication thread.
 """
@@ -20,8 +20,6 @@ from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState
 from actionkit._threads.diagnostics import log_later
 
-_TIME_IS_UP = (fx.Timer.SERVER, fx.Timer.DEADLINE)
-
 
 class LivenessCheck(Protocol):
     """What asks the servers from time to time whether they are there."""
@@ -38,11 +36,7 @@ class AttemptLink(Protocol):
     def liveness(self) -> LivenessCheck: ...
     @property
     def others_confirmed_at(self) -> float: ...
-    def await_server(self, listener: Attempt) -> None: ...
-    def await_next_ready(self, listener: Attempt) -> None: ...
-    def look_again(self) -> None: ...
-    def dequeue(self, listener: Attempt) -> None: ...
-    def send_goal(self, listener: Attempt, goal: Any) -> None: ...
+    def send_goal(self, listener: Attempt, goal: Any) -> int: ...
     def leave_outbox(self, listener: Attempt) -> None: ...
     def sees_server_of(self, listener: Attempt) -> bool: ...
     def server_is_gone(self, listener: Attempt) -> bool: ...
@@ -64,7 +58,6 @@ class AttemptOwner(Protocol):
     def on_feedback(self, attempt: Attempt, messages: list[bytes]) -> None: ...
     def on_end(self, attempt: Attempt, ending: fx.Ending) -> None: ...
     def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None: ...
-    def may_send(self, attempt: Attempt) -> bool: ...
     def on_over(self, attempt: Attempt) -> None: ...
 
 
@@ -75,41 +68,38 @@ class Attempt:
         self,
         link: AttemptLink,
         goal_id: uuid.UUID,
-        goal_message: Any,
         timeouts: Timeouts,
         deadline: float | None,
         owner: AttemptOwner,
         *,
         on_out_of_sight: Callable[[Attempt], None],
     ) -> None:
-        """Make an attempt that has not begun.
+        """Make an attempt. Its goal is sent next.
 
         Args:
             link: The link to the servers.
             goal_id: Our own id for it, so that the goal can be cancelled before it was ever
                 acknowledged (R5).
-            goal_message: The action's goal message; not changed by anybody any more.
             timeouts: The caps on the phases.
             deadline: Monotonic time at which the call's time is up, or `None`.
-            owner: It is told what happens, and asked whether the goal may be sent.
+            owner: It is told what happens.
             on_out_of_sight: Called when nothing is left to watch for (`goal.stage` is OVER), or
                 can be for now, because the server is gone (LOST).
         """
         self.goal_id = goal_id
         self.number = 1
         """Which of its call's attempts it is; the owner counts."""
-        self.goal = Goal(timeouts, deadline)
-        self.goal.facts.goal_id = goal_id
+        self.goal = Goal(goal_id, timeouts, deadline)
         self._link = link
         self._liveness = timeouts.liveness
         self._now = link.runtime.now
-        self._goal_message = goal_message
         self._owner = owner
         self._on_out_of_sight = on_out_of_sight
         self._timers = GoalTimers(link.runtime)
         self._effects: deque[fx.Effect] = deque()
         self._applying = False
-        self._in_outbox = False
+        self._servers = 1
+        self._in_outbox = True
         self._has_result = False
         self._cancels = 0  # requests sent, less those for which a server did not know the goal
 
@@ -124,20 +114,21 @@ class Attempt:
         return self._cancels > 0
 
     @property
-    def held_back(self) -> bool:
-        """Whether it must not be sent now, because an earlier goal may run (C4.2)."""
-        return not self._owner.may_send(self)
-
-    @property
     def is_out_of_sight(self) -> bool:
         """Whether no server is in sight that the goal was sent to."""
         return self.goal.facts.lost and not self._link.sees_server_of(self)
 
     # --- the caller's wishes ---------------------------------------------------------------
 
+    def send(self, message: Any) -> None:
+        """Send the goal. Raises what rclpy raises; then nothing was sent."""
+        self._servers = self._link.send_goal(self, message)
+
     def start(self) -> None:
-        """Begin to wait for a server."""
-        self._apply(self.goal.start(self._now()))
+        """Follow the goal, which was sent."""
+        if self._liveness is not None:
+            self._link.liveness.start(self._liveness)
+        self._apply(self.goal.sent(self._now(), self._servers))
 
     def cancel(self) -> None:
         """Cancel the goal because its caller does."""
@@ -165,38 +156,16 @@ class Attempt:
         self._timers.keep_only()
         self._timers.settle(self._fire)
 
-    def withdraw(self) -> None:
-        """End an attempt that has sent nothing; its owner is told nothing more."""
-        self._apply(self.goal.withdraw())
-        self._on_out_of_sight(self)
-
     # --- what the link tells ---------------------------------------------------------------
 
     def on_server_ready(self) -> None:
-        if self.goal.stage is Stage.AWAITING_SERVER and self.held_back:
-            # An earlier goal of the call may run (C4.2): the owner tells when it does not, and
-            # the link when a server is ready again.
-            self._link.await_next_ready(self)
-            return
         facts = self.goal.facts
         # Of several, each that was out of sight may be the one that runs it.
         back = self._link.sees_server_of(self) and not (facts.servers > 1 and facts.away)
         self._apply((self.goal.server_back if back else self.goal.server_ready)(self._now()))
 
-    def on_type_mismatch(self, served: tuple[str, ...]) -> None:
-        self._apply(self.goal.type_mismatch(served, self._now()))
-
-    def on_sent(self, servers: int) -> None:
-        self._apply(self.goal.sent(self._now(), servers))
-
     def on_servers_changed(self, servers: int, away: int) -> None:
         self._apply(self.goal.servers_changed(servers, away))
-
-    def on_held_back(self) -> None:
-        self._apply(self.goal.held_back(self._now()))
-
-    def on_send_failed(self, error: Exception) -> None:
-        self._apply(self.goal.send_failed(error, self._now()))
 
     def on_accepted(self) -> None:
         self._apply(self.goal.accepted(self._now()))
@@ -278,8 +247,7 @@ class Attempt:
         finally:
             self._applying = False
             self._timers.settle(self._fire)
-        unanswered = self.goal.stage in (Stage.QUEUED, Stage.SENT)
-        waiting = unanswered and not self.goal.settled
+        waiting = self.goal.stage is Stage.SENT and not self.goal.settled
         if self._in_outbox and not waiting:
             # An answer came, or the time to wait for it is up: the next may be sent.
             self._in_outbox = False
@@ -293,9 +261,6 @@ class Attempt:
 
     def _record(self, effect: fx.Record) -> None:
         self._owner.on_record(self, effect)
-
-    def _await_server(self, _: fx.AwaitServer) -> None:
-        self._link.await_server(self)
 
     def _ask_result(self, effect: fx.AskResult) -> None:
         self._link.ask_result(self, supersedes_earlier=effect.anew)
@@ -326,10 +291,6 @@ class Attempt:
     def _late_result(self, effect: fx.LateResult) -> None:
         self._owner.on_late_result(self, effect.state, effect.result)
 
-    def _withdraw(self, _: fx.Withdraw) -> None:
-        self._in_outbox = False
-        self._link.dequeue(self)
-
     def _release(self, _: fx.Release) -> None:
         self._timers.keep_only()
         abandoned = self.goal.closing is Closing.ABANDONED
@@ -337,37 +298,22 @@ class Attempt:
         self._on_out_of_sight(self)
         self._owner.on_over(self)
 
-    def _send(self, _: fx.SendGoal) -> None:
-        self._in_outbox = True
-        self._link.send_goal(self, self._goal_message)
-        if self._liveness is not None:
-            self._link.liveness.start(self._liveness)
-
     _CARRY_OUT: ClassVar[dict[type[fx.Effect], Callable[[Attempt, Any], None]]] = {
         fx.Arm: _arm,
         fx.Disarm: _disarm,
         fx.Record: _record,
         fx.RunsElsewhere: _runs_elsewhere,
-        fx.AwaitServer: _await_server,
-        fx.SendGoal: _send,
         fx.AskResult: _ask_result,
         fx.AskCancel: _ask_cancel,
         fx.StopCancel: _stop_cancel,
         fx.WatchStatus: _watch_status,
         fx.Settle: _settle,
         fx.LateResult: _late_result,
-        fx.Withdraw: _withdraw,
         fx.Release: _release,
     }
 
     def _fire(self) -> None:
         while (timer := self._timers.pop_due()) is not None:
-            self._time_is_up(timer)
+            confirmed_at = self._link.others_confirmed_at
+            self._apply(self.goal.timer(timer, self._now(), others_confirmed_at=confirmed_at))
         self._timers.settle(self._fire)
-
-    def _time_is_up(self, timer: fx.Timer) -> None:
-        if timer in _TIME_IS_UP and self.goal.stage is Stage.AWAITING_SERVER:
-            # A server of another type may have come into view only now (R21).
-            self._link.look_again()
-        confirmed_at = self._link.others_confirmed_at
-        self._apply(self.goal.timer(timer, self._now(), others_confirmed_at=confirmed_at))

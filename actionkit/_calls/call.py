@@ -31,10 +31,22 @@ from actionkit._threads.clock import TimerHandle
 from actionkit._threads.function_runner import Clock
 
 
+class CallLink(Protocol):
+    """What a call asks of the link to the servers until its goal is sent."""
+
+    def await_server(self, waiter: Call) -> None: ...
+    def await_next_ready(self, waiter: Call) -> None: ...
+    def look_again(self) -> None: ...
+    def enqueue(self, waiter: Call, goal_id: uuid.UUID) -> None: ...
+    def dequeue(self, waiter: Call, goal_id: uuid.UUID) -> None: ...
+
+
 class Carrier(ActionView, Clock, Protocol):
     """The client's side of a call: what carries its goals."""
 
-    def attempt(
+    @property
+    def link(self) -> CallLink: ...
+    def send(
         self,
         goal_id: uuid.UUID,
         goal: Any,
@@ -53,22 +65,21 @@ class Call:
         self, carrier: Carrier, request: Request, dispatcher: ObserverDispatcher = NO_OBSERVERS
     ) -> None:
         """Make a call of a request; its time runs from now."""
-        self.machine = machine = CallMachine(request.retry.resend, request.timeouts.server)
+        self._record = record = CallRecord(carrier, request, dispatcher, goal_id := uuid.uuid4())
+        self.timeline, tape, began = record.timeline, record.tape, record.began
+        self._deadline = None if request.timeout is None else began + request.timeout
+        limits = request.timeouts.server, self._deadline
+        self.machine = machine = CallMachine(goal_id, request.retry.resend, *limits)
         self.goals = machine.goals
-        self._latest_id = machine.goal_id  # of the latest attempt
         self.state = GoalState.SENDING
         self.cancel_grace = request.timeouts.cancel
         self._carrier = carrier
         self._request = request
-        self._record = record = CallRecord(carrier, request, dispatcher, machine.goal_id)
-        self.timeline, tape, began = record.timeline, record.tape, record.began
-        self._deadline = None if request.timeout is None else began + request.timeout
         threads = request.function_pool
         self._retrying = RetryRunner(carrier, threads, request.retry, request.budget, began)
         self._judging = ClassifyRunner(carrier, threads, request.classify)
         self.future: GoalFuture[Any, Any] = GoalFuture(self, tape, request.pool, carrier)
-        self._attempt: Attempt | None = None
-        self._pause: TimerHandle | None = None
+        self._wait: TimerHandle | None = None  # the pause, or for a server or the goal's turn
         self._given_up_at: float | None = None
         self._grace: TimerHandle | None = None  # until which the earlier goals may be confirmed
         self._settled = False
@@ -105,13 +116,13 @@ class Call:
         """Begin the first attempt. The session calls it."""
         if self.unwanted:
             self.cancel()
-        self._do(self.machine.begin(self._request.invalid))
+        self._do(self.machine.begin(self._request.invalid, time.monotonic()))
 
     def cancel(self) -> None:
         """Cancel the goal, or end the call where none is under way."""
         self._given_up_at = self._given_up_at or time.monotonic()
-        if self._attempt is not None:
-            self._attempt.cancel()
+        if (attempt := self.machine.attempt) is not None:
+            attempt.cancel()
         else:
             self._do(self.machine.stop(fx.End.CANCELLED_BY_CALLER, "the call was cancelled"))
 
@@ -119,62 +130,70 @@ class Call:
         """End because the client closes, or something else that calls depend on."""
         self.machine.closing = because
         self._given_up_at = self._given_up_at or time.monotonic()
-        if self._attempt is not None:
-            self._attempt.close(abandon=abandon)
+        if (attempt := self.machine.attempt) is not None:
+            attempt.close(abandon=abandon)
         else:
             self._do(self.machine.stop(fx.End.CLOSED, "the client was closed"))
 
     def end_grace(self) -> None:
         """End a call that was closed: there is no more time for confirmations."""
-        if self._attempt is not None:
-            self._attempt.end_grace()
+        if (attempt := self.machine.attempt) is not None:
+            attempt.end_grace()
         else:
             self._do(self.machine.end_grace("the client was closed"))
 
     def fail(self, reason: str, error: BaseException) -> None:
         """End because this side broke."""
         self.machine.closing = reason  # nothing fires any more that could try again
-        if self._attempt is not None:
-            self._attempt.fail(reason, error)
+        if (attempt := self.machine.attempt) is not None:
+            attempt.fail(reason, error)
         else:
             self._do(self.machine.broke(error))
         if self.machine.phase is Phase.ENDED:
             self._settle()  # the timer that ends the wait for callbacks fires no more
 
-    # --- what attempts tell ----------------------------------------------------------------
+    # --- what the link tells until a goal is sent ------------------------------------------
 
-    def may_send(self, attempt: Attempt) -> bool:
-        """Whether an attempt may send its goal now (C4.2)."""
-        return self.machine.may_send()
+    def on_server_ready(self) -> None:
+        """A server is ready."""
+        self._do(self.machine.server_ready())
+
+    def on_type_mismatch(self, served: tuple[str, ...]) -> None:
+        """Only servers of other types are there."""
+        self._do(self.machine.type_mismatch(served))
+
+    def on_turn(self) -> None:
+        """It is the turn of its goal: it is sent now, or not before it is queued again."""
+        self._do(self.machine.turn(time.monotonic()))
+
+    def on_server_lost(self, reason: str) -> None:
+        """The last server went while the goal waited for its turn."""
+        self._do(self.machine.server_lost(time.monotonic()))
+
+    # --- what attempts tell ----------------------------------------------------------------
 
     def on_record(self, attempt: Attempt, record: fx.Record) -> None:
         """Write the timeline; also after the end, for the log of a goal given up on."""
         self._record.note(
             attempt.goal_id, attempt.number, record.state, record.detail, record.cancel_refused
         )
-        if not self._settled and attempt is self._attempt:
+        if not self._settled and attempt is self.machine.attempt:
             self.state = record.state
 
     def on_feedback(self, attempt: Attempt, messages: list[bytes]) -> None:
         """Pass feedback on, undecoded."""
-        if not self._settled and attempt is self._attempt:
+        if not self._settled and attempt is self.machine.attempt:
             self._record.note_feedback(attempt, messages)
 
     def on_end(self, attempt: Attempt, ending: fx.Ending) -> None:
         """Judge how the attempt ended, and end the call or try again."""
-        if attempt is not self._attempt:
-            return
-        self._attempt = None
-        late = self._deadline is not None and time.monotonic() >= self._deadline
-        ready = self._carrier.server_is_ready()
-        self._do(self.machine.ended(attempt, ending, late=late, ready=ready))
+        self._do(self.machine.ended(attempt, ending))
 
     def on_over(self, attempt: Attempt) -> None:
         """An attempt's goal is known not to run any more, or its server went out of sight."""
         self._do(self.machine.earlier_over())
-        current = self._attempt
-        if attempt is not current and current is not None and self._carrier.server_is_ready():
-            current.on_server_ready()
+        if self.machine.phase is Phase.WAITING and self._carrier.server_is_ready():
+            self.on_server_ready()
 
     def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None:
         """An earlier goal has proved to have finished."""
@@ -186,22 +205,57 @@ class Call:
         for effect in effects:
             self._CARRY_OUT[type(effect)](self, effect)
 
-    def _try(self, _: mx.Try) -> None:
-        self._latest_id = self.goal_id
-        self._attempt = attempt = self._carrier.attempt(
-            self.goal_id,
-            self._request.goal,
-            self._request.timeouts,
-            self._deadline,
-            self,
-        )
+    def _note(self, record: fx.Record) -> None:
+        machine = self.machine
+        self._record.note(machine.latest_id, machine.attempts, record.state, record.detail)
+        self.state = record.state
+
+    def _await_server(self, effect: mx.AwaitServer) -> None:
+        link = self._carrier.link
+        self._stop_waiting()
+        (link.await_next_ready if effect.another else link.await_server)(self)
+        self._limit_wait(effect.until, Phase.WAITING)
+
+    def _queue(self, effect: mx.Queue) -> None:
+        self._end_wait()
+        self._carrier.link.enqueue(self, self.machine.latest_id)
+        self._limit_wait(effect.until, Phase.QUEUED)
+
+    def _limit_wait(self, until: float | None, phase: Phase) -> None:
+        # Mostly it is over already: a server was ready, and the goal was sent.
+        if until is not None and self._wait is None and self.machine.phase is phase:
+            self._wait = self._carrier.call_at(until, self._waited)
+
+    def _waited(self) -> None:
+        self._wait = None
+        if self.machine.phase is Phase.WAITING:
+            # A server of another type may have come into view only now (R21).
+            self._carrier.link.look_again()
+        ready = self._carrier.server_is_ready()
+        self._do(self.machine.waited(time.monotonic(), ready=ready))
+
+    def _stop_waiting(self) -> None:
+        self._carrier.link.dequeue(self, self.machine.latest_id)
+        self._end_wait()
+
+    def _end_wait(self) -> None:
+        if self._wait is not None:
+            self._carrier.cancel_timer(self._wait)
+            self._wait = None
+
+    def _send(self, _: mx.Send) -> None:
+        self._end_wait()
+        request = self._request
+        try:
+            attempt = self._carrier.send(
+                self.goal_id, request.goal, request.timeouts, self._deadline, self
+            )
+        except Exception as error:  # noqa: BLE001  rclpy raises what its converters raise
+            self._do(self.machine.send_failed(error))
+            return
         attempt.number = self.machine.attempts
-        self.machine.made(attempt)
+        self.machine.sent(attempt)
         attempt.start()
-        for earlier in list(self.machine.earlier):
-            # A server that is there is asked about a goal that was lost with another (C4.3).
-            if earlier.goal.stage is Stage.LOST and self._carrier.server_is_ready():
-                earlier.on_server_ready()
 
     def _judge(self, effect: mx.Judge) -> None:
         ending = effect.ending
@@ -237,25 +291,19 @@ class Call:
         self._do(self.machine.planned(ending, plan))
 
     def _pause_for(self, effect: mx.Pause) -> None:
-        pause = f"in {effect.seconds:.2f} s"
-        self._record.note(self._latest_id, self.machine.attempts, GoalState.RETRYING, pause)
-        self.state = GoalState.RETRYING
-        until = time.monotonic() + effect.seconds
-        self._pause = self._carrier.call_at(until, self._resume)
+        self._wait = self._carrier.call_at(time.monotonic() + effect.seconds, self._resume)
 
     def _resume(self) -> None:
-        self._pause = None
-        self._do(self.machine.resume())
+        self._wait = None
+        self._do(self.machine.resume(time.monotonic()))
+        for earlier in list(self.machine.earlier):
+            # A server that is there is asked about a goal that was lost with another (C4.3).
+            if earlier.goal.stage is Stage.LOST and self._carrier.server_is_ready():
+                earlier.on_server_ready()
 
     def _stop_retrying(self, _: mx.StopRetrying) -> None:
         self._retrying.drop()
-        if self._pause is not None:
-            self._carrier.cancel_timer(self._pause)
-            self._pause = None
-
-    def _withdraw(self, effect: mx.Withdraw) -> None:
-        self._attempt = None
-        effect.attempt.withdraw()
+        self._stop_waiting()
 
     def _await_earlier(self, _: mx.AwaitEarlier) -> None:
         since = self._given_up_at or time.monotonic()
@@ -270,14 +318,16 @@ class Call:
         self._record.await_callbacks(effect.ending, self._carrier, self._settle)
 
     _CARRY_OUT: ClassVar[dict[type[mx.Effect], Any]] = {
-        mx.Try: _try,
+        fx.Record: _note,
+        mx.AwaitServer: _await_server,
+        mx.Queue: _queue,
+        mx.Send: _send,
         mx.Judge: _judge,
         mx.CutJudging: _cut_judging,
         mx.Count: _count,
         mx.Plan: _plan,
         mx.Pause: _pause_for,
         mx.StopRetrying: _stop_retrying,
-        mx.Withdraw: _withdraw,
         mx.AwaitEarlier: _await_earlier,
         mx.StopAwaiting: _stop_awaiting,
         mx.Finish: _finish,

@@ -16,7 +16,7 @@ _KEPT = 100
 
 
 class GoalsOfCall:
-    """The goals of a call that were made: each that may run, and the last of the others.
+    """The goals of a call that were sent: each that may run, and the last of the others.
 
     Written by one thread, read by any.
     """
@@ -25,7 +25,7 @@ class GoalsOfCall:
         self._goals = list(goals)
 
     def add(self, goal: GoalFacts) -> None:
-        """Take in one that is about to be sent."""
+        """Take in one that was sent."""
         over = [each for each in self._goals if not each.may_run]
         forgotten = [goal, *over[: -(_KEPT - 1)]]
         goals = [each for each in self._goals if not any(each is one for one in forgotten)]
@@ -37,13 +37,13 @@ class GoalsOfCall:
 
     @property
     def reports(self) -> tuple[GoalReport, ...]:
-        """What is known of each that was sent, oldest first (C2.8)."""
-        return tuple(report for goal in self._goals if (report := goal.report) is not None)
+        """What is known of each, oldest first (C2.8)."""
+        return tuple(goal.report for goal in self._goals)
 
     @property
     def may_run(self) -> tuple[uuid.UUID, ...]:
         """The ids of those that may run, oldest first (C2.8)."""
-        return tuple(goal.goal_id for goal in self._left if goal.goal_id)
+        return tuple(goal.goal_id for goal in self._left)
 
     @property
     def gone(self) -> bool:

@@ -17,7 +17,6 @@ from actionkit._calls.classify import apply_verdict
 from actionkit._calls.retry import GiveUp, RejectedByClassifier, Retry, after_no_server
 from actionkit._goal import effects as fx
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import Stage
 from actionkit._model.values import GoalState, Verdict
 
 
@@ -25,8 +24,12 @@ class Phase(Enum):
     """What a call is at."""
 
     NEW = auto()
+    WAITING = auto()
+    """A server is waited for, or news that no earlier goal of the call may run."""
+    QUEUED = auto()
+    """A server is ready, and the goal waits for its turn to be sent."""
     TRYING = auto()
-    """An attempt is under way."""
+    """A goal was sent."""
     JUDGING = auto()
     """`classify=` is asked how the end of an attempt counts."""
     PLANNING = auto()
@@ -38,7 +41,7 @@ class Phase(Enum):
 
 
 class AttemptView(Protocol):
-    """What is asked about an attempt."""
+    """What a call knows of an attempt, and asks of it."""
 
     goal_id: uuid.UUID
     goal: Goal
@@ -48,11 +51,35 @@ class AttemptView(Protocol):
     @property
     def cancel_is_ours(self) -> bool: ...
     def on_server_ready(self) -> None: ...
+    def cancel(self) -> None: ...
+    def close(self, *, abandon: bool) -> None: ...
+    def end_grace(self) -> None: ...
+    def fail(self, reason: str, error: BaseException) -> None: ...
 
 
 @dataclass(slots=True)
-class Try:
-    """Make and start another attempt."""
+class AwaitServer:
+    """Tell when a server is ready, or serves another type; take the goal out of the queue.
+
+    Attributes:
+        until: When the wait ends, or `None`.
+        another: Whether to tell of the next server only, and not of one that is there.
+    """
+
+    until: float | None
+    another: bool = False
+
+
+@dataclass(slots=True)
+class Queue:
+    """Queue the goal, and tell when it is its turn to be sent; wait for that `until` then."""
+
+    until: float | None
+
+
+@dataclass(slots=True)
+class Send:
+    """Make an attempt of it: send the goal now."""
 
 
 @dataclass(slots=True)
@@ -93,14 +120,7 @@ class Pause:
 
 @dataclass(slots=True)
 class StopRetrying:
-    """Ask the policy no more, and end the pause."""
-
-
-@dataclass(slots=True)
-class Withdraw:
-    """End an attempt that has sent nothing."""
-
-    attempt: Any
+    """Ask the policy no more; end the pause, or the wait for a server or for the goal's turn."""
 
 
 @dataclass(slots=True)
@@ -121,14 +141,16 @@ class Finish:
 
 
 Effect: TypeAlias = (
-    Try
+    fx.Record
+    | AwaitServer
+    | Queue
+    | Send
     | Judge
     | CutJudging
     | Count
     | Plan
     | Pause
     | StopRetrying
-    | Withdraw
     | AwaitEarlier
     | StopAwaiting
     | Finish
@@ -140,18 +162,26 @@ class CallMachine:
     """One call: its attempts in turn, and the goals that may still run."""
 
     def __init__(
-        self, resend: str, server_limit: float | None, new_id: Callable[[], uuid.UUID] = uuid.uuid4
+        self,
+        goal_id: uuid.UUID,
+        resend: str,
+        server_limit: float | None,
+        deadline: float | None,
+        new_id: Callable[[], uuid.UUID] = uuid.uuid4,
     ) -> None:
         """Begin with nothing sent.
 
         Args:
+            goal_id: The id of the first goal.
             resend: `RetryPolicy.resend`.
-            server_limit: `Timeouts.server`, for texts.
-            new_id: Makes the id of a goal.
+            server_limit: `Timeouts.server`.
+            deadline: Monotonic time at which the call's time is up, or `None`.
+            new_id: Makes the id of each other goal.
         """
         self.phase = Phase.NEW
         self.goals = GoalsOfCall()
-        self.goal_id = new_id()  # that of the goal which is told of
+        self.goal_id = goal_id  # that of the goal which is told of
+        self.latest_id = goal_id  # of the latest attempt
         self.attempts = 0
         self.attempt: AttemptView | None = None
         # Earlier attempts: their goal may run, or their result may come. Not the one under way.
@@ -162,8 +192,10 @@ class CallMachine:
         self.closing = ""  # why, as a clause
         self._resend = resend
         self._server_limit = server_limit
+        self._deadline = deadline
+        self._wait_until: float | None = None  # for a server
         self._new_id = new_id
-        self.previous: AttemptView | None = None  # the last that sent its goal
+        self.previous: AttemptView | None = None  # the last that has ended
         self._last: fx.Ending | None = None  # how that ended, as it was judged
 
     # --- may another goal be sent? ---------------------------------------------------------
@@ -182,26 +214,31 @@ class CallMachine:
         return ended_as is None or (ended_as is GoalState.CANCELED and earlier.cancel_is_ours)
 
     @property
+    def is_waiting(self) -> bool:
+        """Whether a goal is to be sent, and a server or its turn is waited for."""
+        return self.phase in (Phase.WAITING, Phase.QUEUED)
+
+    @property
     def confirming(self) -> bool:
         """Whether a server in sight may yet confirm that an earlier goal runs no more."""
         return any(earlier.goal.may_run for earlier in self.earlier)
 
     # --- the caller's wishes ---------------------------------------------------------------
 
-    def begin(self, invalid: Exception | None) -> list[Effect]:
+    def begin(self, invalid: Exception | None, now: float) -> list[Effect]:
         """The call begins; with `invalid`, its goal is not valid."""
         if self.phase is not Phase.NEW:
             return []
         if invalid is not None:
             return self._end(fx.Ending(fx.End.INVALID, GoalState.REJECTED, error=invalid))
-        return self._try()
+        return self._try(now)
 
     def stop(self, end: fx.End, why: str) -> list[Effect]:
-        """Its caller cancels or closes it, and no attempt is under way, to which that is told."""
+        """Its caller cancels or closes it, and no goal is under way, to which that is told."""
         if self.phase is Phase.JUDGING:
             # Its goal ended, and is not tried again; the verdict is waited for like a cancel.
             return [CutJudging(why, at_once=False)]
-        if self._last is None:
+        if self._last is None or self.is_waiting:
             return self._end(fx.Ending(end, GoalState.SENDING, given_up=True))
         # Nothing is cancelled now: what is told is the fate of the last goal, and no more.
         return self._end(fx.Ending(end, self._last.status, news=self._last.news, given_up=True))
@@ -213,69 +250,120 @@ class CallMachine:
         return [CutJudging(why, at_once=True)] if self.phase is Phase.JUDGING else []
 
     def broke(self, error: BaseException) -> list[Effect]:
-        """This side broke, and no attempt is under way, to which that is told."""
+        """This side broke, and no goal is under way, to which that is told."""
         if self.phase in (Phase.CONFIRMING, Phase.JUDGING):
             return self.end_grace(self.closing)
         return self._end(fx.Ending(fx.End.LOST, GoalState.LOST, error=error))
 
-    # --- what happens to attempts ----------------------------------------------------------
+    # --- until a goal is sent --------------------------------------------------------------
 
-    def made(self, attempt: AttemptView) -> None:
-        """The attempt that was asked for was made, and is about to start."""
+    def _try(self, now: float) -> list[Effect]:
+        if self.attempts:
+            self.goal_id = self.latest_id = self._new_id()
+        self.attempts += 1
+        return [fx.Record(GoalState.SENDING), *self._await_server(now)]
+
+    def _await_server(self, now: float) -> list[Effect]:
+        self.phase = Phase.WAITING
+        until = None if self._server_limit is None else now + self._server_limit
+        limits = [limit for limit in (until, self._deadline) if limit is not None]
+        self._wait_until = min(limits, default=None)
+        return [AwaitServer(self._wait_until)]
+
+    def server_ready(self) -> list[Effect]:
+        """A server can be talked to, or an earlier goal is known not to run any more."""
+        if self.phase is not Phase.WAITING:
+            return []
+        self.phase = Phase.QUEUED
+        return [Queue(self._deadline)]
+
+    def server_lost(self, now: float) -> list[Effect]:
+        """No server is ready any more; the goal may be in the queue."""
+        return self._await_server(now) if self.phase is Phase.QUEUED else []
+
+    def type_mismatch(self, served: tuple[str, ...]) -> list[Effect]:
+        """The name is served with other types only."""
+        if self.phase is not Phase.WAITING:
+            return []
+        return self._end(fx.Ending(fx.End.TYPE_MISMATCH, GoalState.SENDING, served=served))
+
+    def turn(self, now: float) -> list[Effect]:
+        """It is the goal's turn to be sent."""
+        if self.phase is not Phase.QUEUED:
+            return []
+        if self.unwanted:  # `cancel` is about to say so on this thread
+            return self.stop(fx.End.CANCELLED_BY_CALLER, "")
+        if self._is_late(now) or not self.may_send():
+            self.phase = Phase.WAITING
+            return [AwaitServer(self._wait_until, another=True)]
+        self.phase = Phase.TRYING
+        return [Send()]
+
+    def waited(self, now: float, *, ready: bool) -> list[Effect]:
+        """The time to wait for a server, or for the goal's turn, is up.
+
+        Args:
+            now: Monotonic seconds.
+            ready: Whether a server is ready all the same.
+        """
+        if self.phase is Phase.QUEUED:
+            ending = fx.Ending(fx.End.DEADLINE, GoalState.TIMED_OUT, phase="accept", given_up=True)
+            return [fx.Record(GoalState.TIMED_OUT, "waiting to be sent"), *self._end(ending)]
+        if self.phase is not Phase.WAITING:
+            return []
+        waited = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
+        effects: list[Effect] = [waited, StopRetrying()]
+        # If it had a server before, it goes on with the ending from that one (C2.7).
+        late, in_flight = self._is_late(now), bool(self.goals.may_run)
+        if self.previous is not None and (in_flight or not late):
+            self.goal_id = self.previous.goal_id
+        ending = fx.Ending(fx.End.NO_SERVER, GoalState.TIMED_OUT, given_up=True)
+        ending = after_no_server(ending, self._last, self._server_limit, late, ready, in_flight)
+        return effects + (self._end if late or self._last is None else self._plan)(ending)
+
+    def _is_late(self, now: float) -> bool:
+        return self._deadline is not None and now >= self._deadline
+
+    def send_failed(self, error: Exception) -> list[Effect]:
+        """The middleware would not take the goal."""
+        return self._end(fx.Ending(fx.End.INVALID, GoalState.SENDING, error=error))
+
+    def sent(self, attempt: AttemptView) -> None:
+        """The goal was handed to the middleware."""
         self.attempt = attempt
         self.goals.add(attempt.goal.facts)
 
-    def ended(
-        self, attempt: AttemptView, ending: fx.Ending, *, late: bool, ready: bool
-    ) -> list[Effect]:
-        """The attempt under way ended.
+    # --- what happens to goals -------------------------------------------------------------
 
-        Args:
-            attempt: Which it is.
-            ending: How it ended.
-            late: Whether the call's deadline has passed.
-            ready: Whether goals can be sent.
-        """
+    def ended(self, attempt: AttemptView, ending: fx.Ending) -> list[Effect]:
+        """The attempt under way ended; its goal may still run."""
         if attempt is not self.attempt or self.ending is not None:
             return []
-        never_sent = ending.progress is fx.GoalProgress.NEVER_SENT
-        if not never_sent or attempt.goal.stage is not Stage.OVER:
-            self.previous = attempt
-            # One that has ended by itself counts, too, until its result has come (C4.3).
-            self.earlier = [
-                each
-                for each in (*self.earlier, attempt)
-                if not each.goal.facts.is_over or each.goal.awaits_result_of
-            ]
+        self.previous = attempt
+        # One that has ended by itself counts, too, until its result has come (C4.3).
+        self.earlier = [
+            each
+            for each in (*self.earlier, attempt)
+            if not each.goal.facts.is_over or each.goal.awaits_result_of
+        ]
         self.attempt = None
-        if ending.end is not fx.End.NO_SERVER:
-            return self._judge(ending)
-        # It found no server. If it had one before, it goes on with the ending from that one (C2.7).
-        in_flight = bool(self.goals.may_run)
-        if self.previous is not None and (in_flight or not late):
-            self.goal_id = self.previous.goal_id
-        ending = after_no_server(ending, self._last, self._server_limit, late, ready, in_flight)
-        return self._end(ending) if late or self._last is None else self._plan(ending)
+        return self._judge(ending)
 
     def late_result(self, attempt: AttemptView, state: GoalState, result: Any) -> list[Effect]:
         """An earlier goal has proved to have finished: that is the call's end (C4.3, C4.4)."""
-        canceled, current = state is GoalState.CANCELED, self.attempt
-        if attempt not in self.earlier or self.phase is Phase.ENDED:
+        canceled = state is GoalState.CANCELED
+        if attempt not in self.earlier or self.attempt is not None:
             return []
-        if (canceled and attempt.cancel_is_ours) or (current and current.goal.in_flight):
+        if canceled and attempt.cancel_is_ours:
             return []
         effects: list[Effect] = [StopRetrying()]
-        if current is not None:
-            self.attempt = None
-            effects.append(Withdraw(current))
         if self.phase is Phase.CONFIRMING:
             self.ending = None
             effects.append(StopAwaiting())
         self.goal_id = attempt.goal_id
         rejected = state is GoalState.REJECTED
-        progress = fx.GoalProgress.REJECTED if rejected else fx.GoalProgress.ACCEPTED
         end = fx.End.CANCELED_BY_OTHER if canceled else fx.End[state.name]
-        return effects + self._judge(fx.Ending(end, state, result=result, progress=progress))
+        return effects + self._judge(fx.Ending(end, state, result=result, rejected=rejected))
 
     def earlier_over(self) -> list[Effect]:
         """An earlier goal is known not to run any more, or its server went out of sight."""
@@ -310,18 +398,11 @@ class CallMachine:
             waited = f"{ending.not_retried}, and " if ending.not_retried else ""
             return self._end(replace(ending, not_retried=waited + plan.reason))
         self.phase = Phase.PAUSING
-        return [Pause(plan.seconds)]
+        return [fx.Record(GoalState.RETRYING, f"in {plan.seconds:.2f} s"), Pause(plan.seconds)]
 
-    def resume(self) -> list[Effect]:
+    def resume(self, now: float) -> list[Effect]:
         """The pause is over."""
-        return self._try()
-
-    def _try(self) -> list[Effect]:
-        if self.attempts:
-            self.goal_id = self._new_id()
-        self.attempts += 1
-        self.phase = Phase.TRYING
-        return [Try()]
+        return self._try(now)
 
     def _judge(self, ending: fx.Ending) -> list[Effect]:
         self.phase = Phase.JUDGING

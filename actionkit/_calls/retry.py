@@ -10,24 +10,22 @@ from typing import Any
 
 import tenacity
 
-from actionkit._goal.effects import End, Ending, Fault, GoalProgress, LastNews
+from actionkit._goal.effects import End, Ending, Fault, LastNews
 from actionkit._model.settings import MOST, RetryPolicy
 from actionkit._threads.function_runner import described, name_of
 
 
-def may_try_again(progress: GoalProgress, news: LastNews, resend: str) -> bool:
-    """Whether another goal may follow one that may have reached the server (C4.2).
+def may_try_again(rejected: bool, news: LastNews, resend: str) -> bool:
+    """Whether another goal may follow one that was sent (C4.2).
 
     It is held back while an earlier goal of the call may run (`CallMachine.may_send`).
 
     Args:
-        progress: How far it got.
+        rejected: Whether every server that it was sent to has rejected it.
         news: What is known about it now.
         resend: `RetryPolicy.resend`.
     """
-    if progress in (GoalProgress.NEVER_SENT, GoalProgress.REJECTED):
-        return True
-    if resend == "always":
+    if rejected or resend == "always":
         return True
     if resend == "never_accepted":
         return False  # an unanswered goal may have been accepted, an accepted one was

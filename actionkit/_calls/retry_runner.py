@@ -79,7 +79,7 @@ class RetryRunner:
         if deadline is not None and now + seconds >= deadline:
             return GiveUp(f"a pause of {seconds:.2g} s would have crossed the deadline")
         resend = self._policy.resend
-        if not may_try_again(ending.progress, ending.news, resend):
+        if not may_try_again(ending.rejected, ending.news, resend):
             gone = ending.news is LastNews.SERVER_GONE and resend == "confirmed_stopped"
             hint = "; resend='server_gone' tries again after that" if gone else ""
             return GiveUp(f"the goal may still run, or have run (resend={resend!r}{hint})")

@@ -74,6 +74,7 @@ class Session:
         self.cancel_grace = cancel_grace
         self.identity = port.identity
         self.action_name, self.type_name = port.identity.action_name, port.identity.type_name
+        self.link = port.link
         self.decode_feedback = port.decode_feedback
         runtime = port.runtime
         self.call_soon = runtime.call_soon
@@ -102,7 +103,7 @@ class Session:
         )
         self.callbacks = Pool(self.action_name)
         """Where the user's callbacks run."""
-        port.link.orphans.on_none_confirmed = self._free_if_done
+        self.link.orphans.on_none_confirmed = self._free_if_done
         open_sessions.add(self)
         runtime.on_failure.append(self._on_failure)
         runtime.on_shutdown.append(self._look_at_ros)
@@ -206,7 +207,7 @@ class Session:
     def sees_server(self) -> bool:
         """Whether goals can be sent now. Raises as `check`."""
         self.check()
-        return self.port.runtime.run(self.port.link.server_is_ready)
+        return self.port.runtime.run(self.link.server_is_ready)
 
     # --- for calls, on the communication thread --------------------------------------------
 
@@ -224,7 +225,7 @@ class Session:
             if self.port.has_node and self._node_timer is None:
                 self._arm_node_timer()
 
-    def attempt(
+    def send(
         self,
         goal_id: uuid.UUID,
         goal: Any,
@@ -232,22 +233,16 @@ class Session:
         deadline: float | None,
         owner: Call,
     ) -> Attempt:
-        """Make an attempt, and watch it until its goal is over."""
-        made = Attempt(
-            self.port.link,
-            goal_id,
-            goal,
-            timeouts,
-            deadline,
-            owner,
-            on_out_of_sight=self._out_of_sight,
-        )
+        """Send a goal, and watch it until it is over. Raises what rclpy's converters raise."""
+        forget = self._out_of_sight
+        made = Attempt(self.link, goal_id, timeouts, deadline, owner, on_out_of_sight=forget)
+        made.send(goal)
         self._attempts[made] = None
         return made
 
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now. On the communication thread."""
-        return self.port.link.readiness.ready
+        return self.link.readiness.ready
 
     def graph_snapshot(self) -> GraphSnapshot:
         """Return what the graph shows now, for an error's text. On the communication thread."""
@@ -352,7 +347,7 @@ class Session:
     def _done(self) -> bool:
         # If its server is gone, a goal is watched only for as long as the client lives (C2.4).
         watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)
-        return not self.calls and not watched and not self.port.link.orphans.confirmed
+        return not self.calls and not watched and not self.link.orphans.confirmed
 
     def _free_if_done(self) -> None:
         if self._linger_timer is not None and self._done:
@@ -442,12 +437,12 @@ class Session:
             orphans_at: What to take for the goals that another server has: nobody notes it.
         """
         times = [a.goal.cancelled_at for a in list(self._attempts) if a.goal.facts.may_run]
-        return max([*times, orphans_at] if self.port.link.orphans.confirmed else times, default=0.0)
+        return max([*times, orphans_at] if self.link.orphans.confirmed else times, default=0.0)
 
     @property
     def confirmed_at(self) -> float:
         """Monotonic time at which a server last answered a cancel request."""
-        return self.port.link.others_confirmed_at
+        return self.link.others_confirmed_at
 
 
 open_sessions: set[Session] = set()

@@ -44,7 +44,7 @@ class CancellableGoal(GoalRecord):
         self.closing = self.closing or Closing.CANCELLING
         if self._unwanted:
             return []
-        if abandon and self.in_flight:
+        if abandon:
             self.lose_touch()
             self.stage = Stage.OVER
             self.closing = Closing.ABANDONED
@@ -72,14 +72,6 @@ class CancellableGoal(GoalRecord):
         self.cancel_reason, self.cancelled_at = why, now
         self.facts.given_up = True
         effects: list[fx.Effect] = []
-        if not self.in_flight:
-            if why is CancelReason.DEADLINE and self._phase == "server":
-                return self._no_server()
-            if why is CancelReason.DEADLINE:
-                effects.append(fx.Record(GoalState.TIMED_OUT, "waiting to be sent"))
-            cancelled = why is CancelReason.CANCELLED
-            end = fx.End.CANCELLED_BY_CALLER if cancelled else END_AFTER[why]
-            return effects + self._never_sent(end)
         if why in WAITED_FOR:
             effects.append(fx.Record(GoalState.TIMED_OUT, f"waiting for {WAITED_FOR[why]}"))
         self._unknown_to_server = False  # what counts is what the server says from now on
@@ -97,12 +89,6 @@ class CancellableGoal(GoalRecord):
             fx.Arm(fx.Timer.CANCEL, now + self._timeouts.cancel),
             self._arm_reask(now),
         ]
-
-    def _no_server(self) -> list[fx.Effect]:
-        """No server was ready in time. The error is the same for each limit of that wait (C2.7)."""
-        self.cancel_reason = CancelReason.NO_SERVER
-        waited = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
-        return [waited, *self._never_sent(fx.End.NO_SERVER)]
 
     # --- refusals --------------------------------------------------------------------------
 

@@ -17,7 +17,6 @@ from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalStat
 class Timer(IntEnum):
     """The timers of one goal; arming one that is armed moves it."""
 
-    SERVER = auto()
     ACCEPT = auto()
     DEADLINE = auto()
     STALL = auto()
@@ -27,16 +26,6 @@ class Timer(IntEnum):
     """Time to ask again for what may have been lost on the way."""
     RESULT = auto()
     """The end of the wait for the result of a goal that has ended, in a call without deadline."""
-
-
-class GoalProgress(Enum):
-    """How far a goal got, as far as this side knows."""
-
-    NEVER_SENT = auto()
-    UNANSWERED = auto()
-    """Sent, and neither accepted nor rejected."""
-    REJECTED = auto()
-    ACCEPTED = auto()
 
 
 class LastNews(Enum):
@@ -101,7 +90,7 @@ class Ending:
         status: The last known state of the goal.
         result: The result message, where the server sent one.
         phase: What was being waited for when the deadline passed, else `""`.
-        progress: How far the goal got.
+        rejected: Whether every server that the goal was sent to has rejected it.
         news: What is known about it now.
         given_up: Whether the caller gave up on the goal before it ended.
         ended_as: The terminal state in which a server showed the goal, with or without a result.
@@ -125,7 +114,7 @@ class Ending:
     status: GoalState
     result: Any = None
     phase: str = ""
-    progress: GoalProgress = GoalProgress.NEVER_SENT
+    rejected: bool = False
     news: LastNews = LastNews.STOPPED
     given_up: bool = False
     ended_as: GoalState | None = None
@@ -166,21 +155,6 @@ class Ending:
         if self.news is LastNews.STOPPED:
             return CancelReport.NOT_NEEDED
         return CancelReport.REFUSED if self.refused else CancelReport.UNKNOWN
-
-
-@dataclass(slots=True)
-class AwaitServer:
-    """Tell when a server is ready, or serves another type."""
-
-
-@dataclass(slots=True)
-class SendGoal:
-    """Put the goal request in the queue to the server, unless it is there; tell when it is sent."""
-
-
-@dataclass(slots=True)
-class Withdraw:
-    """Stop waiting for a server, and take the goal request out of the queue."""
 
 
 @dataclass(slots=True)
@@ -264,10 +238,7 @@ class Release:
 
 
 Effect: TypeAlias = (
-    AwaitServer
-    | SendGoal
-    | Withdraw
-    | AskResult
+    AskResult
     | AskCancel
     | StopCancel
     | WatchStatus

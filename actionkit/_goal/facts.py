@@ -13,12 +13,11 @@ from actionkit._model.values import GoalFate, GoalReport
 
 @dataclass(slots=True)
 class GoalFacts:
-    """What is known of one goal id. Written by the communication thread, read by any.
+    """What is known of one goal that was sent. Written by the communication thread, read by any.
 
     Attributes:
-        goal_id: The id, or `None` before it has one.
-        requests: How many requests for it were sent: 0 or 1. It reaches every server on the name.
-        servers: How many servers may have got them; nearly always one.
+        goal_id: The id.
+        servers: How many servers may have got the one request for it; nearly always one.
         away: How many of those are out of sight.
         noes: How many answers were "no".
         yeses: How many were "yes": each is a server that runs it, or did.
@@ -36,8 +35,7 @@ class GoalFacts:
         told: Whether its user has been told that it may run.
     """
 
-    goal_id: uuid.UUID | None = None
-    requests: int = 0
+    goal_id: uuid.UUID
     servers: int = 1
     away: int = 0
     noes: int = 0
@@ -59,7 +57,7 @@ class GoalFacts:
         """Whether one of several servers has not said yet whether it takes the goal."""
         answers = self.yeses + self.noes
         shown = max(self.yeses, self.ends)
-        return shown < self.servers > 1 and answers < self.servers * self.requests
+        return shown < self.servers > 1 and answers < self.servers
 
     @property
     def runs_seen(self) -> bool:
@@ -72,7 +70,7 @@ class GoalFacts:
 
         This decides whether the same work may be sent again (C4.2).
         """
-        return self.over or not (self.accepted or self.noes < self.requests * self.servers)
+        return self.over or not (self.accepted or self.noes < self.servers)
 
     @property
     def may_run(self) -> bool:
@@ -96,10 +94,8 @@ class GoalFacts:
         return True if self.runs_seen and not (self.lost or self.left) else None
 
     @property
-    def fate(self) -> GoalFate | None:
-        """The same in a word; `None` where no request was sent."""
-        if not self.requests:
-            return None
+    def fate(self) -> GoalFate:
+        """The same in a word."""
         if not self.may_run:
             return GoalFate.ENDED if self.ended else GoalFate.REJECTED
         if self.left or self.lost:
@@ -107,8 +103,6 @@ class GoalFacts:
         return GoalFate.RUNNING if self.runs_seen else GoalFate.UNANSWERED
 
     @property
-    def report(self) -> GoalReport | None:
-        """What its user is told of it; `None` where no request was sent."""
-        if self.goal_id is None or (fate := self.fate) is None:
-            return None
-        return GoalReport(self.goal_id, fate, cancel_refused=self.refused)
+    def report(self) -> GoalReport:
+        """What its user is told of it."""
+        return GoalReport(self.goal_id, self.fate, cancel_refused=self.refused)

@@ -34,35 +34,22 @@ _ENDS = {GoalState.SUCCEEDED: fx.End.SUCCEEDED, GoalState.ABORTED: fx.End.ABORTE
 
 
 class Goal(CancellableGoal):
-    """One goal, which is one attempt of a call: what happens to it, event by event."""
+    """One goal that was sent, which is one attempt of a call: what happens, event by event."""
 
-    # --- before the goal is sent -----------------------------------------------------------
-
-    def start(self, now: float) -> list[fx.Effect]:
-        """The caller wants the goal done."""
-        if self.stage is not Stage.NEW:
-            return []
-        self.stage = Stage.AWAITING_SERVER
-        effects: list[fx.Effect] = [fx.Record(GoalState.SENDING)]
+    def sent(self, now: float, servers: int = 1) -> list[fx.Effect]:
+        """Its request was handed to the middleware just now, for so many servers."""
+        self.facts.servers = max(1, servers)
+        effects: list[fx.Effect] = [self._enter(GoalState.SENT)]
         if self._deadline is not None:
-            if self._deadline <= now:
-                return effects + self._give_up(CancelReason.DEADLINE, now)
             effects.append(fx.Arm(fx.Timer.DEADLINE, self._deadline))
-        return effects + self._await_server(now)
-
-    def _await_server(self, now: float) -> list[fx.Effect]:
-        effects: list[fx.Effect] = []
-        if self._timeouts.server is not None:
-            effects.append(fx.Arm(fx.Timer.SERVER, now + self._timeouts.server))
-        return [*effects, fx.AwaitServer()]
+        if self._timeouts.accept is not None:
+            effects.append(fx.Arm(fx.Timer.ACCEPT, now + self._timeouts.accept))
+        return [*effects, self._arm_reask(now)]
 
     def server_ready(self, now: float) -> list[fx.Effect]:
         """A server can be talked to (again)."""
         if self.stage is Stage.LOST:
             return self._ask_about_lost(now)
-        if self.stage is Stage.AWAITING_SERVER:
-            self.stage = Stage.QUEUED
-            return [fx.Disarm(fx.Timer.SERVER), fx.SendGoal()]
         # A new server on the name, or the same one restarted: one that does not know the goal says
         # so (R1).
         return [fx.AskResult()] if self.stage is Stage.ACCEPTED else []
@@ -73,7 +60,7 @@ class Goal(CancellableGoal):
             return self.server_ready(now)
         if self.facts.ended or self.facts.rejected:
             self.stage = Stage.ELSEWHERE
-        elif self._progress is not fx.GoalProgress.ACCEPTED:
+        elif not self.facts.accepted:
             # It may still take the goal (R6): if it does not know it yet, this means nothing.
             self.stage = Stage.SENT
         self.facts.lost = False
@@ -83,45 +70,13 @@ class Goal(CancellableGoal):
         self._reask_after = FIRST_REASK
         return [fx.AskCancel(), fx.AskResult(), self._arm_reask(now)]
 
-    def type_mismatch(self, served: tuple[str, ...], now: float) -> list[fx.Effect]:
-        """The name is served with other types only."""
-        if self.stage is not Stage.AWAITING_SERVER:
-            return []
-        return self._never_sent(fx.End.TYPE_MISMATCH, served=served)
-
-    def sent(self, now: float, servers: int = 1) -> list[fx.Effect]:
-        """The goal request was handed to the middleware, for so many servers."""
-        if self.stage is not Stage.QUEUED:
-            return []
-        self.stage = Stage.SENT
-        self.facts.requests += 1
-        self.facts.servers = max(self.facts.servers, servers)
-        effects: list[fx.Effect] = [self._enter(GoalState.SENT)]
-        if self._timeouts.accept is not None:
-            effects.append(fx.Arm(fx.Timer.ACCEPT, now + self._timeouts.accept))
-        return [*effects, self._arm_reask(now)]
-
-    def send_failed(self, error: Exception, now: float) -> list[fx.Effect]:
-        """The middleware would not take the goal request."""
-        if self.stage is not Stage.QUEUED:
-            return []
-        return self._never_sent(fx.End.INVALID, error=error)
-
-    def held_back(self, now: float) -> list[fx.Effect]:
-        """It is its turn to be sent, and an earlier goal of the call may run: it waits again."""
-        if self.stage is not Stage.QUEUED:
-            return []
-        self.stage = Stage.AWAITING_SERVER
-        return [fx.Withdraw(), *self._await_server(now)]
-
     # --- what the server says --------------------------------------------------------------
 
     def accepted(self, now: float) -> list[fx.Effect]:
         """A server answered that it accepts the goal."""
         facts = self.facts
         facts.yeses += 1
-        if facts.yeses > facts.requests:
-            facts.servers = max(facts.servers, facts.yeses)  # one of them was not in sight yet
+        facts.servers = max(facts.servers, facts.yeses)  # one of them was not in sight yet
         if self.stage is Stage.OVER:
             # A second server on the name took what the first refused or finished (R14).
             return [fx.AskCancel()]
@@ -160,7 +115,7 @@ class Goal(CancellableGoal):
     def rejected(self, now: float) -> list[fx.Effect]:
         """The server refused to accept the goal; it may be out of sight by now."""
         facts = self.facts
-        lost = self.stage is Stage.LOST and self._progress is not fx.GoalProgress.ACCEPTED
+        lost = self.stage is Stage.LOST and not facts.accepted
         if self.stage is not Stage.SENT and not lost:
             facts.noes += facts.servers > 1  # which is another one than the server that has it
             return self._look_elsewhere(now) if self.stage is Stage.ELSEWHERE else []
@@ -381,8 +336,6 @@ class Goal(CancellableGoal):
 
     def server_lost(self, reason: str, now: float) -> list[fx.Effect]:
         """The server that had the goal is gone, or another has taken its place."""
-        if self.stage is Stage.QUEUED:
-            return self.held_back(now)
         if self.stage is Stage.ELSEWHERE:
             self.stage, self.facts.lost = Stage.LOST, True
             return [fx.Disarm(fx.Timer.REASK), *self._settle_held()]
@@ -416,8 +369,6 @@ class Goal(CancellableGoal):
             return self._reask(now)
         if self.settled:
             return []
-        if timer is fx.Timer.SERVER and self.stage is Stage.AWAITING_SERVER:
-            return self._no_server()
         if timer is fx.Timer.RESULT and self._terminal_seen is not None:
             return self._result_lost(f"it did not come within {self._timeouts.result:g} s", now)
         if self.cancel_reason is not None:

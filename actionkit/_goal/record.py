@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import uuid
 from typing import Any
 
 from actionkit._goal import effects as fx
@@ -18,7 +19,7 @@ from actionkit._goal.stages import (
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState
 
-_TIMED_OUT = {fx.End.NO_SERVER, fx.End.DEADLINE, fx.End.NO_ACCEPTANCE, fx.End.STALLED}
+_TIMED_OUT = {fx.End.DEADLINE, fx.End.NO_ACCEPTANCE, fx.End.STALLED}
 _REFUSALS = {CancelReply.REFUSED_ONCE, CancelReply.REFUSED}
 _LEFT_ALONE = {Closing.ABANDONED, Closing.BROKEN}
 
@@ -26,21 +27,22 @@ _LEFT_ALONE = {Closing.ABANDONED, Closing.BROKEN}
 class GoalRecord:
     """The lowest layer of the machine: the facts, and the endings that follow from them."""
 
-    def __init__(self, timeouts: Timeouts, deadline: float | None) -> None:
-        """Make a goal that nothing has happened to.
+    def __init__(self, goal_id: uuid.UUID, timeouts: Timeouts, deadline: float | None) -> None:
+        """Make a goal. Its request was just sent.
 
         Args:
+            goal_id: Its id.
             timeouts: The limits of its phases.
             deadline: Monotonic time at which the whole call's time is up, or `None`.
         """
-        self.stage = Stage.NEW
+        self.stage = Stage.SENT
         self.state = GoalState.SENDING
         self.settled = False
         self.cancel_reason: CancelReason | None = None
         self.closing: Closing | None = None
         self._timeouts = timeouts
         self._deadline = deadline
-        self.facts = GoalFacts()
+        self.facts = GoalFacts(goal_id)
         self._unknown_to_server = False
         self._denied_lately = False  # it said so since it was last asked
         self._forgotten_at: float | None = None  # when it first did not know it any more
@@ -76,16 +78,6 @@ class GoalRecord:
         """How it is known to have ended while its result has not come yet; else `None`."""
         return self._terminal_seen if self.stage is Stage.ACCEPTED else None
 
-    @property
-    def _progress(self) -> fx.GoalProgress:
-        facts = self.facts
-        if not facts.requests:
-            return fx.GoalProgress.NEVER_SENT
-        if facts.accepted:
-            return fx.GoalProgress.ACCEPTED
-        unanswered = facts.noes < facts.requests * facts.servers
-        return fx.GoalProgress.UNANSWERED if unanswered else fx.GoalProgress.REJECTED
-
     def lose_touch(self) -> None:
         """Stop tracking the goal and do nothing more about it; it may still be running."""
         self.facts.left = self.facts.left or self.in_flight
@@ -116,17 +108,6 @@ class GoalRecord:
     def _enter(self, state: GoalState, detail: str = "") -> fx.Effect:
         self.state = state
         return fx.Record(state, detail)
-
-    def _never_sent(
-        self,
-        end: fx.End,
-        *,
-        served: tuple[str, ...] = (),
-        error: BaseException | None = None,
-    ) -> list[fx.Effect]:
-        self.stage = Stage.OVER
-        settle = self._settle(end, served=served, error=error)
-        return [fx.Withdraw(), *settle, *self._release()]
 
     def _end_here(
         self, end: fx.End, now: float, *, result: Any = None, lost_because: str = ""
@@ -159,7 +140,6 @@ class GoalRecord:
         end: fx.End,
         *,
         result: Any = None,
-        served: tuple[str, ...] = (),
         error: BaseException | None = None,
         lost_because: str = "",
     ) -> list[fx.Effect]:
@@ -171,7 +151,7 @@ class GoalRecord:
             refused = end in WITH_END and self._refused_reason is not None
         else:
             refused = end is not fx.End.LOST and self._cancel_reply in _REFUSALS
-        news = self._news
+        news, facts = self._news, self.facts
         stopped = news is fx.LastNews.STOPPED
         unended = end in _TIMED_OUT and not self.state.is_terminal
         ending = fx.Ending(
@@ -179,15 +159,14 @@ class GoalRecord:
             GoalState.TIMED_OUT if unended else self.state,
             result=result,
             phase=self._phase if end is fx.End.DEADLINE else "",
-            progress=self._progress,
+            rejected=not facts.accepted and facts.noes >= facts.servers,
             news=news,
             given_up=self.cancel_reason is not None or self.closing is Closing.ABANDONED,
             ended_as=self._terminal_seen if stopped else None,
-            elsewhere=not stopped and (self.facts.ended or self.facts.rejected),
+            elsewhere=not stopped and (facts.ended or facts.rejected),
             ended_first=self._ended_first,
             abandoned=self.closing is Closing.ABANDONED,
             refused=refused,
-            served=served,
             error=error,
             lost_because=lost_because,
         )
@@ -203,11 +182,6 @@ class GoalRecord:
         if self.stage is Stage.LOST:
             return fx.LastNews.SERVER_GONE
         return fx.LastNews.UNKNOWN_TO_SERVER if self._unknown_to_server else fx.LastNews.NOTHING
-
-    def withdraw(self) -> list[fx.Effect]:
-        """It was not sent, and is not wanted any more."""
-        self.stage = Stage.OVER
-        return [*(fx.Disarm(timer) for timer in fx.Timer), fx.Withdraw()]
 
     def _over(self) -> list[fx.Effect]:
         self.stage = Stage.OVER

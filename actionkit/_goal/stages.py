@@ -34,9 +34,6 @@ in the same words where it has just ended (R12). Then the second answer, or the 
 class Stage(Enum):
     """Where the goal is, as far as this side knows."""
 
-    NEW = auto()
-    AWAITING_SERVER = auto()
-    QUEUED = auto()
     SENT = auto()
     ACCEPTED = auto()
     ELSEWHERE = auto()
@@ -44,14 +41,13 @@ class Stage(Enum):
     LOST = auto()
     """The server is gone from view; the goal may run on where it cannot be seen."""
     OVER = auto()
-    """It is not followed any more: it does not run, was never sent, or is left alone."""
+    """It is not followed any more: it does not run, or is left alone."""
 
 
 class CancelReason(Enum):
     """Why the caller no longer wants the goal."""
 
     CANCELLED = auto()
-    NO_SERVER = auto()
     DEADLINE = auto()
     UNANSWERED = auto()
     STALLED = auto()
@@ -82,9 +78,6 @@ class Closing(Enum):
 
 
 PHASE = {
-    Stage.NEW: "server",
-    Stage.AWAITING_SERVER: "server",
-    Stage.QUEUED: "accept",
     Stage.SENT: "accept",
     Stage.ACCEPTED: "execute",
     Stage.ELSEWHERE: "execute",
@@ -95,7 +88,6 @@ PHASE = {
 END_AFTER = {
     # The caller's own cancel ends this way only where it could not be confirmed in time.
     CancelReason.CANCELLED: End.DEADLINE,
-    CancelReason.NO_SERVER: End.NO_SERVER,
     CancelReason.DEADLINE: End.DEADLINE,
     CancelReason.UNANSWERED: End.NO_ACCEPTANCE,
     CancelReason.STALLED: End.STALLED,

@@ -6,6 +6,7 @@ happens on the communication thread.
 
 from __future__ import annotations
 
+import uuid
 from typing import Any
 
 from rclpy.node import Node
@@ -14,7 +15,7 @@ from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.codes import STATES, cancel_answer
 from actionkit._ros.entities import Entities
 from actionkit._ros.feedback import FeedbackWatch
-from actionkit._ros.listener import GoalListener
+from actionkit._ros.listener import GoalListener, Waiter
 from actionkit._ros.names import ActionNames
 from actionkit._ros.outbox import Outbox, Window
 from actionkit._ros.requests import ServiceRequests
@@ -48,7 +49,7 @@ class Link:
         """
         self.runtime = runtime
         self._listeners: dict[bytes, GoalListener] = {}  # of the goals that were sent, by id
-        self._outbox: Outbox[tuple[GoalListener, Any]] = Outbox(
+        self._outbox: Outbox[Waiter] = Outbox(
             runtime.window(Window, names.action), on_free=self._send_next
         )
         self._entities = Entities(
@@ -88,7 +89,7 @@ class Link:
             type_name=type_name,
             probe=self._requests.probe,
             listeners=self._listeners,
-            queued=lambda: [listener for listener, _ in self._outbox.waiting()],
+            queued=self._outbox.waiting,
             on_ready=self._on_ready,
         )
         self.readiness = self.monitor.readiness
@@ -110,35 +111,47 @@ class Link:
 
     # --- what goals ask for ----------------------------------------------------------------
 
-    def await_server(self, listener: GoalListener) -> None:
-        """Tell the listener once when a server is ready, or while another type is served."""
+    def await_server(self, waiter: Waiter) -> None:
+        """Tell the waiter once when a server is ready, or while another type is served."""
         self._feedback.poll_now()
         self.runtime.standstill.watch()
-        self.monitor.await_server(listener)
+        self.monitor.await_server(waiter)
 
     def look_again(self) -> None:
-        """Tell the goals that wait for a server whether another type is served now."""
+        """Tell who waits for a server whether another type is served now."""
         self._feedback.poll_now()
         self.readiness.look_again()
 
-    def await_next_ready(self, listener: GoalListener) -> None:
-        """Tell the listener when a server becomes ready the next time."""
+    def await_next_ready(self, waiter: Waiter) -> None:
+        """Tell the waiter when a server becomes ready the next time."""
         self._feedback.poll_now()
-        self.monitor.await_next_ready(listener)
+        self.monitor.await_next_ready(waiter)
 
-    def send_goal(self, listener: GoalListener, goal: Any) -> None:
-        """Queue a goal request; the listener is told when it was sent."""
-        self.monitor.stop_waiting(listener)
-        self._outbox.put(listener.goal_id.bytes, (listener, goal))
+    def enqueue(self, waiter: Waiter, goal_id: uuid.UUID) -> None:
+        """Queue a goal; the waiter is told when it may be sent."""
+        self.monitor.stop_waiting(waiter)
+        self._outbox.put(goal_id.bytes, waiter)
         self._send_next()
 
-    def dequeue(self, listener: GoalListener) -> None:
-        """Wait for no server any more for the listener, and do not send its goal."""
-        self.monitor.stop_waiting(listener)
-        self.leave_outbox(listener)
+    def dequeue(self, waiter: Waiter, goal_id: uuid.UUID) -> None:
+        """Undo `await_server`, `await_next_ready` and `enqueue`."""
+        self.monitor.stop_waiting(waiter)
+        self._outbox.discard(goal_id.bytes)
+
+    def send_goal(self, listener: GoalListener, goal: Any) -> int:
+        """Send a goal that has its turn; return how many servers may have it.
+
+        Raises:
+            Exception: Anything that rclpy's converters raise; nothing was sent then.
+        """
+        key = listener.goal_id.bytes
+        self._feedback.start()
+        self._requests.send_goal(key, goal)
+        self._listeners[key] = listener
+        return self.monitor.goal_sent(key)
 
     def leave_outbox(self, listener: GoalListener) -> None:
-        """Give the goal's place in the window, or in the queue for it, to the next goal."""
+        """Give the goal's place in the window to the next goal."""
         self._outbox.discard(listener.goal_id.bytes)
 
     def sees_server_of(self, listener: GoalListener) -> bool:
@@ -187,7 +200,7 @@ class Link:
             finished: Whether a server has told its result.
         """
         key = listener.goal_id.bytes
-        self.dequeue(listener)
+        self._outbox.discard(key)
         if self._listeners.pop(key, None) is None:
             return
         self.monitor.forget(key)
@@ -197,25 +210,10 @@ class Link:
             self._feedback.stop()
 
     def _send_next(self) -> None:
-        """Send the goals that may be sent now."""
+        """Have the goals sent that may be sent now."""
         while self.readiness.ready and (taken := self._outbox.take()) is not None:
-            key, (listener, goal) = taken
-            if listener.unwanted:
-                self._outbox.discard(key)
-                continue  # the caller has cancelled, which this thread will hear soon
-            if listener.held_back:
-                self._outbox.discard(key)
-                listener.on_held_back()
-                continue
-            self._feedback.start()
-            try:
-                self._requests.send_goal(key, goal)
-            except Exception as error:  # noqa: BLE001  rclpy raises what its converters raise
-                self._outbox.discard(key)
-                listener.on_send_failed(error)
-                continue
-            self._listeners[key] = listener
-            listener.on_sent(self.monitor.goal_sent(key))
+            _, waiter = taken
+            waiter.on_turn()
 
     def _on_ready(self) -> None:
         self._requests.server_came()

@@ -1,4 +1,4 @@
-"""The interface of an object that is told what the servers say about a goal."""
+"""The interfaces of objects that are told of servers, and of what these say about a goal."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.values import GoalState
 
 
+class Waiter(Protocol):
+    """Waits for a server, and then for the turn of its goal."""
+
+    def on_server_ready(self) -> None: ...
+    def on_type_mismatch(self, served: tuple[str, ...]) -> None: ...
+    def on_server_lost(self, reason: str) -> None: ...
+    def on_turn(self) -> None:
+        """Its goal may be sent now; where it is not, it is taken out of the queue."""
+
+
 class GoalListener(Protocol):
-    """Is told what the servers say about one goal."""
+    """Is told what the servers say about one goal that was sent."""
 
     goal_id: uuid.UUID
 
     @property
     def unwanted(self) -> bool: ...
-    @property
-    def held_back(self) -> bool: ...
     def on_server_ready(self) -> None: ...
-    def on_type_mismatch(self, served: tuple[str, ...]) -> None: ...
-    def on_sent(self, servers: int) -> None:
-        """Its request was sent, to so many servers."""
-
     def on_servers_changed(self, servers: int, away: int) -> None:
         """So many servers may have the goal now, and so many of them are out of sight."""
 
-    def on_held_back(self) -> None:
-        """It was its turn to be sent, and it must not be sent now."""
-
-    def on_send_failed(self, error: Exception) -> None: ...
     def on_accepted(self) -> None: ...
     def on_rejected(self) -> None: ...
     def on_feedback(self, messages: list[bytes]) -> None: ...

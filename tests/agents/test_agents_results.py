@@ -81,7 +81,7 @@ class Future:
     latest_feedback = None
 
     def __init__(self, first: uuid.UUID, second: uuid.UUID, status: GoalState) -> None:
-        self.facts = [GoalFacts(one, requests=1, accepted=True) for one in (first, second)]
+        self.facts = [GoalFacts(one, accepted=True) for one in (first, second)]
         self._call = SimpleNamespace(goals=GoalsOfCall(self.facts))
         self.goal_id = first
         self.state = status

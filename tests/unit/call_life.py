@@ -62,7 +62,6 @@ class OnServers:
     cancels_in_vain: int = 0
     accepted: bool = False
     lost: bool = False
-    unknown: bool = False
     server: int = 0
     may_run: bool = False
     finished: bool = False
@@ -80,45 +79,43 @@ class Link:
         self.runtime = life
         self.ready = self.busy = False
         self.in_sight: set[int] = set()
-        self.awaiting: dict[Attempt, None] = {}
-        self.queue: OrderedDict[bytes, Attempt] = OrderedDict()
+        self.awaiting: dict[Call, None] = {}
+        self.queue: OrderedDict[bytes, Call] = OrderedDict()
         self.listeners: dict[bytes, Attempt] = {}
         self.other_types: tuple[str, ...] = ()
 
-    def await_server(self, listener: Attempt) -> None:
+    def await_server(self, waiter: Call) -> None:
         if self.ready:
-            listener.on_server_ready()
+            waiter.on_server_ready()
         else:
-            self.awaiting[listener] = None
+            self.awaiting[waiter] = None
 
-    def await_next_ready(self, listener: Attempt) -> None:
-        self.awaiting[listener] = None
+    def await_next_ready(self, waiter: Call) -> None:
+        self.awaiting[waiter] = None
 
     def look_again(self) -> None:
         if self.other_types:
-            for listener in list(self.awaiting):
-                listener.on_type_mismatch(self.other_types)
+            for waiter in list(self.awaiting):
+                waiter.on_type_mismatch(self.other_types)
 
-    def send_goal(self, listener: Attempt, goal: Any) -> None:
-        self.awaiting.pop(listener, None)
-        self.queue[listener.goal_id.bytes] = listener
+    def enqueue(self, waiter: Call, goal_id: uuid.UUID) -> None:
+        self.awaiting.pop(waiter, None)
+        self.queue[goal_id.bytes] = waiter
         self.flush()
 
     def flush(self) -> None:
         while self.ready and not self.busy and self.queue:
-            key, listener = self.queue.popitem(last=False)
-            if listener.unwanted:
-                continue
-            if listener.held_back:
-                listener.on_held_back()
-                continue
-            self.listeners[key] = listener
-            self.life.note_sent(key)
-            listener.on_sent(1)
+            self.queue.popitem(last=False)[1].on_turn()
 
-    def dequeue(self, listener: Attempt) -> None:
-        self.awaiting.pop(listener, None)
-        self.queue.pop(listener.goal_id.bytes, None)
+    def send_goal(self, listener: Attempt, goal: Any) -> int:
+        key = listener.goal_id.bytes
+        self.listeners[key] = listener
+        self.life.note_sent(key)
+        return 1
+
+    def dequeue(self, waiter: Call, goal_id: uuid.UUID) -> None:
+        self.awaiting.pop(waiter, None)
+        self.queue.pop(goal_id.bytes, None)
 
     def leave_outbox(self, listener: Attempt) -> None:
         self.queue.pop(listener.goal_id.bytes, None)
@@ -151,7 +148,6 @@ class Link:
         pass
 
     def forget(self, listener: Attempt, *, abandoned: bool, finished: bool) -> None:
-        self.dequeue(listener)
         key = listener.goal_id.bytes
         if self.listeners.pop(key, None) is not None:
             self.life.note_forgotten(key, abandoned=abandoned, finished=finished)
@@ -241,7 +237,7 @@ class CallLife:
 
     # --- the carrier, and the thread's clock -----------------------------------------------
 
-    def attempt(
+    def send(
         self,
         goal_id: uuid.UUID,
         goal: Any,
@@ -249,15 +245,11 @@ class CallLife:
         deadline: float | None,
         owner: Call,
     ) -> Attempt:
-        return Attempt(
-            self.link,
-            goal_id,
-            goal,
-            timeouts,
-            deadline,
-            owner,
-            on_out_of_sight=lambda _: None,
+        attempt = Attempt(
+            self.link, goal_id, timeouts, deadline, owner, on_out_of_sight=lambda _: None
         )
+        attempt.send(goal)
+        return attempt
 
     def now(self) -> float:
         return self.clock
@@ -357,8 +349,8 @@ class CallLife:
 
     def _tell_ready(self) -> None:
         awaiting, self.link.awaiting = self.link.awaiting, {}
-        for listener in awaiting:
-            listener.on_server_ready()
+        for waiter in awaiting:
+            waiter.on_server_ready()
         for listener in list(self.link.listeners.values()):
             listener.on_server_ready()
         self.link.flush()
@@ -384,8 +376,8 @@ class CallLife:
             self.goals[key].lost = self.goals[key].may_run
             listener.on_server_lost("gone")
         if everybody:
-            for listener in list(self.link.queue.values()):
-                listener.on_server_lost("gone")
+            for waiter in list(self.link.queue.values()):
+                waiter.on_server_lost("gone")
 
     def busy(self, busy: bool) -> None:
         """Other goals fill the window of requests that wait for their answer."""
@@ -402,7 +394,7 @@ class CallLife:
         return self.goals[keys[number]], self.link.listeners[keys[number]]
 
     def _lives(self, goal: OnServers) -> None:
-        goal.accepted, goal.lost, goal.unknown = True, False, False
+        goal.accepted, goal.lost = True, False
 
     def accepted(self, number: int) -> None:
         if (found := self._goal(number)) and found[0].answered < found[0].copies:
@@ -438,7 +430,6 @@ class CallLife:
         goal.results_answered += 1
         if state is None:
             goal.may_run = goal.may_run and not (goal.accepted and self.is_in_sight(goal))
-            goal.unknown = True
             self.does(listener.on_result, None, None, self.clock)
             return
         self._lives(goal)
@@ -456,7 +447,6 @@ class CallLife:
         goal, listener = found
         goal.cancels_answered += 1
         if answer is CancelAnswer.UNKNOWN_GOAL:
-            goal.unknown = True
             goal.cancels_in_vain += 1
             goal.may_run = goal.may_run and not (goal.lost and self.is_in_sight(goal))
             # It is asked again: it may know the goal by then.
@@ -491,9 +481,8 @@ class CallLife:
 
     def _is_idle(self) -> bool:
         """Whether no goal is under way: a pause, or a wait for a server or for its turn."""
-        attempt = self.call._attempt
         judged = self.call._judging.under_way or self.call.machine.confirming
-        return not judged and (attempt is None or not attempt.goal.in_flight)
+        return not judged and self.call.machine.attempt is None
 
     def _require_end_of_idle(self, idle: bool) -> None:
         """A pause, or a wait for a server, ends at once."""
@@ -549,11 +538,7 @@ class CallLife:
         at_least_once = self.retry.resend == "always"
         self.require(not others or at_least_once, "two goals never run at once (C4.2)")
         goal = self.goals.setdefault(key, OnServers())
-        if goal.copies:
-            self.require(not goal.accepted, "what was accepted is not sent again")
-            self.require(goal.unknown, "a goal is sent again to a server that does not know it")
-            same = goal.server in self.link.in_sight and not goal.lost
-            self.require(same, "an id is sent again to the same incarnation only (R5)")
+        self.require(not goal.copies, "an id is never sent twice (R5)")
         if self.retry.resend == "never_accepted":
             sent = [goal for goal in self.goals.values() if goal.copies]
             refused = all(goal.denied == goal.copies for goal in sent)

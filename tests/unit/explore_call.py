@@ -65,7 +65,7 @@ class Attempt:
         self.shown: frozenset[int] = frozenset()
         """The servers that have answered that they accept it."""
         self.timers: frozenset[fx.Timer] = frozenset()
-        self.queued = self.awaiting = self.asked = self.released = self.answered = False
+        self.asked = self.released = False
         self.in_sight: frozenset[int] = frozenset()
 
     @property
@@ -75,8 +75,6 @@ class Attempt:
     @property
     def is_out_of_sight(self) -> bool:
         return self.goal.facts.lost and not self.sent_to & self.in_sight
-
-    def on_server_ready(self) -> None: ...
 
     def key(self, truth: Any) -> tuple[Any, ...]:
         if self.released:
@@ -96,19 +94,21 @@ class World:
 
     def __init__(self, resend: str, attempts: int, servers: int, returns: int = 1) -> None:
         self.ids = iter(uuid.UUID(int=number + 1) for number in range(100))
-        self.m = CallMachine(resend, 5.0, lambda: next(self.ids))
+        self.m = CallMachine(next(self.ids), resend, 5.0, DEADLINE, lambda: next(self.ids))
         self.most = attempts
         self.servers = [ABSENT] * servers
         self.attempts: list[Attempt] = []
         self.truth: dict[uuid.UUID, list[list[Any]]] = {}
         self.asked: Any = None  # what is judged or planned
-        self.pause = False
+        self.pause = self.awaiting = self.queued = False
+        self.fails = self.hurried = False  # the next to be sent; to cancel, and was not told so far
+        self.had_server = False
         self.grace = self.closed = self.late = False
         self.settled, self.returns = 0, returns
         self.told_success = False  # a success was told, and nobody has judged it so far
         self.ended_well = False
         self.waited = False  # for confirmations, as long as there was time, or until it was closed
-        self.do(self.m.begin(None))
+        self.do(self.m.begin(None, self.now))
 
     def copy(self) -> World:
         twin = copy.copy(self)
@@ -126,13 +126,7 @@ class World:
             twin.attempts.append(mine)
         m = twin.m = copy.copy(self.m)
         m._new_id = lambda: next(twin.ids)
-        twin.ids = (
-            copy.copy(self.ids)
-            if False
-            else iter(
-                uuid.UUID(int=n) for n in range(len(self.truth) + len(self.attempts) + 50, 10**6)
-            )
-        )
+        twin.ids = iter(uuid.UUID(int=n) for n in range(2 * len(self.truth) + 50, 10**6))
         m.goals = copy.copy(m.goals)
         m.goals._goals = [facts.get(id(each), each) for each in m.goals._goals]
         m.earlier = [twins[id(each)] for each in m.earlier]
@@ -148,9 +142,11 @@ class World:
             return self.settled, self.returns, goals, tuple(self.servers)
         ended = m.ending and (m.ending.end, m.ending.may_run != ())
         last = m._last and m._last.end
-        asked = self.asked and (self.asked.end, self.asked.progress, self.asked.news)
+        asked = self.asked and (self.asked.end, self.asked.rejected, self.asked.news)
         flags = (self.grace, self.closed, self.late, m.unwanted, bool(m.closing), self.told_success)
-        rest = (m.attempts, self.pause, self.settled, self.returns, self.ended_well, self.waited)
+        waits = (self.pause, self.awaiting, self.queued, m._wait_until, self.hurried)
+        told = (self.settled, self.returns, self.ended_well, self.waited, self.had_server)
+        rest = (m.attempts, waits, told)
         return m.phase, ended, last, asked, flags, rest, goals, tuple(self.servers)
 
     # --- the driver ------------------------------------------------------------------------
@@ -166,17 +162,16 @@ class World:
     def do(self, effects: list[mx.Effect]) -> None:
         m = self.m
         for effect in effects:
-            if isinstance(effect, mx.Try):
-                goal = Goal(Timeouts(feedback=3.0), DEADLINE)
-                goal.facts.goal_id = m.goal_id
-                made = Attempt(m.goal_id, goal, m.attempts)
-                made.in_sight = self.up
-                self.attempts.append(made)
-                m.made(made)
-                self.apply(made, goal.start(self.now))
-                for each in list(m.earlier):
-                    if each.goal.stage is Stage.LOST and self.up:
-                        self.ready(each)
+            if isinstance(effect, mx.AwaitServer):
+                self.awaiting, self.queued = True, False
+                self.had_server |= bool(self.up)
+                if self.up and not effect.another:
+                    self.do(m.server_ready())
+            elif isinstance(effect, mx.Queue):
+                self.awaiting, self.queued = False, True
+            elif isinstance(effect, mx.Send):
+                self.queued = False
+                self.send()
             elif isinstance(effect, (mx.Judge, mx.Plan)):
                 self.asked = effect.ending
             elif isinstance(effect, mx.CutJudging):
@@ -185,9 +180,7 @@ class World:
                 self.pause = True
             elif isinstance(effect, mx.StopRetrying):
                 self.asked, self.pause = None, False
-            elif isinstance(effect, mx.Withdraw):
-                self.apply(effect.attempt, effect.attempt.goal.withdraw())
-                effect.attempt.released = True
+                self.awaiting = self.queued = False
             elif isinstance(effect, mx.AwaitEarlier):
                 self.grace = True
             elif isinstance(effect, mx.StopAwaiting):
@@ -203,37 +196,24 @@ class World:
                 attempt.timers |= {effect.timer} - {fx.Timer.REASK}
             elif isinstance(effect, fx.Disarm):
                 attempt.timers -= {effect.timer}
-            elif isinstance(effect, fx.AwaitServer):
-                attempt.awaiting = True
-                if self.up:
-                    self.ready(attempt)
-            elif isinstance(effect, fx.SendGoal):
-                attempt.awaiting, attempt.queued = False, True
-            elif isinstance(effect, fx.Withdraw):
-                attempt.awaiting = attempt.queued = False
             elif isinstance(effect, fx.AskCancel):
                 attempt.asked |= bool(attempt.sent_to)
             elif isinstance(effect, fx.Settle):
                 attempt.timers = frozenset()
                 if attempt is self.m.attempt:
-                    ready = bool(self.up)
-                    self.do(self.m.ended(attempt, effect.ending, late=self.late, ready=ready))
+                    self.do(self.m.ended(attempt, effect.ending))
             elif isinstance(effect, fx.LateResult):
                 self.do(self.m.late_result(attempt, effect.state, effect.result))
             elif isinstance(effect, fx.Release):
                 attempt.released, attempt.timers = True, frozenset()
-                attempt.queued = attempt.awaiting = False
-                self.over(attempt)
+                self.over()
 
-    def over(self, attempt: Attempt) -> None:
+    def over(self) -> None:
         self.do(self.m.earlier_over())
-        current = self.m.attempt
-        if current is not None and current is not attempt and self.up:
-            self.ready(current)
+        if self.up:
+            self.do(self.m.server_ready())
 
     def ready(self, attempt: Attempt) -> None:
-        if attempt.goal.stage is Stage.AWAITING_SERVER and not self.m.may_send():
-            return
         back, goal = attempt.sent_to & self.up, attempt.goal
         if len(attempt.sent_to) > 1:
             back = attempt.sent_to <= self.up
@@ -247,10 +227,18 @@ class World:
         for each in self.attempts:
             for timer in sorted(each.timers):
                 yield "timer", (each.number, timer)
-            if each.queued and self.up and not m.unwanted:
-                yield "send", each.number
-        if not over:
+        if self.queued and self.up:
+            for how in ("fine", "fails", "late"):
+                yield "turn", how
             if not m.unwanted:
+                yield "hurries", None
+        if self.awaiting:
+            yield "waited", self.late
+            yield "other type", None
+        if self.awaiting or self.queued:
+            yield "waited", True
+        if not over:
+            if not m.unwanted or self.hurried:
                 yield "cancel", None
             if not self.closed:
                 yield "close", False
@@ -320,10 +308,21 @@ class World:
             self.late |= timer is fx.Timer.DEADLINE
             self.waited |= timer is fx.Timer.CANCEL
             self.apply(attempt, attempt.goal.timer(timer, self.now))
-        elif event == "send":
-            self.send(self.number(arg))
+        elif event == "waited":
+            self.late |= arg
+            self.do(m.waited(self.now, ready=bool(self.up)))
+        elif event == "other type":
+            self.do(m.type_mismatch(("a/action/B",)))
+            if m.phase is not Phase.ENDED:
+                raise Broken("nobody is told of another type")
+        elif event == "turn":
+            self.fails = arg == "fails"
+            self.late |= arg == "late"  # the timer is about to fire
+            self.do(m.turn(self.now))
+        elif event == "hurries":
+            m.unwanted = self.hurried = True  # the thread will come to it
         elif event == "cancel":
-            m.unwanted = True
+            m.unwanted, self.hurried = True, False
             current = m.attempt
             if current is not None:
                 self.apply(current, current.goal.cancel(self.now))
@@ -350,14 +349,17 @@ class World:
             self.verdict(arg)
         elif event == "plan":
             ending, self.asked = self.asked, None
-            again = may_try_again(ending.progress, ending.news, m._resend)
+            again = may_try_again(ending.rejected, ending.news, m._resend)
             if not again or m.attempts >= self.most or self.late:
                 self.do(m.planned(ending, GiveUp("no")))
             else:
                 self.do(m.planned(ending, Retry(0.1)))
         elif event == "resume":
             self.pause = False
-            self.do(m.resume())
+            self.do(m.resume(self.now))
+            for each in list(m.earlier):
+                if each.goal.stage is Stage.LOST and self.up:
+                    self.ready(each)
         elif event in ("hangs", "dies", "comes"):
             self.at_graph(event, arg)
         else:
@@ -368,11 +370,10 @@ class World:
         self.told_success = False
         self.do(self.m.judged(ending, None, verdict))
 
-    def send(self, attempt: Attempt) -> None:
+    def send(self) -> None:
         m = self.m
-        attempt.queued = False
-        if not m.may_send():
-            self.apply(attempt, attempt.goal.held_back(self.now))
+        if self.fails:
+            self.do(m.send_failed(ValueError()))
             return
         if m.unwanted or m.closing or m.ending:
             raise Broken("sent though nobody wants it")
@@ -381,25 +382,32 @@ class World:
         succeeded = (e.goal.awaits_result_of is GoalState.SUCCEEDED for e in self.attempts)
         if m._resend != "always" and any(succeeded):
             raise Broken("sent while the result of an earlier goal may come (C4.3)")
-        for key, goal in self.truth.items():
+        for goal in self.truth.values():
             there = [may_run(*t) for t in goal]
-            if key == attempt.goal_id or m._resend == "always" or not any(there):
+            if m._resend == "always" or not any(there):
                 continue
             if m._resend != "server_gone" or any(t and s in self.up for s, t in enumerate(there)):
                 raise Broken("sent while an earlier goal may run (C4.2)")
-        if attempt.goal_id in self.truth:
+        if m.goal_id in self.truth:
             raise Broken("an id is sent twice (R5)")
-        truth = self.truth.setdefault(attempt.goal_id, [[0, NO] for _ in self.servers])
+        if not self.up or self.late:
+            raise Broken("sent where no server is, or no time is left")
+        truth = self.truth[m.goal_id] = [[0, NO] for _ in self.servers]
         for s in self.up:
             truth[s][0] += 1
-        attempt.sent_to |= self.up
-        self.apply(attempt, attempt.goal.sent(self.now, len(attempt.sent_to)))
+        goal = Goal(m.goal_id, Timeouts(feedback=3.0), DEADLINE)
+        made = Attempt(m.goal_id, goal, m.attempts)
+        made.in_sight = made.sent_to = self.up
+        self.attempts.append(made)
+        m.sent(made)
+        self.apply(made, goal.sent(self.now, len(made.sent_to)))
 
     def at_graph(self, event: str, s: int) -> None:
         before = self.up
         self.returns -= self.servers[s] == HUNG and event == "comes"
         self.servers[s] = {"hangs": HUNG, "dies": DEAD, "comes": UP}[event]
         up = self.up
+        self.had_server |= bool(up)
         for each in self.attempts:
             each.in_sight = up
         if event == "dies":
@@ -412,14 +420,14 @@ class World:
                 away = len(each.sent_to - up)
                 self.apply(each, each.goal.servers_changed(len(each.sent_to), away))
             if event == "comes":
-                if each.awaiting or each.sent_to:
-                    self.ready(each)
-            elif each.sent_to and s in each.sent_to & before and not each.sent_to & up:
+                self.ready(each)
+            elif s in each.sent_to & before and not each.sent_to & up:
                 self.apply(each, each.goal.server_lost("gone", self.now))
-                self.over(each)
-            elif each.queued and not up:
-                each.queued = False
-                self.apply(each, each.goal.server_lost("gone", self.now))
+                self.over()
+        if event == "comes" and self.awaiting:
+            self.do(self.m.server_ready())
+        elif self.queued and not up:
+            self.do(self.m.server_lost(self.now))
 
     def at(self, event: str, key: uuid.UUID, s: int) -> None:
         truth, now = self.truth[key][s], self.now
@@ -496,6 +504,10 @@ class World:
             raise Broken("it ended before a server in sight could confirm that all goals stopped")
         if ending.phase == "cancel" and not ending.lost_because and not self.waited:
             raise Broken("its text says that a server was waited for, and nobody waited")
+        if ending.end is fx.End.NO_SERVER and (self.truth or self.up):
+            raise Broken("there was a server (C2.7)")
+        if ending.end is fx.End.DEADLINE and not self.had_server:
+            raise Broken("the deadline's error, and there was no server (C2.7)")
         if ending.end is fx.End.SUCCEEDED and not self.ended_well:
             raise Broken("a failure became a success")
         if ending.end is fx.End.CANCELLED_BY_CALLER and left:
@@ -538,6 +550,13 @@ class World:
             raise Broken("two goals of one call run at the same time")
         if self.settled != (self.m.phase is Phase.ENDED):
             raise Broken(f"it has ended {self.settled} times in {self.m.phase}")
+        m = self.m
+        if (self.awaiting, self.queued) != (m.phase is Phase.WAITING, m.phase is Phase.QUEUED):
+            raise Broken("a wait is forgotten")
+        if self.queued and not self.up:
+            raise Broken("it waits for its turn, and no server is there")
+        if self.awaiting and self.up and m.may_send() and not (self.hurried or self.late):
+            raise Broken("it waits for a server that is there")
         if ends:
             self.check_that_it_ends()
 
@@ -556,6 +575,8 @@ class World:
                 world.happens("plan", None)
             elif world.pause:
                 world.happens("resume", None)
+            elif world.awaiting or world.queued:
+                world.happens("waited", True)
             elif world.grace:
                 world.happens("grace", None)
             elif timers:
@@ -601,8 +622,10 @@ def _weight(event: tuple[str, Any]) -> float:
     """Let a walk be long: what ends a call comes seldom."""
     name, arg = event
     if name == "timer":
-        return 0.01 if arg[1] in (fx.Timer.DEADLINE, fx.Timer.SERVER) else 0.3
-    if name in ("send", "plan", "resume") or arg is Verdict.TRANSIENT:
+        return 0.01 if arg[1] is fx.Timer.DEADLINE else 0.3
+    if name in ("waited", "other type", "hurries") or arg in ("fails", "late"):
+        return 0.01
+    if name in ("turn", "plan", "resume") or arg is Verdict.TRANSIENT:
         return 4.0  # the goals of one call meet
     ends = name in ("cancel", "close", "end grace", "grace", "dies")
     return 0.02 if ends or arg in (Verdict.PERMANENT, Verdict.SUCCESS) else 1.0

@@ -9,26 +9,23 @@ from __future__ import annotations
 
 import copy
 import math
+import uuid
 from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 from actionkit._goal.effects import (
     Arm,
     AskCancel,
-    AwaitServer,
     Disarm,
     Effect,
     End,
     Ending,
-    GoalProgress,
     LastNews,
     LateResult,
     Record,
     Release,
-    SendGoal,
     Settle,
     Timer,
-    Withdraw,
 )
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import DOUBT
@@ -36,7 +33,7 @@ from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState
 
-UNTIL_SENT = ("start", "server_ready", "sent")
+UNTIL_SENT = ("sent",)
 UNTIL_ACCEPTED = (*UNTIL_SENT, "accepted")
 
 
@@ -49,36 +46,31 @@ class OnServer:
     """What a server may be doing with the goal, by all that was said so far.
 
     Attributes:
-        copies: How many requests for the goal were sent to the server; one by an earlier attempt.
-        awaiting: Whether a server is waited for, to send a request.
-        queued: Whether a request waits for its turn.
+        sent: Whether the request for the goal was sent to the server.
         accepted: Whether the server has shown that it took the goal.
         lost: Whether the server is out of sight, or was and has not shown the goal again.
         back: Whether it is in sight again.
         ended: Whether a terminal state was seen.
         denied: Whether the server did not know it when it was asked last, and may yet take it (R6).
         forgotten_at: When it first did not know the goal any more that it had shown to have.
-        rejections: How many requests were rejected.
+        rejected: Whether its request was rejected.
         over: Whether it is known that the goal does not run and never will.
     """
 
-    copies: int = 0
-    awaiting: bool = False
-    queued: bool = False
+    sent: bool = False
     accepted: bool = False
     lost: bool = False
     back: bool = False
     ended: bool = False
     denied: bool = False
     forgotten_at: float | None = None
-    rejections: int = 0
+    rejected: bool = False
     over: bool = False
-    progress: GoalProgress = GoalProgress.NEVER_SENT
 
     @property
     def has_it(self) -> bool:
         """Whether a server may be running the goal, or may yet come to run it."""
-        return self.copies > 0 and not self.over
+        return self.sent and not self.over
 
     @property
     def news(self) -> LastNews:
@@ -89,16 +81,10 @@ class OnServer:
             return LastNews.SERVER_GONE
         return LastNews.UNKNOWN_TO_SERVER if self.denied else LastNews.NOTHING
 
-    @property
-    def waits(self) -> bool:
-        return not self.copies and (self.awaiting or self.queued)
-
     def learn(self, event: str, args: tuple[Any, ...], now: float, asked_at: float) -> None:
         """Take in an event, before the machine is told of it."""
-        if event == "sent" and self.queued:
-            self.copies += 1
-            self.awaiting = self.queued = False
-            self.progress = GoalProgress.UNANSWERED
+        if event == "sent":
+            self.sent = True
         elif not self.has_it:
             return
         elif event == "server_lost" and self.lost:
@@ -110,7 +96,7 @@ class OnServer:
             self.back = self.lost
             self.lost = self.lost and self.accepted
         elif event == "rejected" and not self.accepted:
-            self._rejected()
+            self.rejected = self.over = True
         elif event == "result" and args[0] is None:
             if self.accepted and not self.lost:
                 self._forgotten(now, asked_at)
@@ -122,16 +108,8 @@ class OnServer:
         elif event in ("accepted", "feedback", "status", "result", "cancel_answered"):
             # Whatever else a server says of a goal proves that it took it.
             self.accepted, self.lost, self.denied = True, False, False
-            self.progress = GoalProgress.ACCEPTED
             self.over = event == "result"
             self.ended |= self.over or (event == "status" and args[0].is_terminal)
-
-    def _rejected(self) -> None:
-        """A server that was sent the same id twice rejects the second of them (R5)."""
-        self.rejections += 1
-        if self.rejections >= self.copies:
-            self.over = True
-            self.progress = GoalProgress.REJECTED
 
     def _forgotten(self, now: float, asked_at: float) -> None:
         """A server may say so of a goal that it is just accepting: it counts when said again."""
@@ -145,14 +123,6 @@ class OnServer:
         self.over = self.lost and self.back
         self.denied = self.denied or not self.lost
 
-    def carry_out(self, effect: Effect) -> None:
-        if isinstance(effect, AwaitServer):
-            self.awaiting = True
-        elif isinstance(effect, SendGoal):
-            self.awaiting, self.queued = False, True
-        elif isinstance(effect, Withdraw):
-            self.awaiting = self.queued = False
-
 
 class Life:
     """One goal with a clock that the test moves; timers fire when it passes them."""
@@ -162,7 +132,7 @@ class Life:
         self.others_confirmed_at = -math.inf
         self.deadline = deadline
         self.timeouts = Timeouts(**timeouts)  # type: ignore[arg-type]
-        self.goal = Goal(self.timeouts, deadline)
+        self.goal = Goal(uuid.uuid4(), self.timeouts, deadline)
         self.timers: dict[Timer, float] = {}
         self.all: list[Effect] = []
         self.told: list[tuple[Any, ...]] = []
@@ -251,7 +221,7 @@ class Life:
         given = () if event == "timer" or options.get("asked_at") == self.now else options.values()
         self.told.append((event, *args, *given))
         in_flight, ended = self.in_flight, self.ending is not None
-        self.started |= event == "start"
+        self.started |= event == "sent"
         if in_flight:
             if event == "cancel_answered":
                 self.cancel_accepted |= args[0] is CancelAnswer.ACCEPTED
@@ -292,10 +262,6 @@ class Life:
             self.timers[effect.timer] = effect.at
         elif isinstance(effect, Disarm):
             self.timers.pop(effect.timer, None)
-        elif isinstance(effect, SendGoal):
-            wanted = self.ending is None and not self.cancelling
-            self._require(wanted, "nothing is sent that nobody wants")
-            self._require(not self.server.copies, "nothing is sent twice")
         elif isinstance(effect, AskCancel):
             self.cancel_asked = True
         elif isinstance(effect, LateResult):
@@ -310,7 +276,6 @@ class Life:
         elif isinstance(effect, Release):
             self.released = True
             self.timers.clear()
-        self.server.carry_out(effect)
         if isinstance(effect, Settle):
             self.timers = {k: at for k, at in self.timers.items() if k is Timer.REASK}
             self._require(self.ending is None, "it ends once")
@@ -348,7 +313,7 @@ class Life:
         self._require(not (others and self.cancel_accepted), "our cancel is nobody else's")
         self._require((ending.phase != "") == (ending.end is End.DEADLINE), "deadlines have phases")
         self._require((ending.end is End.DEADLINE) <= (report is not None), "(C2.3)")
-        self._require(ending.progress is server.progress, f"it reached {server.progress}")
+        self._require(ending.rejected == server.rejected, "it was rejected, and never accepted")
         if self.left_alone and not server.ended:
             self._require(ending.news is not LastNews.STOPPED, "a goal left behind may run on")
         else:
@@ -359,14 +324,11 @@ class Life:
         settled = self.ending is not None
         self._require(goal.settled == settled, "`settled` tells of Settle")
         self._require(goal.in_flight == self.in_flight, "`in_flight`: a server may be running it")
-        denied = server.denied and not server.waits
-        may_run = self.in_flight and not (server.lost or denied or server.ended)
+        may_run = self.in_flight and not (server.lost or server.denied or server.ended)
         self._require(goal.may_run == may_run, "`may_run`: a server in sight may be running it")
         known = server.over or server.lost or self.left_alone
         self._require(settled or not known, "no caller is left waiting")
-        if Settle in map(type, effects):
-            self._check_server_was_there(event, before)
-        over = server.over or self.left_alone or (settled and not server.copies)
+        over = server.over or self.left_alone
         self._require(self.released or not over, "what is over is released")
         # Nobody waits for ever for the result of a goal that ended.
         dropped = server.denied and goal.facts.left and self.now > 600.0
@@ -376,32 +338,19 @@ class Life:
             late = before.has_it and self._was_watched(effects)
             late = late and Settle not in map(type, effects)
             self._require(late == (LateResult in map(type, effects)), "a late result is told of")
-        taken = before.has_it and not before.waits and (before.lost or not before.accepted)
+        taken = before.has_it and (before.lost or not before.accepted)
         if event == "accepted" and taken and self.in_flight and (settled or self.cancelling):
             self._require(AskCancel() in effects, "a late acceptance is cancelled (C2.4)")
         doubted = self.refused_at is not None and not self.refusal_meant
         if self.told[-1] == ("timer", Timer.REASK) and doubted and self.in_flight:
             wanted = not (settled or self.cancelling)
             self._require(wanted or AskCancel() in effects, "a refusal is asked about once more")
-        if self.in_flight and not server.lost and not server.waits:
+        if self.in_flight and not server.lost:
             self._require(Timer.REASK in armed, "what may have been lost is asked for again")
         if settled:
             self._require(armed <= {Timer.REASK}, f"a caller that left has no timers ({armed})")
         elif self.started:
             self._check_limits(armed)
-
-    def _check_server_was_there(self, event: str, before: OnServer) -> None:
-        """A goal that found no server ends so, whichever limit ends the wait (C2.7)."""
-        ending, could_go = self.ending, before.queued
-        assert ending is not None
-        if ending.end is End.NO_SERVER:
-            awaited = before.awaiting or event == "start"
-            self._require(awaited and not could_go, "NO_SERVER means that none was ready")
-            nothing = ending.cancel is CancelReport.NOT_NEEDED
-            self._require(nothing or before.copies > 0, "where nothing was sent, nothing runs")
-        if ending.end is End.DEADLINE:
-            had = could_go or before.copies > 0
-            self._require(had, "the deadline's error is for a goal that had a server (C2.7)")
 
     def _was_watched(self, effects: list[Effect]) -> bool:
         """Whether the goal had not been released, nor left alone, before these effects."""
@@ -411,11 +360,10 @@ class Life:
         """An open goal has every timer that the user's limits ask for in its phase."""
         server, limits = self.server, self.timeouts
         if not self.cancelling:
-            unanswered = server.has_it and not (server.accepted or server.waits)
+            unanswered = server.has_it and not server.accepted
             runs = server.accepted and not server.ended
             needed = {
                 Timer.DEADLINE: self.deadline is not None,
-                Timer.SERVER: server.awaiting and limits.server is not None,
                 Timer.ACCEPT: unanswered and limits.accept is not None,
                 Timer.STALL: runs and limits.feedback is not None,
             }

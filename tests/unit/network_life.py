@@ -11,6 +11,7 @@ from __future__ import annotations
 import random
 import uuid
 from collections.abc import Callable
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
@@ -100,6 +101,29 @@ class OnServer:
         return self.state in (EXECUTING, CANCELING)
 
 
+class Waiter:
+    """Sends one goal when a server is ready and its turn has come."""
+
+    def __init__(self, link: Any, attempt: Attempt) -> None:
+        self._link, self._attempt = link, attempt
+        self._goal_id = attempt.goal_id
+        self._sent = False
+
+    def on_server_ready(self) -> None:
+        self._link.enqueue(self, self._goal_id)
+
+    def on_turn(self) -> None:
+        self._sent = True
+        self._attempt.send(Fibonacci.Goal())
+        self._attempt.start()
+
+    def cancel(self) -> None:
+        if self._sent:
+            self._attempt.cancel()
+        else:
+            self._link.dequeue(self, self._goal_id)
+
+
 class NetworkLife(CommunicationThread):
     """Goals that are sent, given up on and answered in an order that a seed makes."""
 
@@ -139,17 +163,17 @@ class NetworkLife(CommunicationThread):
             attempt = Attempt(
                 self.link,
                 uuid.UUID(int=self.chance.getrandbits(128)),
-                Fibonacci.Goal(),
                 timeouts,
                 self.chance.choice([None, deadline]),
                 self,
                 on_out_of_sight=lambda _: None,
             )
+            waiter = Waiter(self.link, attempt)
+            self.call_at(self.now() + begins, partial(self.link.await_server, waiter))
             self.attempts.append(attempt)
-            self.call_at(self.now() + begins, attempt.start)
             if self.chance.random() < 0.7:
                 wait = 3.0 * self.chance.random() ** 2
-                self.call_at(self.now() + begins + wait, attempt.cancel)
+                self.call_at(self.now() + begins + wait, waiter.cancel)
         self.advance(90.0)
 
     # -- the thread ----------------------------------------------------------------------------
@@ -269,8 +293,6 @@ class NetworkLife(CommunicationThread):
     def on_feedback(self, *_: Any) -> None: ...
     def on_late_result(self, *_: Any) -> None: ...
     def on_over(self, _: Attempt) -> None: ...
-    def may_send(self, _: Attempt) -> bool:
-        return True
 
     def note(self, what: str, key: bytes) -> None:
         self.story.append(f"{key.hex()[:6]} {self.now() - 100.0:7.3f} {what}")

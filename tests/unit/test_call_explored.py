@@ -44,6 +44,72 @@ def broken(cls: type, name: str, old: str, new: str) -> Any:
 
 
 MUTANTS = {
+    "a goal is sent that nobody wants": (
+        CallMachine,
+        "turn",
+        "if self.unwanted:",
+        "if False:",
+    ),
+    "a goal is sent when the time is up": (
+        CallMachine,
+        "turn",
+        "self._is_late(now) or ",
+        "",
+    ),
+    "a goal waits for its turn while no server is there": (
+        CallMachine,
+        "server_lost",
+        "self._await_server(now) if self.phase is Phase.QUEUED else []",
+        "[]",
+    ),
+    "a server that is there is waited for": (
+        CallMachine,
+        "server_ready",
+        "if self.phase is not Phase.WAITING:",
+        "if self.phase is not Phase.WAITING or self.earlier:",
+    ),
+    "nobody is told that another type is served": (
+        CallMachine,
+        "type_mismatch",
+        "if self.phase is not Phase.WAITING:",
+        "if True:",
+    ),
+    "who waited for a server in vain waits on": (
+        CallMachine,
+        "waited",
+        ", StopRetrying()]",
+        "]",
+    ),
+    "the time was up, where no server was there": (
+        CallMachine,
+        "waited",
+        "if self.phase is Phase.QUEUED:",
+        "if True:",
+    ),
+    "no server was there, where the goal waited for its turn": (
+        CallMachine,
+        "waited",
+        "fx.End.DEADLINE,",
+        "fx.End.NO_SERVER,",
+    ),
+    "no server was there, though a goal was sent before": (
+        CallMachine,
+        "waited",
+        "self._last, self._server_limit",
+        "None, self._server_limit",
+    ),
+    "what is over waits for its turn": (
+        CallMachine,
+        "_end",
+        "[StopRetrying(), *self._finish()]",
+        "self._finish()",
+    ),
+    "a goal waits for its turn, though an earlier one has succeeded": (
+        CallMachine,
+        "late_result",
+        "effects: list[Effect] = [StopRetrying()]",
+        "effects: list[Effect] = []",
+    ),
     "a goal is sent while an earlier one may run": (
         CallMachine,
         "may_send",
@@ -113,14 +179,14 @@ MUTANTS = {
     "an unanswered goal counts as stopped": (
         GoalFacts,
         "is_over",
-        "(self.accepted or self.noes < self.requests * self.servers)",
+        "(self.accepted or self.noes < self.servers)",
         "self.accepted",
     ),
     "that a server does not know a goal counts as its end": (
         Goal,
         "_unknown_so_far",
         "self._unknown_to_server = self._denied_lately = True",
-        "self.facts.noes = self.facts.requests",
+        "self.facts.noes = 1",
     ),
     "a lost goal is not cancelled when its server is back": (
         Goal,
@@ -137,8 +203,8 @@ MUTANTS = {
     "one of two servers rejects it, and so it does not run": (
         GoalFacts,
         "is_over",
-        " * self.servers",
-        "",
+        "self.noes < self.servers",
+        "self.noes < 1",
     ),
     "one of two servers has ended it, and so it does not run": (
         Goal,

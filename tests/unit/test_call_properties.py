@@ -436,10 +436,24 @@ def test_a_call_that_had_a_server_ends_with_what_came_of_it(
 
 
 @pytest.mark.parametrize("ready", [False, True])
+def test_only_the_deadline_limits_the_wait_for_its_turn(ready: bool) -> None:
+    life = CallLife(server=1.0, begin=not ready)
+    life.busy(True)
+    life.ready()
+    if ready:
+        life.does(life.call.start)
+    life.wait(100.0)
+    assert (life.done, life.sends) == (False, 0)
+    life.busy(False)
+    assert life.sends == 1
+
+
+@pytest.mark.parametrize("ready", [False, True])
 def test_a_call_without_any_time(ready: bool) -> None:
     life = CallLife(0, begin=False)
     life.link.ready = life.had_server = ready
     life.does(life.call.start)
+    life.wait(0.0)
     expected = errors.DeadlineExceededError if ready else errors.ServerUnavailableError
     assert type(life.outcome.error) is expected
     assert life.outcome.cancel is CancelReport.NOT_NEEDED

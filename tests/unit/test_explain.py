@@ -30,7 +30,7 @@ from actionkit import (
 from actionkit._calls import explain as _explain
 from actionkit._calls.explain import ErrorContext, explain
 from actionkit._calls.graph_snapshot import GraphSnapshot
-from actionkit._goal.effects import AskCancel, End, Ending, Fault, GoalProgress, LastNews
+from actionkit._goal.effects import AskCancel, End, Ending, Fault, LastNews
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.field_errors import FieldError
 
@@ -48,7 +48,6 @@ CONTEXT = ErrorContext(
     surroundings=lambda: GraphSnapshot({}, 7, "rmw_fastrtps_cpp"),
 )
 ABORTED = Fibonacci.Result(sequence=[1])
-ACCEPTED = GoalProgress.ACCEPTED
 REPORTS: dict[CancelReport, dict[str, Any]] = {
     # The facts from which each report follows.
     CancelReport.CONFIRMED: {"given_up": True, "ended_as": GoalState.CANCELED},
@@ -83,7 +82,6 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
             Ending(
                 End.NO_ACCEPTANCE,
                 GoalState.TIMED_OUT,
-                progress=GoalProgress.UNANSWERED,
                 **UNKNOWN,
             ),
             actionkit.AcceptanceTimeoutError,
@@ -97,13 +95,13 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
             "look at the server's log",
         ),
         (
-            Ending(End.ABORTED, GoalState.ABORTED, ABORTED, progress=ACCEPTED),
+            Ending(End.ABORTED, GoalState.ABORTED, ABORTED),
             actionkit.GoalAbortedError,
             "aborted by the server",
             "`error.result`",
         ),
         (
-            Ending(End.CANCELED_BY_OTHER, GoalState.CANCELED, ABORTED, progress=ACCEPTED),
+            Ending(End.CANCELED_BY_OTHER, GoalState.CANCELED, ABORTED),
             actionkit.GoalCanceledError,
             "not by this client",
             "Another client, an operator or the server",
@@ -112,7 +110,6 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
             Ending(
                 End.LOST,
                 GoalState.LOST,
-                progress=ACCEPTED,
                 news=LastNews.SERVER_GONE,
                 lost_because="it is gone",
             ),
@@ -124,7 +121,6 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
             Ending(
                 End.RESULT_LOST,
                 GoalState.LOST,
-                progress=ACCEPTED,
                 ended_as=GoalState.SUCCEEDED,
                 lost_because="it is late",
             ),
@@ -133,7 +129,7 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
             "result_timeout",
         ),
         (
-            Ending(End.STALLED, GoalState.TIMED_OUT, progress=ACCEPTED, **REFUSED),
+            Ending(End.STALLED, GoalState.TIMED_OUT, **REFUSED),
             actionkit.FeedbackStalledError,
             "no feedback for 3 s",
             "Timeouts(feedback=...)",
@@ -149,7 +145,6 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
                 End.REJECTED_BY_CLASSIFIER,
                 GoalState.SUCCEEDED,
                 ABORTED,
-                progress=ACCEPTED,
                 verdict=Verdict.PERMANENT,
             ),
             actionkit.PermanentError,
@@ -161,7 +156,6 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
                 End.CLASSIFIER_FAILED,
                 GoalState.SUCCEEDED,
                 ABORTED,
-                progress=ACCEPTED,
                 classifier_fault=Fault("`classify=f` broke"),
             ),
             actionkit.ClassifyError,
@@ -169,7 +163,7 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
             "Correct that function",
         ),
         (
-            Ending(End.CLOSED, GoalState.CANCELED, progress=ACCEPTED, **CONFIRMED),
+            Ending(End.CLOSED, GoalState.CANCELED, **CONFIRMED),
             actionkit.ClientClosedError,
             "its client was closed",
             "Wait for the result before close()",
@@ -271,7 +265,7 @@ def test_an_error_tells_what_became_of_a_goal_that_was_given_up(
     end: End, report: CancelReport
 ) -> None:
     first = ENDINGS[end][0]
-    ending = Ending(end, first.status, progress=first.progress, **REPORTS[report])
+    ending = Ending(end, first.status, **REPORTS[report])
     assert ending.cancel is report
     assert_told(str(explained(ending)), report)
 

@@ -14,14 +14,11 @@ from actionkit._goal.effects import (
     Disarm,
     Effect,
     End,
-    GoalProgress,
     LastNews,
     LateResult,
     Record,
     Release,
-    SendGoal,
     Timer,
-    Withdraw,
 )
 from actionkit._goal.stages import DOUBT, CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
@@ -34,32 +31,6 @@ def refusals(effects: list[Effect]) -> list[GoalState]:
 
 
 # --- the deadline ------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("events", "end", "phase"),
-    [
-        (("start",), End.NO_SERVER, ""),
-        (("start", "server_ready"), End.DEADLINE, "accept"),
-    ],
-)
-def test_the_deadline_passes_before_the_goal_is_sent(
-    events: tuple[str, ...], end: End, phase: str
-) -> None:
-    life = Life(3.0)
-    life.see(*events)
-    life.wait_until(3.0)
-    assert (life.end, life.report) == (end, CancelReport.NOT_NEEDED)
-    assert life.ending is not None
-    assert (life.ending.phase, life.ending.status) == (phase, GoalState.TIMED_OUT)
-    assert life.count(Withdraw) == 1
-    assert life.see("server_ready", "sent") == []
-
-
-def test_a_deadline_that_has_passed_at_the_start_sends_nothing() -> None:
-    life = Life(0.0)
-    life.see("start", "server_ready")
-    assert (life.end, life.count(SendGoal)) == (End.NO_SERVER, 0)
 
 
 @pytest.mark.parametrize(("events", "phase"), [(UNTIL_SENT, "accept"), (UNTIL_ACCEPTED, "execute")])
@@ -209,7 +180,7 @@ def test_the_server_does_not_answer_and_accepts_after_all() -> None:
     life.wait_until(7.0)
     assert (life.end, life.report) == (End.NO_ACCEPTANCE, CancelReport.UNKNOWN)
     assert life.ending is not None
-    assert (life.ending.progress, life.ending.news) == (GoalProgress.UNANSWERED, LastNews.NOTHING)
+    assert life.ending.news is LastNews.NOTHING
     life.wait_until(100.0)
     assert AskCancel() in life.see("accepted")
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
@@ -321,16 +292,6 @@ def test_feedback_stalls() -> None:
 
 
 # --- the caller cancels ------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("events", [(), ("start",), ("start", "server_ready")])
-def test_a_goal_cancelled_before_it_was_sent_is_never_sent(events: tuple[str, ...]) -> None:
-    life = Life()
-    life.see(*events, "cancel")
-    assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.NOT_NEEDED)
-    assert life.ending is not None
-    assert (life.ending.progress, life.ending.news) == (GoalProgress.NEVER_SENT, LastNews.STOPPED)
-    assert life.see("server_ready", "sent") == []
 
 
 def test_a_cancelled_goal_is_cancelled() -> None:
@@ -592,12 +553,3 @@ def test_closing_abandons(events: tuple[str, ...]) -> None:
     assert (life.end, life.report) == (End.CLOSED, CancelReport.UNKNOWN)
     assert life.count(AskCancel) == 0
     assert life.count(Release) == 1
-
-
-@pytest.mark.parametrize("abandon", [False, True])
-def test_closing_before_the_goal_was_sent(abandon: bool) -> None:
-    life = Life()
-    life.see("start", "server_ready")
-    life.tell("close", abandon=abandon)
-    assert (life.end, life.report) == (End.CLOSED, CancelReport.NOT_NEEDED)
-    assert life.see("sent") == []

@@ -4,6 +4,8 @@ events is checked of these too: see goal_life.
 
 from __future__ import annotations
 
+import uuid
+
 import pytest
 from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
 
@@ -11,19 +13,14 @@ from actionkit._goal.effects import (
     Arm,
     AskCancel,
     AskResult,
-    AwaitServer,
-    Disarm,
     End,
     Ending,
-    GoalProgress,
     LastNews,
     Record,
     Release,
-    SendGoal,
     Settle,
     Timer,
     WatchStatus,
-    Withdraw,
 )
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import DOUBT, LONGEST_RESULT_PAUSE, Stage
@@ -36,9 +33,8 @@ from actionkit._model.values import CancelReport, GoalState
 
 def test_a_goal_succeeds() -> None:
     life = Life()
-    assert life.see("start") == [Record(GoalState.SENDING), Arm(Timer.SERVER, 5.0), AwaitServer()]
-    assert life.see("server_ready") == [Disarm(Timer.SERVER), SendGoal()]
-    life.see("sent")
+    limits = [Arm(Timer.ACCEPT, 5.0), Arm(Timer.REASK, 1.0)]
+    assert life.see("sent") == [Record(GoalState.SENT), *limits]
     # Asked for at once, because a result may expire (R25).
     assert AskResult(anew=True) in life.see("accepted")
     life.see("feedback")
@@ -47,12 +43,10 @@ def test_a_goal_succeeds() -> None:
         End.SUCCEEDED,
         GoalState.SUCCEEDED,
         result="the result",
-        progress=GoalProgress.ACCEPTED,
         news=LastNews.STOPPED,
         ended_as=GoalState.SUCCEEDED,
     )
     assert life.states == [
-        GoalState.SENDING,
         GoalState.SENT,
         GoalState.ACCEPTED,
         GoalState.EXECUTING,
@@ -65,9 +59,7 @@ def test_a_goal_succeeds() -> None:
 def test_a_goal_is_rejected() -> None:
     life = Life()
     life.see(*UNTIL_SENT, "rejected")
-    assert life.ending == Ending(
-        End.REJECTED, GoalState.REJECTED, progress=GoalProgress.REJECTED, news=LastNews.STOPPED
-    )
+    assert life.ending == Ending(End.REJECTED, GoalState.REJECTED, rejected=True)
     assert life.count(Release) == 1
     assert life.count(AskResult) == 0  # it would be answered with an empty result (R13)
 
@@ -99,13 +91,13 @@ def test_acceptance_is_proven_by_whatever_only_an_accepted_goal_causes(proof: st
         life.tell("result", GoalState.SUCCEEDED, 1)
     else:
         life.tell("cancel_answered", CancelAnswer.ACCEPTED)
-    assert life.states[2] is GoalState.ACCEPTED
+    assert life.states[1] is GoalState.ACCEPTED
     before = list(life.states)
     life.see("accepted")
     assert life.states == before
 
 
-@pytest.mark.parametrize("repeated", ["server_ready", "sent", "feedback"])
+@pytest.mark.parametrize("repeated", ["feedback"])
 def test_what_is_told_twice_counts_once(repeated: str) -> None:
     life = Life()
     for event in (*UNTIL_ACCEPTED, "feedback"):
@@ -155,40 +147,6 @@ def test_a_second_acceptance_after_the_end_is_cancelled() -> None:
 # --- the server is not there -------------------------------------------------------------------
 
 
-def test_no_server_comes() -> None:
-    life = Life()
-    life.see("start")
-    life.wait_until(5.0)
-    assert (life.end, life.count(SendGoal), life.count(Withdraw)) == (End.NO_SERVER, 0, 1)
-    assert life.ending is not None
-    assert (life.ending.progress, life.ending.news) == (GoalProgress.NEVER_SENT, LastNews.STOPPED)
-    assert (life.report, life.states[-1]) == (CancelReport.NOT_NEEDED, GoalState.TIMED_OUT)
-    assert life.see("server_ready") == []
-
-
-def test_the_name_is_served_with_another_type() -> None:
-    life = Life()
-    life.see("start")
-    life.tell("type_mismatch", ("a/action/B",))
-    assert life.end is End.TYPE_MISMATCH
-    assert life.ending is not None
-    assert life.ending.served == ("a/action/B",)
-
-
-def test_the_middleware_does_not_take_the_goal() -> None:
-    life = Life()
-    life.see("start", "server_ready")
-    life.tell("send_failed", error := ValueError("no"))
-    assert (life.end, life.ending.error) == (End.INVALID, error)  # type: ignore[union-attr]
-
-
-def test_a_server_that_goes_before_the_goal_is_sent_is_waited_for_again() -> None:
-    life = Life()
-    life.see("start", "server_ready")
-    assert life.tell("server_lost", "gone") == [Withdraw(), Arm(Timer.SERVER, 5.0), AwaitServer()]
-    assert life.see("server_ready") == [Disarm(Timer.SERVER), SendGoal()]
-
-
 @pytest.mark.parametrize("phase", [UNTIL_SENT, UNTIL_ACCEPTED])
 def test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled(
     phase: tuple[str, ...],
@@ -199,7 +157,6 @@ def test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled(
     assert life.ending == Ending(
         End.LOST,
         GoalState.LOST,
-        progress=GoalProgress.UNANSWERED if phase is UNTIL_SENT else GoalProgress.ACCEPTED,
         news=LastNews.SERVER_GONE,
         lost_because="its action server is gone",
     )
@@ -279,7 +236,6 @@ def test_what_may_be_lost_is_asked_for_again_ever_more_rarely() -> None:
             asked.append(second)
     assert asked == [1, 3, 7, 15, 31, 61, 91]
     assert life.count(WatchStatus) == len(asked)
-    assert life.count(SendGoal) == 1
 
 
 def test_a_goal_that_merely_takes_long_is_hardly_asked_about() -> None:
@@ -364,17 +320,6 @@ def test_a_result_that_is_unknown_before_acceptance_says_nothing() -> None:
 # --- a request that is not answered (R4, R5) ---------------------------------------------------
 
 
-@pytest.mark.parametrize("accept", [None, 5.0])
-def test_a_request_is_never_sent_twice(accept: float | None) -> None:
-    """A server in C++ that has the goal dies of the second one."""
-    life = Life(accept=accept)
-    life.see(*UNTIL_SENT)
-    for _ in range(4):
-        life.tell("result", None, None)
-        life.wait_until(life.now + 50.0)
-    assert life.count(SendGoal) == 1
-
-
 def test_a_goal_not_known_so_far_was_not_rejected() -> None:
     life = Life()
     life.see(*UNTIL_SENT)
@@ -386,9 +331,7 @@ def test_a_goal_not_known_so_far_was_not_rejected() -> None:
 
 
 def test_what_one_of_two_servers_has_ended_is_not_asked_for_by_each_answer_again() -> None:
-    goal = Goal(Timeouts(), None)
-    goal.start(0.0)
-    goal.server_ready(0.0)
+    goal = Goal(uuid.uuid4(), Timeouts(), None)
     goal.sent(0.0, servers=2)
     goal.accepted(0.0)
     goal.cancel(0.0)
@@ -400,9 +343,7 @@ def test_what_one_of_two_servers_has_ended_is_not_asked_for_by_each_answer_again
 
 
 def test_a_second_server_that_accepts_what_one_has_ended_may_run_it() -> None:
-    goal = Goal(Timeouts(), None)
-    goal.start(0.0)
-    goal.server_ready(0.0)
+    goal = Goal(uuid.uuid4(), Timeouts(), None)
     goal.sent(0.0)  # for one server: the other is not in sight so far
     goal.accepted(0.0)
     goal.status(GoalState.SUCCEEDED, 1.0)
@@ -416,9 +357,7 @@ def test_a_second_server_that_accepts_what_one_has_ended_may_run_it() -> None:
 
 
 def test_what_one_of_two_servers_rejects_may_run_on_the_one_that_has_gone() -> None:
-    goal = Goal(Timeouts(), None)
-    goal.start(0.0)
-    goal.server_ready(0.0)
+    goal = Goal(uuid.uuid4(), Timeouts(), None)
     goal.sent(0.0, servers=2)
     goal.servers_changed(2, 1)
     (settle,) = (each for each in goal.rejected(1.0) if isinstance(each, Settle))
@@ -427,9 +366,7 @@ def test_what_one_of_two_servers_rejects_may_run_on_the_one_that_has_gone() -> N
 
 
 def test_what_one_of_two_servers_rejects_after_both_were_lost_is_still_followed() -> None:
-    goal = Goal(Timeouts(), None)
-    goal.start(0.0)
-    goal.server_ready(0.0)
+    goal = Goal(uuid.uuid4(), Timeouts(), None)
     goal.sent(0.0, servers=2)
     goal.server_lost("it is gone", 1.0)
     assert goal.rejected(2.0) == []

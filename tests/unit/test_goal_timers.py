@@ -105,9 +105,9 @@ def test_none_fires_that_was_disarmed(timers, clock, fired):
     for timer in Timer:
         timers.arm(timer, 101.0)
     timers.told()
-    timers.disarm(Timer.SERVER)
-    timers.disarm(Timer.SERVER)
-    timers.keep_only(Timer.REASK, Timer.SERVER)
+    timers.disarm(Timer.RESULT)
+    timers.disarm(Timer.RESULT)
+    timers.keep_only(Timer.REASK, Timer.RESULT)
     timers.told()
     clock.advance(10.0)
     assert fired == [(Timer.REASK, 101.0)]

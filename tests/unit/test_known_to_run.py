@@ -15,9 +15,7 @@ from actionkit._model.cancel_answer import CancelAnswer
 
 
 def sent() -> Goal:
-    goal = Goal(Timeouts(), None)
-    goal.start(0.0)
-    goal.server_ready(0.0)
+    goal = Goal(uuid.uuid4(), Timeouts(), None)
     goal.sent(0.0)
     return goal
 
@@ -26,14 +24,6 @@ def accepted() -> Goal:
     goal = sent()
     goal.accepted(1.0)
     return goal
-
-
-def test_one_that_was_not_sent_does_not_run() -> None:
-    goal = Goal(Timeouts(), None)
-    goal.start(0.0)
-    assert goal.facts.known_to_run is False
-    goal.server_ready(0.0)
-    assert goal.facts.known_to_run is False
 
 
 def test_one_that_was_sent_may_run_until_its_server_says_so() -> None:
@@ -103,11 +93,10 @@ def test_of_one_that_nobody_looks_after_any_more_nothing_is_known(make: Any, how
 
 
 def test_one_that_had_ended_before_that_runs_no_more() -> None:
-    for goal in (Goal(Timeouts(), None), accepted()):
-        if goal.in_flight:
-            goal.result(GoalState.SUCCEEDED, None, 2.0, asked_at=1.0)
-        goal.fail("the thread died", RuntimeError("x"), 6.0)
-        assert goal.facts.known_to_run is False
+    goal = accepted()
+    goal.result(GoalState.SUCCEEDED, None, 2.0, asked_at=1.0)
+    goal.fail("the thread died", RuntimeError("x"), 6.0)
+    assert goal.facts.known_to_run is False
 
 
 @pytest.mark.parametrize(
@@ -116,7 +105,6 @@ def test_one_that_had_ended_before_that_runs_no_more() -> None:
         ([], False),
         ([accepted(), sent()], True),
         ([sent()], None),
-        ([Goal(Timeouts(), None)], False),
     ],
 )
 def test_of_several_the_worst_counts(goals: list[Goal], known: bool | None) -> None:

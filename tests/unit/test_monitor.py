@@ -18,7 +18,7 @@ import pytest
 from rclpy.exceptions import InvalidHandle
 
 from actionkit._ros.entities import Entities
-from actionkit._ros.listener import GoalListener
+from actionkit._ros.listener import GoalListener, Waiter
 from actionkit._ros.names import ActionNames
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.monitor import ServerMonitor
@@ -35,7 +35,6 @@ class Goal:
     home: bytes | None
     goal_id: uuid.UUID = field(default_factory=uuid.uuid4)
     unwanted: bool = False
-    held_back: bool = False
     lost: list[str] = field(default_factory=list)
     ready: int = 0
     servers: list[tuple[int, int]] = field(default_factory=list)
@@ -98,7 +97,7 @@ class World:
             type_name=TYPE,
             probe=self.probe,
             listeners=self.listeners,
-            queued=lambda: cast(list[GoalListener], list(self.queued)),
+            queued=lambda: cast(list[Waiter], list(self.queued)),
             on_ready=self._count_ready,
         )
         self.answers_after: Callable[[], float] = lambda: 0.001
@@ -166,7 +165,7 @@ class World:
     def wait(self, goal: Goal | None = None) -> Goal:
         """Let a goal wait for a server."""
         goal = goal or Goal(home=None)
-        self.monitor.await_server(cast(GoalListener, goal))
+        self.monitor.await_server(cast(Waiter, goal))
         return goal
 
     def sent(self) -> Goal:
@@ -299,7 +298,7 @@ def test_who_waits_is_told_once(world: World) -> None:
 def test_who_waits_for_the_next_server_is_not_told_of_the_one_that_is_there(world: World) -> None:
     world.serve(b"a")
     goal = Goal(home=None)
-    world.monitor.await_next_ready(cast(GoalListener, goal))
+    world.monitor.await_next_ready(cast(Waiter, goal))
     world.clock.advance(10.0)
     assert goal.ready == 0
     world.serve(b"b")

@@ -212,7 +212,7 @@ def test_a_late_answer_to_an_early_question_ends_nothing(lost: bool) -> None:
     life = CallLife()
     life.ready()
     life.accepted(0)
-    attempt = life.call._attempt
+    attempt = life.call.machine.attempt
     assert attempt is not None
     if lost:
         life.gone()

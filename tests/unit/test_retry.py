@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
 from fractions import Fraction
@@ -17,51 +16,32 @@ from hypothesis import strategies as st
 from actionkit import GoalState, RetryBudget, RetryPolicy, ServerLostError
 from actionkit._calls.retry import GiveUp, Retry, Schedule, may_try_again
 from actionkit._calls.retry_runner import RetryRunner
-from actionkit._goal.effects import End, Ending, Fault, GoalProgress, LastNews
+from actionkit._goal.effects import End, Ending, Fault, LastNews
 from actionkit._threads.clock import TimerHandle
 
 # --- resend safety (contract C4.2) -------------------------------------------------------------
 
 NO, NEW = False, True
 POLICIES = ("never_accepted", "confirmed_stopped", "server_gone", "always")
-TABLE: dict[tuple[GoalProgress, LastNews], tuple[bool, ...]] = {
+TABLE: dict[LastNews, tuple[bool, ...]] = {
     # What became of the earlier goal: what each policy, in the order above, makes of it.
-    (GoalProgress.NEVER_SENT, LastNews.NOTHING): (NEW, NEW, NEW, NEW),
-    (GoalProgress.NEVER_SENT, LastNews.UNKNOWN_TO_SERVER): (NEW, NEW, NEW, NEW),
-    (GoalProgress.NEVER_SENT, LastNews.SERVER_GONE): (NEW, NEW, NEW, NEW),
-    (GoalProgress.NEVER_SENT, LastNews.STOPPED): (NEW, NEW, NEW, NEW),
-    (GoalProgress.UNANSWERED, LastNews.NOTHING): (NO, NO, NO, NEW),
-    (GoalProgress.UNANSWERED, LastNews.UNKNOWN_TO_SERVER): (NO, NO, NO, NEW),
-    (GoalProgress.UNANSWERED, LastNews.SERVER_GONE): (NO, NO, NEW, NEW),
-    (GoalProgress.UNANSWERED, LastNews.STOPPED): (NO, NEW, NEW, NEW),
-    (GoalProgress.REJECTED, LastNews.NOTHING): (NEW, NEW, NEW, NEW),
-    (GoalProgress.REJECTED, LastNews.UNKNOWN_TO_SERVER): (NEW, NEW, NEW, NEW),
-    (GoalProgress.REJECTED, LastNews.SERVER_GONE): (NEW, NEW, NEW, NEW),
-    (GoalProgress.REJECTED, LastNews.STOPPED): (NEW, NEW, NEW, NEW),
-    (GoalProgress.ACCEPTED, LastNews.NOTHING): (NO, NO, NO, NEW),
-    (GoalProgress.ACCEPTED, LastNews.UNKNOWN_TO_SERVER): (NO, NO, NO, NEW),
-    (GoalProgress.ACCEPTED, LastNews.SERVER_GONE): (NO, NO, NEW, NEW),
-    (GoalProgress.ACCEPTED, LastNews.STOPPED): (NO, NEW, NEW, NEW),
+    LastNews.NOTHING: (NO, NO, NO, NEW),
+    LastNews.UNKNOWN_TO_SERVER: (NO, NO, NO, NEW),
+    LastNews.SERVER_GONE: (NO, NO, NEW, NEW),
+    LastNews.STOPPED: (NO, NEW, NEW, NEW),
 }
 
 
 def test_the_table_is_total() -> None:
-    assert set(TABLE) == set(itertools.product(GoalProgress, LastNews))
+    assert set(TABLE) == set(LastNews)
     assert get_args(get_type_hints(RetryPolicy)["resend"]) == POLICIES
 
 
-@pytest.mark.parametrize("progress", GoalProgress)
 @pytest.mark.parametrize("news", LastNews)
 @pytest.mark.parametrize("resend", POLICIES)
-def test_whether_a_goal_is_sent_again(progress: GoalProgress, news: LastNews, resend: str) -> None:
-    expected = TABLE[progress, news][POLICIES.index(resend)]
-    assert may_try_again(progress, news, resend) is expected
-
-
-@pytest.mark.parametrize("progress", [GoalProgress.UNANSWERED, GoalProgress.ACCEPTED])
-def test_only_at_least_once_sends_again_what_may_be_running(progress: GoalProgress) -> None:
-    for policy in POLICIES[:3]:
-        assert not may_try_again(progress, LastNews.NOTHING, policy)
+def test_whether_a_goal_is_sent_again(news: LastNews, resend: str) -> None:
+    assert may_try_again(False, news, resend) is TABLE[news][POLICIES.index(resend)]
+    assert may_try_again(True, news, resend)  # it was rejected
 
 
 # --- pauses and limits (contract C4.1) ---------------------------------------------------------

@@ -15,7 +15,7 @@ from rclpy.exceptions import InvalidHandle
 
 from actionkit._ros import graph
 from actionkit._ros.entities import Entities
-from actionkit._ros.listener import GoalListener
+from actionkit._ros.listener import GoalListener, Waiter
 from actionkit._ros.names import ActionNames
 from actionkit._ros.native import RCLError
 from actionkit._ros.runtime import Runtime
@@ -57,7 +57,7 @@ class ServerMonitor:
         type_name: str,
         probe: Callable[[], int],
         listeners: Mapping[bytes, GoalListener],
-        queued: Callable[[], list[GoalListener]],
+        queued: Callable[[], list[Waiter]],
         on_ready: Callable[[], None],
     ) -> None:
         """Begin to look for servers.
@@ -65,7 +65,7 @@ class ServerMonitor:
         Args:
             probe: Sends a question that every live server answers; returns the sequence number.
             listeners: The listeners of the goals that may be on a server, by id. Only read here.
-            queued: Returns the listeners of the goals that wait to be sent.
+            queued: Returns the calls with goals that wait for their turn.
             on_ready: Called when goals can be sent to a server that has come.
         """
         self._runtime = runtime
@@ -78,7 +78,7 @@ class ServerMonitor:
         self._closed = False
         self._warned = False
         self._goals: dict[bytes, _SentGoal] = {}
-        self._awaiting: dict[GoalListener, None] = {}
+        self._awaiting: dict[Waiter, None] = {}
         self._ready_waiters: dict[Callable[[], None], None] = {}
         self._held_until = 0.0  # before that time, no server counts as gone
         self._doubted: frozenset[bytes] = frozenset()  # those out of sight until then
@@ -115,25 +115,24 @@ class ServerMonitor:
 
     # --- waiting for a server --------------------------------------------------------------
 
-    def await_server(self, listener: GoalListener) -> None:
-        """Tell the listener once when a server is ready, or has another type."""
+    def await_server(self, waiter: Waiter) -> None:
+        """Tell the waiter once when a server is ready, or has another type."""
         if self.readiness.ready:
-            listener.on_server_ready()
-            return
-        self._awaiting[listener] = None
-        self._look()
+            waiter.on_server_ready()
+        else:
+            self.await_next_ready(waiter)
 
-    def await_next_ready(self, listener: GoalListener) -> None:
-        """Tell the listener when a server becomes ready the next time."""
-        self._awaiting[listener] = None
+    def await_next_ready(self, waiter: Waiter) -> None:
+        """Tell the waiter when a server becomes ready the next time."""
+        self._awaiting[waiter] = None
         self._look()
 
     def _look(self) -> None:
         self.readiness.look(lambda: bool(self._awaiting))
 
-    def stop_waiting(self, listener: GoalListener) -> None:
+    def stop_waiting(self, waiter: Waiter) -> None:
         """Undo `await_server` and `await_next_ready`."""
-        self._awaiting.pop(listener, None)
+        self._awaiting.pop(waiter, None)
 
     def add_ready_waiter(self, callback: Callable[[], None]) -> None:
         """Call `callback` whenever a server becomes ready."""
@@ -256,8 +255,8 @@ class ServerMonitor:
     def _on_ready(self) -> None:
         self._way_back.stop()
         awaiting, self._awaiting = self._awaiting, {}
-        for listener in awaiting:
-            listener.on_server_ready()
+        for waiter in awaiting:
+            waiter.on_server_ready()
         for callback in list(self._ready_waiters):
             callback()
         self.tell_sent_goals()
@@ -273,8 +272,8 @@ class ServerMonitor:
                 listener.on_server_ready()
 
     def _on_mismatch(self, served: tuple[str, ...]) -> None:
-        for listener in list(self._awaiting):
-            listener.on_type_mismatch(served)
+        for waiter in list(self._awaiting):
+            waiter.on_type_mismatch(served)
 
     def _on_silence(self, limit: float) -> None:
         for listener, _ in self._sent_goals():
@@ -303,8 +302,8 @@ class ServerMonitor:
         for listener, goal in self._sent_goals():
             self._lose(listener, goal, gone, reason)
         if not self.readiness.servers:
-            for listener in self._queued():
-                listener.on_server_lost(reason)
+            for waiter in self._queued():
+                waiter.on_server_lost(reason)
             self._way_back.stop()
             self._look()  # for listeners that waited for an answer
 
