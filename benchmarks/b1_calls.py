@@ -8,9 +8,10 @@ from functools import partial
 from benchmarks.clients import OURS
 from benchmarks.measure import Report, Scale, Verdict, alternate, best, figure, ratio
 from benchmarks.pairs import FORGETFUL, Pair
-from benchmarks.variants import FLOORS, RAW, VARIANTS
+from benchmarks.variants import RAW, VARIANTS
 
 _CALLS = 10
+_NAMES = {"cpu": "client CPU", "latency": "latency"}
 
 
 def run_all(scale: Scale) -> Report:
@@ -50,9 +51,13 @@ def _cell(report: Report, scale: Scale, pairs: dict[str, Pair], order: int, feed
             report.verdicts += [
                 Verdict(f"{what}: latency of {name}, to the best raw", latency.ratio, 1.0),
                 Verdict(f"{what}: client CPU of {name}, to the best raw", cpu.ratio, 0.6),
-                Verdict(
-                    f"{what}: client CPU of {name}, to the floor",
-                    ratio(samples, name, FLOORS[name], "cpu"),
-                    1.3 if name == OURS[0] and not feedback else 1.6,
-                ),
             ]
+    if "rclcpp" in pairs:
+        for what_of, limit in (("cpu", 2.0), ("latency", 1.5)):
+            report.verdicts.append(
+                Verdict(
+                    f"{what}: {_NAMES[what_of]} of {OURS[0]}, to rclcpp",
+                    ratio(samples, OURS[0], "rclcpp", what_of),
+                    limit,
+                )
+            )

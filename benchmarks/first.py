@@ -44,23 +44,5 @@ def with_rclpy() -> None:
     rclpy.shutdown()
 
 
-def with_floor() -> None:
-    """Call with ActionKit's entities and nothing else: imports, entities and one exchange."""
-    from benchmarks.floor import Floor
-
-    class Asking(Floor):
-        def await_server(self) -> bool:
-            while not self._connected.wait(0.02):
-                if self.is_connected():
-                    self._ask_result(bytes(16))
-            return True
-
-    client = Asking()
-    client.open("fibonacci")
-    assert len(client.call(5, None)) == 6
-    print(time.perf_counter() - began, flush=True)
-    client.close()
-
-
 if __name__ == "__main__":
-    {"actionkit": with_actionkit, "rclpy": with_rclpy, "floor": with_floor}[sys.argv[1]]()
+    {"actionkit": with_actionkit, "rclpy": with_rclpy}[sys.argv[1]]()

@@ -21,9 +21,7 @@ _COLOURS = {
     "ActionKit await": "#5fb49c",
     "ActionKit": "#0b6e4f",
     "command line": "#5fb49c",
-    "floor blocking": "#bbbbbb",
-    "floor await": "#bbbbbb",
-    "floor": "#bbbbbb",
+    "rclcpp": "#bbbbbb",
 }
 _OTHER = "#d08c2e"
 _TICKS = 6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchmarks.bridges import SpinningTask, SpinningThread
 from benchmarks.clients import Awaiting, Blocking, MultiThreaded, OneThread, Tutorial
-from benchmarks.floor import AwaitedFloor, Floor
+from benchmarks.rclcpp_client import Rclcpp, prefix
 from benchmarks.variant import Variant
 
 VARIANTS: dict[str, type[Variant]] = {
@@ -15,9 +15,7 @@ VARIANTS: dict[str, type[Variant]] = {
     "rclpy multi-threaded": MultiThreaded,
     "asyncio, spin_once": SpinningTask,
     "asyncio, run_in_executor": SpinningThread,
-    "floor blocking": Floor,
-    "floor await": AwaitedFloor,
 }
+if prefix() is not None:
+    VARIANTS["rclcpp"] = Rclcpp
 RAW = tuple(name for name in VARIANTS if name.startswith(("rclpy", "asyncio")))
-FLOORS = {"ActionKit blocking": "floor blocking", "ActionKit await": "floor await"}
-"""What each of ActionKit's forms could save at most is its way to this."""
