@@ -41,8 +41,8 @@ class CallLink(Protocol):
     def dequeue(self, waiter: Call, goal_id: uuid.UUID) -> None: ...
 
 
-class Carrier(ActionView, Clock, Protocol):
-    """The client's side of a call: what carries its goals."""
+class CallSession(ActionView, Clock, Protocol):
+    """What a call needs of its session."""
 
     @property
     def link(self) -> CallLink: ...
@@ -62,10 +62,10 @@ class Call:
     """Carries a request through to the settling of its future."""
 
     def __init__(
-        self, carrier: Carrier, request: Request, dispatcher: ObserverDispatcher = NO_OBSERVERS
+        self, session: CallSession, request: Request, dispatcher: ObserverDispatcher = NO_OBSERVERS
     ) -> None:
         """Make a call of a request; its time runs from now."""
-        self._record = record = CallRecord(carrier, request, dispatcher, goal_id := uuid.uuid4())
+        self._record = record = CallRecord(session, request, dispatcher, goal_id := uuid.uuid4())
         self.timeline, tape, began = record.timeline, record.tape, record.began
         self._deadline = None if request.timeout is None else began + request.timeout
         limits = request.timeouts.server, self._deadline
@@ -73,12 +73,12 @@ class Call:
         self.goals = machine.goals
         self.state = GoalState.SENDING
         self.cancel_grace = request.timeouts.cancel
-        self._carrier = carrier
+        self._session = session
         self._request = request
         threads = request.function_pool
-        self._retrying = RetryRunner(carrier, threads, request.retry, request.budget, began)
-        self._judging = ClassifyRunner(carrier, threads, request.classify)
-        self.future: GoalFuture[Any, Any] = GoalFuture(self, tape, request.pool, carrier)
+        self._retrying = RetryRunner(session, threads, request.retry, request.budget, began)
+        self._judging = ClassifyRunner(session, threads, request.classify)
+        self.future: GoalFuture[Any, Any] = GoalFuture(self, tape, request.pool, session)
         self._wait: TimerHandle | None = None  # the pause, or for a server or the goal's turn
         self._given_up_at: float | None = None
         self._grace: TimerHandle | None = None  # until which the earlier goals may be confirmed
@@ -110,7 +110,7 @@ class Call:
         """
         self.unwanted = True
         self.urgent |= urgent
-        self._carrier.call_soon(self.cancel)
+        self._session.call_soon(self.cancel)
 
     def start(self) -> None:
         """Begin the first attempt. The session calls it."""
@@ -192,7 +192,7 @@ class Call:
     def on_over(self, attempt: Attempt) -> None:
         """An attempt's goal is known not to run any more, or its server went out of sight."""
         self._do(self.machine.earlier_over())
-        if self.machine.phase is Phase.WAITING and self._carrier.server_is_ready():
+        if self.machine.phase is Phase.WAITING and self._session.server_is_ready():
             self.on_server_ready()
 
     def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None:
@@ -211,43 +211,43 @@ class Call:
         self.state = record.state
 
     def _await_server(self, effect: mx.AwaitServer) -> None:
-        link = self._carrier.link
+        link = self._session.link
         self._stop_waiting()
         (link.await_next_ready if effect.another else link.await_server)(self)
         self._limit_wait(effect.until, Phase.WAITING)
 
     def _queue(self, effect: mx.Queue) -> None:
         self._end_wait()
-        self._carrier.link.enqueue(self, self.machine.latest_id)
+        self._session.link.enqueue(self, self.machine.latest_id)
         self._limit_wait(effect.until, Phase.QUEUED)
 
     def _limit_wait(self, until: float | None, phase: Phase) -> None:
         # Mostly it is over already: a server was ready, and the goal was sent.
         if until is not None and self._wait is None and self.machine.phase is phase:
-            self._wait = self._carrier.call_at(until, self._waited)
+            self._wait = self._session.call_at(until, self._waited)
 
     def _waited(self) -> None:
         self._wait = None
         if self.machine.phase is Phase.WAITING:
             # A server of another type may have come into view only now (R21).
-            self._carrier.link.look_again()
-        ready = self._carrier.server_is_ready()
+            self._session.link.look_again()
+        ready = self._session.server_is_ready()
         self._do(self.machine.waited(time.monotonic(), ready=ready))
 
     def _stop_waiting(self) -> None:
-        self._carrier.link.dequeue(self, self.machine.latest_id)
+        self._session.link.dequeue(self, self.machine.latest_id)
         self._end_wait()
 
     def _end_wait(self) -> None:
         if self._wait is not None:
-            self._carrier.cancel_timer(self._wait)
+            self._session.cancel_timer(self._wait)
             self._wait = None
 
     def _send(self, _: mx.Send) -> None:
         self._end_wait()
         request = self._request
         try:
-            attempt = self._carrier.send(
+            attempt = self._session.send(
                 self.goal_id, request.goal, request.timeouts, self._deadline, self
             )
         except Exception as error:  # noqa: BLE001  rclpy raises what its converters raise
@@ -291,14 +291,14 @@ class Call:
         self._do(self.machine.planned(ending, plan))
 
     def _pause_for(self, effect: mx.Pause) -> None:
-        self._wait = self._carrier.call_at(time.monotonic() + effect.seconds, self._resume)
+        self._wait = self._session.call_at(time.monotonic() + effect.seconds, self._resume)
 
     def _resume(self) -> None:
         self._wait = None
         self._do(self.machine.resume(time.monotonic()))
         for earlier in list(self.machine.earlier):
             # A server that is there is asked about a goal that was lost with another (C4.3).
-            if earlier.goal.stage is Stage.LOST and self._carrier.server_is_ready():
+            if earlier.goal.stage is Stage.LOST and self._session.server_is_ready():
                 earlier.on_server_ready()
 
     def _stop_retrying(self, _: mx.StopRetrying) -> None:
@@ -307,15 +307,15 @@ class Call:
 
     def _await_earlier(self, _: mx.AwaitEarlier) -> None:
         since = self._given_up_at or time.monotonic()
-        self._grace = self._carrier.call_at(since + self.cancel_grace, self.end_grace)
+        self._grace = self._session.call_at(since + self.cancel_grace, self.end_grace)
 
     def _stop_awaiting(self, _: mx.StopAwaiting) -> None:
         assert self._grace is not None
-        self._carrier.cancel_timer(self._grace)
+        self._session.cancel_timer(self._grace)
         self._grace = None
 
     def _finish(self, effect: mx.Finish) -> None:
-        self._record.await_callbacks(effect.ending, self._carrier, self._settle)
+        self._record.await_callbacks(effect.ending, self._session, self._settle)
 
     _CARRY_OUT: ClassVar[dict[type[mx.Effect], Any]] = {
         fx.Record: _note,
@@ -344,4 +344,4 @@ class Call:
         outcome = self._record.outcome(ending, self.goal_id, self.machine.attempts)
         self._record.tell_outcome(outcome)
         # Counted out first: who sees the end sees that (C1.11).
-        self.future._settle(outcome, ending.end, partial(self._carrier.finished, self))
+        self.future._settle(outcome, ending.end, partial(self._session.finished, self))

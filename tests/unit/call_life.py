@@ -154,7 +154,7 @@ class Link:
 
 
 class CallLife:
-    """One call, its carrier, its clock, and the servers' side of its goals."""
+    """One call, its session, its clock, and the servers' side of its goals."""
 
     action_name = "/fibonacci"
     type_name = "test_msgs/action/Fibonacci"
@@ -235,7 +235,7 @@ class CallLife:
             raise ValueError("from wait")
         return 0.2
 
-    # --- the carrier, and the thread's clock -----------------------------------------------
+    # --- the session, and the thread's clock -----------------------------------------------
 
     def send(
         self,
