@@ -1,1 +1,1 @@
-"""One call and its attempts, from the user's arguments to the settled future."""
+"""Calls and their attempts, from the user's arguments to the finished future."""

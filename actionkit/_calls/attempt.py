@@ -1,4 +1,4 @@
-"""One goal that was sent: carries out what its state machine asks for, and feeds it what comes.
+"""Drives one goal that was sent: passes events to its state machine and carries out its effects.
 
 All of it happens on the communication thread.
 """
@@ -22,13 +22,13 @@ from actionkit._threads.diagnostics import log_later
 
 
 class LivenessCheck(Protocol):
-    """What asks the servers from time to time whether they are there."""
+    """Checks from time to time whether the servers respond."""
 
     def start(self, limit: float) -> None: ...
 
 
 class AttemptLink(Protocol):
-    """What an attempt asks of the link to the servers; `_ros.link.Link` is the real one."""
+    """What an attempt needs of the link to the servers; `_ros.link.Link` implements it."""
 
     @property
     def runtime(self) -> Clock: ...
@@ -48,7 +48,7 @@ class AttemptLink(Protocol):
 
 
 class AttemptOwner(Protocol):
-    """The call that an attempt belongs to, and reports to."""
+    """The call that an attempt belongs to and reports to."""
 
     @property
     def unwanted(self) -> bool: ...
@@ -74,21 +74,16 @@ class Attempt:
         *,
         on_out_of_sight: Callable[[Attempt], None],
     ) -> None:
-        """Make an attempt. Its goal is sent next.
+        """Make an attempt; the caller sends its goal next.
 
-        Args:
-            link: The link to the servers.
-            goal_id: Our own id for it, so that the goal can be cancelled before it was ever
-                acknowledged (R5).
-            timeouts: The caps on the phases.
-            deadline: Monotonic time at which the call's time is up, or `None`.
-            owner: It is told what happens.
-            on_out_of_sight: Called when nothing is left to watch for (`goal.stage` is OVER), or
-                can be for now, because the server is gone (LOST).
+        We choose `goal_id` ourselves, so the goal can be cancelled before the server has
+        acknowledged it (R5). `deadline` is the monotonic time of the end of the call, or `None`.
+        `on_out_of_sight` is called when nothing is left to watch (`goal.stage` is OVER), or when
+        nothing can be watched for now because the server is gone (LOST).
         """
         self.goal_id = goal_id
         self.number = 1
-        """Which of its call's attempts it is; the owner counts."""
+        """Its number among the call's attempts; the owner sets it."""
         self.goal = Goal(goal_id, timeouts, deadline)
         self._link = link
         self._liveness = timeouts.liveness
@@ -101,31 +96,31 @@ class Attempt:
         self._servers = 1
         self._in_outbox = True
         self._has_result = False
-        self._cancels = 0  # requests sent, less those for which a server did not know the goal
+        self._cancels = 0  # requests sent, minus those for which a server did not know the goal
 
     @property
     def unwanted(self) -> bool:
-        """Whether the caller has cancelled: then the goal must not be sent any more."""
+        """Whether the caller has cancelled: then the goal must not be sent."""
         return self._owner.unwanted
 
     @property
     def cancel_is_ours(self) -> bool:
-        """Whether a cancel of ours may be why the goal was cancelled (C4.4)."""
+        """Whether one of our cancel requests may have cancelled the goal (C4.4)."""
         return self._cancels > 0
 
     @property
     def is_out_of_sight(self) -> bool:
-        """Whether no server is in sight that the goal was sent to."""
+        """Whether no server that the goal was sent to is in sight."""
         return self.goal.facts.lost and not self._link.sees_server_of(self)
 
     # --- the caller's wishes ---------------------------------------------------------------
 
     def send(self, message: Any) -> None:
-        """Send the goal. Raises what rclpy raises; then nothing was sent."""
+        """Send the goal. If rclpy raises an error, nothing was sent."""
         self._servers = self._link.send_goal(self, message)
 
     def start(self) -> None:
-        """Follow the goal, which was sent."""
+        """Follow the goal after it was sent."""
         if self._liveness is not None:
             self._link.liveness.start(self._liveness)
         self._apply(self.goal.sent(self._now(), self._servers))
@@ -135,11 +130,11 @@ class Attempt:
         self._apply(self.goal.cancel(self._now()))
 
     def close(self, *, abandon: bool) -> None:
-        """Cancel the goal, or with `abandon` leave it to run, because the client closes."""
+        """Cancel the goal because the client closes; with `abandon`, let it run instead."""
         self._apply(self.goal.close(self._now(), abandon=abandon))
 
     def end_grace(self) -> None:
-        """End the wait for a cancellation to be confirmed."""
+        """End the wait for the confirmation of a cancellation."""
         self._apply(self.goal.timer(fx.Timer.CANCEL, self._now()))
 
     def fail(self, reason: str, error: BaseException) -> None:
@@ -147,7 +142,7 @@ class Attempt:
         self._apply(self.goal.fail(reason, error, self._now()))
 
     def forget(self) -> None:
-        """Look after the goal no more, though it may run."""
+        """Stop tracking the goal; it may still be running."""
         self._apply(self.goal.forget())
 
     def drop(self) -> None:
@@ -160,7 +155,7 @@ class Attempt:
 
     def on_server_ready(self) -> None:
         facts = self.goal.facts
-        # Of several, each that was out of sight may be the one that runs it.
+        # If there are several servers, any that was out of sight may be the one that runs it.
         back = self._link.sees_server_of(self) and not (facts.servers > 1 and facts.away)
         self._apply((self.goal.server_back if back else self.goal.server_ready)(self._now()))
 
@@ -176,7 +171,7 @@ class Attempt:
         self._look_whether_lost(seen)
 
     def on_feedback(self, messages: list[bytes]) -> None:
-        # First the states that it proves, so that acceptance is visible before feedback (C1.8).
+        # First record the states that feedback proves, so acceptance is visible before it (C1.8).
         self._apply(self.goal.feedback(self._now()))
         self._owner.on_feedback(self, messages)
 
@@ -194,7 +189,7 @@ class Attempt:
         ends: int = 1,
     ) -> None:
         if state is None and outdated:
-            return  # that the goal was not known then says nothing of now; it was asked again
+            return  # "goal unknown" answers an old request; the result was requested again
         self._has_result = state is not None
         ours, own = self.cancel_is_ours, self._link.sees_server_of(self)
         now, seen = self._now(), self.goal.stage is not Stage.LOST
@@ -217,7 +212,7 @@ class Attempt:
 
     def on_cancel_answer(self, answer: CancelAnswer, asked_at: float) -> None:
         if answer is CancelAnswer.UNKNOWN_GOAL:
-            self._cancels = max(0, self._cancels - 1)  # some answer an earlier attempt's
+            self._cancels = max(0, self._cancels - 1)  # some answer requests for earlier attempts
         self._apply(self.goal.cancel_answered(answer, self._now(), asked_at=asked_at))
 
     def on_server_lost(self, reason: str) -> None:
@@ -229,13 +224,13 @@ class Attempt:
     def _look_whether_lost(self, was_seen: bool) -> None:
         if was_seen and self.goal.stage is Stage.LOST:
             self._link.stop_cancel(self)
-            self._owner.on_over(self)  # it may make room for the next, by the policy
+            self._owner.on_over(self)  # the policy may allow another goal now
             self._on_out_of_sight(self)
 
     # --- carrying out ----------------------------------------------------------------------
 
     def _apply(self, effects: list[fx.Effect]) -> None:
-        """Carry out effects in order, those after others that they themselves cause."""
+        """Carry out effects in order; new effects that they cause come after them."""
         self._effects.extend(effects)
         if self._applying:
             return
@@ -249,7 +244,7 @@ class Attempt:
             self._timers.settle(self._fire)
         waiting = self.goal.stage is Stage.SENT and not self.goal.settled
         if self._in_outbox and not waiting:
-            # An answer came, or the time to wait for it is up: the next may be sent.
+            # An answer came, or the time to wait for it is over: the next goal may be sent.
             self._in_outbox = False
             self._link.leave_outbox(self)
 

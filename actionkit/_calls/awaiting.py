@@ -1,4 +1,4 @@
-"""The coroutines that await a goal: of asyncio, trio and rclpy, one or several (C1.4, C1.13)."""
+"""Lets one or several coroutines of asyncio, trio and rclpy await a goal (C1.4, C1.13)."""
 
 from __future__ import annotations
 
@@ -13,44 +13,35 @@ from actionkit._threads.function_runner import Clock
 from actionkit._threads.waiting import Flag
 
 _LOOK_PERIOD = 1.0
-"""Seconds between two checks whether an executor of rclpy that awaits a goal was shut down; it
-tells nobody. If nobody can be told the goal's end any more, the goal is cancelled this much later.
-"""
+"""Seconds between two checks whether an executor of rclpy that runs a waiting coroutine was shut
+down; the executor does not tell anybody. If no other coroutine waits, the goal is cancelled then,
+up to this much later."""
 
 Wait = Callable[[], Coroutine[Any, Any, Any]]
 """Makes a coroutine that waits for the goal and returns its result."""
 
 
 class Awaiters:
-    """The coroutines that await one goal. The last one that is cancelled cancels the goal."""
+    """The coroutines that await one goal. If all are cancelled, the last one cancels the goal."""
 
     def __init__(self, over: Flag, clock: Clock) -> None:
-        """Make one without any.
-
-        Args:
-            over: Set when the call is over.
-            clock: The communication thread.
-        """
+        """Begin without any. `over` is set when the call is over."""
         self._over = over
         self._clock = clock
         self._waiting: set[object] = set()
-        """One object for each coroutine that waits."""
+        """One object for each waiting coroutine."""
         self._tasks: dict[object, Coroutine[Any, Any, Any]] = {}
-        """The waits of asyncio tasks that have the future itself as their coroutine, each at a step
-        of its own."""
+        """The waits of asyncio tasks that use the future itself as their coroutine. Each task is at
+        a step of its own."""
 
     async def wait(self, cancel: Callable[[], object], grace: float) -> type[BaseException]:
-        """Wait until the call is over.
+        """Wait until the call is over; return the error to raise if somebody else cancelled it.
 
-        Args:
-            cancel: Cancels the goal. It is called where nobody waits for it any more, or can.
-            grace: Seconds that a task which is cancelled waits for that to be confirmed.
-
-        Returns:
-            What is to be raised where the goal was cancelled by others.
+        `cancel` cancels the goal. It is called if no coroutine waits any more, or can wait. A
+        cancelled task waits `grace` seconds for the confirmation.
 
         Raises:
-            RuntimeError: Nothing runs this coroutine that could wait.
+            RuntimeError: The coroutine runs under nothing that can wait for a goal.
         """
         waiting = object()
         self._waiting.add(waiting)
@@ -74,7 +65,7 @@ class Awaiters:
         cancel: Callable[[], object],
         grace: float,
     ) -> None:
-        """Cancel the goal where nobody else waits for it, and wait for that where one can wait."""
+        """Cancel the goal if no other coroutine waits; wait for the confirmation if possible."""
         if driver is None or not isinstance(error, driver.cancellation):
             self._stop(waiting, cancel)
             return
@@ -95,7 +86,7 @@ class Awaiters:
     def _look(
         self, has_ended: Callable[[], bool], waiting: object, cancel: Callable[[], object]
     ) -> None:
-        """Check once in a while whether an executor is still there. On the communication thread."""
+        """Check regularly whether an executor still runs. On the communication thread."""
         if self._over.is_set() or waiting not in self._waiting:
             return
         if has_ended():
@@ -104,15 +95,10 @@ class Awaiters:
             look = partial(self._look, has_ended, waiting, cancel)
             self._clock.call_at(time.monotonic() + _LOOK_PERIOD, look)
 
-    # --- tasks that have the future itself as their coroutine ------------------------------
+    # --- tasks that use the future itself as their coroutine -------------------------------
 
     def send(self, wait: Wait, value: Any) -> Any:
-        """Go on with the running task, or begin it.
-
-        Args:
-            wait: Called where the task begins.
-            value: What the event loop sends.
-        """
+        """Begin the wait of the running task with `wait`, or resume it with the loop's `value`."""
         task = running_task()
         begun = self._tasks.get(task)
         if begun is None:
@@ -120,11 +106,11 @@ class Awaiters:
         return self._step(task, partial(begun.send, value))
 
     def throw(self, wait: Wait, error: BaseException) -> Any:
-        """Raise an error in the running task; if its wait has not begun yet, it begins now."""
+        """Raise an error in the running task; if its wait has not begun, begin it now."""
         task = running_task()
         begun = self._tasks.get(task)
         if begun is None:
-            # Cancelled before its first step; the goal is to be cancelled all the same.
+            # The task was cancelled before its first step; that must cancel the goal, too.
             begun = self._tasks[task] = wait()
             try:
                 self._step(task, partial(begun.send, None))
@@ -133,7 +119,7 @@ class Awaiters:
         return self._step(task, partial(begun.throw, error))
 
     def close(self, cancel: Callable[[], object]) -> None:
-        """Cancel the goal if nobody waits for it: asyncio refuses to make a task of the future."""
+        """Cancel the goal if nobody waits: asyncio did not accept the future as a coroutine."""
         if not self._waiting:
             cancel()
 

@@ -1,4 +1,4 @@
-"""Where a thread must not block, in callbacks of ActionKit's, or had better not, on event loops."""
+"""Refuses to block in ActionKit's own callbacks, and warns before blocking an event loop."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from actionkit._threads.event_loop import running_loop
 from actionkit._threads.pool import in_callback
 
 _warned: list[str] = []
-"""What was warned of in this process: more than one would only repeat it."""
+"""The warning that this process has given, if any: one is enough."""
 
 
 def refuse_in_callback() -> None:
-    """Raise where waiting for a call would wait for itself.
+    """Raise if the caller would wait for itself.
 
     Raises:
-        RuntimeError: The caller is inside a callback of ActionKit's.
+        RuntimeError: The caller is inside one of ActionKit's callbacks.
     """
     if in_callback.get():
         raise RuntimeError(
@@ -25,13 +25,9 @@ def refuse_in_callback() -> None:
 
 
 def warn_on_event_loop(blocking: str, instead: str) -> None:
-    """Warn, once in a process and naming the user's line, where an event loop is held up.
+    """Warn once in a process that a call blocks an event loop, at the user's line.
 
-    Called by what the user calls.
-
-    Args:
-        blocking: What that is.
-        instead: What does not block.
+    Call this directly from the public method that blocks. `instead` is code that does not block.
     """
     if running_loop() is not None and not _warned:
         _warned.append(blocking)

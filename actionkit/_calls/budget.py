@@ -1,4 +1,4 @@
-"""A limit on retries, shared by the calls of a client or of several (C4.5)."""
+"""Limits retries, with one limit for the calls of one client or of several (C4.5)."""
 
 from __future__ import annotations
 
@@ -78,11 +78,11 @@ class RetryBudget:
 
 
 def check_budget(value: object) -> None:
-    """Raise where `retry_budget=` is none.
+    """Raise if `retry_budget=` is not a budget.
 
     Raises:
-        TypeError: It is not a `RetryBudget`, or of a class derived from it: its methods would run
-            on the communication thread, where nothing of the user's may (R8).
+        TypeError: It is not a `RetryBudget`, or it is of a derived class: methods of the user's
+            would run on the communication thread, where none may (R8).
     """
     if type(value) is RetryBudget:
         return

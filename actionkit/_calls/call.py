@@ -1,7 +1,7 @@
-"""One call: drives its machine, its attempts, and the future that its user holds.
+"""Drives one call: its machine, its attempts, and the future that its user holds.
 
-What is decided is in `machine`. All of it but `request_cancel` happens on the
-communication thread.
+`machine` makes the decisions. Everything except `request_cancel` happens on the communication
+thread.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from actionkit._threads.function_runner import Clock
 
 
 class CallLink(Protocol):
-    """What a call asks of the link to the servers until its goal is sent."""
+    """What a call needs of the link to the servers until its goal is sent."""
 
     def await_server(self, waiter: Call) -> None: ...
     def await_next_ready(self, waiter: Call) -> None: ...
@@ -59,12 +59,12 @@ class CallSession(ActionView, Clock, Protocol):
 
 
 class Call:
-    """Carries a request through to the settling of its future."""
+    """Carries out a request until its future is done."""
 
     def __init__(
         self, session: CallSession, request: Request, dispatcher: ObserverDispatcher = NO_OBSERVERS
     ) -> None:
-        """Make a call of a request; its time runs from now."""
+        """Make a call; its time begins now."""
         self._record = record = CallRecord(session, request, dispatcher, goal_id := uuid.uuid4())
         self.timeline, tape, began = record.timeline, record.tape, record.began
         self._deadline = None if request.timeout is None else began + request.timeout
@@ -79,21 +79,21 @@ class Call:
         self._retrying = RetryRunner(session, threads, request.retry, request.budget, began)
         self._judging = ClassifyRunner(session, threads, request.classify)
         self.future: GoalFuture[Any, Any] = GoalFuture(self, tape, request.pool, session)
-        self._wait: TimerHandle | None = None  # the pause, or for a server or the goal's turn
+        self._wait: TimerHandle | None = None  # ends the pause, or the wait for a server or a turn
         self._given_up_at: float | None = None
-        self._grace: TimerHandle | None = None  # until which the earlier goals may be confirmed
+        self._grace: TimerHandle | None = None  # ends the wait for confirmations of earlier goals
         self._settled = False
         self.urgent = False
         """Whether a human waits for the cancellation (C2.5)."""
 
     @property
     def goal_id(self) -> uuid.UUID:
-        """The id of the goal being tried, or of the one that is told of."""
+        """The id of the current goal, or of the goal that the outcome describes."""
         return self.machine.goal_id
 
     @property
     def unwanted(self) -> bool:
-        """Whether the caller cancelled, even if this thread has not come to it yet (C1.5)."""
+        """Whether the caller cancelled, even if `cancel` has not run on this thread yet (C1.5)."""
         return self.machine.unwanted
 
     @unwanted.setter
@@ -103,23 +103,19 @@ class Call:
     # --- the caller's wishes ---------------------------------------------------------------
 
     def request_cancel(self, *, urgent: bool = False) -> None:
-        """Cancel soon. From any thread.
-
-        Args:
-            urgent: Whether a human waits for it: such goals are cancelled first.
-        """
+        """Cancel soon; if `urgent`, before other goals, as a human waits. From any thread."""
         self.unwanted = True
         self.urgent |= urgent
         self._session.call_soon(self.cancel)
 
     def start(self) -> None:
-        """Begin the first attempt. The session calls it."""
+        """Begin the first attempt. Called by the session."""
         if self.unwanted:
             self.cancel()
         self._do(self.machine.begin(self._request.invalid, time.monotonic()))
 
     def cancel(self) -> None:
-        """Cancel the goal, or end the call where none is under way."""
+        """Cancel the goal, or end the call if it has none in flight."""
         self._given_up_at = self._given_up_at or time.monotonic()
         if (attempt := self.machine.attempt) is not None:
             attempt.cancel()
@@ -127,7 +123,7 @@ class Call:
             self._do(self.machine.stop(fx.End.CANCELLED_BY_CALLER, "the call was cancelled"))
 
     def close(self, *, abandon: bool, because: str = CLIENT_CLOSED) -> None:
-        """End because the client closes, or something else that calls depend on."""
+        """End because the client closes, or because something else that calls need has ended."""
         self.machine.closing = because
         self._given_up_at = self._given_up_at or time.monotonic()
         if (attempt := self.machine.attempt) is not None:
@@ -136,44 +132,44 @@ class Call:
             self._do(self.machine.stop(fx.End.CLOSED, "the client was closed"))
 
     def end_grace(self) -> None:
-        """End a call that was closed: there is no more time for confirmations."""
+        """End a closed call: no time is left for confirmations."""
         if (attempt := self.machine.attempt) is not None:
             attempt.end_grace()
         else:
             self._do(self.machine.end_grace("the client was closed"))
 
     def fail(self, reason: str, error: BaseException) -> None:
-        """End because this side broke."""
-        self.machine.closing = reason  # nothing fires any more that could try again
+        """End because our own side failed."""
+        self.machine.closing = reason  # no timer fires now, so nothing can be tried again
         if (attempt := self.machine.attempt) is not None:
             attempt.fail(reason, error)
         else:
             self._do(self.machine.broke(error))
         if self.machine.phase is Phase.ENDED:
-            self._settle()  # the timer that ends the wait for callbacks fires no more
+            self._settle()  # no timer fires now, so the wait for callbacks would not end
 
-    # --- what the link tells until a goal is sent ------------------------------------------
+    # --- news from the link until a goal is sent -------------------------------------------
 
     def on_server_ready(self) -> None:
         """A server is ready."""
         self._do(self.machine.server_ready())
 
     def on_type_mismatch(self, served: tuple[str, ...]) -> None:
-        """Only servers of other types are there."""
+        """The name is served with other types only."""
         self._do(self.machine.type_mismatch(served))
 
     def on_turn(self) -> None:
-        """It is the turn of its goal: it is sent now, or not before it is queued again."""
+        """Its goal may be sent; it is sent now, or after it is queued again."""
         self._do(self.machine.turn(time.monotonic()))
 
     def on_server_lost(self, reason: str) -> None:
-        """The last server went while the goal waited for its turn."""
+        """The last server left while the goal was in the queue."""
         self._do(self.machine.server_lost(time.monotonic()))
 
-    # --- what attempts tell ----------------------------------------------------------------
+    # --- news from attempts ----------------------------------------------------------------
 
     def on_record(self, attempt: Attempt, record: fx.Record) -> None:
-        """Write the timeline; also after the end, for the log of a goal given up on."""
+        """Write the timeline, also after the end, to log what happens to a goal given up on."""
         self._record.note(
             attempt.goal_id, attempt.number, record.state, record.detail, record.cancel_refused
         )
@@ -181,22 +177,22 @@ class Call:
             self.state = record.state
 
     def on_feedback(self, attempt: Attempt, messages: list[bytes]) -> None:
-        """Pass feedback on, undecoded."""
+        """Pass on feedback without decoding it."""
         if not self._settled and attempt is self.machine.attempt:
             self._record.note_feedback(attempt, messages)
 
     def on_end(self, attempt: Attempt, ending: fx.Ending) -> None:
-        """Judge how the attempt ended, and end the call or try again."""
+        """Classify the end of an attempt, then end the call or try again."""
         self._do(self.machine.ended(attempt, ending))
 
     def on_over(self, attempt: Attempt) -> None:
-        """An attempt's goal is known not to run any more, or its server went out of sight."""
+        """An attempt's goal is known not to run any more, or its server is out of sight."""
         self._do(self.machine.earlier_over())
         if self.machine.phase is Phase.WAITING and self._session.server_is_ready():
             self.on_server_ready()
 
     def on_late_result(self, attempt: Attempt, state: GoalState, result: Any) -> None:
-        """An earlier goal has proved to have finished."""
+        """An earlier goal turns out to have finished."""
         self._do(self.machine.late_result(attempt, state, result))
 
     # --- carrying out ----------------------------------------------------------------------
@@ -222,14 +218,14 @@ class Call:
         self._limit_wait(effect.until, Phase.QUEUED)
 
     def _limit_wait(self, until: float | None, phase: Phase) -> None:
-        # Mostly it is over already: a server was ready, and the goal was sent.
+        # Mostly the wait is over already: a server was ready, and the goal was sent.
         if until is not None and self._wait is None and self.machine.phase is phase:
             self._wait = self._session.call_at(until, self._waited)
 
     def _waited(self) -> None:
         self._wait = None
         if self.machine.phase is Phase.WAITING:
-            # A server of another type may have come into view only now (R21).
+            # A server of another type may have become visible only now (R21).
             self._session.link.look_again()
         ready = self._session.server_is_ready()
         self._do(self.machine.waited(time.monotonic(), ready=ready))
@@ -260,7 +256,7 @@ class Call:
     def _judge(self, effect: mx.Judge) -> None:
         ending = effect.ending
         if ending.end is fx.End.SUCCEEDED and self._request.classify is None:
-            self._judged(ending, None, Verdict.SUCCESS)  # most are: no outcome is made for it
+            self._judged(ending, None, Verdict.SUCCESS)  # the usual case needs no outcome
         else:
             told = replace(ending, goals=self.goals.reports)
             outcome = self._record.outcome(told, self.goal_id, self.machine.attempts)
@@ -297,7 +293,7 @@ class Call:
         self._wait = None
         self._do(self.machine.resume(time.monotonic()))
         for earlier in list(self.machine.earlier):
-            # A server that is there is asked about a goal that was lost with another (C4.3).
+            # If a server is there, ask it about a goal that was lost with another server (C4.3).
             if earlier.goal.stage is Stage.LOST and self._session.server_is_ready():
                 earlier.on_server_ready()
 
@@ -343,5 +339,5 @@ class Call:
         self._record.end_feedback(ending, client_closes=self.machine.closing == CLIENT_CLOSED)
         outcome = self._record.outcome(ending, self.goal_id, self.machine.attempts)
         self._record.tell_outcome(outcome)
-        # Counted out first: who sees the end sees that (C1.11).
+        # Leave the session first: a caller that sees the end must find that done (C1.11).
         self.future._settle(outcome, ending.end, partial(self._session.finished, self))

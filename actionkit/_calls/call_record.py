@@ -1,4 +1,4 @@
-"""What users are shown of one call: its timeline, its feedback and its outcome.
+"""Records what users see of one call: its timeline, its feedback and its outcome.
 
 All of it happens on the communication thread, except the constructor.
 """
@@ -26,13 +26,13 @@ from actionkit._threads.clock import TimerHandle
 from actionkit._threads.function_runner import Clock
 
 _LAST_FEEDBACK_GRACE = 0.05
-"""Seconds that a result waits for the feedback that came before it to be handed over. Quick
-callbacks need less even on a busy machine, and a slow one delays no result (C1.8)."""
+"""Seconds that a result waits until callbacks have got the feedback before it. Quick callbacks need
+less even on a busy machine, and a slow callback must not delay a result (C1.8)."""
 _WITH_RESULT = {End.SUCCEEDED, End.ABORTED, End.CANCELED_BY_OTHER}
 
 
 class ActionView(Protocol):
-    """What is known of the action that a call is made to."""
+    """What is known about the action of a call."""
 
     action_name: str
     type_name: str
@@ -42,7 +42,7 @@ class ActionView(Protocol):
 
 
 class CallRecord:
-    """Writes down what happens in one call, and passes it on to its observers."""
+    """Records what happens in one call, and tells its observers."""
 
     def __init__(
         self,
@@ -53,11 +53,7 @@ class CallRecord:
     ) -> None:
         """Make the record of a call that begins now. On the caller's thread.
 
-        Args:
-            action: What the call is made to.
-            request: What its user asked for.
-            dispatcher: The client's log and observers.
-            call_id: The id of the call's first goal.
+        `call_id` is the id of the call's first goal.
         """
         self.began = time.monotonic()
         self.timeline = Recorder()
@@ -79,7 +75,7 @@ class CallRecord:
         cancel_refused: bool = False,
         feedback: Callable[[], Any] | None = None,
     ) -> None:
-        """Write an event into the timeline, and tell the observers."""
+        """Add an event to the timeline, and tell the observers."""
         event = GoalEvent(
             goal_id, attempt, state, time.monotonic(), time.time(), detail, cancel_refused
         )
@@ -87,7 +83,7 @@ class CallRecord:
         self._dispatcher.event(event, self._info, feedback)
 
     def note_feedback(self, attempt: Attempt, messages: list[bytes]) -> None:
-        """Pass feedback on, undecoded."""
+        """Pass on feedback without decoding it."""
         handful = [LazyMessage(self._action.decode_feedback, message) for message in messages]
         goal_id = attempt.goal_id
         numbers = self.timeline.count_feedback(goal_id, len(handful))
@@ -101,7 +97,7 @@ class CallRecord:
             self._request.callbacks.put(*handful)
 
     def await_callbacks(self, ending: Ending, clock: Clock, then: Callable[[], None]) -> None:
-        """Call `then` when the feedback callbacks have had what came, or are slow; maybe twice."""
+        """Call `then` when the feedback callbacks have got everything, or are slow; maybe twice."""
         callbacks = self._request.callbacks
         if ending.end not in _WITH_RESULT or callbacks is None:
             then()
@@ -110,10 +106,10 @@ class CallRecord:
         callbacks.finish(lambda: clock.call_soon(then))
 
     def end_feedback(self, ending: Ending, *, client_closes: bool) -> None:
-        """End the streams of feedback; callbacks get nothing after a result (C1.8).
+        """End the streams of feedback; callbacks get none after a result (C1.8).
 
-        If the client closes before there is a result, they get everything that came, and `close`
-        waits for that (C1.10).
+        If the client closes before there is a result, the callbacks get everything that has
+        arrived, and `close` waits for that (C1.10).
         """
         if self._grace is not None:
             clock, timer = self._grace
@@ -124,14 +120,14 @@ class CallRecord:
             left_out = callbacks.close()
             if left_out and has_result:
                 name = self._action.action_name
-                # No warning: most callbacks only show the progress, which is over.
+                # Not a warning: most callbacks only show progress, and the goal has ended.
                 log_left_out(logging.INFO, callbacks, name, left_out, "the result has come")
         if callbacks is not None:
             log_errors(callbacks, self._action.action_name)
         self.tape.end()
 
     def outcome(self, ending: Ending, goal_id: uuid.UUID, attempts: int) -> Outcome[Any]:
-        """Return what the user is told of an ending, which need not be the call's last word."""
+        """Return an ending as the user sees it; it need not be the call's final outcome."""
         context = ErrorContext(
             action_name=self._action.action_name,
             type_name=self._action.type_name,

@@ -1,4 +1,4 @@
-"""What a future sees of its call, while that runs and when it is over."""
+"""What a future needs to know about its call, while it runs and when it is over."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from actionkit._model.timeline import Recorder
 from actionkit._model.values import GoalFate, GoalReport, GoalState
 
 _KEPT = 100
-"""How many goals of a call that do not run any more are kept, for `Outcome.goals`."""
+"""How many goals that do not run any more a call keeps, for `Outcome.goals`."""
 
 
 class GoalsOfCall:
-    """The goals of a call that were sent: each that may run, and the last of the others.
+    """The goals that a call has sent: all that may run, and the latest of the others.
 
-    Written by one thread, read by any.
+    One thread writes them, any thread reads them.
     """
 
     def __init__(self, goals: Iterable[GoalFacts] = ()) -> None:
         self._goals = list(goals)
 
     def add(self, goal: GoalFacts) -> None:
-        """Take in one that was sent."""
+        """Add a goal that was sent."""
         over = [each for each in self._goals if not each.may_run]
         forgotten = [goal, *over[: -(_KEPT - 1)]]
         goals = [each for each in self._goals if not any(each is one for one in forgotten)]
@@ -37,37 +37,37 @@ class GoalsOfCall:
 
     @property
     def reports(self) -> tuple[GoalReport, ...]:
-        """What is known of each, oldest first (C2.8)."""
+        """What is known about each goal, oldest first (C2.8)."""
         return tuple(goal.report for goal in self._goals)
 
     @property
     def may_run(self) -> tuple[uuid.UUID, ...]:
-        """The ids of those that may run, oldest first (C2.8)."""
+        """The ids of the goals that may run, oldest first (C2.8)."""
         return tuple(goal.goal_id for goal in self._left)
 
     @property
     def gone(self) -> bool:
-        """Whether each that may run was lost with a server that has left the graph."""
+        """Whether each goal that may run was lost with a server that has left the graph."""
         return all(goal.fate is GoalFate.LOST and goal.gone for goal in self._left)
 
     def left(self) -> GoalsOfCall:
-        """Return those that may run."""
+        """Return the goals that may run."""
         return GoalsOfCall(self._left)
 
     def tell(self) -> None:
-        """Note that their user has been told of those that may run."""
+        """Record that the user knows about the goals that may run."""
         for goal in self._left:
             goal.told = True
 
     @property
     def known_to_run(self) -> bool | None:
-        """True if a goal is known to run, False if none runs any more; else `None`."""
+        """True if a goal is known to run, False if all are known not to run; else `None`."""
         known = {goal.known_to_run for goal in self._goals}
         return True if True in known else None if None in known else False
 
 
 class CallView(Protocol):
-    """What a future needs of its call."""
+    """What a future needs to know about its call."""
 
     goals: GoalsOfCall
     state: GoalState
@@ -76,7 +76,7 @@ class CallView(Protocol):
 
     @property
     def goal_id(self) -> uuid.UUID:
-        """The id of the goal being tried, or of the one that is told of."""
+        """The id of the current goal, or of the goal that the outcome describes."""
         ...
 
     def request_cancel(self) -> None:
@@ -85,10 +85,10 @@ class CallView(Protocol):
 
 @dataclass
 class CallIsOver:
-    """The few facts of a call that is over, so that its future need not hold the call itself.
+    """The few facts that a future keeps about its call when it is over.
 
-    The two would refer to each other, and a result would not be freed when the last reference to
-    the future goes, but only at some later garbage collection.
+    If the future kept the call, the two would refer to each other. Then the result would not be
+    freed with the last reference to the future, but at some later garbage collection.
     """
 
     goals: GoalsOfCall

@@ -1,4 +1,4 @@
-"""What counts as success: by default, and by a field of the result (C3.3)."""
+"""Decides what counts as success: by default, and by a field of the result (C3.3)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Classify = Callable[[Outcome[Any]], Verdict | None]
 
 
 def default_verdict(outcome: Outcome[Any]) -> Verdict:
-    """Return what an outcome counts as where nobody says otherwise."""
+    """Return how an outcome counts if the user has no other opinion."""
     if outcome.error is None:
         return Verdict.SUCCESS
     transient = isinstance(outcome.error, ActionKitError) and outcome.error.transient
@@ -28,13 +28,13 @@ def default_verdict(outcome: Outcome[Any]) -> Verdict:
 
 
 def label_of(classify: Classify) -> str:
-    """Return how error texts name the user's function."""
+    """Return the name of the user's function for error texts."""
     name = repr(classify) if isinstance(classify, FieldClassifier) else name_of(classify)
     return f"`classify={name}`"
 
 
 def call_classifier(classify: Classify, outcome: Outcome[Any]) -> Verdict | Fault:
-    """Return the verdict of the user's function. Never raises; runs code of the user's."""
+    """Return the verdict of the user's function, which it runs. Never raises."""
     try:
         verdict = classify(outcome)
         if verdict is None:
@@ -57,19 +57,19 @@ def call_classifier(classify: Classify, outcome: Outcome[Any]) -> Verdict | Faul
 
 
 def why_no_success(outcome: Outcome[Any]) -> str:
-    """Return why a goal that failed can never count as a success, or `""` (C3.1, C3.3)."""
+    """Return why a goal can never count as a success, or `""` (C3.1, C3.3)."""
     if outcome.error is None:
         return ""
     if outcome.status in (GoalState.REJECTED, GoalState.CANCELED):
         return f"it was {str(outcome.status).lower()}"
     if outcome.result is None:
         return "it has no result"
-    # That is also what rclpy sends where a server's callback raised.
+    # rclpy also sends an empty result if a server's callback raised.
     return "its result is empty" if outcome.result == type(outcome.result)() else ""
 
 
 def apply_verdict(ending: Ending, verdict: Verdict | Fault) -> Ending:
-    """Return the ending with the verdict applied; unchanged where the verdict changes nothing."""
+    """Return the ending after the verdict; unchanged if the verdict changes nothing."""
     succeeded = ending.end is End.SUCCEEDED
     if isinstance(verdict, Fault):
         failed = succeeded or verdict.impossible
@@ -83,12 +83,12 @@ def apply_verdict(ending: Ending, verdict: Verdict | Fault) -> Ending:
 
 
 def retry_aborted() -> Classify:
-    """Return a `classify=` function that makes aborted goals transient failures: they are retried.
+    """Return a `classify=` function that makes aborted goals transient failures, to be retried.
 
         Client(..., classify=retry_aborted())
 
-    It has no opinion of all others. How often is tried again, and after what pauses, is said by
-    the `RetryPolicy`.
+    It has no opinion about other goals. The `RetryPolicy` decides how often the call is tried
+    again, and after which pauses.
     """
     return _retry_aborted
 
@@ -98,7 +98,7 @@ def _retry_aborted(outcome: Outcome[Any]) -> Verdict | None:
 
 
 class FieldClassifier:
-    """Judges outcomes that carry a result by one of its fields. Made by `classify_by_field`."""
+    """Classifies outcomes with a result by one of its fields. Made by `classify_by_field`."""
 
     def __init__(self, path: str, values: dict[Verdict, frozenset[Any]]) -> None:
         self._path = path
@@ -109,10 +109,10 @@ class FieldClassifier:
         return f"<classify_by_field {self._path!r}>"
 
     def check(self, result_class: type) -> None:
-        """Raise where the results of an action do not have the field, or never such values.
+        """Raise if the action's results do not have the field, or if it never has such values.
 
         Raises:
-            ValueError: They do not; the error names the fields that there are.
+            ValueError: That is so; if the field does not exist, the error names those that do.
         """
         try:
             kind = field_type(result_class, self._path)
@@ -132,11 +132,11 @@ class FieldClassifier:
             )
 
     def __call__(self, outcome: Outcome[Any]) -> Verdict | None:
-        """Judge an outcome; `None` to keep its error.
+        """Return the verdict on an outcome, or `None` to keep its error.
 
         Raises:
-            ValueError: The goal succeeded, and its result does not have the element of an array
-                that the path names.
+            ValueError: The goal succeeded, but the path names an element of an array that its
+                result does not have.
         """
         failed = outcome.error is not None
         if outcome.result is None:
@@ -145,18 +145,18 @@ class FieldClassifier:
             value = get_field(outcome.result, self._path)
         except FieldError:
             if failed:
-                return None  # servers send all sorts of results with an abort
+                return None  # servers send all kinds of results with an abort
             raise
         for verdict, values in self._by_value.items():
             if value in values:
                 vain = verdict is Verdict.SUCCESS and why_no_success(outcome)
                 return None if vain else verdict
-        # `ok=` names all that is fine.
+        # `ok=` names all good values.
         return Verdict.PERMANENT if self._closed and not failed else None
 
 
 def _may_equal(value: object, kind: str) -> bool:
-    """Whether a field of a ROS type can have a value: "102" is not a number."""
+    """Whether a field of a ROS type can equal a value: a number never equals "102"."""
     if kind.startswith(("string", "wstring")):
         return isinstance(value, str)
     if kind == "boolean":
@@ -177,23 +177,23 @@ def classify_by_field(
 
         Client(..., classify=classify_by_field("error_code", transient={102}, ok={0}))
 
-    If the path names an element of an array, and the result of a goal that succeeded does not have
-    that element, this is not a success: the call ends with a `ClassifyError`. A goal that did not
-    succeed keeps its own error if its value is not in any of the sets. An `ok` value does not make
-    a goal a success if it was cancelled, or if its result is empty. Servers send an empty result
-    when their callback has raised.
+    If the path names an element of an array, and the result of a successful goal does not have
+    that element, the call ends with a `ClassifyError`. A goal that did not succeed keeps its own
+    error if its value is not in any of the sets. An `ok` value does not make a goal a success if
+    it was cancelled, or if its result is empty. Servers send an empty result after an error in
+    their callback.
 
     Args:
-        path: The field, such as `error_code`, `status.code` or `codes[0]`. A client refuses, when
-            it is made, one that its results do not have, and values that it never has.
+        path: The field, such as `error_code`, `status.code` or `codes[0]`. Making a client fails if
+            the action's results do not have this field, or if it can never have the given values.
         transient: Values that make any outcome with a result a transient failure.
         permanent: Values that make it a permanent failure.
-        ok: Values that make it a success, even of an aborted goal. Where given, a goal that
-            succeeded with a value named nowhere is a permanent failure.
+        ok: Values that make it a success, even of an aborted goal. If given, a successful goal with
+            a value in none of the sets is a permanent failure.
 
     Raises:
         TypeError: `path` is not a string, or a set is not a collection of values.
-        ValueError: `path` is empty, a value is NaN or is in two of the sets, or none is given.
+        ValueError: `path` is empty, a value is NaN or is in two sets, or no values are given.
     """
     if not isinstance(path, str):
         raise TypeError(f"classify_by_field: path={path!r} must be a string")
@@ -233,7 +233,7 @@ def _values(name: str, given: object) -> frozenset[Any]:
 
 
 def check_classify(classify: Classify | None, action_type: Any) -> None:
-    """Raise where `classify=` cannot judge the outcomes of an action.
+    """Raise if `classify=` cannot classify the outcomes of an action.
 
     Raises:
         TypeError: It is not a function, or it is a class or a coroutine function.

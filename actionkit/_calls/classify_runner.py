@@ -1,4 +1,4 @@
-"""Asks the user's `classify=` how the end of an attempt counts, in a limited time."""
+"""Asks the user's `classify=` how the end of an attempt counts, within a limited time."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from actionkit._threads.function_runner import Clock, FunctionRunner, NoAnswer
 from actionkit._threads.pool import Pool
 
 _CLASSIFIED = {End.SUCCEEDED, End.ABORTED, End.REJECTED, End.CANCELED_BY_OTHER}
-"""The endings that `classify=` is asked about: those that a server reported (C3.3)."""
+"""The endings that `classify=` decides about: those that a server reported (C3.3)."""
 
 OnVerdict = Callable[[Ending, BaseException | None, Verdict | Fault], None]
 
 
 class ClassifyRunner:
-    """Classifies the endings of one call, one at a time. All of it on the communication thread."""
+    """Classifies the endings of one call, one at a time, on the communication thread."""
 
     def __init__(self, clock: Clock, pool: Pool, classify: Classify | None) -> None:
         self._classify = classify
@@ -29,7 +29,7 @@ class ClassifyRunner:
 
     @property
     def under_way(self) -> bool:
-        """Whether the user's function is being asked."""
+        """Whether the user's function has not answered yet."""
         return self._runner.under_way
 
     def begin(
@@ -40,15 +40,11 @@ class ClassifyRunner:
         deadline: float | None,
         on_verdict: OnVerdict,
     ) -> None:
-        """Classify an ending.
+        """Classify an ending; `outcome` is the same as the user sees it.
 
-        Args:
-            ending: How the attempt ended.
-            outcome: The same, as the user sees it.
-            now: Monotonic seconds.
-            deadline: Monotonic time when the call's time is up, or `None`.
-            on_verdict: Called with the ending, its error, and the verdict or how the user's
-                function failed to give one; at once or later.
+        `deadline` is the monotonic time of the end of the call, or `None`. `on_verdict` is called
+        now or later, with the ending, its error, and the verdict, or with the user's function's
+        failure to give one.
         """
         classify = self._classify
         if classify is None or ending.end not in _CLASSIFIED:
@@ -60,8 +56,8 @@ class ClassifyRunner:
             if isinstance(verdict, NoAnswer):
                 verdict = Fault(f"{label} {verdict.why}", asked=verdict.asked)
             if isinstance(verdict, Fault) and outcome.error is not None and not verdict.impossible:
-                # The goal's own error goes to the caller, and has no room for the traceback. Not
-                # on this thread: the log's handlers are the user's.
+                # The caller gets the goal's own error, which has no place for this traceback. Do
+                # not log on this thread: the log's handlers are the user's.
                 cause = verdict.cause
                 log_later(logging.ERROR, "%s", verdict.problem, exc_info=cause or False)
             on_verdict(ending, outcome.error, verdict)
@@ -69,9 +65,9 @@ class ClassifyRunner:
         self._runner.run(partial(call_classifier, classify, outcome), now, deadline, answer)
 
     def cut_short(self, at: float, why: str) -> None:
-        """Wait no longer for the user's function than until the monotonic time `at`."""
+        """Stop waiting for the user's function at the monotonic time `at`."""
         self._runner.end_by(at, f"was cut short: {why}")
 
     def end(self, why: str) -> None:
-        """Wait no longer for the user's function."""
+        """Stop waiting for the user's function now."""
         self._runner.end(f"was cut short: {why}")

@@ -1,4 +1,4 @@
-"""Waits until clients have ended: each wait has a bound, and Ctrl-C ends it."""
+"""Ends the calls of clients and waits for that: each wait is limited, and Ctrl-C ends it."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from actionkit._calls.session import Session
 
 MARGIN = 0.5
-"""Seconds that closing may take beyond the wait for cancellations: the communication thread needs
-milliseconds to end the calls, and a busy machine some more."""
+"""Seconds that closing may take in addition to the wait for cancellations: the communication thread
+ends the calls in milliseconds, but a busy machine is slower."""
 OBSERVERS_TIMEOUT = 1.0
 """Seconds that closing, and the interpreter's exit, wait for slow observers: enough to write a few
-thousand lines to a file, and not so long that a blocked observer is noticed as a hang."""
+thousand lines to a file, but so short that a blocked observer does not look like a hang."""
 FREEING_TIMEOUT = 5.0
-"""Seconds that the freeing of entities may take; it takes milliseconds on an idle machine."""
+"""Seconds that freeing the entities may take; on an idle machine it takes milliseconds."""
 
 
 def close(session: Session) -> None:
-    """End every call by the policy `on_close`, and free what no goal needs."""
+    """End every call by the policy `on_close`, and free everything that no goal needs."""
     if session.inherited:
         return
     try:
@@ -40,16 +40,15 @@ def close(session: Session) -> None:
 
 
 def await_cancel(session: Session, future: GoalFuture[Any, Any]) -> None:
-    """Wait for a call that was just cancelled, within `Timeouts.cancel`."""
+    """Wait until a call that was just cancelled ends, for at most `Timeouts.cancel`."""
     if not session.was_interrupted:
         _await_ends([session], [future], session.cancel_grace)
 
 
 def end_calls(sessions: Sequence[Session]) -> float:
-    """End every call by the policies `on_close`, and free what no goal needs.
+    """End every call by the policies `on_close`, and free everything that no goal needs.
 
-    Returns:
-        The seconds that each confirmation of a cancellation was waited for.
+    Return the seconds that it waited for each confirmation of a cancellation.
     """
     hurry = any(session.was_interrupted for session in sessions)
     grace = max((session.cancel_grace + MARGIN for session in sessions), default=0.0)
@@ -82,7 +81,7 @@ def _await_ends(
 
 
 def await_ends(futures: list[GoalFuture[Any, Any]], grace: float) -> None:
-    """Wait for calls to end, for as long as some of them do so within each `grace` seconds."""
+    """Wait for calls to end, as long as at least one ends within each `grace` seconds."""
     latest = time.monotonic() + grace + LONGEST_GRACE
     before = len(futures) + 1
     while futures and len(futures) < before and time.monotonic() < latest:
@@ -94,7 +93,7 @@ def await_ends(futures: list[GoalFuture[Any, Any]], grace: float) -> None:
 
 
 def _release(sessions: Sequence[Session]) -> None:
-    """Release, and wait until what no goal needs is freed."""
+    """Free everything that no goal needs, and wait for that."""
     until = time.monotonic() + FREEING_TIMEOUT
     for session in sessions:
         session.release()

@@ -1,8 +1,8 @@
-"""What drives coroutines: asyncio, trio, or an executor of rclpy (C1.4, C1.13).
+"""Lets a coroutine wait under asyncio, trio, or an executor of rclpy (C1.4, C1.13).
 
-Each has a way of its own to wake a coroutine that waits for another thread. Which of them it is, is
-told by the frame that resumed the coroutine: several may be running on a thread, one inside a
-callback of the other, and only the nearest can go on with this coroutine.
+Each of these wakes a coroutine that waits for another thread in its own way. The frame that resumed
+the coroutine shows which one it is. Several may run on a thread, one inside a callback of another,
+and only the innermost can resume this coroutine.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ _COROUTINE = (
 
 
 class Driver(Protocol):
-    """What drives the running coroutine."""
+    """The library that runs the current coroutine."""
 
     cancellation: tuple[type[BaseException], ...]
-    """What it raises in a coroutine to cancel it, where that may go on to wait."""
+    """The errors that cancel a coroutine and after which it may still wait."""
     was_cancelled: type[BaseException]
     """What awaiting a goal raises when somebody else has cancelled the goal."""
     has_ended: Callable[[], bool] | None
-    """Whether it will go on with nothing any more; `None` where its coroutines are told of that."""
+    """Whether it will not resume any coroutine; `None` if it tells its coroutines when it ends."""
 
     async def wait(self, flag: Flag) -> None:
         """Return when the flag is set."""
 
     async def let_others_begin(self) -> None:
-        """Let tasks take their first step that were made by now."""
+        """Let tasks that exist now take their first step."""
 
     async def wait_cancelled(self, flag: Flag, seconds: float) -> None:
-        """Return when the flag is set, or after `seconds`, though the task was cancelled."""
+        """Return when the flag is set, or after `seconds`, even if the task was cancelled."""
 
 
 class Asyncio:
@@ -57,7 +57,7 @@ class Asyncio:
     has_ended: Callable[[], bool] | None = None
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        import asyncio  # it is there
+        import asyncio  # already imported
 
         self._asyncio = asyncio
         self._loop = loop
@@ -71,7 +71,7 @@ class Asyncio:
         timer = None if seconds is None else self._loop.call_later(seconds, complete, woken)
         flag.add_waiter(wake)
         try:
-            if not flag.is_set():  # or it may have been set before `wake` could be seen
+            if not flag.is_set():  # it may have been set before it had `wake`
                 await woken
         finally:
             flag.remove_waiter(wake)
@@ -90,7 +90,7 @@ class Asyncio:
 
 
 def _unless_by_anyio() -> contextlib.AbstractContextManager[object]:
-    """Keep out the cancel scopes of anyio, which cancel a task at each turn of the loop."""
+    """Shield from the cancel scopes of anyio, which cancel a task at each turn of the loop."""
     anyio: Any = sys.modules.get("anyio")
     return contextlib.nullcontext() if anyio is None else anyio.CancelScope(shield=True)
 
@@ -125,19 +125,19 @@ class Trio:
             flag.remove_waiter(wake)
 
     async def let_others_begin(self) -> None:
-        """Do nothing: trio takes functions, not futures, so no task is made of a future there."""
+        """Do nothing: trio takes functions, so it never makes a task of a future."""
 
     async def wait_cancelled(self, flag: Flag, seconds: float) -> None:
-        """Return when the flag is set, or after `seconds`; only Ctrl-C ends that earlier."""
+        """Return when the flag is set, or after `seconds`; Ctrl-C may end the wait earlier."""
         with self._trio.CancelScope(shield=True, deadline=self._trio.current_time() + seconds):
             await self.wait(flag)
 
 
 def find_driver() -> Driver:
-    """Return what drives the coroutine that calls this.
+    """Return the driver of the coroutine that calls this.
 
     Raises:
-        RuntimeError: Nothing that can wait for a goal.
+        RuntimeError: The coroutine runs under nothing that can wait for a goal.
     """
     frame: FrameType | None = sys._getframe(1)
     trio_runs = "trio" in sys.modules
@@ -146,7 +146,7 @@ def find_driver() -> Driver:
             return Trio()
         frame = frame.f_back
     if frame is not None and frame.f_globals.get("__name__") == "rclpy.task":
-        from actionkit._ros.coroutines import Rclpy  # rclpy is there
+        from actionkit._ros.coroutines import Rclpy  # rclpy is already imported
 
         return Rclpy(frame.f_locals["self"])
     loop = running_loop()
@@ -160,17 +160,17 @@ def find_driver() -> Driver:
 
 
 def _is_of_trio(frame: FrameType) -> bool:
-    """Whether it is of trio's own code: there a generator resumes the coroutines."""
+    """Whether the frame is in trio's own code: there a generator resumes the coroutines."""
     return str(frame.f_globals.get("__name__")).startswith("trio.")
 
 
 async def finished_in_thread(function: Callable[[], None]) -> None:
     """Call a function on a thread of its own, and wait for its end.
 
-    It goes on where the task that waits is cancelled.
+    The function continues even if the waiting task is cancelled.
 
     Raises:
-        RuntimeError: Nothing runs this coroutine that could wait; the function was called.
+        RuntimeError: The coroutine runs under nothing that can wait; the function was called.
     """
     ended = Flag()
     errors: list[BaseException] = []

@@ -1,4 +1,4 @@
-"""What is done for all clients of a process: at its exit, at a signal, and after a fork."""
+"""Handles all clients of a process: at its exit, at a signal, and after a fork."""
 
 from __future__ import annotations
 
@@ -22,37 +22,37 @@ from actionkit._threads import in_hand as _in_hand
 from actionkit._threads.waiting import Flag
 
 _LOOK = 0.02
-"""Seconds between looks whether goals still run, while a process that was told to end waits for
-that: too short to notice, and too long to keep a processor busy."""
+"""Seconds between two checks whether goals still run, while a process that was told to end waits:
+too short to notice, but long enough not to keep a processor busy."""
 _BEFORE_OTHERS = 1000
-"""Those of `multiprocessing` itself have up to 100."""
+"""An exit priority above those of `multiprocessing` itself, which are 100 or less."""
 _inherited: list[Session] = []
-"""The sessions of the parent process, kept for ever: freed here, they would break the parent's."""
+"""The sessions of the parent process, kept for ever: freeing them here would break the parent's."""
 
 
 def close_all() -> None:
-    """End everything at the interpreter's exit, within a bound and without a word (C1.10).
+    """End everything at the interpreter's exit, in limited time and silently (C1.10).
 
-    Only goals that may still be running are warned of, and callbacks that did not finish. Ctrl-C
-    ends the waits; everything is freed all the same.
+    It warns only of goals that may still be running and of callbacks that did not finish. Ctrl-C
+    ends the waits, but everything is freed even then.
     """
     sessions = list(open_sessions)
     hurry = any(session.was_interrupted for session in sessions)
     hurry = _is_interrupted(partial(_end_calls, sessions)) or hurry
     if _is_interrupted(partial(_free, sessions)):
-        _is_interrupted(partial(_free, sessions, at_once=True))  # it takes milliseconds then
+        _is_interrupted(partial(_free, sessions, at_once=True))  # that takes only milliseconds
     if not hurry:
         grace = max((session.cancel_grace for session in sessions), default=0.0)
         until = time.monotonic() + _in_hand.patience(grace)
         _is_interrupted(partial(_in_hand.finish_all, until, _in_hand.CALLBACKS))
     observers_until = time.monotonic() + OBSERVERS_TIMEOUT
     _is_interrupted(partial(delivery.flush_all, observers_until))
-    _in_hand.end_all()  # observers are handed nothing after it either
+    _in_hand.end_all()  # after this, observers get nothing either
     _is_interrupted(partial(_diagnostics.flush, time.monotonic() + OBSERVERS_TIMEOUT))
 
 
 def _is_interrupted(step: Callable[[], object]) -> bool:
-    """Take a step of the exit; return whether a human does not want to wait for it."""
+    """Run a step of the exit; return whether Ctrl-C interrupted it."""
     try:
         step()
     except KeyboardInterrupt:
@@ -66,9 +66,9 @@ def _end_calls(sessions: list[Session]) -> None:
 
 
 def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
-    """Wait until all is freed, for as long as servers go on confirming cancellations.
+    """Wait until everything is freed, as long as servers go on confirming cancellations.
 
-    If a caller has waited for a goal's cancellation before, without success, nobody waits again.
+    If a caller has already waited for a goal's cancellation without success, do not wait again.
     """
     while True:
         confirmed_at = max((session.confirmed_at for session in sessions), default=began)
@@ -79,31 +79,27 @@ def _await_freed(sessions: list[Session], began: float, grace: float) -> None:
 
 
 def _free(sessions: list[Session], *, at_once: bool = False) -> None:
-    """Free everything: the middleware's own exit handlers abort where anything is left.
+    """Free everything: the middleware's own exit handlers abort if anything is left.
 
-    Args:
-        sessions: What to free.
-        at_once: As for `runtimes.join_ending`.
+    `at_once` is the same as for `runtimes.join_ending`.
     """
     for session in sessions:
-        session.close_calls()  # again: Ctrl-C may have come before
+        session.close_calls()  # again: Ctrl-C may have interrupted the first time
     warn_of_goals_left(_give_up_waiting(sessions))
     for session in sessions:
         session.free()
     until = time.monotonic() + FREEING_TIMEOUT
     for session in sessions:
         session.await_freed(until)
-    # They also crash under a thread that still uses it.
+    # These exit handlers also crash if a thread still uses the middleware.
     runtimes.end_all(FREEING_TIMEOUT, at_once=at_once)
 
 
 def cancel_goals(hurry: Callable[[], bool]) -> None:
-    """Cancel all goals, with any `on_close`; wait for that, and warn of the others.
+    """Cancel all goals, with any `on_close`; wait for that, and warn of goals that may run.
 
-    A signal handler may call this at any moment.
-
-    Args:
-        hurry: Whether a human does not want to wait for it.
+    A signal handler may call this at any moment. `hurry` returns whether to stop waiting, because
+    a human wants that.
     """
     sessions = list(open_sessions)
     grace = max((session.cancel_grace for session in sessions), default=0.0)
@@ -121,7 +117,7 @@ def cancel_goals(hurry: Callable[[], bool]) -> None:
 
 
 def _give_up_waiting(sessions: list[Session]) -> list[tuple[str, uuid.UUID]]:
-    """Have nobody wait any more for goals that may be running; return those to be told of."""
+    """Stop all waits for goals that may be running; return those that the user must hear about."""
     left = []
     for session in sessions:
         untold = session.take_untold()
@@ -132,7 +128,7 @@ def _give_up_waiting(sessions: list[Session]) -> list[tuple[str, uuid.UUID]]:
 
 
 def forget_inherited() -> None:
-    """In a forked child: leave alone what the parent's sessions hold (R20)."""
+    """In a forked child: do not touch what the parent's sessions own (R20)."""
     _inherited.extend(open_sessions)
     open_sessions.clear()
     runtimes.forget_inherited()
@@ -141,7 +137,7 @@ def forget_inherited() -> None:
 
 
 def arm() -> None:
-    """Register them for this process. Harmless if repeated."""
+    """Register these functions for this process. It may be called several times."""
     _arm_once()
     process = sys.modules.get("multiprocessing.process")
     if process is not None and process.parent_process() is not None:
@@ -157,7 +153,7 @@ def _arm_once() -> None:
 
 @cache
 def _arm_child(_: int) -> None:
-    """Do so for a child of `multiprocessing`, which ends without the functions of `atexit`."""
+    """Register in a child of `multiprocessing`, which ends without the functions of `atexit`."""
     from multiprocessing import util
 
     util.Finalize(None, close_all, exitpriority=_BEFORE_OTHERS)

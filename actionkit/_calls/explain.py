@@ -1,7 +1,7 @@
 """Turns the ending of a call into the error that tells its user what happened (C3.2).
 
-Each text is one sentence of what happened, to which action, after how long, and one of what
-to do about it.
+Each text has one sentence about what happened, to which action and after how long, and one about
+what to do.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from actionkit._model.values import CancelReport, GoalFate, GoalState, Timeline,
 from actionkit._threads.function_runner import LONGEST_ANSWER
 
 CLIENT_CLOSED = "its client was closed"
-"""Why most calls end that did not end by themselves; others end when ROS was shut down."""
+"""Why a call ends that did not end by itself. It is another reason if ROS was shut down."""
 _BY_CLASSIFY = (End.REJECTED_BY_CLASSIFIER, End.CLASSIFIER_FAILED)
 _NAMED = 10
 """How many goals an error names; `Outcome.goals` has all."""
@@ -33,7 +33,7 @@ _WHY_IT_MAY_RUN = {
 }
 _ELSEWHERE = "one server has stopped it, and another on the same name has not confirmed that it has"
 _DISCOVERY = 3.0
-"""Seconds that a server which runs may take to be seen, on machines with other work."""
+"""Seconds until a running server is visible, on a machine that is busy with other work."""
 _MORE_TIME = (
     f" A server that runs can take {_DISCOVERY:g} s to be seen: if yours does, allow more time"
     " with timeout= and Timeouts(server=...)."
@@ -42,7 +42,7 @@ _MORE_TIME = (
 
 @dataclass(frozen=True)
 class ErrorContext:
-    """What an error needs to know of its call."""
+    """What an error needs to know about its call."""
 
     action_name: str
     type_name: str
@@ -83,7 +83,7 @@ def explain(ending: Ending, call: ErrorContext) -> BaseException | None:
 
 
 def _exhausted(ending: Ending, call: ErrorContext) -> BaseException:
-    """Return the error for retries that ended where the last failure does not say why."""
+    """Return the error for retries that ended if the last failure does not tell why they ended."""
     last = explain(replace(ending, strategy_fault=None, not_retried=""), call)
     fault = ending.strategy_fault
     reason = ending.not_retried if fault is None else fault.problem
@@ -95,8 +95,8 @@ def _exhausted(ending: Ending, call: ErrorContext) -> BaseException:
 
 
 def _left_running(text: str, ending: Ending, call: ErrorContext) -> str:
-    """Name the goals of the call that may run and that a text does not speak of (C2.8)."""
-    told = " STILL " in text and call.goal_id  # it says so of the goal that it is about
+    """Name the goals of the call that may run and that a text does not mention (C2.8)."""
+    told = " STILL " in text and call.goal_id  # the text says that about its own goal
     left: dict[str, list[str]] = {}
     for goal in ending.goals:
         if goal.fate.may_run and goal.goal_id != told:
@@ -143,7 +143,7 @@ def _add_facts(error: errors.ActionKitError, ending: Ending, call: ErrorContext)
 
 
 def _after(call: ErrorContext) -> str:
-    """How long after the call the goal's last news came: the call may have waited after that."""
+    """Return after how many seconds the goal's last news came; the call may have ended later."""
     news = [
         event.monotonic
         for event in call.timeline
@@ -183,7 +183,7 @@ def _cancel_sentence(ending: Ending, call: ErrorContext) -> str:
 
 
 def _is_lost(ending: Ending, call: ErrorContext) -> bool:
-    """Whether the server of the goal that this is about is out of sight: it was not waited for."""
+    """Whether the server of this goal is out of sight: then nobody has waited for it."""
     fates = (goal.fate for goal in ending.goals if goal.goal_id == call.goal_id)
     return GoalFate.LOST in fates
 
@@ -273,11 +273,11 @@ def _aborted(ending: Ending, call: ErrorContext) -> str:
 
 
 def _told_by_result(result: Any) -> str:
-    """Quote the two fields in which servers by habit say why."""
+    """Quote the two fields in which servers often say why."""
     said = []
     for name in ("error_code", "error_msg"):
         value = getattr(result, name, None)
-        if value not in (None, "", 0):  # 0 is the default, and mostly means no error
+        if value not in (None, "", 0):  # 0 is the default, and usually means no error
             said.append(f"{name}={value!r}")
     return f" It says {', '.join(said)}." if said else ""
 

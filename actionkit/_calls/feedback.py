@@ -1,7 +1,7 @@
-"""Hands feedback to the callback of a call, on a thread or on an event loop (C1.7, C1.8).
+"""Passes feedback to the callback of a call, on a thread or on an event loop (C1.7, C1.8).
 
-Messages come as functions that decode them, and are called where the message is used. So feedback
-that nobody looks at costs next to nothing, and slow callbacks do not hold up the communication
+Each message comes as a function that decodes it, which is called only where the message is used. So
+feedback that nobody reads costs almost nothing, and slow callbacks do not hold up the communication
 thread.
 """
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
     import asyncio
 
 KEPT = 100
-"""Feedback messages that a slow callback or reader may be behind; then the oldest are left out. It
-is some seconds of feedback: older messages say nothing of what the robot does now."""
+"""How many feedback messages wait for a slow callback or reader; if there are more, the oldest are
+left out. That is feedback of some seconds: older messages do not show what the robot does now."""
 
 
 class Callbacks(SerialQueue[Callable[[], Any]]):
-    """Hands feedback to a callback of the user's, in order. The communication thread puts it in."""
+    """Passes feedback to a user's callback, in order. The communication thread adds it."""
 
     def __init__(self, function: Callable[[Any], Any], action_name: str, pool: Pool) -> None:
         super().__init__(KEPT)
         self.label = Label("on_feedback", function, "the further feedback of its goal")
-        """What the log calls the callback."""
+        """The callback's name in the log."""
         self.errors = 0
-        """How many times it has raised."""
+        """How often it has raised an error."""
         self._function = function
         self._action_name = action_name
         self._pool = pool
@@ -45,11 +45,11 @@ class Callbacks(SerialQueue[Callable[[], Any]]):
     def put(self, *items: Callable[[], Any]) -> None:
         """Queue messages."""
         if not self._closed:
-            self._pool.look()  # the callback may have been running for long
+            self._pool.look()  # the callback may have run for long
             super().put(*items)
 
     def close(self) -> int:
-        """Hand over nothing more; return how many messages were waiting."""
+        """Pass on nothing more; return how many messages were waiting."""
         self._closed = True
         waiting = len(self._items)
         self._items.clear()
@@ -57,7 +57,7 @@ class Callbacks(SerialQueue[Callable[[], Any]]):
         return waiting
 
     def _failed(self) -> None:
-        """Count that the callback raised, and log it the first time: feedback may come at 50 Hz."""
+        """Count an error of the callback, and log the first: feedback may come at 50 Hz."""
         self.errors += 1
         if self.errors == 1:
             log_here(
@@ -77,7 +77,7 @@ class ThreadCallbacks(Callbacks):
         self._pool.run(self)
 
     def step(self) -> bool:
-        """Hand over the next message; return whether there may be another."""
+        """Pass on the next message; return whether there may be another."""
         decode = self._take()
         if decode is None:
             return False
@@ -85,7 +85,7 @@ class ThreadCallbacks(Callbacks):
             self._function(decode())
         except UndecodableError:
             pass
-        except BaseException as error:  # further feedback is handed over all the same (C1.8)
+        except BaseException as error:  # the callback still gets further feedback (C1.8)
             if is_interrupt(error):
                 raise  # it ends the wait of the exit
             self._failed()
@@ -117,7 +117,7 @@ class LoopCallbacks(Callbacks):
             self._end()
 
     def _start(self) -> None:
-        self._task = self._loop.create_task(self._drain())  # kept: tasks are held weakly
+        self._task = self._loop.create_task(self._drain())  # stored, as loops hold tasks weakly
 
     def _rest(self) -> None:
         due, self._due = self._due, None
@@ -126,13 +126,13 @@ class LoopCallbacks(Callbacks):
         super()._rest()
 
     def _end(self) -> None:
-        """Leave out what is queued, and run no task any more."""
+        """Drop what is queued, and run no task from now on."""
         self._closed = True
         self._items.clear()
         self._rest()
 
     async def _drain(self) -> None:
-        import asyncio  # it is there: its loop runs this
+        import asyncio  # already imported: its loop runs this
 
         in_callback.set(True)
         while (decode := self._next()) is not None:
@@ -146,7 +146,7 @@ class LoopCallbacks(Callbacks):
                     self._end()
                     raise
                 self._failed()
-            except Exception:  # noqa: BLE001  further feedback is handed over all the same
+            except Exception:  # noqa: BLE001  the callback still gets further feedback
                 self._failed()
 
     def _next(self) -> Callable[[], Any] | None:
@@ -169,7 +169,7 @@ class LoopCallbacks(Callbacks):
 def log_left_out(
     level: int, callbacks: Callbacks, action_name: str, messages: int, because: str
 ) -> None:
-    """Tell in the log that a callback has missed feedback."""
+    """Log that a callback has missed feedback."""
     log_later(
         level,
         "%s of action %r was not given the last %d feedback messages, because %s. Let it return"
@@ -182,32 +182,28 @@ def log_left_out(
 
 
 def log_errors(callbacks: Callbacks, action_name: str) -> None:
-    """Tell in the log how often a callback raised, where it did so more than once."""
+    """Log how often a callback raised an error, if it did so more than once."""
     if callbacks.errors > 1:
         text = "%s of action %r raised %d times"
         log_later(logging.ERROR, text, str(callbacks.label), action_name, callbacks.errors)
 
 
 def _is_being_cancelled() -> bool:
-    """Whether the running task was cancelled, and not just something that it called."""
+    """Whether the running task was cancelled, and not only something that it called."""
     task: Any = running_task()
-    # Before Python 3.11 a task cannot tell; then it is taken to be cancelled.
+    # Before Python 3.11, a task does not know; then assume that it is being cancelled.
     return not hasattr(task, "cancelling") or task.cancelling() > 0
 
 
 def callbacks_for(
     function: Callable[[Any], object] | None, action_name: str, pool: Pool
 ) -> Callbacks | None:
-    """Return what hands feedback to `function`.
+    """Return the object that passes feedback to `function`.
 
-    Args:
-        function: A plain function, which runs on a thread of ActionKit's, or a coroutine
-            function, which runs on the event loop of the caller.
-        action_name: For the log.
-        pool: Where a plain function runs.
+    A plain function runs on a thread of `pool`, a coroutine function on the caller's event loop.
 
     Raises:
-        TypeError: `function` cannot be called, or is a coroutine function while no event loop
+        TypeError: `function` cannot be called, or it is a coroutine function and no event loop
             runs in the calling thread.
     """
     if function is None:

@@ -1,4 +1,4 @@
-"""The feedback of one call for its readers: `for`, `async for`, and the latest message (C1.7)."""
+"""Gives the feedback of one call to its readers: `for`, `async for`, the latest message (C1.7)."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from actionkit._threads.waiting import Flag, taken_from
 
 
 class FeedbackBroadcast(Generic[FeedbackT]):
-    """The feedback of one call as it comes, for any number of readers.
+    """The feedback of one call as it arrives, for any number of readers.
 
-    `put` and `end` are called by one thread, which waits for none of the readers.
+    One thread calls `put` and `end`. It does not wait for any reader.
     """
 
     def __init__(self) -> None:
         self.count = 0
         self._latest: tuple[int, Callable[[], FeedbackT]] | None = None
         self._streams: list[weakref.ref[FeedbackStream[FeedbackT]]] = []
-        """Weak, because a loop that is left early tells nobody: its reader is freed then."""
+        """Weak references: a loop that is left early tells nobody, its reader is only freed."""
         self._ended = False
 
     def put(self, *decodes: Callable[[], FeedbackT]) -> None:
-        """Hand messages to all readers."""
+        """Give messages to all readers."""
         first = self.count + 1
         self.count += len(decodes)
-        # Before the streams: a stream that is added too late for the loop begins with this one.
+        # Before the loop over the streams: a stream that is added too late begins with this one.
         self._latest = (self.count, decodes[-1])
         for stream in self._readers():
             stream._put(enumerate(decodes, first))
@@ -54,12 +54,12 @@ class FeedbackBroadcast(Generic[FeedbackT]):
             return None
 
     def stream(self) -> FeedbackStream[FeedbackT]:
-        """Return a reader that begins with the newest message and goes on with those to come."""
+        """Return a reader that begins with the newest message and continues with new ones."""
         stream: FeedbackStream[FeedbackT] = FeedbackStream()
         self._streams.append(weakref.ref(stream, self._forget))
         latest = self._latest
         if latest is not None:
-            stream._put([latest])  # `put` may have added it already: readers look at its number
+            stream._put([latest])  # `put` may have added it already: readers check its number
         if self._ended:
             stream._end()
         return stream
@@ -74,30 +74,30 @@ class FeedbackBroadcast(Generic[FeedbackT]):
 
 
 class FeedbackStream(Generic[FeedbackT]):
-    """`for` and `async for` over feedback; ends when the goal ends.
+    """Iterates over feedback with `for` or `async for`, until the goal ends.
 
-    A bounded buffer for one reader. The thread that puts messages in never waits.
+    It is a limited buffer for one reader. The thread that adds messages never waits.
     """
 
     def __init__(self) -> None:
         self._buffer: deque[tuple[int, Callable[[], FeedbackT]]] = deque(maxlen=KEPT)
         self._last_taken = 0
-        """The number of the last message that was read."""
+        """The number of the last message that the reader got."""
         self._ended = False
         self._more = Flag()
-        """Set, and another one made, when there is more to look at."""
+        """Set, and replaced by a new flag, when there is more to read."""
 
     def __iter__(self) -> Iterator[FeedbackT]:
-        """Yield messages, waiting for each."""
+        """Yield messages; wait for each."""
         while True:
-            more, ended = self._more, self._ended  # before looking, or the last could be missed
+            more, ended = self._more, self._ended  # before reading, or the last could be missed
             yield from self._messages()
             if ended:
                 return
             more.wait()
 
     async def __aiter__(self) -> AsyncIterator[FeedbackT]:
-        """Yield messages, awaiting each without blocking what runs this coroutine."""
+        """Yield messages; await each without blocking the thread of this coroutine."""
         while True:
             more, ended = self._more, self._ended
             for message in self._messages():

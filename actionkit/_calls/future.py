@@ -1,4 +1,4 @@
-"""The handle on one call: a `concurrent.futures.Future` that can also be awaited."""
+"""The future of one call: a `concurrent.futures.Future` that can also be awaited."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if sys.version_info >= (3, 11):
 else:
 
     class LocalTimeout(TimeoutError, concurrent.futures.TimeoutError):
-        """A local wait ran out. The two bases are one class from Python 3.11 on."""
+        """A local wait took too long. The two bases are one class from Python 3.11 on."""
 
 
 _DONE_CALLBACKS = Label("done callbacks", None, "closing")
@@ -47,18 +47,18 @@ class GoalFuture(
     LiveGoal[FeedbackT],
     Generic[ResultT, FeedbackT],
 ):
-    """The result that a call will have.
+    """The future result of a call.
 
-    Works with `concurrent.futures.wait`, `as_completed` and `add_done_callback`, and can be
+    It works with `concurrent.futures.wait`, `as_completed` and `add_done_callback`. It can be
     awaited under asyncio, under trio, and in callbacks that an executor of rclpy runs; asyncio
-    takes it for a coroutine, too, as in `asyncio.create_task`. Made by `Client.call_async` only.
+    also accepts it as a coroutine, as in `asyncio.create_task`. Only `Client.call_async` makes one.
 
-    Dropping it leaves the goal alone. A failure that nobody has looked at then is logged.
+    Dropping it does not affect the goal. A failure that nobody has looked at is logged then.
 
     In a signal handler use only `cancel()` and what reads, such as `done()` and `state`, or raise.
     """
 
-    # Already here, for `__del__`: Ctrl-C may interrupt the constructor.
+    # Set on the class, for `__del__`: Ctrl-C may interrupt the constructor.
     _outcome: Outcome[ResultT] | None = None
     _looked_at = False
     """Whether anybody asked how the call ended, or will be told."""
@@ -84,7 +84,7 @@ class GoalFuture(
         return f"<GoalFuture {self.goal_id} {self.state}{' done' if self.done() else ''}>"
 
     def __copy__(self) -> Self:
-        return self  # the call is one: a copy would never hear of its end
+        return self  # there is only one call: a copy would never see its end
 
     def __deepcopy__(self, _: dict[int, Any]) -> Self:
         return self
@@ -95,11 +95,11 @@ class GoalFuture(
         """Wait for the goal and return the action's result.
 
         Args:
-            timeout: Seconds of this local wait, `None` for no limit. When they run out the
-                goal is left alone.
+            timeout: Seconds of this local wait, `None` for no limit. If they run out, the goal is
+                not affected.
 
         Raises:
-            TimeoutError: The local wait ran out.
+            TimeoutError: The local wait took too long.
             concurrent.futures.CancelledError: The goal was cancelled through this future.
             ActionKitError: The call failed; each subclass is one way to fail.
         """
@@ -114,10 +114,10 @@ class GoalFuture(
         """Wait for the goal and return what `result` would raise, or `None`.
 
         Args:
-            timeout: As for `result`.
+            timeout: The same as for `result`.
 
         Raises:
-            TimeoutError: The local wait ran out.
+            TimeoutError: The local wait took too long.
             concurrent.futures.CancelledError: The goal was cancelled through this future.
         """
         refuse_unknown(unknown, self.exception)
@@ -127,13 +127,13 @@ class GoalFuture(
         return error
 
     def outcome(self, timeout: float | None = None, **unknown: Never) -> Outcome[ResultT]:
-        """Wait for the goal and return all that is known of it; a failure is not raised.
+        """Wait for the goal and return all that is known about it; a failure is not raised.
 
         Args:
-            timeout: As for `result`.
+            timeout: The same as for `result`.
 
         Raises:
-            TimeoutError: The local wait ran out.
+            TimeoutError: The local wait took too long.
         """
         refuse_unknown(unknown, self.outcome)
         self._error(timeout)
@@ -149,8 +149,8 @@ class GoalFuture(
             )
         assert self._outcome is not None
         error = self._outcome.error
-        # The error names the goals that may run. But where the program ends, what gets the error is
-        # most often over itself, and nobody sees it.
+        # The error names the goals that may run. But when the program ends, the code that gets the
+        # error usually ends, too, and nobody sees it.
         if error is not None and not (isinstance(error, ClientClosedError) or is_ending()):
             self._call.goals.tell()
         return error
@@ -164,14 +164,14 @@ class GoalFuture(
         return self._cancelled and self.done()
 
     def __await__(self) -> Generator[Any, None, ResultT]:
-        """Wait without polling and without blocking what runs this coroutine.
+        """Wait without polling and without blocking the thread of this coroutine.
 
-        Cancelling the task that waits cancels the goal on the server, waits for that to be
-        confirmed, `Timeouts.cancel` seconds at most, and lets the cancellation go on. Where
-        several tasks wait for one goal, only the last of them to be cancelled cancels it.
+        Cancelling the waiting task cancels the goal on the server. The task then waits for the
+        confirmation, for at most `Timeouts.cancel` seconds, before it ends. If several tasks wait
+        for one goal, only the last task that is cancelled cancels the goal.
 
         Raises:
-            RuntimeError: Nothing runs this coroutine that could wait; the goal is cancelled.
+            RuntimeError: The coroutine runs under nothing that can wait; the goal is cancelled.
         """
         return self._wait_async().__await__()
 
@@ -185,13 +185,13 @@ class GoalFuture(
 
     def _give_up(self) -> None:
         """Cancel the goal, because nobody awaits it any more."""
-        if os.getpid() == self._pid:  # in a forked child coroutines are cleared away as well
+        if os.getpid() == self._pid:  # a forked child also closes the coroutines it inherited
             self.cancel()
 
-    # Asyncio calls these where this is a task's coroutine, as in `asyncio.create_task(future)`.
+    # Asyncio calls these if this is a task's coroutine, as in `asyncio.create_task(future)`.
 
     def send(self, value: Any) -> Any:
-        """Go on with the running task of asyncio; this is its coroutine."""
+        """Resume the running task of asyncio; this is its coroutine."""
         return self._awaiters.send(self._wait_async, value)
 
     def throw(self, typ: Any, val: Any = None, tb: Any = None) -> Any:
@@ -199,22 +199,23 @@ class GoalFuture(
         return self._awaiters.throw(self._wait_async, typ if val is None else val)
 
     def close(self) -> None:
-        """Cancel the goal if nobody awaits it: asyncio has refused to make a task of this."""
+        """Cancel the goal if nobody awaits it: asyncio did not accept this as a coroutine."""
         self._awaiters.close(self._give_up)
 
     # --- control ---------------------------------------------------------------------------
 
     def cancel(self) -> bool:
-        """Ask for the goal to be cancelled; never blocks, safe at any time.
+        """Ask for the goal to be cancelled; never blocks, may be called at any time.
 
-        A goal that was not sent yet is never sent. Otherwise the server is asked, and the
-        future ends with what happened to the goal: `CancelledError` if it was cancelled, the
-        result if it succeeded all the same. If the server refuses, the goal runs on and so does
-        the future. Without an answer it ends after `Timeouts.cancel` seconds with a
+        If the goal was not sent yet, it is never sent. Otherwise the server is asked, and the
+        future ends with what happened to the goal: with `CancelledError` if it was cancelled, with
+        the result if it succeeded first. If the server refuses, the goal runs on, and the future
+        stays pending. Without an answer, the future ends after `Timeouts.cancel` seconds with a
         `DeadlineExceededError` of the phase `"cancel"`.
 
         Returns:
-            Whether the request was made: `False` when the call is over.
+            `True` if the request was made, or if this future was cancelled before; `False` if the
+            call ended in another way.
         """
         self._check_process()
         if self.done():
@@ -227,9 +228,9 @@ class GoalFuture(
         return not self.done() and self.state is not GoalState.SENDING
 
     def add_done_callback(self, fn: Callable[[Any], object]) -> None:
-        """Call `fn` with this future when it is done, on a thread of ActionKit's.
+        """Call `fn` with this future when it is done, on one of ActionKit's threads.
 
-        At once and on this thread where it is done already. What `fn` raises is logged.
+        If it is done already, call `fn` now, on this thread. An error that `fn` raises is logged.
         """
         self._looked_at = True
         if self.done():
@@ -243,7 +244,7 @@ class GoalFuture(
     def _call_back(self, fn: Callable[[Any], object]) -> None:
         try:
             fn(self)
-        except BaseException as error:  # the other callbacks are called all the same
+        except BaseException as error:  # the other callbacks must be called, too
             if is_interrupt(error):
                 raise
             log_here(
@@ -251,7 +252,7 @@ class GoalFuture(
             )
 
     def set_result(self, result: ResultT) -> Never:
-        """Refuse: only its call can end a future.
+        """Refuse: only the call can end its future.
 
         Raises:
             RuntimeError: Always.
@@ -259,7 +260,7 @@ class GoalFuture(
         raise RuntimeError(_NOT_YOURS.format("set_result"))
 
     def set_exception(self, exception: BaseException | None) -> Never:
-        """Refuse, as `set_result`.
+        """Refuse, like `set_result`.
 
         Raises:
             RuntimeError: Always.
@@ -267,7 +268,7 @@ class GoalFuture(
         raise RuntimeError(_NOT_YOURS.format("set_exception"))
 
     def set_running_or_notify_cancel(self) -> Never:
-        """Refuse, as `set_result`.
+        """Refuse, like `set_result`.
 
         Raises:
             RuntimeError: Always.
@@ -291,14 +292,11 @@ class GoalFuture(
         end: End,
         count_out: Callable[[], object] = lambda: None,
     ) -> None:
-        """End the call. On the communication thread, once. Never blocks.
+        """End the future. On the communication thread, once. Never blocks.
 
-        Args:
-            outcome: What is told of the call.
-            end: How it ended.
-            count_out: Lets go of the call, so that closing does not wait for it any more.
+        `count_out` releases the call, so that closing does not wait for it any more.
         """
-        # Closing waits for the done callbacks from now on: before it can see that the call is over.
+        # Closing must wait for the done callbacks before it can see that the call is over.
         dues = self._pool.dues
         due = dues.begin(_DONE_CALLBACKS) if self._user_callbacks else None
         count_out()
@@ -317,22 +315,22 @@ class GoalFuture(
             self._pool.submit(partial(self._call_back, callback), label)
         if due is not None:
             dues.done(due)
-        self._pool.look()  # a callback may still be at this call's feedback
+        self._pool.look()  # a callback may still be busy with this call's feedback
 
     def _wait_until_over(self, seconds: float) -> bool:
-        """Wait so long at most; return whether the call is over."""
+        """Wait for at most so many seconds; return whether the call is over."""
         return self._over.wait(seconds)
 
-    # What follows is for `concurrent.futures.wait` and `as_completed` alone. They take locks, in
-    # the main thread too, where a signal handler may close the client meanwhile: so the
-    # communication thread never waits for these locks, and nothing else rests on them.
+    # What follows is only for `concurrent.futures.wait` and `as_completed`. They take locks, also
+    # in the main thread, where a signal handler may close the client at that moment. So the
+    # communication thread never waits for these locks, and nothing else depends on them.
 
     def _notify_base_at_once(self) -> bool:
         """End the future of the base class if that needs no waiting; return whether it did."""
         if not self._condition.acquire(blocking=False):
             return False
         try:
-            if not self._waiters:  # these have locks too
+            if not self._waiters:  # they have locks, too
                 self._notify_base()
                 return True
             return False

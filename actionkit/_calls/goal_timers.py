@@ -1,8 +1,8 @@
-"""The timers of one goal, all on one timer of the communication thread.
+"""Keeps the timers of one goal, with only one timer on the communication thread.
 
-A call that takes milliseconds arms and disarms half a dozen timers of seconds; most of them never
-fire. Here that is a few entries in a table: the thread is told only where the earliest one comes
-sooner than what it knows.
+A call of a few milliseconds arms and disarms about six timers of seconds; most of them never fire.
+Here these are entries in a table. The thread gets a new timer only if the earliest entry is sooner
+than the timer that it has.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ class Clock(Timers, Protocol):
 
 
 class GoalTimers:
-    """What is due when. The thread hears of changes at `settle`."""
+    """When each timer of a goal is due. `settle` passes changes on to the thread."""
 
     def __init__(self, clock: Clock) -> None:
-        """Arm none, on the clock of the thread."""
+        """Begin without timers."""
         self._clock = clock
         self._due: dict[Timer, float] = {}
         self._handle: TimerHandle | None = None
 
     def __len__(self) -> int:
-        """How many are armed."""
+        """The number of armed timers."""
         return len(self._due)
 
     def arm(self, timer: Timer, at: float) -> None:
-        """Have it fire at a monotonic time; one that is armed is moved."""
+        """Fire a timer at a monotonic time; if it is armed, move it."""
         self._due.pop(
             timer, None
-        )  # of two at the same time the one that was armed first fires first
+        )  # if two have the same time, the one that was armed first fires first
         self._due[timer] = at
 
     def disarm(self, timer: Timer) -> None:
-        """Do not fire it."""
+        """Do not fire a timer."""
         self._due.pop(timer, None)
 
     def keep_only(self, *timers: Timer) -> None:
@@ -49,7 +49,7 @@ class GoalTimers:
         self._due = {timer: self._due[timer] for timer in timers if timer in self._due}
 
     def pop_due(self) -> Timer | None:
-        """Disarm and return the first that is due, or `None`."""
+        """Disarm and return the first timer that is due, or `None`."""
         timer = min(self._due, key=self._due.__getitem__, default=None)
         if timer is None or self._due[timer] > self._clock.now():
             return None
@@ -57,10 +57,10 @@ class GoalTimers:
         return timer
 
     def settle(self, on_due: Callable[[], None]) -> None:
-        """Have `on_due` called when the earliest is due, or earlier: it asks `pop_due` then.
+        """Call `on_due` when the earliest timer is due, or earlier; it then calls `pop_due`.
 
-        It is held while a timer is armed, and no longer: a goal that is over leaves no circle of
-        references behind.
+        The reference to `on_due` is kept only while a timer is armed. So a goal that is over leaves
+        no circle of references.
         """
         handle = self._handle
         earliest = min(self._due.values(), default=None)

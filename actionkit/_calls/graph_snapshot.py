@@ -1,4 +1,4 @@
-"""What the ROS graph shows when a call finds no server, and how the error tells it (C3.2)."""
+"""Describes the ROS graph at the moment when a call finds no server, for its error (C3.2)."""
 
 from __future__ import annotations
 
@@ -9,23 +9,17 @@ from actionkit._model.similar_names import similar_names
 
 @dataclass(frozen=True)
 class GraphSnapshot:
-    """The served actions, and the settings that decide which of them can be seen.
+    """The served actions, and the settings that decide which of them are visible."""
 
-    Attributes:
-        actions: Every served action name with its types; `None` where the graph is gone.
-        domain_id: The ROS domain in use.
-        middleware: The middleware in use.
-        best_effort: Which of this action's services and topics a server has as best-effort ones.
-    """
+    actions: dict[str, tuple[str, ...]] | None  # every served name with its types; None: no graph
 
-    actions: dict[str, tuple[str, ...]] | None
     domain_id: int
     middleware: str
-    best_effort: tuple[str, ...] = ()
+    best_effort: tuple[str, ...] = ()  # this action's services and topics served so
 
 
 def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
-    """Return sentences on the servers that are there, and on where to look for the missing one."""
+    """Return sentences about the visible servers, and about where to look for the missing one."""
     parts = []
     actions = graph.actions or {}
     if type_name in actions.get(action_name, ()):

@@ -1,4 +1,4 @@
-"""Warns of goals that may still be running when nothing is left to make sure of it."""
+"""Warns of goals that may still be running if nothing will stop or watch them any more."""
 
 from __future__ import annotations
 
@@ -10,28 +10,25 @@ from actionkit._threads.diagnostics import log_later, write_to_stderr
 
 _log = logging.getLogger("actionkit")
 LINGER = 30.0
-"""Seconds that a closed client goes on watching for the late acceptance of a goal (C2.4). A server
-that is busy in a callback answers only after that, and few callbacks take longer."""
+"""Seconds that a closed client waits for the late acceptance of a goal (C2.4). A server that is
+busy in a callback answers only after the callback, and few callbacks take longer."""
 _NAMED = 10
-"""How many goals are named, so that the text stays readable; the log of the goals names all."""
+"""How many goals the warning names, so that it stays readable; the log of the goals has all."""
 
 _muted = False
 
 
 def mute() -> None:
-    """Warn of nothing from now on: the command line itself reports what happened to its goal."""
+    """Do not warn any more: the command line itself reports what happened to its goal."""
     global _muted  # noqa: PLW0603  a process runs one command
     _muted = True
 
 
 def warn_of_goals_left(goals: list[tuple[str, uuid.UUID]], seconds: float | None = None) -> None:
-    """Warn of goals that were given up on and are not known to have stopped.
+    """Warn of goals that the caller gave up on and that are not known to have stopped.
 
-    In the log and on standard error, because a robot may be moving that nobody watches any more.
-
-    Args:
-        goals: The action and the id of each.
-        seconds: How long they are still asked to cancel, if they are.
+    In the log and on standard error, because a robot may be moving without anybody watching. Each
+    goal is given by its action and id. `seconds` is how long we still ask to cancel them, if we do.
     """
     if not goals or _muted:
         return
@@ -47,14 +44,14 @@ def warn_of_goals_left(goals: list[tuple[str, uuid.UUID]], seconds: float | None
         f" confirmed that {named}{more} stopped.{after}"
         " Stop the robot by other means if it must not move."
     )
-    if _log.hasHandlers():  # without any, logging would write it to standard error itself
+    if _log.hasHandlers():  # without handlers, logging itself would write to standard error
         log_later(logging.WARNING, text)
     if not _logs_to_stderr():
         write_to_stderr(f"actionkit: {text}")
 
 
 def _logs_to_stderr() -> bool:
-    """Whether a handler of the user's writes warnings of the logger to standard error."""
+    """Whether a handler of the user's writes warnings of our logger to standard error."""
     if not _log.isEnabledFor(logging.WARNING):
         return False
     logger: logging.Logger | None = _log

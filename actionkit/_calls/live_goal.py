@@ -1,4 +1,4 @@
-"""What a future shows of its goal at any time, without waiting."""
+"""The part of a future that shows its goal at any time, without waiting."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from actionkit._model.values import GoalState, Timeline
 
 
 class LiveGoal(Generic[FeedbackT]):
-    """The part of a `GoalFuture` that only looks."""
+    """The read-only part of a `GoalFuture`."""
 
     _call: CallView
     _feedback: FeedbackBroadcast[FeedbackT]
@@ -29,13 +29,13 @@ class LiveGoal(Generic[FeedbackT]):
 
     @property
     def known_to_run(self) -> bool | None:
-        """Whether a goal of this call runs on a server, as far as that is known now.
+        """Whether a goal of this call runs on a server, if that is known now.
 
-        `True`: a server has the goal, and has not ended it. `False`: no goal of the call runs;
-        none was sent, or each has ended. `None`: not known, because the server has not answered,
-        or is gone, or because the client left the goal to run when it was closed. It goes on being
-        true to life after the future is done: a goal that was given up on is watched until it has
-        ended, for as long as the client is open.
+        `True`: a server has the goal and has not ended it. `False`: no goal of the call runs; none
+        was sent, or each has ended. `None`: not known, because the server has not answered, or is
+        gone, or because the client was closed and let the goal run. The value stays up to date
+        after the future is done: while the client is open, it watches a goal that was given up on
+        until the goal has ended.
         """
         return self._call.goals.known_to_run
 
@@ -50,7 +50,7 @@ class LiveGoal(Generic[FeedbackT]):
         return self._feedback.latest
 
     def feedback(self) -> FeedbackStream[FeedbackT]:
-        """Return an iterable, plain and asynchronous, over feedback from now on.
+        """Return an iterable over feedback from now on, for `for` and `async for`.
 
         It ends when the goal ends. A reader that falls far behind misses the oldest messages.
         """

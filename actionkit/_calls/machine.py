@@ -1,7 +1,7 @@
-"""What a call decides, as a pure state machine: attempts, verdicts, pauses, and the end.
+"""Decides what a call does, as a pure state machine: attempts, verdicts, pauses, and the end.
 
-No threads, no clock, no rclpy. Each method is something that happened; it returns what is to be
-done about it, in order. What one goal decides for itself is in `_goal.machine`.
+It has no threads, no clock and no rclpy. Each method is an event; it returns what to do about it,
+in order. `_goal.machine` has the decisions about one goal.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from actionkit._model.values import GoalState, Verdict
 
 
 class Phase(Enum):
-    """What a call is at."""
+    """What a call is doing."""
 
     NEW = auto()
     WAITING = auto()
-    """A server is waited for, or news that no earlier goal of the call may run."""
+    """For a server, or for news that no earlier goal of the call may run."""
     QUEUED = auto()
-    """A server is ready, and the goal waits for its turn to be sent."""
+    """A server is ready; the goal waits for its turn to be sent."""
     TRYING = auto()
     """A goal was sent."""
     JUDGING = auto()
-    """`classify=` is asked how the end of an attempt counts."""
+    """`classify=` is deciding how the end of an attempt counts."""
     PLANNING = auto()
-    """The policy is asked whether there is another attempt."""
+    """The policy is deciding whether there is another attempt."""
     PAUSING = auto()
     CONFIRMING = auto()
-    """It has ended, but a server may still confirm that its earlier goals do not run any more."""
+    """It has ended, but a server may still confirm that earlier goals do not run any more."""
     ENDED = auto()
 
 
 class AttemptView(Protocol):
-    """What a call knows of an attempt, and asks of it."""
+    """What a call needs to know about an attempt, and asks it to do."""
 
     goal_id: uuid.UUID
     goal: Goal
@@ -59,39 +59,34 @@ class AttemptView(Protocol):
 
 @dataclass(slots=True)
 class AwaitServer:
-    """Tell when a server is ready, or serves another type; take the goal out of the queue.
+    """Report when a server is ready, or serves another type; take the goal out of the queue."""
 
-    Attributes:
-        until: When the wait ends, or `None`.
-        another: Whether to tell of the next server only, and not of one that is there.
-    """
-
-    until: float | None
-    another: bool = False
+    until: float | None  # when the wait ends
+    another: bool = False  # whether to report only a new server, and not one that is there
 
 
 @dataclass(slots=True)
 class Queue:
-    """Queue the goal, and tell when it is its turn to be sent; wait for that `until` then."""
+    """Queue the goal, and report when its turn comes; wait for that until `until`."""
 
     until: float | None
 
 
 @dataclass(slots=True)
 class Send:
-    """Make an attempt of it: send the goal now."""
+    """Make an attempt: send the goal now."""
 
 
 @dataclass(slots=True)
 class Judge:
-    """Ask how the end of an attempt counts."""
+    """Find out how the end of an attempt counts."""
 
     ending: fx.Ending
 
 
 @dataclass(slots=True)
 class CutJudging:
-    """Wait for the verdict only for the time of a cancellation, or not at all."""
+    """Limit the wait for the verdict to the time for a cancellation, or end it now."""
 
     why: str
     at_once: bool
@@ -99,14 +94,14 @@ class CutJudging:
 
 @dataclass(slots=True)
 class Count:
-    """Tell the retry budget of a success, or of a failure that was transient."""
+    """Tell the retry budget about a success or a transient failure."""
 
     success: bool
 
 
 @dataclass(slots=True)
 class Plan:
-    """Ask the policy whether there is another attempt."""
+    """Let the policy decide whether there is another attempt."""
 
     ending: fx.Ending
 
@@ -120,22 +115,22 @@ class Pause:
 
 @dataclass(slots=True)
 class StopRetrying:
-    """Ask the policy no more; end the pause, or the wait for a server or for the goal's turn."""
+    """Stop asking the policy; end the pause, or the wait for a server or for the goal's turn."""
 
 
 @dataclass(slots=True)
 class AwaitEarlier:
-    """Wait for the earlier goals, for the time of a cancellation since the call was given up."""
+    """Wait for earlier goals, up to the time for a cancellation after the caller gave up."""
 
 
 @dataclass(slots=True)
 class StopAwaiting:
-    """Do not wait for the earlier goals any more."""
+    """Stop waiting for earlier goals."""
 
 
 @dataclass(slots=True)
 class Finish:
-    """Give the ending to the caller. Comes once."""
+    """Give the ending to the caller. Happens once."""
 
     ending: fx.Ending
 
@@ -159,7 +154,7 @@ _GIVEN_UP = (fx.End.CANCELLED_BY_CALLER, fx.End.CLOSED)
 
 
 class CallMachine:
-    """One call: its attempts in turn, and the goals that may still run."""
+    """One call: its attempts, one after the other, and its goals that may still run."""
 
     def __init__(
         self,
@@ -169,39 +164,36 @@ class CallMachine:
         deadline: float | None,
         new_id: Callable[[], uuid.UUID] = uuid.uuid4,
     ) -> None:
-        """Begin with nothing sent.
+        """Begin without attempts.
 
-        Args:
-            goal_id: The id of the first goal.
-            resend: `RetryPolicy.resend`.
-            server_limit: `Timeouts.server`.
-            deadline: Monotonic time at which the call's time is up, or `None`.
-            new_id: Makes the id of each other goal.
+        `resend` and `server_limit` are `RetryPolicy.resend` and `Timeouts.server`. `deadline` is
+        the monotonic time of the end of the call, or `None`. `new_id` makes the ids of the goals
+        after the first.
         """
         self.phase = Phase.NEW
         self.goals = GoalsOfCall()
-        self.goal_id = goal_id  # that of the goal which is told of
+        self.goal_id = goal_id  # of the goal that the user is told about
         self.latest_id = goal_id  # of the latest attempt
         self.attempts = 0
         self.attempt: AttemptView | None = None
-        # Earlier attempts: their goal may run, or their result may come. Not the one under way.
+        # Earlier attempts with a goal that may run, or a result that may come. Not the current one.
         self.earlier: list[AttemptView] = []
         self.ending: fx.Ending | None = None
         self.cause: BaseException = RejectedByClassifier()  # the last failure, for strategies
-        self.unwanted = False  # set by the caller's thread, before it is told by `cancel`
+        self.unwanted = False  # set by the caller's thread, before it calls `cancel`
         self.closing = ""  # why, as a clause
         self._resend = resend
         self._server_limit = server_limit
         self._deadline = deadline
         self._wait_until: float | None = None  # for a server
         self._new_id = new_id
-        self.previous: AttemptView | None = None  # the last that has ended
-        self._last: fx.Ending | None = None  # how that ended, as it was judged
+        self.previous: AttemptView | None = None  # the last attempt that has ended
+        self._last: fx.Ending | None = None  # its end, after the verdict
 
     # --- may another goal be sent? ---------------------------------------------------------
 
     def may_send(self) -> bool:
-        """Whether another goal may be sent now: the only place that decides it (C4.2)."""
+        """Whether another goal may be sent now. Nothing else decides this (C4.2)."""
         return all(self._allows_another(earlier) for earlier in self.earlier)
 
     def _allows_another(self, earlier: AttemptView) -> bool:
@@ -209,24 +201,24 @@ class CallMachine:
             return True
         if not earlier.goal.facts.is_over:
             return self._resend == "server_gone" and earlier.is_out_of_sight
-        # A goal that ended by itself is not run a second time while its result may come (C4.3).
+        # A goal that ended by itself is not sent again while its result may come (C4.3).
         ended_as = earlier.goal.awaits_result_of
         return ended_as is None or (ended_as is GoalState.CANCELED and earlier.cancel_is_ours)
 
     @property
     def is_waiting(self) -> bool:
-        """Whether a goal is to be sent, and a server or its turn is waited for."""
+        """Whether a goal is to be sent, and waits for a server or for its turn."""
         return self.phase in (Phase.WAITING, Phase.QUEUED)
 
     @property
     def confirming(self) -> bool:
-        """Whether a server in sight may yet confirm that an earlier goal runs no more."""
+        """Whether a server in sight may still confirm that an earlier goal has stopped."""
         return any(earlier.goal.may_run for earlier in self.earlier)
 
     # --- the caller's wishes ---------------------------------------------------------------
 
     def begin(self, invalid: Exception | None, now: float) -> list[Effect]:
-        """The call begins; with `invalid`, its goal is not valid."""
+        """The call begins; `invalid` is what is wrong with its goal, if anything."""
         if self.phase is not Phase.NEW:
             return []
         if invalid is not None:
@@ -234,23 +226,23 @@ class CallMachine:
         return self._try(now)
 
     def stop(self, end: fx.End, why: str) -> list[Effect]:
-        """Its caller cancels or closes it, and no goal is under way, to which that is told."""
+        """Its caller cancels or closes it while it has no goal in flight that could handle that."""
         if self.phase is Phase.JUDGING:
-            # Its goal ended, and is not tried again; the verdict is waited for like a cancel.
+            # Its goal ended, and is not tried again. Wait for the verdict as for a cancellation.
             return [CutJudging(why, at_once=False)]
         if self._last is None or self.is_waiting:
             return self._end(fx.Ending(end, GoalState.SENDING, given_up=True))
-        # Nothing is cancelled now: what is told is the fate of the last goal, and no more.
+        # Nothing is cancelled now: the outcome describes the fate of the last goal.
         return self._end(fx.Ending(end, self._last.status, news=self._last.news, given_up=True))
 
     def end_grace(self, why: str) -> list[Effect]:
-        """There is no more time for confirmations."""
+        """No time is left for confirmations."""
         if self.phase is Phase.CONFIRMING:
             return [StopAwaiting(), *self._finish()]
         return [CutJudging(why, at_once=True)] if self.phase is Phase.JUDGING else []
 
     def broke(self, error: BaseException) -> list[Effect]:
-        """This side broke, and no goal is under way, to which that is told."""
+        """Our own side failed while the call has no goal in flight that could handle that."""
         if self.phase in (Phase.CONFIRMING, Phase.JUDGING):
             return self.end_grace(self.closing)
         return self._end(fx.Ending(fx.End.LOST, GoalState.LOST, error=error))
@@ -271,7 +263,7 @@ class CallMachine:
         return [AwaitServer(self._wait_until)]
 
     def server_ready(self) -> list[Effect]:
-        """A server can be talked to, or an earlier goal is known not to run any more."""
+        """A server can be used, or an earlier goal is known not to run any more."""
         if self.phase is not Phase.WAITING:
             return []
         self.phase = Phase.QUEUED
@@ -291,7 +283,7 @@ class CallMachine:
         """It is the goal's turn to be sent."""
         if self.phase is not Phase.QUEUED:
             return []
-        if self.unwanted:  # `cancel` is about to say so on this thread
+        if self.unwanted:  # `cancel` is about to run on this thread
             return self.stop(fx.End.CANCELLED_BY_CALLER, "")
         if self._is_late(now) or not self.may_send():
             self.phase = Phase.WAITING
@@ -300,11 +292,9 @@ class CallMachine:
         return [Send()]
 
     def waited(self, now: float, *, ready: bool) -> list[Effect]:
-        """The time to wait for a server, or for the goal's turn, is up.
+        """The time to wait for a server, or for the goal's turn, is over.
 
-        Args:
-            now: Monotonic seconds.
-            ready: Whether a server is ready all the same.
+        `ready` means that a server is ready now.
         """
         if self.phase is Phase.QUEUED:
             ending = fx.Ending(fx.End.DEADLINE, GoalState.TIMED_OUT, phase="accept", given_up=True)
@@ -313,7 +303,7 @@ class CallMachine:
             return []
         waited = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
         effects: list[Effect] = [waited, StopRetrying()]
-        # If it had a server before, it goes on with the ending from that one (C2.7).
+        # If it had a server before, it continues with the ending from that server (C2.7).
         late, in_flight = self._is_late(now), bool(self.goals.may_run)
         if self.previous is not None and (in_flight or not late):
             self.goal_id = self.previous.goal_id
@@ -325,22 +315,22 @@ class CallMachine:
         return self._deadline is not None and now >= self._deadline
 
     def send_failed(self, error: Exception) -> list[Effect]:
-        """The middleware would not take the goal."""
+        """The middleware did not accept the goal."""
         return self._end(fx.Ending(fx.End.INVALID, GoalState.SENDING, error=error))
 
     def sent(self, attempt: AttemptView) -> None:
-        """The goal was handed to the middleware."""
+        """The middleware has the goal."""
         self.attempt = attempt
         self.goals.add(attempt.goal.facts)
 
     # --- what happens to goals -------------------------------------------------------------
 
     def ended(self, attempt: AttemptView, ending: fx.Ending) -> list[Effect]:
-        """The attempt under way ended; its goal may still run."""
+        """The current attempt ended; its goal may still run."""
         if attempt is not self.attempt or self.ending is not None:
             return []
         self.previous = attempt
-        # One that has ended by itself counts, too, until its result has come (C4.3).
+        # A goal that has ended by itself stays in the list until its result has come (C4.3).
         self.earlier = [
             each
             for each in (*self.earlier, attempt)
@@ -350,7 +340,7 @@ class CallMachine:
         return self._judge(ending)
 
     def late_result(self, attempt: AttemptView, state: GoalState, result: Any) -> list[Effect]:
-        """An earlier goal has proved to have finished: that is the call's end (C4.3, C4.4)."""
+        """An earlier goal turns out to have finished: that is the call's end (C4.3, C4.4)."""
         canceled = state is GoalState.CANCELED
         if attempt not in self.earlier or self.attempt is not None:
             return []
@@ -376,12 +366,12 @@ class CallMachine:
     def judged(
         self, ending: fx.Ending, error: BaseException | None, verdict: Verdict | fx.Fault
     ) -> list[Effect]:
-        """It is known how the end of an attempt counts (C3.3)."""
+        """The verdict on the end of an attempt is known (C3.3)."""
         if self.ending is not None:
-            return []  # cancelled or closed meanwhile
+            return []  # cancelled or closed in the meantime
         effects: list[Effect] = [Count(success=True)] if verdict is Verdict.SUCCESS else []
         self._last = ending = apply_verdict(ending, verdict)
-        # What somebody else cancelled is not tried again, even if `classify=` says so (C4.4).
+        # A goal that somebody else cancelled is never tried again, even with this verdict (C4.4).
         if verdict is not Verdict.TRANSIENT or ending.end is fx.End.CANCELED_BY_OTHER:
             return effects + self._end(ending)
         effects.append(Count(success=False))
@@ -391,7 +381,7 @@ class CallMachine:
         return effects + self._plan(ending)
 
     def planned(self, ending: fx.Ending, plan: Retry | GiveUp | fx.Fault) -> list[Effect]:
-        """The policy has said whether there is another attempt."""
+        """The policy has decided whether there is another attempt."""
         if isinstance(plan, fx.Fault):
             return self._end(replace(ending, strategy_fault=plan))
         if isinstance(plan, GiveUp):
@@ -426,7 +416,7 @@ class CallMachine:
         return [StopRetrying(), *self._finish()]
 
     def _finish(self) -> list[Effect]:
-        """End with what is known by now of all goals (C2.8)."""
+        """End with what is known now about all goals (C2.8)."""
         ending = self.ending
         assert ending is not None
         waited = self.phase is Phase.CONFIRMING and self.confirming
@@ -442,10 +432,10 @@ class CallMachine:
                 status=late,
                 phase="cancel",
                 lost_because=because,
-                result=None,  # only a late success is worth having
+                result=None,  # only a late success is useful
             )
             if self.goal_id not in may_run:
                 self.goal_id = may_run[-1]
         self.ending = ending
-        self.previous, self.earlier = None, []  # they hold the call while they are watched
+        self.previous, self.earlier = None, []  # they keep the call alive while they are watched
         return [Finish(ending)]

@@ -1,4 +1,4 @@
-"""What a user asks for with one call."""
+"""Holds what a user asks for with one call."""
 
 from __future__ import annotations
 
@@ -14,28 +14,15 @@ from actionkit._threads.pool import Pool
 
 @dataclass(frozen=True)
 class Request:
-    """The checked arguments of one call, with what its client was made with.
+    """The checked arguments of one call, and the settings of its client."""
 
-    Attributes:
-        goal: The validated goal message, shared with nobody; `None` where it was invalid.
-        invalid: What is wrong with the goal, where something is.
-        timeout: Seconds for the whole call, or `None`.
-        timeouts: The caps on the phases.
-        retry: When to try again.
-        budget: The brake on retries.
-        classify: What counts as success, or `None` for the default.
-        callbacks: What hands over the feedback, or `None`.
-        pool: Where done callbacks run.
-        function_pool: Where `classify` and the strategies of `retry` run.
-    """
-
-    goal: Any
-    invalid: Exception | None
-    timeout: float | None
+    goal: Any  # the validated message, used by nobody else; `None` if it was invalid
+    invalid: Exception | None  # what is wrong with the goal, if anything
+    timeout: float | None  # seconds for the whole call
     timeouts: Timeouts
     retry: RetryPolicy
     budget: RetryBudget
     classify: Classify | None
-    callbacks: Callbacks | None
-    pool: Pool
-    function_pool: Pool
+    callbacks: Callbacks | None  # pass on the feedback
+    pool: Pool  # for done callbacks
+    function_pool: Pool  # for `classify` and the strategies of `retry`

@@ -1,4 +1,4 @@
-"""Whether, when and how a call that failed is tried again: pure decisions (C4)."""
+"""Decides whether, when and how to try again after a failed call: pure decisions (C4)."""
 
 from __future__ import annotations
 
@@ -18,17 +18,14 @@ from actionkit._threads.function_runner import described, name_of
 def may_try_again(rejected: bool, news: LastNews, resend: str) -> bool:
     """Whether another goal may follow one that was sent (C4.2).
 
-    It is held back while an earlier goal of the call may run (`CallMachine.may_send`).
-
-    Args:
-        rejected: Whether every server that it was sent to has rejected it.
-        news: What is known about it now.
-        resend: `RetryPolicy.resend`.
+    Even then, it waits while an earlier goal of the call may run (`CallMachine.may_send`).
+    `rejected` means that every server with the goal has rejected it; `resend` is that of
+    `RetryPolicy`.
     """
     if rejected or resend == "always":
         return True
     if resend == "never_accepted":
-        return False  # an unanswered goal may have been accepted, an accepted one was
+        return False  # an unanswered goal may have been accepted
     return news is LastNews.STOPPED or (news is LastNews.SERVER_GONE and resend == "server_gone")
 
 
@@ -40,20 +37,15 @@ def after_no_server(
     ready: bool,
     in_flight: bool,
 ) -> Ending:
-    """Return how a call goes on after an attempt for which no server became ready (C2.7).
+    """Return how a call continues after an attempt that found no ready server (C2.7).
 
-    A call that never had a server ends without one, and is not tried again: waiting longer is not
-    another attempt. A call that had a server ends with its deadline, or goes on, by its policy,
-    from how the attempt before this one ended: that server may need longer than one wait to be
-    back.
+    A call that never had a server ends, and does not try again: waiting longer is not another
+    attempt. A call that had a server ends at its deadline. Before that, its policy decides by the
+    end of the attempt before this one: that server may need longer than one wait to come back.
 
-    Args:
-        ending: How the attempt ended.
-        last: How the one before it ended, if there was one.
-        limit: `Timeouts.server`.
-        late: Whether the call's deadline has passed.
-        ready: Whether a server is ready all the same.
-        in_flight: Whether an earlier goal of the call may be running.
+    `last` is how that attempt ended, if there was one; `limit` is `Timeouts.server`. `late` means
+    that the call's deadline has passed, `ready` that a server is ready now, and `in_flight`
+    that an earlier goal of the call may be running.
     """
     if late and (ready or last is not None):
         return replace(ending, end=End.DEADLINE, phase="server")
@@ -68,29 +60,29 @@ def after_no_server(
 
 @dataclass(frozen=True)
 class Retry:
-    """Try again after so many seconds."""
+    """Try again after a pause."""
 
     seconds: float
 
 
 @dataclass(frozen=True)
 class GiveUp:
-    """Do not try again, and why, in words for the error's text."""
+    """Do not try again; `reason` is a clause for the error's text."""
 
     reason: str
 
 
 class Schedule:
-    """The pauses of one call, by the strategies of tenacity."""
+    """The pauses of one call, by tenacity's strategies."""
 
     def __init__(self, policy: RetryPolicy, began: float) -> None:
-        """Begin with no attempt made, for a call of that monotonic time."""
+        """Begin without attempts, for a call that began at that monotonic time."""
         self._policy = policy
         self._stop: Callable[[Any], object] = tenacity.stop_after_attempt(policy.attempts)
         self._wait: Callable[[Any], Any] = tenacity.wait_exponential(
             multiplier=policy.initial, exp_base=policy.factor, max=policy.max_pause
         )
-        # Not `or`: the truth of a strategy is code of the user's, and this the wrong thread for it.
+        # Not `or`: the truth value of a strategy is the user's code, and this is the wrong thread.
         if policy.stop is not None:
             self._stop = policy.stop
         if policy.wait is not None:
@@ -101,18 +93,14 @@ class Schedule:
 
     @property
     def strategy(self) -> str:
-        """How error texts name the strategy that was called last."""
+        """The last strategy that was called, as error texts name it."""
         return f"`RetryPolicy.{self._called}={name_of(getattr(self._policy, self._called))}`"
 
     def next_pause(self, error: BaseException, attempts: int, now: float) -> float | GiveUp | Fault:
         """Return the seconds of the next pause, by the strategies. Never raises.
 
-        It runs code of the user's where the policy has strategies of theirs.
-
-        Args:
-            error: How the last attempt failed; tenacity's strategies may look at it.
-            attempts: How many attempts were made.
-            now: Monotonic seconds.
+        It runs the user's code if the policy has strategies of theirs; these may look at `error`,
+        the last failure. `attempts` is how many attempts were made.
         """
         policy, state = self._policy, self._state
         state.attempt_number = attempts
@@ -128,7 +116,7 @@ class Schedule:
                 return GiveUp(self._used_up(attempts))
             self._called = "wait"
             if policy.wait is None and policy.initial == 0:
-                return 0.0  # all pauses are; tenacity's power of the factor overflows in the end
+                return 0.0  # all pauses are 0; tenacity's power of the factor overflows in the end
             pause = self._wait(state)
             if not _is_pause(pause):
                 wrong = f"{described(pause)}, which is no number of seconds from 0 to {MOST:g}"
@@ -151,7 +139,7 @@ class Schedule:
 
 
 def _is_pause(value: Any) -> bool:
-    """Whether that is a number of seconds that can be waited for."""
+    """Whether it is a number of seconds that a call can wait."""
     if isinstance(value, bool) or not isinstance(value, Real):
         return False
     number: Any = value
@@ -159,4 +147,4 @@ def _is_pause(value: Any) -> bool:
 
 
 class RejectedByClassifier(Exception):
-    """The error that tenacity's strategies see where `classify=` made a failure of a success."""
+    """The error for tenacity's strategies if `classify=` counts a success as a failure."""

@@ -1,6 +1,6 @@
-"""Finds out whether one call tries again: its policy, its budget, and what happened to its goal.
+"""Finds out whether one call tries again: by its policy, its budget, and its goal's fate.
 
-The decisions are those of `retry`. Strategies of the user's run off the communication thread.
+`retry` makes the decisions. The user's strategies run off the communication thread.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ OnPlan = Callable[[Retry | GiveUp | Fault], None]
 
 
 class RetryRunner:
-    """Decides about the retries of one call. All of it on the communication thread."""
+    """Decides about the retries of one call. On the communication thread only."""
 
     def __init__(
         self, clock: Clock, pool: Pool, policy: RetryPolicy, budget: RetryBudget, began: float
     ) -> None:
-        """Begin with no attempt made, for a call of the monotonic time `began`."""
+        """Begin without attempts, for a call that began at the monotonic time `began`."""
         self._policy = policy
         self._budget = budget
         self._began = began
@@ -40,16 +40,11 @@ class RetryRunner:
         deadline: float | None,
         on_plan: OnPlan,
     ) -> None:
-        """Decide after a transient failure.
+        """Decide after a transient failure; `error` is the ending as an exception.
 
-        Args:
-            ending: How the last attempt ended.
-            error: The same as an exception.
-            attempts: How many attempts were made.
-            now: Returns the monotonic seconds.
-            deadline: When the call's time is up, or `None`.
-            on_plan: Called with what to do, or with how a strategy of the user's failed to say so;
-                at once, or later where strategies of the user's are called.
+        `attempts` is how many attempts were made. `now` returns monotonic seconds; `deadline` is
+        the end of the call's time, or `None`. `on_plan` is called with the decision, or with a
+        strategy's failure to decide: at once, or later if there are strategies of the user's.
         """
         if self._schedule is None:
             self._schedule = Schedule(self._policy, self._began)
@@ -70,7 +65,7 @@ class RetryRunner:
         self._runner.run(next_pause, now(), deadline, answer)
 
     def drop(self) -> None:
-        """Decide nothing any more, and call nobody."""
+        """Stop deciding, and call nobody."""
         self._runner.drop()
 
     def _plan(

@@ -1,7 +1,7 @@
-"""The calls of one client and their goals, from the making of the client until all is freed.
+"""Manages the calls of one client and their goals, from the client's making until all is freed.
 
-A session outlives its client by as much as its goals need: one that was given up on is watched
-until it is known not to run any more (C2.4).
+A session may outlive its client: it watches goals that were given up on until they are known not to
+run any more (C2.4).
 """
 
 from __future__ import annotations
@@ -36,23 +36,23 @@ from actionkit._threads.pool import Pool
 
 OnClose = Literal["cancel", "abandon"]
 _INTERRUPTED_FOR = 2.0
-"""Seconds after Ctrl-C ended a wait for cancellations in which no other is begun. The exit of the
-`with` block and of the interpreter follow within that time."""
+"""Seconds after Ctrl-C ended a wait for cancellations in which no other such wait begins. The exits
+of the `with` block and of the interpreter follow within that time."""
 _NODE_CHECK = 1.0
-"""Seconds between looks whether the user's node was destroyed, while calls are in flight. Nothing
-tells of that, and nothing polls more often (C7.4)."""
+"""Seconds between two checks whether the user's node was destroyed, while calls are in flight. No
+event tells that, and nothing polls more often (C7.4)."""
 _CTRL_C_HEARD = 0.6
-"""Seconds in which a blocking call hears Ctrl-C (see `_threads.waiting`). It cancels its goal, also
-where the client abandons the others."""
+"""Seconds until a blocking call notices Ctrl-C (see `_threads.waiting`). Then it cancels its goal,
+even if the client abandons the others."""
 _MOST = 4096
-"""Goals that may run, from which on the oldest that was lost with its server is forgotten."""
+"""With more goals that may run, the oldest that was lost with its server is forgotten."""
 
 
 class Session:
     """The calls of one client, and their goals.
 
-    Any thread may use what has no underscore, unless it says otherwise; the rest happens on the
-    communication thread.
+    Any thread may use the methods without an underscore, unless their docstring says otherwise; the
+    rest happens on the communication thread.
     """
 
     def __init__(
@@ -62,13 +62,10 @@ class Session:
         cancel_grace: float,
         observers: tuple[Observer, ...] = (),
     ) -> None:
-        """Take over a port.
+        """Take over a port, which the session will free.
 
-        Args:
-            port: The session frees it.
-            on_close: What closing does to goals in flight.
-            cancel_grace: `Timeouts.cancel`.
-            observers: The observers of the goals, already checked.
+        `on_close` is what closing does to goals in flight, `cancel_grace` is `Timeouts.cancel`.
+        The observers are checked already.
         """
         self.port = port
         self.cancel_grace = cancel_grace
@@ -83,17 +80,17 @@ class Session:
         self._abandon = on_close == "abandon"
         self._pid = os.getpid()
         self._closed = False
-        """Whether its user has closed it."""
+        """Whether the user has closed it."""
         self._ended_because = ""
-        """Why calls that start now end at once; set on the communication thread, in its order."""
+        """Why calls that start now end at once; set on the communication thread."""
         self.interrupted_at = -math.inf
         """Monotonic time at which Ctrl-C ended a wait for cancellations."""
         self.calls: set[Call] = set()
-        """Those in flight."""
+        """The calls in flight."""
         self._attempts: dict[Attempt, None] = {}
-        """Those with a goal that may run, oldest first."""
+        """The attempts with a goal that may run, oldest first."""
         self._linger_timer: TimerHandle | None = None
-        """Running from the release until all is freed."""
+        """Runs from the release until everything is freed."""
         self._node_timer: TimerHandle | None = None
         self.dispatcher = ObserverDispatcher(
             observers,
@@ -102,31 +99,31 @@ class Session:
             node_name=port.identity.label,
         )
         self.callbacks = Pool(self.action_name)
-        """Where the user's callbacks run."""
+        """The threads of the user's callbacks."""
         self.link.orphans.on_none_confirmed = self._free_if_done
         open_sessions.add(self)
         runtime.on_failure.append(self._on_failure)
         runtime.on_shutdown.append(self._look_at_ros)
-        if runtime.was_shut_down or port.why_unusable():  # just before
+        if runtime.was_shut_down or port.why_unusable():  # too early for these lists
             self.call_soon(self._look_at_ros)
 
     # --- what a client asks for ------------------------------------------------------------
 
     @property
     def closed(self) -> bool:
-        """Whether it takes no more calls: it was closed, or cannot go on."""
+        """Whether it accepts no calls: it was closed, or it cannot continue."""
         return self._closed or bool(self._ended_because)
 
     def check(self) -> None:
-        """Raise where no call can begin.
+        """Raise if no call can begin.
 
         Raises:
-            ClientClosedError: The session was closed, or cannot go on.
-            RuntimeError: This process was forked from the session's.
+            ClientClosedError: The session was closed, or cannot continue.
+            RuntimeError: The session belongs to the process that this one was forked from.
         """
         self._check_open()
         if why := self._ended_because or self.port.why_unusable():
-            # A program that was told to end starts no goals.
+            # A program that was told to end must not start goals.
             raise ClientClosedError(
                 f"the client of action {self.action_name!r} takes no more calls, because {why}:"
                 " make a new client",
@@ -148,13 +145,14 @@ class Session:
             )
 
     def prepare(self, request: Request) -> Call:
-        """Make a call. Its time runs from now; it sends nothing yet."""
+        """Make a call. Its time begins now, but it sends nothing yet."""
         return Call(self, request, self.dispatcher)
 
     def begin(self, call: Call) -> None:
-        """Begin a call that was prepared. Calls begin in this order.
+        """Begin a prepared call. Calls begin in this order.
 
-        One that is begun just after the closing ends at once, and sends nothing. Raises as `check`.
+        If the session closes at that moment, the call ends at once and sends nothing. Raises the
+        errors of `check`.
         """
         self.check()
         self.calls.add(call)
@@ -165,23 +163,22 @@ class Session:
 
         Raises:
             ClientClosedError: The session was closed.
-            RuntimeError: This process was forked from the session's.
+            RuntimeError: The session belongs to the process that this one was forked from.
         """
         self._check_open()
         return self.cancel_calls()
 
     def cancel_calls(self, *, urgent: bool = False) -> int:
-        """Do so also where the session was closed; `urgent` as for `Call.request_cancel`."""
+        """The same, even after closing; `urgent` is that of `Call.request_cancel`."""
         calls = list(self.calls)
         for call in calls:
             call.request_cancel(urgent=urgent)
         return len(calls)
 
     def wait_for_server(self, timeout: float | None) -> bool:
-        """Block until goals can be sent; return whether they can. Raises as `check`.
+        """Block until goals can be sent; return whether they can. Raises the errors of `check`.
 
-        Args:
-            timeout: Seconds, or `None` for no limit.
+        `timeout` is in seconds, `None` means no limit.
         """
         self.check()
         with ServerWait(self.port, timeout) as wait:
@@ -191,10 +188,10 @@ class Session:
         return wait.ready or (timeout == 0 and self.sees_server())
 
     async def wait_for_server_async(self, timeout: float | None) -> bool:
-        """Like `wait_for_server`, but without blocking what runs this coroutine.
+        """Like `wait_for_server`, but without blocking the thread of this coroutine.
 
         Raises:
-            RuntimeError: Also where nothing runs this coroutine that could wait.
+            RuntimeError: Also if the coroutine runs under nothing that can wait.
         """
         driver = find_driver()
         self.check()
@@ -205,7 +202,7 @@ class Session:
         return wait.ready
 
     def sees_server(self) -> bool:
-        """Whether goals can be sent now. Raises as `check`."""
+        """Whether goals can be sent now. Raises the errors of `check`."""
         self.check()
         return self.port.runtime.run(self.link.server_is_ready)
 
@@ -218,7 +215,7 @@ class Session:
         elif self._ended_because:
             call.close(abandon=True, because=self._ended_because)  # it has sent nothing
         elif is_ending():
-            call.unwanted = True  # between the signal and the process's end nothing begins
+            call.unwanted = True  # between the signal and the end of the process nothing begins
             call.start()
         else:
             call.start()
@@ -233,7 +230,7 @@ class Session:
         deadline: float | None,
         owner: Call,
     ) -> Attempt:
-        """Send a goal, and watch it until it is over. Raises what rclpy's converters raise."""
+        """Send a goal, and watch it until it is over. Raises the errors of rclpy's converters."""
         forget = self._out_of_sight
         made = Attempt(self.link, goal_id, timeouts, deadline, owner, on_out_of_sight=forget)
         made.send(goal)
@@ -254,7 +251,7 @@ class Session:
         )
 
     def finished(self, call: Call) -> None:
-        """Count a call out: its future is about to end. On the communication thread."""
+        """Remove a call; its future is about to end. On the communication thread."""
         self.calls.discard(call)
         self._free_if_done()
 
@@ -280,14 +277,14 @@ class Session:
     # --- what ends calls, on the communication thread --------------------------------------
 
     def _end_calls(self) -> None:
-        """End every call by the client's policy, and take no more."""
+        """End every call by the client's policy, and accept no more."""
         self._ended_because = self._ended_because or CLIENT_CLOSED
         self.port.end_waits()
         for call in list(self.calls):
             call.close(abandon=self._abandon, because=self._ended_because)
 
     def _look_at_ros(self) -> None:
-        """End every call where the user's ROS was shut down (C2.6)."""
+        """End every call if the user's ROS was shut down (C2.6)."""
         if self.port.freed.is_set():
             return
         if not self._ended_because and (why := self.port.why_unusable()):
@@ -314,7 +311,7 @@ class Session:
         for attempt in list(self._attempts):
             attempt.goal.lose_touch()
         self.port.end_waits()
-        # The entities died with the thread; nobody is left to free them.
+        # The entities died with the thread; nothing can free them.
         self.port.freed.set()
         if self._closed:
             open_sessions.discard(self)
@@ -326,7 +323,7 @@ class Session:
     # --- what frees the port, on the communication thread ----------------------------------
 
     def _release(self) -> None:
-        """Free the port as soon as no goal has to be watched any more."""
+        """Free the port as soon as no goal needs watching."""
         if self.port.freed.is_set():
             open_sessions.discard(self)
         elif self._done:
@@ -339,27 +336,27 @@ class Session:
 
     def _stop_lingering(self) -> None:
         if self.calls:
-            self._arm_linger()  # somebody may wait for their futures
+            self._arm_linger()  # somebody may be waiting for the futures of these calls
         else:
             self._free()
 
     @property
     def _done(self) -> bool:
-        # If its server is gone, a goal is watched only for as long as the client lives (C2.4).
+        # A goal with a server that is gone is watched only while the client lives (C2.4).
         watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)
         return not self.calls and not watched and not self.link.orphans.confirmed
 
     def _free_if_done(self) -> None:
         if self._linger_timer is not None and self._done:
-            self.call_soon(self._free)  # not from within the link's own callback
+            self.call_soon(self._free)  # not inside the link's own callback
 
     def _free(self) -> None:
-        """Free the port now, even if goals are in flight. Does nothing the second time."""
+        """Free the port now, even with goals in flight. Does nothing the second time."""
         if self.port.freed.is_set():
             return
         self._ended_because = self._ended_because or CLIENT_CLOSED
-        # The thread may live on, with other clients. A timer that is left there would keep this
-        # session, and with it the whole client, in memory until it is due.
+        # Other clients may keep the thread alive. A timer that stays there would keep this session,
+        # and so the whole client, in memory until it is due.
         for timer in (self._linger_timer, self._node_timer):
             if timer is not None:
                 self.cancel_timer(timer)
@@ -375,32 +372,32 @@ class Session:
 
     @property
     def inherited(self) -> bool:
-        """Whether everything here belongs to the process that this one was forked from."""
+        """Whether this session belongs to the process that this one was forked from."""
         return os.getpid() != self._pid
 
     @property
     def was_interrupted(self) -> bool:
-        """Whether Ctrl-C has just ended a wait for cancellations: then none is begun."""
+        """Whether Ctrl-C has just ended a wait for cancellations: then no other one begins."""
         return time.monotonic() - self.interrupted_at < _INTERRUPTED_FOR
 
     @property
     def futures(self) -> list[GoalFuture[Any, Any]]:
-        """Those of the calls in flight."""
+        """The futures of the calls in flight."""
         return [call.future for call in list(self.calls)]
 
     def close_calls(self) -> None:
-        """Take no more calls, and begin to end those in flight by the policy `on_close`."""
+        """Accept no more calls, and begin to end those in flight by the policy `on_close`."""
         self._closed = True
         self.call_soon(self._end_calls)
 
     def end_grace(self) -> None:
-        """Have no call wait any longer for cancellations to be confirmed."""
+        """End all waits of calls for confirmations of cancellations."""
         self.call_soon(self._end_grace)
 
     def release(self) -> None:
         """Free everything as soon as no goal needs it.
 
-        A client that is garbage collected without `close()` does only this.
+        For a client that is garbage collected without `close()`, only this happens.
         """
         if not self.inherited:
             self._closed = True
@@ -411,13 +408,13 @@ class Session:
         self.call_soon(self._free)
 
     def await_freed(self, until: float) -> bool:
-        """Wait until all is freed, so no goal is watched; return whether it is so."""
+        """Wait until everything is freed and no goal is watched; return whether that is so."""
         return self.port.freed.wait(max(0.0, until - time.monotonic()))
 
     def take_untold(self) -> list[tuple[str, uuid.UUID]]:
-        """Return the goals that may be running, with the action's name, to be told of now.
+        """Return the goals that may be running, with the action's name, to warn of them now.
 
-        Those that were told of before are left out: by a warning, or by the end of their call.
+        Goals that the user has heard about are left out: by a warning, or by the end of the call.
         """
         goals = [each.goal.facts for each in list(self._attempts)]
         left = [goal for goal in goals if goal.may_run and not goal.told]
@@ -427,14 +424,13 @@ class Session:
 
     @property
     def confirming(self) -> bool:
-        """Whether any goal may soon be confirmed to have stopped: a server in sight may have it."""
+        """Whether a server in sight may soon confirm that some goal has stopped."""
         return any(each.goal.may_run for each in list(self._attempts))
 
     def given_up_at(self, orphans_at: float) -> float:
-        """Return when the last of the goals that may be running was given up on.
+        """Return when the caller gave up on the last of the goals that may be running.
 
-        Args:
-            orphans_at: What to take for the goals that another server has: nobody notes it.
+        For goals on other servers, nobody records that: `orphans_at` counts as their time.
         """
         times = [a.goal.cancelled_at for a in list(self._attempts) if a.goal.facts.may_run]
         return max([*times, orphans_at] if self.link.orphans.confirmed else times, default=0.0)
@@ -446,4 +442,4 @@ class Session:
 
 
 open_sessions: set[Session] = set()
-"""Sessions with a port that is not freed, for the interpreter's exit."""
+"""The sessions with a port that is not freed, for the interpreter's exit."""

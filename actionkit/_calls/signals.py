@@ -1,9 +1,9 @@
-"""A process that is told to end by a signal cancels its goals first (C2.6).
+"""Cancels the goals of a process that a signal tells to end, before it ends (C2.6).
 
-What is done runs in the main thread, as all signal handlers of Python do, between two bytecodes of
-that thread's own code. Where it is in C and stays there, as in rclpy's `spin` while nothing
-happens, no handler runs until it comes back. So a thread of ours hears of signals, too, by Python's
-wakeup file descriptor, and does it where the main thread does not begin.
+Python runs all signal handlers in the main thread, between two bytecodes of that thread. If it
+stays inside C code, as in rclpy's `spin` while nothing happens, no handler runs until it returns.
+So one of our threads learns about signals, too, through Python's wakeup file descriptor, and
+cancels the goals if the main thread does not begin to.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from actionkit._threads.waiting import Flag
 Handler: TypeAlias = "Callable[[int, FrameType | None], Any] | int | None"
 _DEFAULT = (signal.SIGTERM, signal.SIGHUP)
 _MAIN_HEARS = 0.2
-"""Seconds for the main thread to begin, before the other takes its place: it takes microseconds
-where it runs Python at all, and a human does not notice them."""
+"""Seconds for the main thread to begin, before our thread does its work. If it runs Python code, it
+needs microseconds, and a human does not notice this time."""
 
 _NOT_ENDING = {
     *(signal.SIGKILL, signal.SIGSTOP),  # cannot be handled
-    *(signal.SIGCHLD, signal.SIGCONT, signal.SIGURG, signal.SIGWINCH),  # tell of something
+    *(signal.SIGCHLD, signal.SIGCONT, signal.SIGURG, signal.SIGWINCH),  # only inform
     *(signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU),  # stop a process
-    *(signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL),  # come again at once
+    *(signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL),  # repeat at once
 }
 
 _before: dict[int, Handler] = {}
-"""What each signal did before."""
+"""What each signal did before we handled it."""
 _users: Counter[int] = Counter()
-"""How many `cancel_on_signals` each signal is handled for."""
+"""How many `cancel_on_signals` handle each signal."""
 _at_work: dict[str, _Work] = {}
-"""The work that cancels the goals at the moment; `setdefault` lets only one begin."""
+"""The work that cancels the goals now; `setdefault` lets only one begin."""
 _watcher: _Watcher | None = None
 _libc = ctypes.CDLL(None)
 _pythons_handler = 0
@@ -48,26 +48,26 @@ _pythons_handler = 0
 
 
 def _nothing(hurry: Callable[[], bool]) -> None:
-    """Cancel the goals of a process that has had no client yet."""
+    """Cancel no goals: no client has been made in this process yet."""
 
 
 cancel_goals: Callable[[Callable[[], bool]], None] = _nothing
-"""Cancels all goals and waits for that; `_calls.exit` puts its function here. It is not imported,
-as that would import rclpy."""
+"""Cancels all goals and waits for that. `_calls.exit` sets it; importing that module here would
+import rclpy."""
 
 
 class _Work:
-    """The cancelling at one signal."""
+    """The cancelling because of one signal."""
 
     def __init__(self) -> None:
         self.thread = threading.get_ident()
-        """The main thread's, or the watcher's."""
+        """The main thread's id, or the watcher's."""
         self.hurry = Flag()
         self.over = Flag()
 
 
 def is_ending() -> bool:
-    """Whether goals are being cancelled at a signal: then no other begins. From any thread."""
+    """Whether a signal makes us cancel goals now: then no other goal begins. From any thread."""
     return bool(_at_work)
 
 
@@ -76,29 +76,30 @@ class cancel_on_signals:
 
         cancel_on_signals()
 
-    On the signal, all goals in flight are cancelled on their servers, and the confirmations waited
-    for, `timeouts.cancel` seconds at most (the longest of all clients'; longer while servers go on
-    confirming many goals). A warning names goals that may still run. Then the signal does what it
-    did before: a Python handler is called, rclpy's own handler has its way, or the process ends. A
-    second signal, or Ctrl-C, ends the waiting.
+    On the signal, all goals in flight are cancelled on their servers. The process waits for the
+    confirmations, for at most `timeouts.cancel` seconds (the longest of all clients; longer while
+    servers go on confirming many goals). A warning names goals that may still run. Then the signal
+    does what it did before: a Python handler is called, rclpy's own handler does its part, or the
+    process ends. A second signal, or Ctrl-C, ends the wait.
 
-    As a context manager it puts back what was there at the end of the block.
+    As a context manager, it restores the earlier handlers at the end of the block.
 
-    A later `signal.signal()`, or `add_signal_handler()` of an event loop, for the same signal takes
-    its place. It may be called before `rclpy.init()` or after it.
+    A later `signal.signal()`, or `add_signal_handler()` of an event loop, for the same signal
+    replaces it. Call `cancel_on_signals` before or after `rclpy.init()`.
     """
 
     def __init__(self, *signals: int) -> None:
         """Handle signals.
 
         Args:
-            signals: Left out, SIGTERM and SIGHUP, except one that is ignored, as SIGHUP is under
-                `nohup`. One that is given is handled also where it was ignored, as SIGINT is in a
-                script's background; afterwards it ends the process then.
+            signals: The default is SIGTERM and SIGHUP, except one that is ignored, as SIGHUP is
+                under `nohup`. A signal that you give is handled even if it was ignored, as SIGINT
+                is in a script's background; then it ends the process after the goals.
 
         Raises:
             RuntimeError: Not called in the main thread.
-            TypeError, ValueError: A value is not a signal that can be handled.
+            TypeError: A value is not a signal number.
+            ValueError: A value is not a signal that ends a process and can be handled.
         """
         if threading.current_thread() is not threading.main_thread():
             raise RuntimeError(
@@ -127,7 +128,7 @@ class cancel_on_signals:
     ) -> None:
         for number in self._signals:
             _users[number] -= 1
-            # What was set over it meanwhile stays.
+            # A handler that was set later stays.
             if not _users[number] and signal.getsignal(number) is _on_signal:
                 _set(number, _before[number])
         self._signals = []
@@ -149,7 +150,7 @@ def _check(number: object) -> None:
 
 
 def _former(number: int) -> Handler:
-    """Return what a signal did before; where it was ignored, what it does by default."""
+    """Return what a signal did before; if it was ignored, its default."""
     handler = _before[number]
     if handler is not signal.SIG_IGN:
         return handler
@@ -157,12 +158,13 @@ def _former(number: int) -> Handler:
 
 
 def _set(number: int, handler: Handler) -> None:
-    """Set Python's handler of a signal, below that of rclpy where there is one.
+    """Set Python's handler of a signal, below rclpy's handler if there is one.
 
-    `rclpy.init()` sets a handler in C, which passes the signal on to what it found there, shuts
-    down all contexts and wakes the executors. Python knows nothing of it, and would put ours in its
-    place. Taken out before and put in again, which takes microseconds, it is as if `rclpy.init()`
-    came later. (Where somebody has put another over it, it takes no notice of both.)
+    `rclpy.init()` sets a handler in C, which shuts down all contexts, wakes the executors, and
+    passes the signal on to the handler that it found. Python does not know about it, and would
+    replace it with ours. So we take it out and put it in again, which takes microseconds, as if
+    `rclpy.init()` came later. (If somebody has put another handler over rclpy's, rclpy ignores both
+    steps.)
     """
     global _pythons_handler  # noqa: PLW0603
     rclpy = sys.modules.get("rclpy.signals")
@@ -178,13 +180,13 @@ def _set(number: int, handler: Handler) -> None:
 
 
 def _lists(options: Any, number: int) -> bool:
-    """Whether rclpy says that it handles a signal; also where another has taken its place."""
+    """Whether rclpy says that it handles a signal, even if another handler has replaced it."""
     mine = {int(signal.SIGINT): "SIGINT", int(signal.SIGTERM): "SIGTERM"}.get(number)
     return mine is not None and options.name in ("ALL", mine)
 
 
 def _rclpy_handles(number: int) -> bool:
-    """Whether rclpy's handler passed the signal on to ours, and does its own part by itself."""
+    """Whether rclpy's handler passed the signal on to ours; it does its own part by itself."""
     rclpy = sys.modules.get("rclpy.signals")
     if rclpy is None or _c_handler(number) == _pythons_handler:
         return False
@@ -193,7 +195,7 @@ def _rclpy_handles(number: int) -> bool:
 
 def _c_handler(number: int) -> int:
     """Return the address of a signal's handler in C: the first field of `struct sigaction`."""
-    action = (ctypes.c_size_t * 64)()  # it has 19 of these
+    action = (ctypes.c_size_t * 64)()  # the struct needs 19 of these
     _libc.sigaction(number, None, action)
     return action[0]
 
@@ -202,16 +204,16 @@ def _c_handler(number: int) -> int:
 
 
 def _on_signal(number: int, frame: FrameType | None) -> None:
-    """Cancel the goals, and let the signal do what it did before. In the main thread."""
+    """Cancel the goals, then let the signal do what it did before. In the main thread."""
     another = _watcher is not None and _watcher.main_hears()
     mine = _Work()
     while (work := _at_work.setdefault("", mine)) is not mine:
         if work.thread == mine.thread:
-            work.hurry.set()  # a second signal; the first goes on at once, and does the rest
+            work.hurry.set()  # a second signal; the first handler continues and does the rest
             return
         if another:
             work.hurry.set()
-        work.over.wait()  # the watcher was quicker
+        work.over.wait()  # the watcher was first
     try:
         if _watcher is None or not _watcher.has_done(number):
             cancel_goals(work.hurry.is_set)
@@ -231,21 +233,21 @@ def _leave(work: _Work) -> None:
 def _pass_on(number: int, frame: FrameType | None) -> None:
     before = _former(number)
     if callable(before):
-        _at_work.clear()  # what it calls may begin, and has to see to its own end
+        _at_work.clear()  # the handler may begin goals, and must end them itself
         before(number, frame)
     elif not _rclpy_handles(number):
         _end_process(number)
 
 
 def _end_process(number: int) -> None:
-    """Let the signal do what it does by default, which ends the process. From any thread."""
-    _libc.signal(number, None)  # Python's function is for the main thread alone
+    """Let the signal do its default, which ends the process. From any thread."""
+    _libc.signal(number, None)  # Python's function works only in the main thread
     os.kill(os.getpid(), number)
-    Flag().wait(1.0)  # another thread may take it, within microseconds
+    Flag().wait(1.0)  # another thread may receive it, within microseconds
 
 
 class _Watcher:
-    """Cancels the goals where the main thread does not hear of the signal."""
+    """Cancels the goals if the main thread does not notice the signal."""
 
     def __init__(self) -> None:
         self._reads, self.writes = os.pipe()
@@ -262,13 +264,13 @@ class _Watcher:
         return another
 
     def has_done(self, number: int) -> bool:
-        """Return whether the goals were cancelled at a signal, once for each time."""
+        """Return whether the watcher cancelled the goals for a signal; True once for each time."""
         done = number in self._done
         self._done.discard(number)
         return done
 
     def _read(self) -> list[int]:
-        """Return the signals that have come and that matter here."""
+        """Return the signals that have arrived and that matter here."""
         try:
             numbers = os.read(self._reads, 64)
         except BlockingIOError:
@@ -290,10 +292,10 @@ class _Watcher:
     def _take_over(self, number: int) -> None:
         mine = _Work()
         if _at_work.setdefault("", mine) is not mine:
-            return  # the main thread is at it
+            return  # the main thread is doing it
         try:
             if self._heard.is_set():
-                return  # it is about to be
+                return  # it is about to begin
             cancel_goals(lambda: mine.hurry.is_set() or bool(self._read()))
             if not callable(_former(number)) and not _rclpy_handles(number):
                 _end_process(number)
@@ -303,13 +305,13 @@ class _Watcher:
 
 
 def _watch() -> None:
-    """Have the watcher hear of signals, unless an event loop does: then the main thread hears."""
+    """Let the watcher read signals, unless an event loop does: then the main thread runs."""
     global _watcher  # noqa: PLW0603  one for each process
     if _watcher is None:
         _watcher = _Watcher()
         os.register_at_fork(after_in_child=_after_fork)
-        # It puts its own file descriptor in place of ours while it runs, which is right: it wakes
-        # the main thread. And it warns that it has found one.
+        # While trio runs, it replaces our file descriptor with its own. That is right: its own
+        # wakes the main thread. But trio warns that it has found ours.
         trios = "It looks like Trio's signal handling code"
         warnings.filterwarnings("ignore", trios, RuntimeWarning, "trio")
     earlier = signal.set_wakeup_fd(_watcher.writes, warn_on_full_buffer=False)
@@ -318,7 +320,7 @@ def _watch() -> None:
 
 
 def _stop_watching() -> None:
-    """Have the watcher hear of no signals any more."""
+    """Stop the watcher from reading signals."""
     if _watcher is not None:
         earlier = signal.set_wakeup_fd(-1)
         if earlier != _watcher.writes:
@@ -326,7 +328,7 @@ def _stop_watching() -> None:
 
 
 def _after_fork() -> None:
-    """Leave the watcher to the parent, which would hear of the child's signals."""
+    """Leave the watcher to the parent; otherwise it would see the child's signals."""
     global _watcher  # noqa: PLW0603
     _stop_watching()
     _watcher = None

@@ -1,4 +1,4 @@
-"""Imports what needs rclpy, late: `import actionkit` works, and is quick, without rclpy."""
+"""Imports the modules that need rclpy, late: `import actionkit` is quick, and works without it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A goal that its caller no longer wants: why, what the server says to that, and how it ends."""
+"""Decides about a goal that its caller no longer wants: cancels, refusals, and how it ends."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from actionkit._model.values import GoalState
 
 _REFUSED = "the server refused to cancel; the goal runs on"
 _CALLER_MAY_WAIT = (CancelReason.CANCELLED, CancelReason.UNANSWERED)
-"""The reasons after which the caller can go on waiting for a goal that is not cancelled."""
+"""The reasons after which the caller can continue to wait if the goal is not cancelled."""
 
 
 class CancellableGoal(GoalRecord):
-    """The middle layer of the machine: giving up, and refusals.
+    """The middle layer of the state machine: giving up, and refusals.
 
-    A refusal is not believed at once: rclpy's servers refuse in the same words where the goal has
-    just ended, or is just being accepted (R12). It is believed when it comes again after a moment,
-    or when the time for the cancellation is up.
+    A refusal is not believed at once. rclpy's servers send the same answer if the goal has just
+    ended or is just being accepted (R12). It is believed if it comes again after a moment, or at
+    the end of the time for the cancellation.
     """
 
     # --- what the caller wants -------------------------------------------------------------
@@ -40,7 +40,7 @@ class CancellableGoal(GoalRecord):
         return [] if self._unwanted else self._give_up(CancelReason.CANCELLED, now)
 
     def close(self, now: float, *, abandon: bool) -> list[fx.Effect]:
-        """The client is closing. With `abandon` the goal is left to run, as the user said."""
+        """The client closes; with `abandon`, it lets the goal run, as the user chose."""
         self.closing = self.closing or Closing.CANCELLING
         if self._unwanted:
             return []
@@ -52,13 +52,13 @@ class CancellableGoal(GoalRecord):
         return self._give_up(CancelReason.CLOSED, now)
 
     def forget(self) -> list[fx.Effect]:
-        """Nobody looks after the goal any more, though it may run."""
+        """Stop tracking the goal, though it may run."""
         self.lose_touch()
         self.stage = Stage.OVER
         return self._release()
 
     def fail(self, reason: str, error: BaseException, now: float) -> list[fx.Effect]:
-        """This side broke: it cannot follow the goal any more."""
+        """Our own side failed: it cannot follow the goal any more."""
         self.lose_touch()
         if self.settled:
             return []
@@ -74,13 +74,13 @@ class CancellableGoal(GoalRecord):
         effects: list[fx.Effect] = []
         if why in WAITED_FOR:
             effects.append(fx.Record(GoalState.TIMED_OUT, f"waiting for {WAITED_FOR[why]}"))
-        self._unknown_to_server = False  # what counts is what the server says from now on
-        told = self._refusal_told and why is CancelReason.CLOSED  # of a cancel just before it
+        self._unknown_to_server = False  # only the server's answers from now on count
+        told = self._refusal_told and why is CancelReason.CLOSED  # for a cancel just before
         self._forget_refusals()
         self._refusal_told = told
         self._reask_after = FIRST_REASK / 2  # somebody waits for this
         self._ended_first = self._terminal_seen is not None
-        # What has ended is not cancelled: only its result is missing.
+        # A goal that has ended is not cancelled: only its result is missing.
         ask: fx.Effect = fx.AskResult() if self._ended_first else fx.AskCancel()
         return [
             *effects,
@@ -93,19 +93,19 @@ class CancellableGoal(GoalRecord):
     # --- refusals --------------------------------------------------------------------------
 
     def _forget_refusals(self) -> None:
-        """A refusal says nothing of what is the case now."""
+        """Earlier refusals do not apply any more."""
         if self._cancel_reply is not CancelReply.ACCEPTED:
             self._cancel_reply = CancelReply.NONE
             self._refusal_told = self.facts.refused = False
 
     @property
     def _refusal_counts(self) -> bool:
-        """Whether a refusal matters: the goal is, or was, to be cancelled, and has not ended."""
+        """Whether a refusal matters: somebody wants or wanted to cancel the goal, and it runs."""
         ends = self._cancel_reply is CancelReply.ACCEPTED or self._terminal_seen is not None
         return (self._unwanted or self._refused_reason is not None) and not ends
 
     def _cancel_refused(self, now: float, asked_at: float) -> list[fx.Effect]:
-        """The server says that it will not cancel the goal."""
+        """The server answered that it will not cancel the goal."""
         if not self._refusal_counts:
             return []
         if self._cancel_reply is CancelReply.NONE:
@@ -114,29 +114,29 @@ class CancellableGoal(GoalRecord):
             self._reask_after = DOUBT
             return [fx.WatchStatus(), self._arm_reask(now)]
         if asked_at < self._refused_at + DOUBT:
-            return []  # on a slow network such answers may come for seconds
+            return []  # on a slow network, such answers may arrive for seconds
         self._cancel_reply = CancelReply.REFUSED
         return self._believe_refusal(now)
 
     def _believe_refusal(self, now: float) -> list[fx.Effect]:
-        """The goal runs on. What that means depends on whether anybody still waits for it."""
+        """The goal runs on. The consequence depends on whether somebody still waits for it."""
         told = [] if self._refusal_told else [fx.Record(self.state, _REFUSED, cancel_refused=True)]
         self._refusal_told = self.facts.refused = True
         if self.settled or self.cancel_reason not in _CALLER_MAY_WAIT:
-            return [*told]  # a success in the time that is left is not thrown away (C2.3)
+            return [*told]  # it may still succeed in the time that is left (C2.3)
         if self._deadline is not None and now >= self._deadline:
             self.cancel_reason = CancelReason.DEADLINE
             self._phase = self._phase or "execute"
             return [*told]
         if self.closing is not None:
-            self.cancel_reason = CancelReason.CLOSED  # nobody is left to wait for it
+            self.cancel_reason = CancelReason.CLOSED  # nobody will wait for it
             return [*told]
         # The goal runs on although the caller cancelled it, so the caller's future stays pending.
         self._refused_reason, self.cancel_reason = self.cancel_reason, None
         return [fx.Disarm(fx.Timer.CANCEL), *told, *self._arm_stall(now)]
 
     def _cancel_accepted(self, now: float) -> list[fx.Effect]:
-        """The server cancels the goal; perhaps after it, or another server, had refused to."""
+        """The server cancels the goal, perhaps after a refusal of its own or of another server."""
         self._cancel_reply = CancelReply.ACCEPTED
         self.facts.refused = False
         if self._refused_reason is None or self._unwanted:
@@ -148,13 +148,13 @@ class CancellableGoal(GoalRecord):
     # --- how it ends -----------------------------------------------------------------------
 
     def _cancel_timed_out(self, now: float, others_confirmed_at: float) -> list[fx.Effect]:
-        """The time to confirm a cancellation is up, unless the server is still at others."""
+        """The time for a cancellation is over, unless the server still confirms other goals."""
         later = min(
             others_confirmed_at + self._timeouts.cancel,
             self.cancelled_at + self._timeouts.cancel + LONGEST_GRACE,
             math.inf if self._deadline is None else self._deadline + self._timeouts.cancel,
         )
-        answered = self._unknown_to_server  # it had its turn, and would gain nothing by waiting
+        answered = self._unknown_to_server  # the server has answered: waiting longer is useless
         if later > now and self.cancel_reason is not CancelReason.DEADLINE and not answered:
             return [fx.Arm(fx.Timer.CANCEL, later)]
         if self._held is not None:
@@ -175,7 +175,7 @@ class CancellableGoal(GoalRecord):
         return self._settle(END_AFTER[self.cancel_reason])
 
     def _result_lost(self, why: str, now: float) -> list[fx.Effect]:
-        """The server does not know a goal any more that it had, or never sends its result."""
+        """The server has forgotten a goal that it had, or never sends its result."""
         facts = self.facts
         facts.over = not facts.undecided
         facts.ended, facts.ends = True, max(facts.yeses, 1)

@@ -1,7 +1,7 @@
-"""What the state machine of a goal asks its driver to do, and how a goal can end.
+"""Defines what a goal's state machine asks its driver to do, and how a goal can end.
 
-Nobody changes these objects once they are made. They are not frozen all the same: a frozen one
-takes twice as long to make, and a call makes two dozen.
+Nobody changes these objects after making them. They are not frozen, because making a frozen one
+takes twice as long, and a call makes about 24.
 """
 
 from __future__ import annotations
@@ -15,34 +15,34 @@ from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalStat
 
 
 class Timer(IntEnum):
-    """The timers of one goal; arming one that is armed moves it."""
+    """The timers of one goal. Arming an armed timer moves it."""
 
     ACCEPT = auto()
     DEADLINE = auto()
     STALL = auto()
     CANCEL = auto()
-    """The end of the wait for a cancellation to be confirmed."""
+    """The end of the wait for the confirmation of a cancellation."""
     REASK = auto()
-    """Time to ask again for what may have been lost on the way."""
+    """The time to repeat a request that may have been lost, or its answer."""
     RESULT = auto()
-    """The end of the wait for the result of a goal that has ended, in a call without deadline."""
+    """The end of the wait for the result of a goal that has ended, in a call without a deadline."""
 
 
 class LastNews(Enum):
     """What is known about a goal now."""
 
     NOTHING = auto()
-    """It may be running, or may start to run."""
+    """It may be running, or may start running."""
     UNKNOWN_TO_SERVER = auto()
     """The server that it was sent to does not know it, but may still accept it (R6)."""
     SERVER_GONE = auto()
     """The server that had it is out of sight."""
     STOPPED = auto()
-    """It does not run, and never will again."""
+    """It does not run and never will."""
 
 
 class End(Enum):
-    """The ways in which an attempt can end: success, and one for nearly each error class."""
+    """The ways in which an attempt can end: success, or one for nearly each class of error."""
 
     SUCCEEDED = auto()
     NO_SERVER = auto()
@@ -59,86 +59,58 @@ class End(Enum):
     DEADLINE = auto()
     CLOSED = auto()
     REJECTED_BY_CLASSIFIER = auto()
-    """The goal succeeded, and `classify=` says that this is a failure."""
+    """The goal succeeded, but `classify=` counts that as a failure."""
     CLASSIFIER_FAILED = auto()
     """`classify=` gave no valid answer, so the call is not a success (C3.3)."""
 
 
 @dataclass(slots=True)
 class Fault:
-    """What a function of the user's did instead of giving a proper answer.
+    """What a function of the user's did instead of giving a valid answer."""
 
-    Attributes:
-        problem: A clause for the error's text: "`classify=judge` raised ValueError: no".
-        cause: What the function raised, or the error of the goal that it called a success.
-        impossible: Whether it called a goal a success that cannot be one.
-        asked: Whether the function was called; else it is not to blame.
-    """
-
-    problem: str
-    cause: BaseException | None = None
-    impossible: bool = False
-    asked: bool = True
+    problem: str  # a clause for the error's text: "`classify=judge` raised ValueError: no"
+    cause: BaseException | None = None  # raised by the function, or the error of the goal
+    impossible: bool = False  # it called a goal a success that cannot be one
+    asked: bool = True  # if the function was not called, it is not to blame
 
 
 @dataclass(slots=True)
 class Ending:
-    """How an attempt, or the whole call, ended: facts only. `explain` makes an error of them.
-
-    Attributes:
-        end: The way it ended.
-        status: The last known state of the goal.
-        result: The result message, where the server sent one.
-        phase: What was being waited for when the deadline passed, else `""`.
-        rejected: Whether every server that the goal was sent to has rejected it.
-        news: What is known about it now.
-        given_up: Whether the caller gave up on the goal before it ended.
-        ended_as: The terminal state in which a server showed the goal, with or without a result.
-            `None` where another server may run it.
-        elsewhere: Whether one server has said that it does not run it, and another may.
-        ended_first: Whether it did so before the caller gave up on the goal.
-        abandoned: Whether it was left to run on purpose.
-        refused: Whether the server refused to cancel the goal, and the attempt ended because of it.
-        goals: What is known of the goals of the same call (C2.8).
-        served: The types with which the name is served, where none is the client's.
-        error: The exception that ended it: what is wrong with the goal, or what broke this side.
-        lost_because: Why its server counts as lost, why its result cannot be had, why nobody waited
-            for its cancellation, or what was shut down, so that the call ended as by closing.
-        verdict: What `classify=` says of a goal that succeeded.
-        not_retried: Why it was not tried again, where it might have been.
-        classifier_fault: How `classify=` failed to judge it.
-        strategy_fault: How a strategy of the `RetryPolicy` failed to say whether to try again.
-    """
+    """How an attempt, or the whole call, ended: facts only. `explain` makes an error of them."""
 
     end: End
-    status: GoalState
-    result: Any = None
-    phase: str = ""
-    rejected: bool = False
+    status: GoalState  # the last known state of the goal
+    result: Any = None  # the message, if the server sent one
+    phase: str = ""  # what the call was waiting for at its deadline
+    rejected: bool = False  # by every server that the goal was sent to
     news: LastNews = LastNews.STOPPED
-    given_up: bool = False
+    given_up: bool = False  # the caller gave up on the goal before it ended
     ended_as: GoalState | None = None
-    elsewhere: bool = False
-    ended_first: bool = False
-    abandoned: bool = False
-    refused: bool = False
-    goals: tuple[GoalReport, ...] = ()
-    served: tuple[str, ...] = ()
-    error: BaseException | None = None
+    """The terminal state that a server reported, with or without a result; `None` if another server
+    may run the goal."""
+    elsewhere: bool = False  # one server does not run it, but another one may
+    ended_first: bool = False  # it ended before the caller gave up on it
+    abandoned: bool = False  # it was left running on purpose
+    refused: bool = False  # the server refused to cancel it, and the attempt ended for that
+    goals: tuple[GoalReport, ...] = ()  # of the same call (C2.8)
+    served: tuple[str, ...] = ()  # the types of the name, if none is the client's
+    error: BaseException | None = None  # what is wrong with the goal, or what broke our side
     lost_because: str = ""
-    verdict: Verdict | None = None
-    not_retried: str = ""
-    classifier_fault: Fault | None = None
-    strategy_fault: Fault | None = None
+    """Why its server counts as lost, why its result is not available, why nobody waited for its
+    cancellation, or what was shut down, so that the call ended as by closing."""
+    verdict: Verdict | None = None  # of `classify=` on a goal that succeeded
+    not_retried: str = ""  # why the call did not try again, though it might have
+    classifier_fault: Fault | None = None  # of `classify=`
+    strategy_fault: Fault | None = None  # of a strategy of the `RetryPolicy`
 
     @property
     def may_run(self) -> tuple[uuid.UUID, ...]:
-        """The ids of those goals that may be running, oldest first."""
+        """The ids of the goals that may be running, oldest first."""
         return tuple(goal.goal_id for goal in self.goals if goal.fate.may_run)
 
     @property
     def cancel(self) -> CancelReport | None:
-        """What happened to the goals of the call that may run, or that its caller gave up on."""
+        """What happened to the goals that may run, or that the caller gave up on."""
         if self.may_run:  # the worst counts (C2.8)
             running = (goal for goal in self.goals if goal.fate is GoalFate.RUNNING)
             refused = self.refused or any(goal.cancel_refused for goal in running)
@@ -147,7 +119,7 @@ class Ending:
 
     @property
     def own_cancel(self) -> CancelReport | None:
-        """What happened to the goal that this is about, if its caller gave up on it."""
+        """What happened to this goal, if its caller gave up on it."""
         if not self.given_up:
             return CancelReport.REFUSED if self.refused else None
         if self.ended_as is not None:
@@ -159,29 +131,26 @@ class Ending:
 
 @dataclass(slots=True)
 class AskResult:
-    """Ask the server for the goal's result; harmless to repeat (R3).
-
-    Attributes:
-        anew: Whether more is known than when this was asked before. Then, if a server answers the
-            earlier request that it does not know the goal, this no longer counts.
-    """
+    """Ask the server for the goal's result; may be repeated (R3)."""
 
     anew: bool = False
+    """Whether more is known than at the last request. If so, the answer "unknown goal" to that
+    request does not count any more."""
 
 
 @dataclass(slots=True)
 class AskCancel:
-    """Ask the server to cancel the goal; repeat it until the server answers that it knows it."""
+    """Ask the server to cancel the goal, until a server that knows it has answered."""
 
 
 @dataclass(slots=True)
 class StopCancel:
-    """Do not ask for the goal's cancellation until it is asked for again."""
+    """Stop asking for the cancellation until `AskCancel` comes again."""
 
 
 @dataclass(slots=True)
 class WatchStatus:
-    """Tell what the server's status topic says of this goal, from now on."""
+    """Report what the server's status topic shows about this goal, from now on."""
 
 
 @dataclass(slots=True)
@@ -201,7 +170,7 @@ class Disarm:
 
 @dataclass(slots=True)
 class Record:
-    """Write into the goal's timeline that it is in a state, or that its cancel was refused."""
+    """Write the goal's state, or the refusal of its cancel, into the timeline."""
 
     state: GoalState
     detail: str = ""
@@ -210,15 +179,15 @@ class Record:
 
 @dataclass(slots=True)
 class RunsElsewhere:
-    """Warn that another server goes on with the goal, which is over for its caller."""
+    """Warn that another server still runs the goal, which is over for its caller."""
 
 
 @dataclass(slots=True)
 class Settle:
-    """Give the attempt's ending to the caller. Comes exactly once.
+    """Give the attempt's ending to the caller. Happens exactly once.
 
-    Disarms all timers but REASK, as they exist for the caller's sake; a goal that its caller gave
-    up on is asked about after that, too.
+    It disarms all timers except REASK, because they serve the caller. If the caller gave up on the
+    goal, requests about it go on.
     """
 
     ending: Ending
@@ -234,7 +203,7 @@ class LateResult:
 
 @dataclass(slots=True)
 class Release:
-    """Forget the goal, with its timers: nothing more can come that matters."""
+    """Forget the goal and its timers: no more news about it matters."""
 
 
 Effect: TypeAlias = (

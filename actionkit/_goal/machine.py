@@ -1,9 +1,9 @@
-"""The life of one goal as a pure state machine: no threads, no clock, no rclpy.
+"""Decides what to do about one goal, as a pure state machine: no threads, no clock, no rclpy.
 
-Each method is something that happened, with the time at which it did; it returns what is to
-be done about it. The caller's view of a goal (`settled`) and the goal's life on the server
-(`stage`) are two things: a goal that its caller gave up on is watched, and cancelled as soon
-as that is possible, until it is known not to run any more (C2.4).
+Each method is an event, with its time; it returns what to do about it, in order. The caller's view
+of a goal (`settled`) and the goal's life on the server (`stage`) are separate. If the caller gives
+up on a goal, it is watched, and cancelled as soon as possible, until it is known not to run any
+more (C2.4).
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ _ENDS = {GoalState.SUCCEEDED: fx.End.SUCCEEDED, GoalState.ABORTED: fx.End.ABORTE
 
 
 class Goal(CancellableGoal):
-    """One goal that was sent, which is one attempt of a call: what happens, event by event."""
+    """One goal that was sent, which is one attempt of a call: one method for each event."""
 
     def sent(self, now: float, servers: int = 1) -> list[fx.Effect]:
-        """Its request was handed to the middleware just now, for so many servers."""
+        """The middleware has just got the goal's request; so many servers may receive it."""
         self.facts.servers = max(1, servers)
         effects: list[fx.Effect] = [self._enter(GoalState.SENT)]
         if self._deadline is not None:
@@ -47,21 +47,21 @@ class Goal(CancellableGoal):
         return [*effects, self._arm_reask(now)]
 
     def server_ready(self, now: float) -> list[fx.Effect]:
-        """A server can be talked to (again)."""
+        """A server can be used (again)."""
         if self.stage is Stage.LOST:
             return self._ask_about_lost(now)
-        # A new server on the name, or the same one restarted: one that does not know the goal says
-        # so (R1).
+        # It is a new server on the name, or the same one after a restart. If it does not know the
+        # goal, it will say so (R1).
         return [fx.AskResult()] if self.stage is Stage.ACCEPTED else []
 
     def server_back(self, now: float) -> list[fx.Effect]:
-        """The same server that the goal was sent to can be talked to (again)."""
+        """The server that the goal was sent to can be used (again)."""
         if self.stage is not Stage.LOST:
             return self.server_ready(now)
         if self.facts.ended or self.facts.rejected:
             self.stage = Stage.ELSEWHERE
         elif not self.facts.accepted:
-            # It may still take the goal (R6): if it does not know it yet, this means nothing.
+            # It may still accept the goal (R6): if it does not know the goal yet, that is normal.
             self.stage = Stage.SENT
         self.facts.lost = False
         return self._ask_about_lost(now)
@@ -70,15 +70,15 @@ class Goal(CancellableGoal):
         self._reask_after = FIRST_REASK
         return [fx.AskCancel(), fx.AskResult(), self._arm_reask(now)]
 
-    # --- what the server says --------------------------------------------------------------
+    # --- what the servers answer -----------------------------------------------------------
 
     def accepted(self, now: float) -> list[fx.Effect]:
         """A server answered that it accepts the goal."""
         facts = self.facts
         facts.yeses += 1
-        facts.servers = max(facts.servers, facts.yeses)  # one of them was not in sight yet
+        facts.servers = max(facts.servers, facts.yeses)  # one of them was not visible yet
         if self.stage is Stage.OVER:
-            # A second server on the name took what the first refused or finished (R14).
+            # A second server on the name accepted what the first refused or finished (R14).
             return [fx.AskCancel()]
         if self._unproven:
             return self._shown(now)
@@ -86,7 +86,7 @@ class Goal(CancellableGoal):
             return []
         self._shown_at = now
         if self.stage is Stage.ACCEPTED:
-            # Where one was seen to have ended it, and seemed to be alone, this one has not.
+            # One server has ended it and seemed to be the only one, but this one has not.
             facts.over, self._terminal_seen = False, None
         cancel: list[fx.Effect] = [fx.AskCancel()] if self._unwanted else []
         return [fx.AskResult(anew=True), *cancel]
@@ -100,7 +100,7 @@ class Goal(CancellableGoal):
         if self.stage is Stage.SENT:
             effects.append(self._enter(GoalState.ACCEPTED))
         self.stage = Stage.ACCEPTED
-        # Asked for at once: a result may expire within milliseconds of the end (R25).
+        # Ask at once: a result may expire within milliseconds after the end (R25).
         effects.append(fx.AskResult(anew=True))
         self._reask_after = FIRST_REASK
         effects.append(self._arm_reask(now))
@@ -109,20 +109,20 @@ class Goal(CancellableGoal):
         return effects + self._arm_stall(now)
 
     def _proven(self, now: float) -> list[fx.Effect]:
-        """The server sent something that only an accepted goal causes."""
+        """The server sent something that it sends only for accepted goals."""
         return self._shown(now) if self._unproven else []
 
     def rejected(self, now: float) -> list[fx.Effect]:
-        """The server refused to accept the goal; it may be out of sight by now."""
+        """The server rejected the goal; it may be out of sight by now."""
         facts = self.facts
         lost = self.stage is Stage.LOST and not facts.accepted
         if self.stage is not Stage.SENT and not lost:
-            facts.noes += facts.servers > 1  # which is another one than the server that has it
+            facts.noes += facts.servers > 1  # then this is not the server that has the goal
             return self._look_elsewhere(now) if self.stage is Stage.ELSEWHERE else []
         facts.noes += 1
         if not facts.is_over:
             if lost:
-                return []  # another of its servers may have taken it
+                return []  # another of its servers may have accepted it
             if facts.noes + facts.away >= facts.servers:
                 return self._gone(now)
         facts.rejected = True
@@ -137,7 +137,7 @@ class Goal(CancellableGoal):
         return effects + self._end_here(end, now)
 
     def feedback(self, now: float) -> list[fx.Effect]:
-        """Feedback of this goal came. It proves acceptance, which it may overtake (R15)."""
+        """Feedback of this goal came. It proves acceptance, and may arrive earlier (R15)."""
         effects = self._proven(now)
         if self.stage is not Stage.ACCEPTED:
             return effects
@@ -155,12 +155,12 @@ class Goal(CancellableGoal):
                 effects.append(self._enter(state))
             return effects
         if self._terminal_seen is None and self.facts.servers == 1:
-            # The result usually follows at once; where it does not, it is asked for.
+            # The result usually follows at once; otherwise it is requested.
             self._terminal_seen = state
             self.facts.ended = self.facts.over = True
             self._forget_refusals()
             self._reask_after = FIRST_REASK / 2
-            # What has ended sends no feedback: that it is silent means nothing.
+            # A goal that has ended sends no feedback, so its silence means nothing.
             effects += [fx.Disarm(fx.Timer.STALL), self._arm_reask(now)]
             limit = self._timeouts.result
             if self._deadline is None and limit is not None and not self.settled:
@@ -182,19 +182,19 @@ class Goal(CancellableGoal):
         """A server answered the request for the result.
 
         Args:
-            status: A terminal state, or `None` where the server does not know the goal.
-            result: The result message; empty where there is no status.
+            status: A terminal state; `None` if the server does not know the goal.
+            result: The result message; empty if there is no status.
             now: Monotonic seconds.
-            asked_at: When it was asked.
-            ours: Whether a cancel of ours may be why it was cancelled (C4.4).
+            asked_at: When the result was requested.
+            ours: Whether one of our cancel requests may have cancelled it (C4.4).
             own: Whether a server that the goal was sent to is in sight (C5.7).
             everybody: Whether each server in sight has answered this request.
-            ends: How many have answered it with a terminal state, this one included.
+            ends: How many answered it with a terminal state, including this one.
         """
         if not self.in_flight:
             return []
         facts = self.facts
-        # A server that is just accepting it answers as if it did not know it (R12).
+        # A server that is just accepting the goal answers as if it did not know it (R12).
         everybody = everybody and (facts.servers == 1 or asked_at >= self._shown_at + DOUBT)
         if status is None:
             return self._unknown(now, asked_at, own=own, everybody=everybody)
@@ -216,7 +216,7 @@ class Goal(CancellableGoal):
         elif why is CancelReason.DEADLINE or (why is not None and canceled and ours):
             end = END_AFTER[why]
             if end is fx.End.DEADLINE and status is not GoalState.SUCCEEDED:
-                kept = None  # only a late success is worth having
+                kept = None  # only a late success is useful
         if self.settled:
             effects.append(fx.LateResult(status, result))
         return effects + self._end_here(end, now, result=kept)
@@ -224,16 +224,16 @@ class Goal(CancellableGoal):
     def _unknown(
         self, now: float, asked_at: float, *, own: bool, everybody: bool
     ) -> list[fx.Effect]:
-        """A server does not know the goal, or none of those in sight."""
+        """A server does not know the goal, or none of the servers in sight do."""
         facts = self.facts
         if facts.servers > 1 and not (everybody and own):
             lost = everybody and facts.lost
-            return self._unknown_to_another() if lost else []  # else another one may run it
+            return self._unknown_to_another() if lost else []  # otherwise another one may run it
         if self.stage is Stage.ELSEWHERE:
             self._denied_lately = True
             return self._look_elsewhere(now, everybody=True)
         if facts.servers > 1 and facts.away:
-            # One of those that may run it has gone, and those in sight do not.
+            # One of the servers that may run it has left, and those in sight do not run it.
             return [] if facts.undecided or self.stage is Stage.LOST else self._gone(now)
         if self.stage is Stage.ACCEPTED:
             return self._forgotten(now, asked_at) if own else []
@@ -246,7 +246,7 @@ class Goal(CancellableGoal):
     # --- several servers on one name -------------------------------------------------------
 
     def servers_changed(self, servers: int, away: int) -> list[fx.Effect]:
-        """Another server may have got the goal, too, or one of several went or came back."""
+        """Another server may have got the goal, too, or one of several left or came back."""
         gone = away > self.facts.away
         self.facts.servers, self.facts.away = max(servers, self.facts.yeses), away
         if gone and self.stage in (Stage.ACCEPTED, Stage.ELSEWHERE):
@@ -256,9 +256,8 @@ class Goal(CancellableGoal):
     def _stopped_everywhere(self, *, everybody: bool = False) -> bool:
         """Whether a goal that has ended on one server, or was rejected, runs on no other.
 
-        Args:
-            everybody: Whether each server in sight has said that it does not run it, or not
-                any more, after the last one had shown it.
+        `everybody` means that each server in sight has answered that it does not run it, or not any
+        more, after the last one had shown that it has it.
         """
         facts = self.facts
         if facts.undecided:
@@ -266,7 +265,7 @@ class Goal(CancellableGoal):
         return facts.servers == 1 or not facts.runs_seen or (everybody and not facts.away)
 
     def _look_elsewhere(self, now: float, *, everybody: bool = False) -> list[fx.Effect]:
-        """One more server has said something of a goal that is over for its caller."""
+        """Another server has answered about a goal that is over for its caller."""
         facts = self.facts
         if self._stopped_everywhere(everybody=everybody):
             return self._over()
@@ -278,21 +277,22 @@ class Goal(CancellableGoal):
         return []
 
     def _gone(self, now: float) -> list[fx.Effect]:
-        """One of several servers has gone, and may run the goal; those in sight do not."""
+        """One of several servers has left, and may run the goal; those in sight do not."""
         self.facts.gone = True
         return self.server_lost("its action server is gone", now)
 
     def _forgotten(self, now: float, asked_at: float) -> list[fx.Effect]:
-        """The server does not know a goal that it has accepted: believed when it says so again.
+        """The server does not know a goal that it has accepted: believed if it answers so again.
 
-        While one thread of an rclpy server accepts a goal, another answers as if there were none.
+        While one thread of an rclpy server accepts a goal, another one answers as if it did not
+        exist.
         """
         if self._forgotten_at is None:
             self._forgotten_at = now
             self._reask_after = DOUBT
             return [self._arm_reask(now)]
         if asked_at < self._forgotten_at + DOUBT:
-            return []  # on a slow network such answers may come for seconds
+            return []  # on a slow network, such answers may arrive for seconds
         return self._result_lost("its server no longer knows the goal", now)
 
     def cancel_answered(
@@ -303,7 +303,7 @@ class Goal(CancellableGoal):
             return []
         if answer is CancelAnswer.UNKNOWN_GOAL:
             if self.facts.servers > 1:
-                return [fx.AskResult()]  # each server answers that
+                return [fx.AskResult()]  # each server answers this one
             if self.stage is Stage.LOST:
                 return self._unknown_to_another() if self.facts.lost else self._over()
             return [fx.AskResult()] if self.stage is Stage.ACCEPTED else self._unknown_so_far()
@@ -314,7 +314,7 @@ class Goal(CancellableGoal):
         if answer is CancelAnswer.REFUSED:
             return effects + self._cancel_refused(now, asked_at)
         if answer is CancelAnswer.TERMINATED:
-            # Also the answer for a goal that is being cancelled already: it confirms nothing.
+            # This is also the answer for a goal that is being cancelled: it confirms nothing.
             self._forget_refusals()
             return [*effects, fx.AskResult()]
         if self.state is not GoalState.CANCELING:
@@ -322,31 +322,31 @@ class Goal(CancellableGoal):
         return effects + self._cancel_accepted(now)
 
     def _unknown_to_another(self) -> list[fx.Effect]:
-        """This server never got the goal. The one that got it may return, and still run it."""
+        """This server never got the goal. The one that got it may come back, and still run it."""
         return [fx.Disarm(fx.Timer.REASK), fx.StopCancel()]
 
     def _unknown_so_far(self) -> list[fx.Effect]:
-        """A live server does not know a goal that it was sent; it may yet (R6)."""
+        """A live server does not know a goal that it was sent; it may accept it later (R6)."""
         self._unknown_to_server = self._denied_lately = True
         if self.cancel_reason is CancelReason.UNANSWERED and not self.settled:
-            return self._settle_given_up()  # waiting would tell nothing more
+            return self._settle_given_up()  # waiting longer would tell nothing new
         return []
 
-    # --- what the server does not say ------------------------------------------------------
+    # --- what the servers do not answer ----------------------------------------------------
 
     def server_lost(self, reason: str, now: float) -> list[fx.Effect]:
-        """The server that had the goal is gone, or another has taken its place."""
+        """The server that had the goal is gone, or another one has replaced it."""
         if self.stage is Stage.ELSEWHERE:
             self.stage, self.facts.lost = Stage.LOST, True
             return [fx.Disarm(fx.Timer.REASK), *self._settle_held()]
         if self.stage not in (Stage.SENT, Stage.ACCEPTED):
-            self.facts.lost |= self.stage is Stage.LOST  # it was back, and left again
+            self.facts.lost |= self.stage is Stage.LOST  # it came back and left again
             return []
         if self._terminal_seen is not None:
             return self._result_lost("its server went away before it had sent it", now)
         self.stage = Stage.LOST
         self.facts.lost = True
-        self._forget_refusals()  # it may have ended with its server
+        self._forget_refusals()  # the goal may have ended with its server
         effects: list[fx.Effect] = [fx.Disarm(fx.Timer.REASK)]
         if self.settled:
             return effects
@@ -358,13 +358,7 @@ class Goal(CancellableGoal):
     def timer(
         self, timer: fx.Timer, now: float, *, others_confirmed_at: float = -math.inf
     ) -> list[fx.Effect]:
-        """A timer fired.
-
-        Args:
-            timer: Which.
-            now: Monotonic seconds.
-            others_confirmed_at: When a server last answered to the cancellation of any goal.
-        """
+        """A timer fired; `others_confirmed_at` is when a server last answered a cancel request."""
         if timer is fx.Timer.REASK:
             return self._reask(now)
         if self.settled:
@@ -383,7 +377,7 @@ class Goal(CancellableGoal):
         return []
 
     def _reask(self, now: float) -> list[fx.Effect]:
-        """Ask again for what may have been lost in a queue on the way (R3, R4)."""
+        """Repeat requests that may have been lost in a queue, or their answers (R3, R4)."""
         if not self.in_flight:
             return []
         if self.stage is Stage.ELSEWHERE:
@@ -391,7 +385,7 @@ class Goal(CancellableGoal):
         ended = self._terminal_seen is not None
         if ended and self.settled and self._reask_after >= LAST_RESULT_PAUSE:
             return self._over()
-        # A server that has not answered since it was asked last may be busy, and take it yet.
+        # A server that has not answered since the last request may be busy, and still accept it.
         dropped = self.settled and self.stage is Stage.SENT and self._denied_lately
         self._denied_lately = False
         if dropped and self._reask_after >= LAST_UNKNOWN_PAUSE:
@@ -401,7 +395,7 @@ class Goal(CancellableGoal):
             effects.append(fx.AskCancel())
         doubted = ended or self._forgotten_at is not None
         if doubted or self.stage is not Stage.ACCEPTED or self._reask_after >= LONG_PAUSE:
-            # A goal that only takes long is seen in the status topic, and not asked about.
+            # A goal that only takes long shows up in the status topic, so it is not requested.
             effects.append(fx.AskResult())
         longest = LONGEST_RESULT_PAUSE if ended else LONGEST_PAUSE
         if dropped:
@@ -410,10 +404,10 @@ class Goal(CancellableGoal):
         return [*effects, self._arm_reask(now)]
 
     def _reask_elsewhere(self, now: float) -> list[fx.Effect]:
-        """Ask again about a goal that is over for its caller, and may run on another server."""
+        """Ask again about a goal that is over for its caller, but may run on another server."""
         denied, self._denied_lately = self._denied_lately, False
         if denied and self._reask_after >= LONGEST_PAUSE:
-            return self._over()  # who has answered for a minute has read the request by then
+            return self._over()  # a server that has answered for a minute has read the request
         warn: list[fx.Effect] = []
         if self._reask_after == LONG_PAUSE and self.facts.runs_seen:
             warn = [fx.RunsElsewhere()]

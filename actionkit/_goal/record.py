@@ -1,4 +1,4 @@
-"""What is known of one goal, and how its attempt ends."""
+"""Keeps what is known about one goal, and decides how its attempt ends."""
 
 from __future__ import annotations
 
@@ -25,16 +25,10 @@ _LEFT_ALONE = {Closing.ABANDONED, Closing.BROKEN}
 
 
 class GoalRecord:
-    """The lowest layer of the machine: the facts, and the endings that follow from them."""
+    """The lowest layer of the state machine: the facts, and the endings that follow from them."""
 
     def __init__(self, goal_id: uuid.UUID, timeouts: Timeouts, deadline: float | None) -> None:
-        """Make a goal. Its request was just sent.
-
-        Args:
-            goal_id: Its id.
-            timeouts: The limits of its phases.
-            deadline: Monotonic time at which the whole call's time is up, or `None`.
-        """
+        """Make a goal that was just sent; `deadline` is the monotonic end of the whole call."""
         self.stage = Stage.SENT
         self.state = GoalState.SENDING
         self.settled = False
@@ -44,19 +38,19 @@ class GoalRecord:
         self._deadline = deadline
         self.facts = GoalFacts(goal_id)
         self._unknown_to_server = False
-        self._denied_lately = False  # it said so since it was last asked
-        self._forgotten_at: float | None = None  # when it first did not know it any more
+        self._denied_lately = False  # "unknown goal" was answered since the last request
+        self._forgotten_at: float | None = None  # when it first forgot a goal that it had
         self._terminal_seen: GoalState | None = None
-        self._ended_first = False  # it was seen before the caller gave up
+        self._ended_first = False  # before the caller gave up
         self._reask_after = FIRST_REASK
         self.cancelled_at = 0.0
         self._cancel_reply = CancelReply.NONE
         self._refusal_told = False
-        self._refused_at = 0.0  # when it refused once
-        self._refused_reason: CancelReason | None = None  # dropped, as the server refused
+        self._refused_at = 0.0  # when it refused the first time
+        self._refused_reason: CancelReason | None = None  # why we cancelled, until the refusal
         self._phase = ""
-        self._shown_at = -math.inf  # when a server last showed that it has it
-        # How it ends for its caller, once other servers have stopped it, too.
+        self._shown_at = -math.inf  # when a server last showed that it has the goal
+        # How it ends for its caller, after other servers have stopped it, too.
         self._held: tuple[fx.End, Any, str] | None = None
 
     @property
@@ -66,16 +60,16 @@ class GoalRecord:
 
     @property
     def may_run(self) -> bool:
-        """Whether a server in sight may be running it, and has not said otherwise."""
+        """Whether a server in sight may be running it, and has not denied that."""
         if self.stage is Stage.ELSEWHERE:
             return True
         denied = self.stage is Stage.SENT and self._unknown_to_server
-        ended = self._terminal_seen is not None  # and only its result is missing
+        ended = self._terminal_seen is not None  # then only its result is missing
         return self.in_flight and self.stage is not Stage.LOST and not denied and not ended
 
     @property
     def awaits_result_of(self) -> GoalState | None:
-        """How it is known to have ended while its result has not come yet; else `None`."""
+        """The state in which it ended, if its result has not come yet; else `None`."""
         return self._terminal_seen if self.stage is Stage.ACCEPTED else None
 
     def lose_touch(self) -> None:
@@ -84,7 +78,7 @@ class GoalRecord:
 
     @property
     def _unproven(self) -> bool:
-        """Whether the goal may be on a server that has not shown, or not again, that it has it."""
+        """Whether a server may have the goal, but has not shown that it (still) has it."""
         return self.stage in (Stage.SENT, Stage.LOST)
 
     @property
@@ -112,7 +106,7 @@ class GoalRecord:
     def _end_here(
         self, end: fx.End, now: float, *, result: Any = None, lost_because: str = ""
     ) -> list[fx.Effect]:
-        """One server's answer ends it for the caller. Another server may still run it (R14)."""
+        """One server's answer ends it for the caller; another server may still run it (R14)."""
         if not self.facts.may_run:
             self.stage = Stage.OVER
             return [*self._settle(end, result=result, lost_because=lost_because), *self._release()]
@@ -127,7 +121,7 @@ class GoalRecord:
         return [*effects, self._arm_reask(now)]
 
     def _settle_held(self) -> list[fx.Effect]:
-        """Give the caller the ending that was held back, no matter what other servers have said."""
+        """Give the caller the ending that was held back, even if other servers may run the goal."""
         if self._held is None:
             return []
         end, result, lost_because = self._held
@@ -143,7 +137,7 @@ class GoalRecord:
         error: BaseException | None = None,
         lost_because: str = "",
     ) -> list[fx.Effect]:
-        """Give the ending to the caller, unless the attempt has ended before."""
+        """Give the ending to the caller, unless the attempt has already ended."""
         if self.settled:
             return []
         self.settled = True
@@ -176,7 +170,7 @@ class GoalRecord:
     def _news(self) -> fx.LastNews:
         over = self.stage is Stage.OVER and self.closing not in _LEFT_ALONE
         if (over or self.stage is Stage.ELSEWHERE) and not self.facts.is_over:
-            return fx.LastNews.NOTHING  # another server on the name has not said that it stopped
+            return fx.LastNews.NOTHING  # another server on the name may still run it
         if over or self._terminal_seen is not None:
             return fx.LastNews.STOPPED
         if self.stage is Stage.LOST:

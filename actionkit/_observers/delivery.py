@@ -1,8 +1,8 @@
-"""Hands what happens to the goals of one client to its log and its observers (C6.2).
+"""Tells the log and the observers of one client what happens to its goals (C6.2).
 
-Each is told in order, and never on the thread that completes the goals (R8). Nothing is left out,
-but where very much waits, and then feedback first. A client that closes, and the interpreter at its
-exit, wait a limited time for what is queued.
+Each observer gets everything in order, never on the thread that completes the goals (R8). Nothing
+is left out unless very much is waiting, and then feedback first. A client that closes, and the
+interpreter at its exit, wait a limited time for what is queued.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from actionkit._threads.pool import Job, Pool
 from actionkit._threads.serial_queue import SerialQueue
 
 MOST_FEEDBACK = 1_000
-"""With so many events waiting, feedback is left out: ten seconds of feedback at 100 Hz."""
+"""If so many events wait, feedback is left out: ten seconds of feedback at 100 Hz."""
 MOST = 100_000
-"""With so many waiting, everything is: some 100 MB, which an observer that hangs may hold."""
+"""If so many events wait, everything is left out. If an observer hangs, they use some 100 MB."""
 _WARNING_PERIOD = 60.0
-"""Seconds between warnings of a log handler that raises, which may do so with every record."""
+"""Seconds between warnings of a log handler that raises an error, maybe with every record."""
 
 
 class Delivery(SerialQueue[Job]):
-    """What one observer is to be told. Only the communication thread puts it in."""
+    """The queue of one observer. Only the communication thread adds to it."""
 
     def __init__(self, observer: Observer, label: Label, pool: Pool, action_name: str) -> None:
         super().__init__()
         self.label = label
-        """What the log calls the observer."""
+        """The observer's name in the log."""
         self.name = f"{label} of action {action_name!r}"
         self.is_log = isinstance(observer, GoalLog)
-        """Whether it is told what comes after an error: an observer is not."""
+        """Whether it is the log, which gets further events after an error. Observers do not."""
         self._pool = pool
         self._on_event = observer.on_event
         self._on_feedback: Callable[..., object] | None = getattr(observer, "on_feedback", None)
@@ -53,7 +53,7 @@ class Delivery(SerialQueue[Job]):
         self._warned_of_loss = False
 
     def event(self, event: GoalEvent, call: CallInfo, decode: Callable[[], Any] | None) -> None:
-        """Hand over a transition, soon."""
+        """Pass on a transition, soon."""
         if decode is not None and self._on_feedback is not None:
             job: Job = partial(self._hand_over, self._on_feedback, event, decode, call)
         else:
@@ -75,13 +75,13 @@ class Delivery(SerialQueue[Job]):
         hook(event, message, call)
 
     def outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
-        """Hand over the end of a call, soon."""
+        """Pass on the end of a call, soon."""
         if self._on_outcome is not None:
             self.put_job(partial(self._on_outcome, outcome, call))
 
     def put_job(self, job: Job, *, feedback: bool = False) -> None:
         """Queue a job that tells the observer something. Never blocks."""
-        self._pool.look()  # the observer may have been at an earlier one for long
+        self._pool.look()  # the observer may have been busy with an earlier one for long
         if len(self._items) >= (MOST_FEEDBACK if feedback else MOST):
             self._lost += 1
         elif not self._dropped:
@@ -100,7 +100,7 @@ class Delivery(SerialQueue[Job]):
                 job()
         except BaseException as error:
             if is_interrupt(error):
-                raise  # a human who does not want to wait for the exit
+                raise  # a human does not want to wait for the exit
             self._on_error()
         if self._lost and not self._warned_of_loss:
             self._warned_of_loss = True
@@ -113,7 +113,7 @@ class Delivery(SerialQueue[Job]):
         return True
 
     def _on_error(self) -> None:
-        """Log the error that is being handled, and drop the observer."""
+        """Log the error that is being handled; an observer gets nothing more after it."""
         if not self.is_log:
             self._dropped = True
             log_here(
@@ -134,7 +134,7 @@ class Delivery(SerialQueue[Job]):
 
 
 class ObserverDispatcher:
-    """The log and the observers of one client. Costs next to nothing where there are none."""
+    """The log and the observers of one client. Costs almost nothing if there are no observers."""
 
     def __init__(
         self,
@@ -144,9 +144,9 @@ class ObserverDispatcher:
         action_type: str = "",
         node_name: str = "",
     ) -> None:
-        """Subscribe the observers, which were checked. The names are those of `CallInfo`."""
+        """Subscribe observers that were checked. The names are those of `CallInfo`."""
         self._names = (action_name, action_type, node_name)
-        # A thread for each, if need be: no observer waits for another.
+        # One thread for each if needed: no observer waits for another.
         most = 1 + len(observers)
         self._pool = Pool(action_name, name="actionkit-observers", most=most, kind=OBSERVERS)
         self._log = GoalLog()
@@ -162,7 +162,7 @@ class ObserverDispatcher:
     def call_info(
         self, call_id: uuid.UUID, goal: Any, *, monotonic: float, wall: float
     ) -> CallInfo:
-        """Return the facts of a call for the observers. On the caller's thread, for its context."""
+        """Return the facts of a call for observers. On the caller's thread, for its context."""
         context = contextvars.copy_context() if self._to_observers else None
         return CallInfo(call_id, *self._names, monotonic, wall, goal, context)
 
@@ -174,27 +174,21 @@ class ObserverDispatcher:
     def event(
         self, event: GoalEvent, call: CallInfo, decode: Callable[[], Any] | None = None
     ) -> None:
-        """Hand a transition to all. Never blocks.
-
-        Args:
-            event: The transition.
-            call: The call that it belongs to.
-            decode: Returns the feedback message, if it is one.
-        """
+        """Pass a transition to all; `decode` returns its feedback message, if any. Never blocks."""
         if self._log.wants(event):
             self._to_log.event(event, call, None)
         for each in self._to_observers:
             each.event(event, call, decode)
 
     def outcome(self, outcome: Outcome[Any], call: CallInfo) -> None:
-        """Hand the end of a call to all. Never blocks."""
+        """Pass the end of a call to all. Never blocks."""
         if self._log.wants_outcome(outcome):
             self._to_log.outcome(outcome, call)
         for each in self._to_observers:
             each.outcome(outcome, call)
 
     def flush(self, until: float) -> None:
-        """Wait until all have got what is queued, or until that monotonic time. Takes no lock."""
+        """Wait until all have what is queued, or until that monotonic time. Takes no lock."""
         self._pool.dues.finish(until)
 
 
@@ -202,11 +196,11 @@ NO_OBSERVERS = ObserverDispatcher()
 
 
 def flush_all(until: float) -> None:
-    """At the interpreter's exit: wait for what is queued anywhere, and warn of what is left."""
+    """At the interpreter's exit: wait for everything that is queued, and warn of the rest."""
     for due in finish_all(until, OBSERVERS):
         assert isinstance(due.work, Delivery)
         text = "at exit, %s had not been told everything"
-        if due.work.is_log:  # which takes nothing
+        if due.work.is_log:  # the log itself accepts nothing
             write_to_stderr(text % due.work.name)
         else:
             log_later(logging.WARNING, text, due.work.name)

@@ -73,26 +73,19 @@ class CancelWindow(Window):
 
 @dataclass(slots=True)
 class _Cancellation:
-    """A goal that is to be cancelled.
+    """A goal that is to be cancelled."""
 
-    Attributes:
-        urgent: Whether its caller has little time left.
-        asked_at: When `ask` was last called.
-        requests: How many requests were sent since then.
-        unknown: How many of the latest requests were answered with "unknown goal".
-        outdated: Whether `ask` was called after the request that is unanswered. The answer "unknown
-            goal" to that request is then outdated.
-        timeout: Ends the wait for the answer to a request; `None` while no request is unanswered.
-        repeat: Starts the next request; `None` while the goal waits for a place in the window.
-    """
-
-    urgent: bool
-    asked_at: float = 0.0
-    requests: int = 0
-    unknown: int = 0
+    urgent: bool  # its caller has little time left
+    asked_at: float = 0.0  # when `ask` was last called
+    requests: int = 0  # how many were sent since then
+    unknown: int = 0  # how many of the latest requests were answered with "unknown goal"
     outdated: bool = False
+    """Whether `ask` was called after the unanswered request. The answer "unknown goal" to that
+    request is then outdated."""
     timeout: TimerHandle | None = None
+    """Ends the wait for the answer to a request; `None` while no request is unanswered."""
     repeat: TimerHandle | None = None
+    """Starts the next request; `None` while the goal waits for a place in the window."""
 
 
 class CancelQueue:

@@ -1,6 +1,6 @@
 """Connects the goals of one client with the servers of its action.
 
-It sends what goals ask for, and tells each goal's listener what the servers answer. All of it
+It sends the goals' requests, and passes each server's answers to the goal's listener. All of it
 happens on the communication thread.
 """
 
@@ -24,10 +24,10 @@ from actionkit._ros.servers.monitor import ServerMonitor
 from actionkit._ros.status import StatusWatch
 
 _ANSWERED_WITHIN = 0.1
-"""Seconds; a server that does not answer for so long may have been stopped or killed."""
+"""Seconds; if a server does not answer for so long, it may have been stopped or killed."""
 _CLEARED_WITHIN = 4.0
-"""Seconds until Fast DDS has cleaned up after a process that stopped: once a second it looks for
-processes that did nothing for a second, and then it waits for their lock for a second."""
+"""Seconds until Fast DDS has cleaned up after a process that stopped: once a second, it looks for
+processes that did nothing for a second, and then it waits another second for their lock."""
 
 
 class Link:
@@ -38,14 +38,11 @@ class Link:
     ) -> None:
         """Make the entities and look for servers. On the communication thread.
 
-        Args:
-            runtime: Its thread and node are used.
-            action_type: The action's class.
-            type_name: Such as `test_msgs/action/Fibonacci`.
-            names: The names of the action.
+        They use the thread and node of `runtime`. `type_name` is such as
+        `test_msgs/action/Fibonacci`.
 
         Raises:
-            Exception: Anything that rclpy raises for a bad name or type.
+            Exception: Any error of rclpy, for a bad name or type.
         """
         self.runtime = runtime
         self._listeners: dict[bytes, GoalListener] = {}  # of the goals that were sent, by id
@@ -95,7 +92,7 @@ class Link:
         self.readiness = self.monitor.readiness
         """Whether servers are there."""
         self.liveness = self.monitor.liveness
-        """Probes the servers from time to time, if the user wants that."""
+        """Probes the servers regularly, if the user wants that."""
         self.stood_still = self.monitor.stood_still
         self.ask_about_goals = self.monitor.tell_sent_goals
         self._feedback = FeedbackWatch(
@@ -109,21 +106,21 @@ class Link:
         runtime.rejoining.links[self] = None
         runtime.standstill.watch()
 
-    # --- what goals ask for ----------------------------------------------------------------
+    # --- what goals need -------------------------------------------------------------------
 
     def await_server(self, waiter: Waiter) -> None:
-        """Tell the waiter once when a server is ready, or while another type is served."""
+        """Tell the waiter once when a server is ready, or if another type is served."""
         self._feedback.poll_now()
         self.runtime.standstill.watch()
         self.monitor.await_server(waiter)
 
     def look_again(self) -> None:
-        """Tell who waits for a server whether another type is served now."""
+        """Tell waiters for a server whether another type is served now."""
         self._feedback.poll_now()
         self.readiness.look_again()
 
     def await_next_ready(self, waiter: Waiter) -> None:
-        """Tell the waiter when a server becomes ready the next time."""
+        """Tell the waiter when the next server becomes ready."""
         self._feedback.poll_now()
         self.monitor.await_next_ready(waiter)
 
@@ -142,7 +139,7 @@ class Link:
         """Send a goal that has its turn; return how many servers may have it.
 
         Raises:
-            Exception: Anything that rclpy's converters raise; nothing was sent then.
+            Exception: Any error of rclpy's converters; then nothing was sent.
         """
         key = listener.goal_id.bytes
         self._feedback.start()
@@ -155,25 +152,23 @@ class Link:
         self._outbox.discard(listener.goal_id.bytes)
 
     def sees_server_of(self, listener: GoalListener) -> bool:
-        """Whether a server is there that the goal was sent to."""
+        """Whether a server that the goal was sent to is in sight."""
         return self.monitor.sees_server_of(listener.goal_id.bytes)
 
     def server_is_gone(self, listener: GoalListener) -> bool:
-        """Whether no server is in sight that ever may have had the goal."""
+        """Whether no server that may ever have had the goal is in sight."""
         return self.monitor.server_is_gone(listener.goal_id.bytes)
 
     def ask_result(self, listener: GoalListener, *, supersedes_earlier: bool = False) -> None:
         """Ask for the goal's result.
 
-        Args:
-            listener: The owner of the goal.
-            supersedes_earlier: Whether to ask at once, because more is known of the goal than
-                when it was asked before. Else a goal asks again at a limited rate.
+        If `supersedes_earlier`, more is known about the goal than at the last request: then ask at
+        once. Otherwise the goal's requests have a limited rate.
         """
         self._requests.ask_result(listener.goal_id.bytes, supersedes_earlier=supersedes_earlier)
 
     def ask_cancel(self, listener: GoalListener, *, urgent: bool) -> None:
-        """Ask for the goal's cancellation until it is answered; those that are urgent first."""
+        """Ask for the goal's cancellation until it is answered; urgent requests go first."""
         key = listener.goal_id.bytes
         if key in self._listeners:
             self._requests.cancels.ask(key, urgent=urgent)
@@ -188,16 +183,14 @@ class Link:
         return self._requests.cancel_window.progressed_at
 
     def watch_status(self) -> None:
-        """Tell all goals what the status topic says of them, while there are any."""
+        """Tell all goals what the status topic shows about them, while there are any."""
         self._status.start()
 
     def forget(self, listener: GoalListener, *, abandoned: bool, finished: bool) -> None:
-        """Tell the listener nothing any more, and free what its goal held (R16).
+        """Tell the listener nothing more, and free what its goal held (R16).
 
-        Args:
-            listener: The owner of the goal.
-            abandoned: Whether the goal is to be left running on purpose.
-            finished: Whether a server has told its result.
+        `abandoned` means that the goal is left running on purpose, `finished` that a server has
+        sent its result.
         """
         key = listener.goal_id.bytes
         self._outbox.discard(key)
@@ -210,25 +203,25 @@ class Link:
             self._feedback.stop()
 
     def _send_next(self) -> None:
-        """Have the goals sent that may be sent now."""
+        """Let waiters send the goals that may be sent now."""
         while self.readiness.ready and (taken := self._outbox.take()) is not None:
             _, waiter = taken
             waiter.on_turn()
 
     def _on_ready(self) -> None:
         self._requests.server_came()
-        self._send_next()  # goals that got their turn while no server was ready
+        self._send_next()  # goals that had their turn while no server was ready
 
-    # --- what the runtime asks for ---------------------------------------------------------
+    # --- what the runtime needs ------------------------------------------------------------
 
     def is_busy(self) -> bool:
-        """Whether any goal is in flight, or waits for a server."""
+        """Whether any goal is in flight or waits for a server."""
         return bool(self._listeners or self._outbox or self.monitor.waiting)
 
     def hears(self, since: float) -> bool:
-        """Whether a server has sent anything since then, or none is there that anybody wants.
+        """Whether a server has sent anything since then, or none is there and nobody needs one.
 
-        If not, ask what every server answers.
+        If not, send a request that every server answers.
         """
         if self.liveness.heard_at > since:
             return True
@@ -238,7 +231,7 @@ class Link:
         return False
 
     def has_seen_servers(self) -> bool:
-        """Whether a server of any type has been in view; nothing is sent before."""
+        """Whether a server of any type has been in view; before that, nothing is sent."""
         if self._entities.matched is not None:
             self._entities.matched.take()  # the latest event may not have been read
         return self.readiness.has_seen_servers
@@ -254,15 +247,15 @@ class Link:
         self._entities.recreate(node)
         self._status.enter()
 
-    # --- what the port asks for ------------------------------------------------------------
+    # --- what the port needs ---------------------------------------------------------------
 
     def server_is_ready(self) -> bool:
-        """Whether goals can be sent now, after a look at the middleware's latest event."""
+        """Whether goals can be sent now; it first looks at the middleware's latest event."""
         self._feedback.poll_now()
         return self.readiness.ready
 
     def table_sizes(self) -> dict[str, int]:
-        """Return how many entries each table holds, for tests of growth (C7.5)."""
+        """Return how many entries each table has, for tests of growth (C7.5)."""
         return {
             **self._requests.table_sizes(),
             "goals": len(self._listeners),
@@ -271,7 +264,7 @@ class Link:
         }
 
     def close(self) -> None:
-        """Destroy the entities. No listener is told anything any more."""
+        """Destroy the entities. No listener is told anything after that."""
         self.runtime.rejoining.links.pop(self, None)
         self._outbox.close()
         self.monitor.close()
@@ -288,14 +281,14 @@ class Link:
     # --- what the servers send -------------------------------------------------------------
 
     def _on_matched(self, count: int, came: int) -> None:
-        # What a server said before it went is not to be read after that: a result would come
-        # too late, and a status would seem to show a lost goal running again.
+        # Read now what a server said before it left. Later, a result would be too late, and a
+        # status would seem to show that a lost goal is running again.
         for answers in (self._entities.goal, self._entities.result, self._entities.cancel):
             answers.take()
         self._feedback.take_all()
         self._status.take_now()
         if count == 0:
-            self._requests.heard()  # nobody is left who could answer
+            self._requests.heard()  # no server is left that could answer
         self.monitor.matched(count, came)
 
     def _take_goal(self, seq: int, response: Any) -> None:
@@ -321,7 +314,7 @@ class Link:
             # the goal is dead (R1).
             self.monitor.restarts.start()
             return
-        self._feedback.take_all()  # the result may have overtaken some (R15)
+        self._feedback.take_all()  # the result may have overtaken some feedback (R15)
         listener = self._listeners[key]
         if listener.unwanted:
             self._requests.cancel_window.note_progress(self.runtime.now())
@@ -330,7 +323,7 @@ class Link:
             listener.on_result(
                 state, response.result, asked_at, outdated=outdated, everybody=everybody, ends=ends
             )
-        # A state in which a goal goes on does not answer this: the result is asked for again.
+        # A state in which a goal goes on is not an answer: the result is requested again.
 
     def _take_cancel(self, seq: int, response: Any) -> None:
         self.liveness.heard()

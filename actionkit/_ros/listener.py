@@ -1,4 +1,4 @@
-"""The interfaces of objects that are told of servers, and of what these say about a goal."""
+"""The interfaces of objects that get news about servers, and their answers about one goal."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from actionkit._model.values import GoalState
 
 
 class Waiter(Protocol):
-    """Waits for a server, and then for the turn of its goal."""
+    """Waits for a server, and then for its goal's turn."""
 
     def on_server_ready(self) -> None: ...
     def on_type_mismatch(self, served: tuple[str, ...]) -> None: ...
     def on_server_lost(self, reason: str) -> None: ...
     def on_turn(self) -> None:
-        """Its goal may be sent now; where it is not, it is taken out of the queue."""
+        """Its goal may be sent now; if it is not sent, it leaves the queue."""
 
 
 class GoalListener(Protocol):
-    """Is told what the servers say about one goal that was sent."""
+    """Gets the servers' news about one goal that was sent."""
 
     goal_id: uuid.UUID
 
@@ -28,7 +28,7 @@ class GoalListener(Protocol):
     def unwanted(self) -> bool: ...
     def on_server_ready(self) -> None: ...
     def on_servers_changed(self, servers: int, away: int) -> None:
-        """So many servers may have the goal now, and so many of them are out of sight."""
+        """So many servers may have the goal now, and so many of these are out of sight."""
 
     def on_accepted(self) -> None: ...
     def on_rejected(self) -> None: ...
@@ -47,12 +47,12 @@ class GoalListener(Protocol):
         """The server answered a request for the result.
 
         Args:
-            state: The state in which the goal ended; `None` where the server does not know it.
-            result: The result message; an empty one where the server does not know the goal.
+            state: The state in which the goal ended; `None` if the server does not know the goal.
+            result: The result message; an empty one if the server does not know the goal.
             asked_at: When the request was sent, in monotonic seconds.
-            outdated: Whether the goal was not known when this was asked, and may be known now.
+            outdated: Whether the goal was unknown at that time but may be known now.
             everybody: Whether each server in sight has answered this request.
-            ends: How many have answered it with a state in which the goal ended.
+            ends: How many answered it with a state in which the goal ended.
         """
 
     def on_cancel_sent(self) -> None: ...

@@ -1,10 +1,10 @@
-"""Queues of requests; only a few of them may be unanswered at a time.
+"""Queues requests, so that only a few of them are unanswered at a time.
 
-A server's request queue is 10 deep and drops what does not fit (R3). So no more than a window of
+A server's request queue has 10 places and drops what does not fit (R3). So at most a window of
 requests is unanswered at any time; the others wait in an outbox (contract C1.12). All clients of
-one action in a process share the window, because they share the server's queue. Nothing is known
-of clients in other processes. Goal requests and cancel requests have a window each, because the
-server has a queue for each.
+one action in a process share the window, because they share the server's queue. Clients in other
+processes are unknown. Goal requests and cancel requests have a window each, because the server has
+a queue for each.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 
 WINDOW = 8
-"""Unanswered requests; below 10, which leaves two places for other processes."""
+"""Unanswered requests: fewer than 10, which leaves two places for other processes."""
 
 
 class Window:
-    """Counts how many requests are unanswered, for any number of senders."""
+    """Counts the unanswered requests of any number of senders."""
 
     def __init__(self, size: int = WINDOW) -> None:
         self._size = size
@@ -32,11 +32,9 @@ class Window:
         self._telling = False
 
     def enter(self, on_free: Callable[[], None], *, urgent: bool = False) -> bool:
-        """Take a place. Where there is none, return `False` and call `on_free` later, once.
+        """Take a place; if there is none, return `False` and call `on_free` once, when there is.
 
-        Args:
-            on_free: Called when there is a place.
-            urgent: Whether to be told before all senders that are not urgent.
+        Urgent senders are told before all others.
         """
         if self._taken >= self._size:
             self._waiting[0 if urgent else 1][on_free] = None
@@ -45,10 +43,10 @@ class Window:
         return True
 
     def leave(self) -> None:
-        """Give a place back. The sender that has waited longest is told first."""
+        """Give up a place. The sender that has waited longest is told first."""
         self._taken -= 1
         if self._telling:
-            return  # the sender that is being told gave back a place; the loop below goes on
+            return  # the sender that is being told gave up a place; the loop below continues
         self._telling = True
         try:
             while self._taken < self._size:
@@ -66,14 +64,13 @@ class Window:
 
 
 class Outbox(Generic[T]):
-    """Requests that wait for a place in a window, and those that have one. It sends nothing."""
+    """Requests that wait for a place in a window, or have one. It sends nothing itself."""
 
     def __init__(self, window: Window, on_free: Callable[[], None]) -> None:
-        """Make an outbox without requests.
+        """Make an empty outbox.
 
-        Args:
-            window: One for all code that sends to the same servers.
-            on_free: Called when `take` has returned `None` and may return something now.
+        All code that sends to the same servers shares one window. `on_free` is called if `take` has
+        returned `None` and may return something now.
         """
         self._window = window
         self._on_free = on_free
@@ -82,7 +79,7 @@ class Outbox(Generic[T]):
         self._unanswered: set[bytes] = set()
 
     def __len__(self) -> int:
-        """How many requests wait or are unanswered."""
+        """The number of requests that wait or are unanswered."""
         return len(self._urgent) + len(self._others) + len(self._unanswered)
 
     def put(self, key: bytes, request: T, *, urgent: bool = False) -> None:
@@ -112,7 +109,7 @@ class Outbox(Generic[T]):
 
     def close(self) -> None:
         """Remove all requests."""
-        self._urgent.clear()  # first, or the places that are given back would be taken again
+        self._urgent.clear()  # first, or these requests would take the places that become free
         self._others.clear()
         self._window.stop_waiting(self._on_free)
         for key in list(self._unanswered):

@@ -1,4 +1,4 @@
-"""ActionKit's own nodes: how they are made, and how they leave the graph."""
+"""Makes ActionKit's own nodes, and removes them from the graph."""
 
 from __future__ import annotations
 
@@ -17,12 +17,8 @@ from actionkit._ros.native import node_is_destroyed
 def start(context: Context, domain_id: int) -> None:
     """Initialise a context of ours, with the ROS arguments of the process.
 
-    Args:
-        context: The context.
-        domain_id: Its ROS domain.
-
     Raises:
-        ValueError: rcl does not take the arguments.
+        ValueError: rcl refuses the arguments.
     """
     try:
         context.init(None, initialize_logging=False, domain_id=domain_id)
@@ -39,7 +35,7 @@ def start(context: Context, domain_id: int) -> None:
 def make_node(name: str, context: Context) -> Node:
     """Make our node in a context.
 
-    The arguments of the process are not for it: every name used on it is resolved already.
+    It ignores the process's ROS arguments: every name that it uses is resolved already.
 
     Raises:
         Exception: Any error of rclpy, if the node cannot be made.
@@ -48,15 +44,15 @@ def make_node(name: str, context: Context) -> Node:
 
 
 def resolve_without_node(context: Context, node: Node, action_name: str) -> ActionNames:
-    """Return the names that an action has by the ROS arguments that a context was given.
+    """Return an action's names by the ROS arguments of a context.
 
-    Only a node has such rules, so there is one for a millisecond, called after our own.
+    Only a node has these rules, so there is one for a millisecond, named after our own.
 
     Raises:
         ValueError: It is not a valid action name.
     """
     name = f"{node.get_name()}_names"
-    # A launch file's __node is meant for the user's node: two nodes of one name confuse every tool.
+    # __node in a launch file is for the user's node: two nodes with one name confuse every tool.
     rename = ["--ros-args", "-r", f"__node:={name}"]
     resolver = _node(name, context, use_global_arguments=True, cli_args=rename)
     try:
@@ -66,9 +62,9 @@ def resolve_without_node(context: Context, node: Node, action_name: str) -> Acti
 
 
 def leave_graph(node: Node) -> None:
-    """Destroy our node, unless that was done; its entities were before."""
+    """Destroy our node if it still exists; its entities were destroyed before."""
     if not node_is_destroyed(node):
-        # The nodes of one context share what listens. It goes with the last of them.
+        # The nodes of one context share a listener, which ends with the last of them.
         if is_last(node):
             stop_listening(node)
         node.destroy_node()

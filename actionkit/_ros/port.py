@@ -1,6 +1,6 @@
-"""What the rest of the library sees of rclpy: a link, and the thread that works on it.
+"""The rest of the library's access to rclpy: a link, and the thread that works on it.
 
-A port outlives its client until no goal is left that may still have to be cancelled.
+A port outlives its client as long as a goal may still have to be cancelled.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from actionkit._threads.clock import TimerHandle
 from actionkit._threads.waiting import Flag
 
 _UNDONE_WITHIN = 5.0
-"""Seconds that it may take to free what a failed constructor has made; it takes milliseconds."""
+"""Seconds that freeing the parts of a failed constructor may take; it takes milliseconds."""
 DIED = "the communication thread of ActionKit died"
 
 
@@ -37,20 +37,15 @@ class Port:
     def __init__(self, action_type: Any, action_name: object, node: Any = None) -> None:
         """Make a link on the communication thread of the node's context.
 
-        Without a node it is that of rclpy's default context, where it is up, else of our own.
-
-        Args:
-            action_type: The action's class.
-            action_name: Its name, resolved as `node` would, or as ActionKit's own node does.
-            node: A node of the user's, for its domain, namespace and remappings; or `None`.
+        Without a node, the context is rclpy's default one if it is up, otherwise our own. `node`
+        and its namespace and remappings also resolve `action_name`; without a node, ActionKit's own
+        node does that. If this fails, nothing that it made remains.
 
         Raises:
             TypeError: A wrong type of argument.
             ValueError: A bad name, arguments of the process that ROS refuses, or a node or context
                 that cannot be used any more.
             ActionTypeMismatchError: The process already uses the name with another type.
-
-        Nothing is left of what was made for it then.
         """
         type_name = type_name_of(action_type)
         if node is not None and not isinstance(node, Node):
@@ -61,7 +56,7 @@ class Port:
         """Set when the entities are destroyed and the runtime is released."""
         self._node: Node | None = node
         self.server_waits: set[Flag] = set()
-        """What is set when the port is freed. On the communication thread, as the next."""
+        """Flags that are set when the port is freed. On the communication thread, like the next."""
         self.waits_ended = False
         context = _users_context(node)
         with _told_if_down(context):
@@ -75,9 +70,9 @@ class Port:
                     label="" if node is None else node.get_fully_qualified_name(),
                 )
                 self.runtime.run(lambda: self._open(action_type))
-            except BaseException:  # also for a Ctrl-C: nothing is left behind
+            except BaseException:  # also after Ctrl-C: nothing remains
                 self.runtime.call_soon(self._undo)
-                # The middleware's exit handlers crash under a thread that still uses it.
+                # The middleware's exit handlers crash if a thread still uses it.
                 self.freed.wait(_UNDONE_WITHIN)
                 self.runtime.join_if_stopping(_UNDONE_WITHIN)
                 raise
@@ -91,11 +86,11 @@ class Port:
         return self._node is not None
 
     def why_unusable(self) -> str:
-        """Return what ended that calls depend on, or `""`: our thread, or the user's ROS.
+        """Return what calls need that has ended, or `""`: our thread, or the user's ROS.
 
-        That is the context of the client's node; without a node rclpy's default one, or our own,
-        which only rclpy's signal handler shuts down: it does so with every context of the process
-        (R10).
+        The user's ROS is the context of the client's node. Without a node, it is rclpy's default
+        context, or our own one. Only rclpy's signal handler shuts down our own context: it shuts
+        down every context of the process (R10).
         """
         if self.runtime.failure is not None:
             return DIED
@@ -109,7 +104,7 @@ class Port:
         return ""
 
     def end_spinning(self) -> None:
-        """Have the user's executors see that their context was shut down, if it was."""
+        """If the user's context was shut down, let the executors there notice that."""
         context = native.default_context() if self._node is None else self._node.context
         if context is not None and not is_up(context):
             executors.wake_executors(context)
@@ -118,11 +113,11 @@ class Port:
         """Return the feedback in a serialised feedback message.
 
         Raises:
-            ValueError: The bytes are none of the action's type.
+            ValueError: The bytes are not a feedback message of the action's type.
         """
         try:
             return deserialize_message(feedback_alone(message), self._feedback_type)
-        except RuntimeError as error:  # what rclpy makes of the middleware's errors
+        except RuntimeError as error:  # rclpy raises it for errors of the middleware
             raise ValueError(
                 f"a feedback message of action {self.identity.action_name!r}, {len(message)} bytes,"
                 f" is no {self.identity.type_name} feedback ({error}): does its server use another"
@@ -130,7 +125,7 @@ class Port:
             ) from error
 
     def table_sizes(self) -> dict[str, int]:
-        """Return how many entries each table of the link and the timers hold."""
+        """Return how many entries each table of the link has, and how many timers there are."""
         return self.runtime.run(
             lambda: {**self.link.table_sizes(), "timers": len(self.runtime.timers)}
         )
@@ -138,7 +133,7 @@ class Port:
     # --- on the communication thread -------------------------------------------------------
 
     def end_waits(self) -> None:
-        """End all waits for a server, also those that begin later."""
+        """End all waits for a server, even those that begin later."""
         self.waits_ended = True
         for over in self.server_waits:
             over.set()
@@ -147,7 +142,7 @@ class Port:
         name, type_name = self.identity.action_name, self.identity.type_name
         used = dict(self.runtime.names_in_use).get(name)
         if used not in (None, type_name):
-            # The middleware refuses it too, without telling why (R21).
+            # The middleware refuses it, too, but does not say why (R21).
             error = ActionTypeMismatchError(
                 f"action {name!r} is used as {used} by another client of this process, and"
                 f" cannot be used as {type_name} here: one of the two has the wrong type",
@@ -164,7 +159,7 @@ class Port:
         return runtime.run(lambda: resolve_without_node(runtime.context, runtime.node, action_name))
 
     def _undo(self) -> None:
-        """Free what the constructor has made before it failed."""
+        """Free what a failed constructor has made."""
         if hasattr(self, "link"):
             self.free()
         else:
@@ -192,14 +187,14 @@ class Port:
         self.runtime.names_in_use.remove((self.identity.action_name, self.identity.type_name))
         runtimes.release(self.runtime, self)
         self.freed.set()
-        self.end_spinning()  # a client that is closed at once may not have seen the shutdown
+        self.end_spinning()  # a client that is closed at once may have missed the shutdown
 
 
 def _users_context(node: Node | None) -> Context | None:
-    """Return the context that a client belongs into, `None` where the user has none that is up.
+    """Return the user's context for a client; `None` if the user has none that is up.
 
     Raises:
-        ValueError: The node's was shut down.
+        ValueError: The node's context was shut down.
     """
     if node is None:
         return native.default_context() if native.default_context_is_up() else None
@@ -210,7 +205,7 @@ def _users_context(node: Node | None) -> Context | None:
 
 @contextmanager
 def _told_if_down(context: Context | None) -> Iterator[None]:
-    """Say so where something cannot be made because a user's context was shut down just now."""
+    """Raise a clearer error if the shutdown of a user's context just now was the reason."""
     try:
         yield
     except (RCLError, InvalidHandle) as error:
@@ -222,20 +217,15 @@ def _told_if_down(context: Context | None) -> Iterator[None]:
 
 
 class ServerWait:
-    """One wait until goals can be sent, between entering and leaving it as a context."""
+    """One wait until goals can be sent. It lasts while this is entered as a context manager."""
 
     def __init__(self, port: Port, seconds: float | None) -> None:
-        """Plan a wait.
-
-        Args:
-            port: Over which goals are to be sent.
-            seconds: How long, or `None` for no limit. `end_waits` ends the wait earlier.
-        """
+        """Plan a wait of `seconds` (`None` means no limit); `end_waits` may end it earlier."""
         self.seconds = seconds
         self.ready = False
         """Whether goals can be sent."""
         self.over = Flag()
-        """Set when they can, when the time is over, or when the port is freed."""
+        """Set when goals can be sent, when the time is over, or when the port is freed."""
         self._port = port
         self._timer: TimerHandle | None = None
 

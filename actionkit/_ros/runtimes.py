@@ -1,8 +1,8 @@
-"""The runtimes of this process: one for each context of the user's, and of our own where there is
-none, one for each ROS domain.
+"""Keeps the runtimes of this process: one for each context of the user's. Without such a context,
+there is one for each ROS domain, in a context of our own.
 
-The users of a runtime are counted on its own thread. So no lock is needed between a thread that
-needs a runtime and the thread of a runtime that is ending (see `docs/architecture.md`, "Locks").
+Each runtime counts its users on its own thread. So no lock is needed between a thread that needs a
+runtime and the thread of a runtime that is ending (see `docs/architecture.md`, "Locks").
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ class _Registry:
 
     def __init__(self) -> None:
         self.starting = threading.RLock()
-        """Held while a runtime is started, so that two threads do not start two. The communication
+        """Held while a runtime starts, so that two threads do not start two. The communication
         thread never waits for it."""
         self.by_place: dict[Place, Runtime] = {}
         self.ending: WeakSet[Runtime] = WeakSet()
         self.unheard: WeakSet[Context] = WeakSet()
-        """Contexts of the user's with participants that some servers do not find any more."""
+        """Contexts of the user's with participants that some servers do not discover any more."""
 
     def forget(self, runtime: Runtime) -> None:
-        """Remove a runtime that is ending. Called on its thread, while it is still usable."""
+        """Remove a runtime that is ending. Called on its thread, while it is usable."""
         for place, known in list(self.by_place.items()):
             if known is runtime:
                 del self.by_place[place]
@@ -46,17 +46,16 @@ class _Registry:
 
 _registry = _Registry()
 _inherited: list[_Registry] = []
-"""Those of the process that this one was forked from. They are kept for ever, because destroying
-their entities here would break the parent's."""
+"""The registries of the parent processes, kept for ever: destroying their entities here would break
+the parent's."""
 
 
 def acquire(place: Context | int | None, user: object) -> Runtime:
-    """Return the runtime of a place, started where there is none that is usable.
+    """Return the runtime of a place; start one if there is none that is usable.
 
-    Args:
-        place: A context of the user's that is up. Or a ROS domain, or `None` for the one that the
-            environment names: that is in a context of our own.
-        user: The object that `release` is called with later; the runtime lives until then at least.
+    `place` is a context of the user's that is up; or a ROS domain, for a context of our own; or
+    `None` for the domain that the environment names. `user` is the object for `release`: the
+    runtime lives at least until then.
 
     Raises:
         ValueError: The environment names no domain, or rcl refuses the arguments of the process.
@@ -67,7 +66,7 @@ def acquire(place: Context | int | None, user: object) -> Runtime:
         try:
             if runtime.run(partial(runtime.add_user, user)):
                 return runtime
-        except BaseException:  # also for a Ctrl-C: nobody would call `release`
+        except BaseException:  # also after Ctrl-C: nobody would call `release`
             runtime.call_soon(partial(runtime.remove_user, user))
             raise
 
@@ -83,16 +82,14 @@ def _usable_runtime(place: Place) -> Runtime:
 
 
 def release(runtime: Runtime, user: object) -> None:
-    """Give back a runtime. It ends when its last user gives it back."""
+    """Release a runtime. It ends when its last user releases it."""
     runtime.run(partial(runtime.remove_user, user))
 
 
 def join_ending(timeout: float, *, at_once: bool = False) -> None:
-    """Wait for the threads that were told to end, those that keep their node included.
+    """Wait for the threads that were told to end, including those that still keep their node.
 
-    Args:
-        timeout: Seconds.
-        at_once: Whether they keep it no longer: a human does not want to wait for that.
+    `at_once` means that they do not keep it any longer, because a human does not want to wait.
     """
     until = time.monotonic() + timeout
     for runtime in list(_registry.ending):
@@ -104,7 +101,7 @@ def join_ending(timeout: float, *, at_once: bool = False) -> None:
 def end_all(timeout: float, *, at_once: bool = False) -> None:
     """End all threads at the interpreter's exit, and wait for them as `join_ending` does.
 
-    One that is still in use belongs to a client that was interrupted while it was made.
+    A thread that is still in use belongs to a client that was interrupted while it was made.
     """
     for runtime in list(_registry.by_place.values()):
         runtime.call_soon(runtime.end)
@@ -113,8 +110,8 @@ def end_all(timeout: float, *, at_once: bool = False) -> None:
 
 
 def forget_inherited() -> None:
-    """Begin without runtimes in a process that was forked: its parent's cannot be used (R20)."""
-    # The lock is new too: a thread that does not exist here may have held it.
+    """Begin without runtimes in a forked process: those of its parent cannot be used (R20)."""
+    # The lock is new, too: a thread that does not exist here may have held it.
     kept = _Registry()
     kept.by_place = _registry.by_place
     _inherited.append(kept)

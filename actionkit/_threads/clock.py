@@ -1,4 +1,4 @@
-"""Timers on the monotonic clock (C2.1)."""
+"""Keeps timers on the monotonic clock (C2.1)."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Callable
 from typing import Protocol
 
 _SLACK = 64
-"""Cancelled timers that are always kept, so that a short queue is not made again for each."""
+"""Cancelled timers that may always stay, so that a short queue is not rebuilt for each."""
 
 
 class TimerHandle:
-    """A timer, by which to cancel it."""
+    """A timer, for cancelling it."""
 
     __slots__ = ("at", "callback")
 
@@ -22,14 +22,14 @@ class TimerHandle:
 
 
 class Timers(Protocol):
-    """The clock and the timers of a thread."""
+    """The clock and timers of a thread."""
 
     def now(self) -> float: ...
     def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle: ...
 
 
 class TimerQueue:
-    """Timers in the order in which they are due. Used by one thread."""
+    """Timers, in the order of their times. Used by one thread."""
 
     def __init__(self) -> None:
         self._heap: list[tuple[float, int, TimerHandle]] = []
@@ -37,30 +37,30 @@ class TimerQueue:
         self._live = 0
 
     def __len__(self) -> int:
-        """How many timers are armed."""
+        """The number of armed timers."""
         return self._live
 
     @property
     def size(self) -> int:
-        """How many entries are kept, cancelled ones included."""
+        """The number of entries, including cancelled ones."""
         return len(self._heap)
 
     def arm(self, at: float, callback: Callable[[], None]) -> TimerHandle:
-        """Call `callback` once `pop_due` is asked at the monotonic time `at` or later."""
+        """Make a timer; `pop_due` returns its callback at the monotonic time `at` or later."""
         handle = TimerHandle(at, callback)
         heapq.heappush(self._heap, (at, next(self._order), handle))
         self._live += 1
         return handle
 
     def cancel(self, handle: TimerHandle) -> None:
-        """Never call the handle's callback. Harmless when it was called already."""
+        """Never call the handle's callback; does nothing if it was called already."""
         if handle.callback is None:
             return
         handle.callback = None
         self._live -= 1
         if len(self._heap) > 2 * self._live + _SLACK:
-            # Deadlines lie minutes ahead of calls that take milliseconds: without this the
-            # heap would hold every call of the last minutes (C7.5).
+            # Deadlines are minutes away, but most calls take milliseconds: without this, the heap
+            # would keep every call of the last minutes (C7.5).
             self._heap = [entry for entry in self._heap if entry[2].callback is not None]
             heapq.heapify(self._heap)
 
@@ -73,7 +73,7 @@ class TimerQueue:
     def pop_due(self, now: float) -> Callable[[], None] | None:
         """Disarm and return the callback of the first timer due by `now`, or `None`.
 
-        One at a time, because a callback may cancel the timers that are due after it.
+        One at a time, because a callback may cancel the next timers.
         """
         due = self.next_due()
         if due is None or due > now:
@@ -85,9 +85,10 @@ class TimerQueue:
 
 
 class TimerGroup:
-    """The timers of one owner on a thread's clock, which end with it. Used by that thread.
+    """The timers of one owner, on the clock of a thread; closing the group cancels all.
 
-    A timer holds its callback, and with that its owner, until it is due or cancelled.
+    Used by that thread. A timer keeps its callback, and so its owner, alive until it is due or
+    cancelled.
     """
 
     def __init__(self, timers: Timers, cancel: Callable[[TimerHandle], None]) -> None:
@@ -106,13 +107,13 @@ class TimerGroup:
             callback()
 
         if self._closed:
-            return TimerHandle(at, callback)  # never armed
+            return TimerHandle(at, callback)  # not armed
         handle = self._timers.call_at(at, fire)
         self._armed.add(handle)
         return handle
 
     def close(self) -> None:
-        """Cancel all timers, and arm none any more."""
+        """Cancel all timers; from now on, arm none."""
         self._closed = True
         for handle in self._armed:
             self._cancel(handle)

@@ -1,7 +1,7 @@
-"""Writes to the logger `actionkit`, even if a handler there blocks or raises.
+"""Writes to the logger `actionkit`, even if a handler there blocks or raises an error.
 
 The handlers are the user's. So a thread that must not be held up, above all the communication
-thread (R8), hands its records to a thread that does nothing else.
+thread (R8), gives its records to a thread that only writes records.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from actionkit._threads.waiting import Flag
 
 _logger = logging.getLogger("actionkit")
 MOST = 1_000
-"""Records that may wait for a handler that blocks; further ones are left out, and counted. These
-are warnings and errors: more than a few at a time are repetitions."""
+"""Records that may wait for a handler that blocks; more are left out and counted. These are
+warnings and errors: more than a few at a time are repetitions."""
 
 _ExcInfo = tuple[type[BaseException], BaseException, TracebackType | None]
 
 
 class _Entry(NamedTuple):
-    """What a record is made of. It is made late, because the record factory may be the user's."""
+    """The data of a record. The record is made later, as the record factory may be the user's."""
 
     wall: float
     thread: int
@@ -43,7 +43,7 @@ class _Entry(NamedTuple):
 
 
 class _Writer(SerialQueue[_Entry]):
-    """Writes records in order, on a thread that is there only while there are any."""
+    """Writes records in order, on a thread that exists only while there are records."""
 
     _lost = 0
 
@@ -58,14 +58,14 @@ class _Writer(SerialQueue[_Entry]):
         try:
             threading.Thread(target=self._write_all, name="actionkit-log", daemon=True).start()
         except RuntimeError:
-            # No more threads; from Python 3.12 on there are none at the interpreter's exit. The
-            # record waits for `flush`, or for the next one that finds a thread.
+            # No more threads; from Python 3.12 on, none can start at the interpreter's exit. The
+            # record waits for `flush`, or for the next record that finds a thread.
             self._in_use.release()
 
     def flush(self, until: float) -> bool:
         """Wait until everything is written, or until that monotonic time; return whether it is.
 
-        Written on this thread where no other has begun to.
+        If no other thread is writing, this thread writes.
         """
         rested = Flag()
         self._finishes.append(rested.set)
@@ -77,7 +77,7 @@ class _Writer(SerialQueue[_Entry]):
         while (entry := self._take()) is not None:
             try:
                 _write(entry)
-            except KeyboardInterrupt:  # a human who does not want to wait at the exit
+            except KeyboardInterrupt:  # a human does not want to wait at the exit
                 self._in_use.release()
                 raise
             if self._items and time.monotonic() >= until:
@@ -102,21 +102,17 @@ def log_later(
     exc_info: bool | BaseException = False,
     stack: str | None = None,
 ) -> None:
-    """Log to `actionkit` soon, on another thread. Never blocks, and never raises.
+    """Log to `actionkit` soon, on another thread. Never blocks or raises.
 
-    Args:
-        level: As for `logging`.
-        text: The message, with placeholders for `args`.
-        args: Nothing of the user's where its `str()` might block.
-        exc_info: An exception, to add its traceback, or whether to add that of the exception that
-            is being handled.
-        stack: A stack to show under the message.
+    No `str()` of the values in `args` may run code of the user's that might block. `exc_info`
+    is an exception, to add its traceback, or whether to add that of the exception that is
+    being handled. `stack` is a stack to show under the message.
     """
     if is_enabled_for(_logger, level):
         error = exc_info if isinstance(exc_info, BaseException) else None
         if exc_info is True:
             error = sys.exc_info()[1]
-        if sys.is_finalizing():  # for what the interpreter itself drops at the exit
+        if sys.is_finalizing():  # for objects that the interpreter drops at its exit
             _write_at_the_end(text % args, error)
             return
         kept = None if error is None else (type(error), error, error.__traceback__)
@@ -126,8 +122,8 @@ def log_later(
 def is_enabled_for(logger: logging.Logger, level: int) -> bool:
     """Like `logger.isEnabledFor`, for the communication thread.
 
-    That one has a lock at times, which a thread holds that sets up logging: if a signal handler
-    closed a client there, each would wait for the other.
+    `isEnabledFor` sometimes takes a lock, which a thread holds while it sets up logging. If a
+    signal handler closed a client in that thread, the two threads would wait for each other.
     """
     return (
         not logger.disabled
@@ -137,14 +133,14 @@ def is_enabled_for(logger: logging.Logger, level: int) -> bool:
 
 
 def log_own_error() -> None:
-    """Log the exception that is being handled, a mistake in ActionKit itself, soon."""
+    """Log soon the exception that is being handled: a mistake in ActionKit itself."""
     log_later(logging.ERROR, "an error in ActionKit itself; please report it", exc_info=True)
 
 
 def log_here(level: int, text: str, *args: object, exc_info: bool = False) -> None:
     """Log to `actionkit` on this thread, which a handler may block.
 
-    It raises nothing except KeyboardInterrupt, on the main thread.
+    It raises nothing except KeyboardInterrupt on the main thread.
     """
     try:
         _logger.log(level, text, *args, exc_info=exc_info, stacklevel=2)
@@ -153,18 +149,18 @@ def log_here(level: int, text: str, *args: object, exc_info: bool = False) -> No
 
 
 def flush(until: float) -> bool:
-    """Wait until all that was logged is written, or until that monotonic time; return whether."""
+    """Wait until all records are written, or until that monotonic time; return whether they are."""
     return _writer.flush(until)
 
 
 def after_fork() -> None:
     """In a forked child: leave the records of the parent to the parent."""
-    global _writer  # noqa: PLW0603  its lock may be held by a thread that is not here
+    global _writer  # noqa: PLW0603  a thread that does not exist here may have held its lock
     _writer = _Writer()
 
 
 def dated(record: logging.LogRecord, wall: float) -> logging.LogRecord:
-    """Set a record's time to when it happened, in place of when its thread came to write it."""
+    """Set a record's time to the time of its event, and not of the writing."""
     record.relativeCreated += (wall - record.created) * 1000
     record.created = wall
     record.msecs = float(int(wall % 1 * 1000))
@@ -172,14 +168,14 @@ def dated(record: logging.LogRecord, wall: float) -> logging.LogRecord:
 
 
 def write_to_stderr(text: str) -> None:
-    """Write a line to standard error, where there is one: for what the log cannot take."""
+    """Write a line to standard error, if there is one, for text that must not go to the log."""
     if sys.stderr is not None:
-        with contextlib.suppress(OSError, ValueError):  # it was closed
+        with contextlib.suppress(OSError, ValueError):  # it is closed
             sys.stderr.write(text.rstrip("\n") + "\n")
 
 
 def is_interrupt(error: BaseException) -> bool:
-    """Whether it is a Ctrl-C, which is for the main thread alone, and never to be swallowed."""
+    """Whether the error is Ctrl-C: only the main thread gets it, and it must not be swallowed."""
     on_main = threading.current_thread() is threading.main_thread()
     return on_main and isinstance(error, KeyboardInterrupt)
 
@@ -214,11 +210,11 @@ def _write(entry: _Entry) -> None:
 
 
 def _write_at_the_end(text: str, error: BaseException | None) -> None:
-    """Write to standard error without any lock, when the interpreter is on its way out.
+    """Write to standard error without any lock, while the interpreter is exiting.
 
-    No other thread runs any more then, and one that is begun never starts (before Python 3.12 its
-    `start()` waits for that without end). One that has held a lock, such as that of a log handler,
-    holds it for ever.
+    At that time no other thread runs, and a new thread never starts (before Python 3.12, its
+    `start()` waits for that for ever). If another thread has held a lock, such as that of a log
+    handler, the lock is never released.
     """
     lines = [text + "\n", *([] if error is None else traceback.format_exception(error))]
     with contextlib.suppress(AttributeError, OSError, ValueError):  # there is none, or it is closed
@@ -226,7 +222,7 @@ def _write_at_the_end(text: str, error: BaseException | None) -> None:
 
 
 def _handler_raised(error: BaseException) -> None:
-    """Write the error where `logging` itself writes the errors of its handlers."""
+    """Write the error to where `logging` itself writes the errors of its handlers."""
     if is_interrupt(error):
         raise error
     if logging.raiseExceptions:

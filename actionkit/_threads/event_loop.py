@@ -1,7 +1,7 @@
-"""The event loop of asyncio that runs in this thread, if any.
+"""Finds the event loop of asyncio that runs in this thread, if any, without importing asyncio.
 
-Importing asyncio takes as long as making all of a client's entities, and most programs that block
-need nothing of it. Where it was not imported by anybody, no loop of its kind can run.
+The import takes as long as making all entities of a client, and most programs that block do not
+need asyncio. If nobody has imported it, no such loop can be running.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ if TYPE_CHECKING:
 
 
 def running_loop() -> asyncio.AbstractEventLoop | None:
-    """Return the running event loop."""
+    """Return the running event loop, if any."""
     library: Any = sys.modules.get("asyncio")
     try:
         loop: asyncio.AbstractEventLoop = library.get_running_loop()
-    except (RuntimeError, AttributeError):  # none runs; it is not imported, or is just now
+    except (RuntimeError, AttributeError):  # no loop runs, or asyncio is not (fully) imported
         return None
     return loop
 
 
 def running_task() -> asyncio.Task[Any] | None:
-    """Return the task that runs in the running event loop."""
+    """Return the task that the running event loop is running, if any."""
     loop = running_loop()
     if loop is None:
         return None
-    import asyncio  # it is there
+    import asyncio  # already imported
 
     return asyncio.current_task(loop)

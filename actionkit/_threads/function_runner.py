@@ -1,9 +1,9 @@
-"""Runs functions of the user's off the communication thread, for no longer than there is time.
+"""Runs functions of the user's off the communication thread, within a limited time.
 
-`classify=` and the strategies of a `RetryPolicy` say how a call goes on, so the call waits for
-what they return. Each runs on a daemon thread that no other function uses meanwhile, in a pool
-that its client has for these functions alone. So neither callbacks, observers and log handlers
-that block nor the functions of other clients can keep one from running (R8).
+`classify=` and the strategies of a `RetryPolicy` decide how a call continues, so the call waits for
+their answers. Each runs on a daemon thread that no other function uses at that time, in a pool that
+its client has only for these functions. So a function runs even if callbacks, observers or log
+handlers block, and no matter what the functions of other clients do (R8).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from actionkit._threads.in_hand import FUNCTIONS, Label
 from actionkit._threads.pool import Pool
 
 LONGEST_ANSWER = 10.0
-"""Seconds that a function is given where the call's deadline is later, or there is none.
+"""Seconds that a function has if the call's deadline is later, or if there is none.
 
-A function that judges a result takes milliseconds; one that needs longer is nearly always stuck."""
+Classifying a result takes milliseconds; a function that needs longer is nearly always stuck."""
 _LONGEST_TEXT = 200
 """Characters of a user's value in an error text: a few lines."""
 _LABEL = Label("function", None, "its call")
@@ -31,7 +31,7 @@ Job = Callable[[], None]
 def function_pool(owner: str) -> Pool:
     """Return the pool for the functions of a client.
 
-    A function that does not return is reported by the error of its call, so no warning is needed.
+    The error of a call reports a function that does not return, so no warning is needed.
     """
     return Pool(owner, name="actionkit-questions", kind=FUNCTIONS)
 
@@ -40,17 +40,15 @@ def function_pool(owner: str) -> Pool:
 class NoAnswer:
     """The function returned nothing in time.
 
-    Attributes:
-        why: What the function did, such as "did not answer within 10 s".
-        asked: Whether it was called.
+    `why` is what the function did, such as "did not answer within 10 s".
     """
 
     why: str
-    asked: bool = True
+    asked: bool = True  # whether it was called
 
 
 class Clock(Protocol):
-    """The communication thread, as far as it is needed here."""
+    """The part of the communication thread that is needed here."""
 
     def call_soon(self, callback: Callable[[], None]) -> None: ...
     def call_at(self, at: float, callback: Callable[[], None]) -> TimerHandle: ...
@@ -58,7 +56,7 @@ class Clock(Protocol):
 
 
 class FunctionRunner:
-    """Runs the functions of one call, one at a time. Used on the communication thread only."""
+    """Runs the functions of one call, one at a time. On the communication thread only."""
 
     def __init__(self, clock: Clock, pool: Pool) -> None:
         self._clock = clock
@@ -69,7 +67,7 @@ class FunctionRunner:
 
     @property
     def under_way(self) -> bool:
-        """Whether an answer is waited for."""
+        """Whether a function has not answered yet."""
         return self._job is not None
 
     def run(
@@ -79,19 +77,16 @@ class FunctionRunner:
         deadline: float | None,
         on_answer: Callable[[Any], None],
     ) -> None:
-        """Call `function` on a thread of its own, and drop what ran before.
+        """Call `function` on a thread of its own; drop an earlier function.
 
-        Args:
-            function: It must not raise.
-            now: Monotonic seconds.
-            deadline: When the call's time is up, or `None`.
-            on_answer: Called with what `function` returned, or with a `NoAnswer`; later, and on
-                the communication thread.
+        `function` must not raise an error. `deadline` is the end of the call's time, or `None`.
+        `on_answer` is called later, on the communication thread, with what `function` returned or
+        with a `NoAnswer`.
         """
         self.drop()
 
         def job() -> None:
-            if self._job is job:  # nobody wants its answer otherwise
+            if self._job is job:  # otherwise nobody wants its answer
                 answer = function()
                 self._clock.call_soon(lambda: self._answer(job, answer))
 
@@ -108,11 +103,9 @@ class FunctionRunner:
             self._clock.call_soon(lambda: self._answer(job, missing))
 
     def end_by(self, at: float, why: str) -> None:
-        """Wait for the answer no longer than until `at`, or an earlier time that was said before.
+        """Wait for the answer until the monotonic time `at`, or an earlier time given before.
 
-        Args:
-            at: Monotonic seconds.
-            why: What the `NoAnswer` says.
+        `why` is the text of the `NoAnswer`.
         """
         job = self._job
         if job is None or (self._limit is not None and self._limit.at <= at):
@@ -121,19 +114,19 @@ class FunctionRunner:
         self._limit = self._clock.call_at(at, lambda: self._answer(job, NoAnswer(why)))
 
     def end(self, why: str) -> None:
-        """Wait no longer; `on_answer` is called at once, with a `NoAnswer` that says `why`."""
+        """Stop waiting; `on_answer` is called now, with a `NoAnswer` with the text `why`."""
         if self._job is not None:
             self._answer(self._job, NoAnswer(why))
 
     def drop(self) -> None:
-        """Wait for no answer any more, and call nobody."""
+        """Stop waiting, and call nobody."""
         self._job = self._on_answer = None
         self._disarm()
 
     def _answer(self, job: Job, answer: object) -> None:
         on_answer = self._on_answer
         if self._job is not job or on_answer is None:
-            return  # it comes too late
+            return  # too late
         self.drop()
         on_answer(answer)
 
@@ -144,7 +137,7 @@ class FunctionRunner:
 
 
 def name_of(function: object) -> str:
-    """Return a function's name, without running code of the user's."""
+    """Return a function's name without running the user's code."""
     if isinstance(function, (FunctionType, MethodType, BuiltinFunctionType)):
         return function.__qualname__
     return type(function).__qualname__
@@ -153,7 +146,7 @@ def name_of(function: object) -> str:
 def described(value: object) -> str:
     """Return a short text for a value or an exception.
 
-    It runs code of the user's, so not on the communication thread.
+    It runs the user's code, so do not call it on the communication thread.
     """
     name = type(value).__name__
     try:

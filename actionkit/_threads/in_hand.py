@@ -1,9 +1,9 @@
-"""Callbacks that are due or running: the end of a client, and of the interpreter, waits for them.
+"""Tracks callbacks that are due or running; clients and the interpreter wait for them at the end.
 
-One that runs for long is named in the log when more comes for its client. Nothing watches it: what
-holds up nobody is named at the end, if it has not returned by then.
+A callback that runs for long is named in the log when there is more for its client to do. Nothing
+else watches it: if it holds up nothing, it is named at the end, if it has not returned by then.
 
-`close()` calls `finish` and `end`, which a signal handler may do: so they take no lock.
+`close()` calls `finish` and `end`, and a signal handler may call `close()`: so they take no lock.
 """
 
 from __future__ import annotations
@@ -25,32 +25,26 @@ from actionkit._threads.diagnostics import log_later
 from actionkit._threads.waiting import Flag, interrupted_at, taken_from
 
 _PATIENCE = 5.0
-"""Seconds that closing and the interpreter's exit wait for callbacks: enough to save a result, and
-no hang for a human."""
+"""Seconds that closing and the interpreter's exit wait for callbacks: enough to save a result, but
+too short to look like a hang."""
 WARN_AFTER = 5.0
-"""Seconds after which the log names a callback: one that waits for a slow disk has returned by
-then."""
+"""Seconds after which the log names a callback: even one that waits for a slow disk has returned
+by then."""
 
 
 class Label(NamedTuple):
-    """What the log says of a callback that does not return.
+    """How the log names a callback that does not return."""
 
-    Attributes:
-        kind: Such as `on_feedback`.
-        function: The user's function, where there is one.
-        holds_up: What waits until it returns.
-    """
-
-    kind: str
-    function: object
-    holds_up: str
+    kind: str  # such as `on_feedback`
+    function: object  # the user's function, if there is one
+    holds_up: str  # what waits until it returns
 
     def __str__(self) -> str:
         return self.kind if self.function is None else f"{self.kind} {name_of(self.function)}"
 
 
 def name_of(function: Any) -> str:
-    """Return what a callable is called in its source. Runs nothing of the user's, unlike `repr`."""
+    """Return a callable's name in its source. Runs no code of the user's, unlike `repr`."""
     while isinstance(function, functools.partial):
         function = function.func
     if isinstance(function, MethodType):
@@ -66,7 +60,7 @@ class Work(Protocol):
     label: Label
 
     def step(self) -> bool:
-        """Run the next one; return whether there may be another."""
+        """Run the next callback; return whether there may be another."""
         ...
 
 
@@ -90,20 +84,20 @@ class InHand:
         self.label = label
         self.work = work
         self.thread = thread
-        """The thread that runs it, once one does. It cannot wait for itself."""
+        """The thread that runs it, when there is one. This thread cannot wait for it."""
         self.since = math.inf
-        """When its latest callback began, on a thread of a pool."""
+        """When its latest callback began on a thread of a pool."""
         self.named = False
-        """Whether the log has named it."""
+        """Whether the log has named it already."""
         self._runs = runs
 
     @property
     def can_go_on(self) -> bool:
-        """Whether what runs it goes on: an event loop may have ended, a thread has not."""
+        """Whether it can continue: its event loop may have ended, but a thread has not."""
         return self._runs is None or self._runs()
 
     def stack(self) -> str | None:
-        """Return where its callback stands now, if it runs on a thread of a pool."""
+        """Return where its callback is now, if it runs on a thread of a pool."""
         frame = sys._current_frames().get(self.thread or 0)
         if self.since == math.inf or frame is None:
             return None
@@ -112,27 +106,26 @@ class InHand:
 
 
 class Dues:
-    """What is due or running in one pool."""
+    """The work that is due or running in one pool."""
 
     def __init__(self, owner: str, busy: dict[Dues, None]) -> None:
-        """Begin with nothing.
+        """Begin without work.
 
-        Args:
-            owner: The name of the client's action, for the log.
-            busy: `CALLBACKS`, or others that the interpreter's exit treats in the same way.
+        `owner` is the name of the client's action, for the log. `busy` is `CALLBACKS`, or the table
+        of other work that the interpreter's exit handles in the same way.
         """
         self._owner = owner
         self._busy = busy
         self._ended = False
         self._hurried = False
         self._look_at = 0.0
-        """Before that monotonic time, no callback has been running for long."""
+        """Before this monotonic time, no callback has been running for long."""
         self._in_hand: dict[InHand, None] = {}
         self._rests: deque[Callable[[], None]] = deque()
-        self._finishing: list[int] = []  # the threads that wait in `finish`
+        self._finishing: list[int] = []  # the threads that are waiting in `finish`
         self.run_one: Callable[[], bool] = lambda: False
-        """Runs on this thread what no thread of the pool takes, if there is any. From Python 3.12
-        on no thread can be started at the interpreter's exit."""
+        """Runs work on this thread that no thread of the pool takes, if there is any. From Python
+        3.12 on, no thread can be started at the interpreter's exit."""
 
     @property
     def ended(self) -> bool:
@@ -146,13 +139,10 @@ class Dues:
         thread: int | None = None,
         runs: Callable[[], bool] | None = None,
     ) -> InHand:
-        """Note that something is due, which `finish` waits for until `done`.
+        """Record work that is due; `finish` waits for it until `done`.
 
-        Args:
-            label: What the log calls it.
-            work: What a thread of the pool is to run.
-            thread: Else the thread of the event loop that runs it.
-            runs: Whether that loop is running.
+        If it runs on a thread of the pool, that is `work`. If it runs on an event loop, `thread` is
+        the loop's thread, and `runs` returns whether the loop is running.
         """
         due = InHand(label, work, thread, runs)
         self._in_hand[due] = None
@@ -177,7 +167,7 @@ class Dues:
             self._busy[self] = None
 
     def look(self, now: float) -> None:
-        """Name in the log, once, what has been running for long at the monotonic time `now`."""
+        """Name each callback once in the log if it has run for long at the monotonic time `now`."""
         if now < self._look_at:
             return
         earliest = now
@@ -206,17 +196,13 @@ class Dues:
         )
 
     def finish(self, until: float, run_one: Callable[[], bool] | None = None) -> bool:
-        """Wait for what is due or running, except what waits for the caller itself.
+        """Wait for what is due or running, except work that waits for the caller itself.
 
-        Args:
-            until: Monotonic time at which not to wait any longer.
-            run_one: Runs on this thread something that no other takes, if there is any.
-
-        Returns:
-            Whether nothing is left.
+        Stop waiting at the monotonic time `until`. `run_one` runs on this thread some work that no
+        other thread takes, if there is any. Return whether nothing is left.
         """
         self._finishing.append(threading.get_ident())
-        self._wake()  # others may wait for the callback that waits here
+        self._wake()  # other threads may be waiting for the callback that waits here
         try:
             while self._awaited_here():
                 left = 0.0 if self._hurried else max(0.0, until - time.monotonic())
@@ -224,7 +210,7 @@ class Dues:
                     continue
                 rested = Flag()
                 self._rests.append(rested.set)
-                # It may have come to rest just before.
+                # The work may have ended just before.
                 if self._awaited_here() and not rested.wait(left):
                     return not self._awaited_here()
             return True
@@ -232,15 +218,14 @@ class Dues:
             self._finishing.remove(threading.get_ident())
 
     def hurry(self) -> None:
-        """Have `finish` wait no longer, because who waits for the closing was interrupted."""
+        """Make `finish` stop waiting, because Ctrl-C interrupted the closing."""
         self._hurried = True
         self._wake()
 
     def end(self, *, at_exit: bool = False) -> None:
-        """Let nothing begin any more, and name in the log what did not finish.
+        """Let nothing begin from now on, and name in the log what did not finish.
 
-        Args:
-            at_exit: Whether the interpreter ends. Else what runs on the calling thread goes on.
+        `at_exit` means that the interpreter ends; otherwise work on the calling thread goes on.
         """
         if not self._ended:
             self._ended = True
@@ -248,14 +233,14 @@ class Dues:
             self.warn(list(self._in_hand) if at_exit else self._unfinished())
 
     def _unfinished(self) -> list[InHand]:
-        """What is in hand, less callbacks that close the client themselves."""
+        """Return all work, except callbacks that are closing the client themselves."""
         here, in_hand = threading.get_ident(), list(self._in_hand)
         called_back = any(due.thread == here for due in in_hand)
         closing = {here, *self._finishing} if called_back else {here}
         return [due for due in in_hand if due.thread not in closing or not due.can_go_on]
 
     def _awaited_here(self) -> list[InHand]:
-        """What the calling thread can wait for."""
+        """Return the work that the calling thread can wait for."""
         return [due for due in self._unfinished() if due.can_go_on]
 
     def warn(self, left: list[InHand]) -> None:
@@ -281,27 +266,27 @@ class _Exit:
 
 _exit = _Exit()
 CALLBACKS: dict[Dues, None] = {}
-"""Those with callbacks that are due or running, for the interpreter's exit."""
+"""Pools with callbacks that are due or running, for the interpreter's exit."""
 OBSERVERS: dict[Dues, None] = {}
-"""Those with something for observers or the log."""
+"""Pools with work for observers or the log."""
 FUNCTIONS: dict[Dues, None] = {}
-"""Those with functions. A call reports one that does not return; the exit does not wait for it."""
+"""Pools with functions. Their call reports one that does not return; the exit does not wait."""
 
 
 def finish_all(until: float, busy: dict[Dues, None]) -> list[InHand]:
-    """At the interpreter's exit: wait for all clients' callbacks, or observers; return the rest."""
+    """At the interpreter's exit: wait for the work of all clients in `busy`; return the rest."""
     try:
         with interrupted_at(until) if busy else contextlib.nullcontext():
             for dues in list(busy):
                 dues.finish(until, dues.run_one)
     except KeyboardInterrupt:
         if time.monotonic() < until:
-            raise  # a human's
+            raise  # from a human
     return [due for dues in list(busy) for due in list(dues._in_hand)]
 
 
 def end_all() -> None:
-    """At the interpreter's exit: let no callback begin any more, and name what did not finish."""
+    """At the interpreter's exit: let no callback begin, and name what did not finish."""
     _exit.begun = True
     for dues in list(CALLBACKS):
         dues.end(at_exit=True)

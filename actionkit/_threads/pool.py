@@ -1,12 +1,13 @@
-"""Daemon threads that run the user's callables, never the communication thread (R8).
+"""Runs the user's callables on daemon threads, never on the communication thread (R8).
 
-Each client has pools of its own: one for feedback and done callbacks, one for its observers and
-the log, one for `classify=` and retry strategies. So no callable waits for one of another client,
-and no callback for a log handler.
+Each client has its own pools: one for feedback and done callbacks, one for its observers and the
+log, one for `classify=` and retry strategies. So no callable waits for one of another client, and
+no callback waits for a log handler.
 
-The threads of a pool start when there is work and end when there is none. They are daemons, so
-that none holds up the interpreter's exit for ever (R19). Closing and the exit wait for callbacks
-that are due or running, within a bound, and then nothing of the user's begins any more (C1.10).
+The threads of a pool start when there is work and end when there is none. They are daemon threads,
+so they cannot hold up the interpreter's exit for ever (R19). Closing and the exit wait for
+callbacks that are due or running, for a limited time; after that, nothing of the user's begins
+(C1.10).
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from actionkit._threads.diagnostics import log_own_error
 from actionkit._threads.in_hand import CALLBACKS, FUNCTIONS, Dues, InHand, Label, Work
 
 MOST_THREADS = 64
-"""Threads of a client for its callbacks: so many megabytes of stack at the most, and more blocked
-callbacks than a program has that works."""
+"""Threads of a client for its callbacks: they need 64 stacks of some megabytes at most, and no
+working program has that many blocked callbacks."""
 _IDLE_SECONDS = 1.0
 """Seconds until an idle thread ends: longer than between two feedback messages of most servers."""
 
@@ -33,7 +34,7 @@ Job = Callable[[], object]
 
 
 class Pool:
-    """Daemon threads: another one while all are busy, up to a limit. Jobs must not raise."""
+    """Daemon threads; if all are busy, another one starts, up to a limit. Jobs must not raise."""
 
     def __init__(
         self,
@@ -44,46 +45,37 @@ class Pool:
         idle: float = _IDLE_SECONDS,
         kind: dict[Dues, None] = CALLBACKS,
     ) -> None:
-        """Make one without threads.
+        """Make a pool without threads.
 
-        Args:
-            owner: The name of the client's action, for the log.
-            name: The name of the threads.
-            most: How many there are at most.
-            idle: Seconds that a thread waits for more work before it ends.
-            kind: What its jobs are, as `Dues` takes it.
+        `owner` is the name of the client's action, for the log; `name` is that of the threads.
+        `most` limits their number. A thread waits `idle` seconds for more work before it ends.
+        `kind` is the table for `Dues`.
         """
         self._name = name
         self._most = most
         self._idle_seconds = idle
         self._warns = kind is not FUNCTIONS
         self.dues = Dues(owner, kind)
-        """What is due or running, and its end."""
+        """The work that is due or running, and the end of it."""
         self.dues.run_one = self._run_one_here
         self._waiting: queue.SimpleQueue[InHand] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._threads = 0
-        self._free = 0  # threads that wait for work, less work that waits for a thread
+        self._free = 0  # threads that wait for work, minus work that waits for a thread
         self._lacks_threads = False
 
     def submit(self, job: Job, label: Label) -> str:
         """Run one job soon. Never blocks.
 
-        Args:
-            job: What to run.
-            label: What is said of it where it does not return.
-
-        Returns:
-            `""`, or why no thread could be started for it. It runs all the same where another
-            thread of the pool is free in time.
+        Return `""`, or the reason why no thread could be started for it. Even then it runs if
+        another thread of the pool becomes free in time.
         """
         return self.run(_Single(job, label))
 
     def run(self, work: Work) -> str:
         """Run all steps of `work` soon, one after the other on one thread. Never blocks.
 
-        Returns:
-            As `submit`.
+        Return the same as `submit`.
         """
         if self.dues.ended:
             self.dues.warn([InHand(work.label, work)])
@@ -100,8 +92,8 @@ class Pool:
         try:
             threading.Thread(target=self._work, name=self._name, daemon=True).start()
         except RuntimeError as error:
-            # No more threads; from Python 3.12 on there are none at the interpreter's exit. The
-            # work waits for one that is there, or for the exit. What rests on it must not break.
+            # No more threads; from Python 3.12 on, none can start at the interpreter's exit. The
+            # work waits for an existing thread, or for the exit. Its caller must not fail.
             with self._lock:
                 self._lacks_threads = True
                 self._threads -= 1
@@ -110,12 +102,12 @@ class Pool:
         return ""
 
     def look(self) -> None:
-        """Name in the log what has been running for long. To be called when more comes."""
+        """Name in the log what has run for long. Call this when new work comes."""
         if self._warns:
             self.dues.look(time.monotonic())
 
     def _run_one_here(self) -> bool:
-        """At the interpreter's exit: take a step of what no thread comes for; return if one was."""
+        """At the interpreter's exit: run a step that no thread runs; return if there was one."""
         try:
             due = self._waiting.get_nowait() if self._lacks_threads else None
         except queue.Empty:
@@ -143,14 +135,14 @@ class Pool:
                 self._free += 1
 
     def _next(self) -> InHand | None:
-        """Wait for work; `None` where the thread is to end, and is counted out."""
+        """Wait for work; return `None` if the thread must end and is not counted any more."""
         while True:
             try:
                 return self._waiting.get(timeout=self._idle_seconds)
             except queue.Empty:
                 with self._lock:
                     if self._free <= 0:
-                        continue  # some is on its way
+                        continue  # some work is coming
                     self._threads -= 1
                     self._free -= 1
                     return None
@@ -163,13 +155,13 @@ class Pool:
             due.since = time.monotonic()
             try:
                 more = work.step()
-            except BaseException:  # noqa: BLE001  a thread of the pool is not to be lost
+            except BaseException:  # noqa: BLE001  the pool must not lose a thread
                 log_own_error()
         self.dues.done(due)
 
 
 class _Single:
-    """Work of one job."""
+    """Work that is a single job."""
 
     __slots__ = ("_job", "label")
 

@@ -1,4 +1,4 @@
-"""Items that are handled one after the other, and not on the thread that puts them in (R8)."""
+"""Handles items one after the other, and not on the thread that adds them (R8)."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ _T = TypeVar("_T")
 
 
 class SerialQueue(Generic[_T]):
-    """A queue that one thread at a time empties. Nobody waits for another to use it.
+    """A queue that is emptied by one thread at a time. No thread waits for another to use it.
 
-    A subclass says in `_begin` what empties it: that calls `_take` until there is no item.
+    A subclass decides in `_begin` what empties it: that calls `_take` until there is no item.
     """
 
     def __init__(self, most: int | None = None) -> None:
-        """Make an empty one. If more than `most` items wait, the oldest are left out."""
+        """Make an empty queue. If more than `most` items wait, the oldest are left out."""
         self._items: deque[_T] = deque(maxlen=most)
         self._finishes: deque[Callable[[], object]] = deque()
         self._in_use = threading.Lock()
-        """Held while it is emptied. Nobody waits for it: who has it looks for more at the end."""
+        """Held while the queue is emptied. Nobody waits for it: its holder checks for more items
+        at the end."""
 
     def put(self, *items: _T) -> None:
         """Queue items. Never blocks."""
@@ -31,16 +32,16 @@ class SerialQueue(Generic[_T]):
         self._look()
 
     def finish(self, then: Callable[[], object]) -> None:
-        """Call `then` once, when no item waits or is handled; now if that is so."""
+        """Call `then` once, when no item is waiting or being handled; now if that is so."""
         self._finishes.append(then)
         self._look()
 
     def _begin(self) -> None:
-        """Have the queue emptied soon, by another thread."""
+        """Let another thread empty the queue soon."""
         raise NotImplementedError
 
     def _look(self) -> None:
-        """Begin, if there is anything to do and nobody does it."""
+        """Begin if there is something to do and nobody does it."""
         if (self._items or self._finishes) and self._in_use.acquire(blocking=False):
             if self._items:
                 self._begin()

@@ -1,11 +1,11 @@
-"""Waits that react to Ctrl-C at any moment, and wake-ups that never block (C2.5).
+"""Provides waits that react to Ctrl-C at any moment, and wake-ups that never block (C2.5).
 
-When a signal comes, CPython only records it; its handler, and with it KeyboardInterrupt, runs
-between two bytecodes of the main thread. A signal that this thread gets wakes it from a wait. One
-that comes after the last bytecode and before the real wait, or that another thread gets, is not
-handled until the wait ends. If the wait never ended, a human would have to press twice. (Seen with
-2 of 960 signals to plain futures, and 7 of 294 to calls, of eight processes at a time on two
-cores.) So the main thread waits in slices.
+When a signal arrives, CPython only records it. Its handler, and so KeyboardInterrupt, runs between
+two bytecodes of the main thread. If this thread gets the signal, the signal wakes it from a wait.
+But if the signal arrives after the last bytecode and before the real wait, or if another thread
+gets it, it is not handled until the wait ends. Without an end of the wait, a human would have to
+press twice. (Seen with 2 of 960 signals to plain futures, and 7 of 294 to calls, in eight processes
+at a time on two cores.) So the main thread waits in slices.
 """
 
 from __future__ import annotations
@@ -24,15 +24,14 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T")
 _SLICE = 0.5
-"""Seconds by which a signal may be heard late: to a human that is still at once."""
+"""Seconds by which the reaction to a signal may be late: for a human that is still at once."""
 
 
 def slices(timeout: float | None) -> Iterator[float | None]:
-    """Yield how long to wait each time, until it was `timeout` in all.
+    """Yield how long to wait each time, until the sum is `timeout`.
 
-    Args:
-        timeout: Seconds, or `None` for no limit. With 0 or less there is one slice, of that.
-            More than the operating system can wait, 292 years, means no limit, too.
+    `timeout` is in seconds; `None`, or more than the 292 years that the operating system can wait,
+    means no limit. If it is 0 or less, there is one slice of this length.
     """
     if timeout is not None and timeout > threading.TIMEOUT_MAX:
         timeout = None
@@ -49,11 +48,11 @@ def slices(timeout: float | None) -> Iterator[float | None]:
 
 
 def taken_from(queue: deque[_T]) -> Iterator[_T]:
-    """Take out one after the other, until nothing is left; several threads may do so at once."""
+    """Take out items one by one until nothing is left; several threads may do so at once."""
     while queue:
         try:
             item = queue.popleft()
-        except IndexError:  # another thread was quicker
+        except IndexError:  # another thread was faster
             return
         yield item
 
@@ -61,9 +60,9 @@ def taken_from(queue: deque[_T]) -> Iterator[_T]:
 class Flag:
     """Like `threading.Event`, but setting it waits for nobody (C2.9).
 
-    An Event has a lock inside, which a thread holds for a moment when it begins to wait. If a
-    signal handler called `close()` in that moment, the communication thread would wait for that
-    lock, and the handler for that thread. Here each thread that waits has a lock of its own.
+    An Event contains a lock, which a thread holds for a moment when it begins to wait. If a signal
+    handler called `close()` at that moment, the communication thread would wait for that lock, and
+    the handler for that thread. Here each waiting thread has a lock of its own.
     """
 
     __slots__ = ("_is_set", "_waiting")
@@ -77,34 +76,29 @@ class Flag:
         return self._is_set
 
     def set(self) -> None:
-        """Set it, once and for all; all threads that wait go on. Never blocks."""
+        """Set it for good; all waiting threads continue. Never blocks."""
         self._is_set = True
         for wake in taken_from(self._waiting):
             wake()
 
     def add_waiter(self, wake: Callable[[], None]) -> None:
-        """Have `wake` called when it is set, unless it is set already: look for that afterwards.
+        """Call `wake` when it is set, unless it is set already: check that afterwards.
 
-        Args:
-            wake: Called by who sets the flag, so it must neither block nor raise.
+        The thread that sets the flag calls `wake`, which must neither block nor raise an error.
         """
         self._waiting.append(wake)
 
     def remove_waiter(self, wake: Callable[[], None]) -> None:
-        """Undo `add_waiter`, also where `wake` was called by now."""
+        """Undo `add_waiter`, even if `wake` was called already."""
         if wake not in self._waiting:
-            return  # as a rule; the error of `remove` would cost more than all the rest
+            return  # the usual case; the error of `remove` would cost more than everything else
         with contextlib.suppress(ValueError):
             self._waiting.remove(wake)
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait until it is set; hear Ctrl-C meanwhile.
+        """Wait until it is set, with reaction to Ctrl-C; return whether it is set.
 
-        Args:
-            timeout: Seconds, or `None` for no limit.
-
-        Returns:
-            Whether it is set.
+        `timeout` is in seconds, `None` means no limit.
         """
         if self._is_set:
             return True
@@ -112,7 +106,7 @@ class Flag:
         woken.acquire()
         self.add_waiter(woken.release)
         try:
-            if self._is_set:  # just before `woken` could be seen
+            if self._is_set:  # set just before it had `woken`
                 return True
             for seconds in slices(timeout):
                 if woken.acquire(timeout=-1 if seconds is None else max(0.0, seconds)):
@@ -126,7 +120,7 @@ class Flag:
 def interrupted_at(until: float) -> Iterator[None]:
     """Interrupt the block just after that monotonic time, as Ctrl-C does. In the main thread.
 
-    By SIGALRM: where the program uses that itself, nothing interrupts.
+    It uses SIGALRM. If the program itself uses SIGALRM, nothing interrupts the block.
     """
     in_use = signal.getsignal(signal.SIGALRM) is not signal.SIG_DFL
     if in_use or any(signal.getitimer(signal.ITIMER_REAL)):
@@ -145,22 +139,22 @@ def wake_future(loop: asyncio.AbstractEventLoop, future: asyncio.Future[None]) -
     """Complete `future` from another thread, even if its loop was closed (R11)."""
     try:
         loop.call_soon_threadsafe(complete, future)
-    except RuntimeError:  # the loop was closed by now
+    except RuntimeError:  # the loop is closed
         return
 
 
 def complete(future: asyncio.Future[None]) -> None:
-    """Complete `future` on the thread of its loop, if nobody else did."""
+    """Complete `future` on the thread of its loop, unless it is done."""
     if not future.done():
         future.set_result(None)
 
 
 def run_in_thread(function: Callable[[], object]) -> None:
-    """Run `function` on a thread for that alone, because it takes locks of the user's threads.
+    """Run `function` on a thread of its own, because it takes locks of the user's threads.
 
-    Not a `threading.Thread`: starting one takes a lock, too.
+    Not on a `threading.Thread`: starting one takes a lock, too.
     """
     try:
         _thread.start_new_thread(function, ())
-    except RuntimeError:  # there are too many, or the interpreter is at its end
+    except RuntimeError:  # there are too many threads, or the interpreter is ending
         function()
