@@ -110,9 +110,7 @@ def end_all(timeout: float, *, at_once: bool = False) -> None:
 
 
 def forget_inherited() -> None:
-    """Begin without runtimes in a forked process: those of its parent cannot be used (R20)."""
-    # The lock is new, too: a thread that does not exist here may have held it.
-    kept = _Registry()
-    kept.by_place = _registry.by_place
-    _inherited.append(kept)
-    _registry.__init__()  # type: ignore[misc]
+    """Begin without runtimes in a process that was forked: its parent's cannot be used (R20)."""
+    global _registry  # noqa: PLW0603  with a new lock: a thread that is not here may hold the old one
+    _inherited.append(_registry)
+    _registry = _Registry()
