@@ -424,3 +424,15 @@ def test_a_server_that_the_graph_shows_at_once_needs_no_name(world: World) -> No
     world.serve(A, B)
     world.readiness.matched(2, 1)
     assert world.readiness.servers == {A, B}
+
+
+def test_a_server_that_the_graph_shows_before_its_event_is_counted_once(world: World) -> None:
+    world.serve(A, B)
+    world.readiness.matched(1, 1)
+    world.readiness.answered()
+    world.readiness.matched(2, 1)
+    assert world.readiness.servers == {A, B}
+    assert world.readiness.state is State.SETTLING  # the second one may not have discovered us
+    world.readiness.answered()
+    world.readiness.matched(2, 1)  # and one that takes the place of another counts all the same
+    assert world.readiness.servers == {A, B, b"unnamed"}

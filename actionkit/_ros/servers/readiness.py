@@ -116,6 +116,8 @@ class ServerReadiness:
         self._outdated: frozenset[bytes] = frozenset()
         """The servers that the graph shows while it does not show the newest one yet."""
         self._outdated_until = 0.0
+        self._early = 0
+        """How many servers the graph has shown before their event."""
         self._settling_since = 0.0
         self._services_since: float | None = None
         """When the services were first seen since settling began."""
@@ -144,19 +146,20 @@ class ServerReadiness:
         self._seen |= count > 0
         if count == 0:
             self.state = State.ABSENT
-        before = self.servers
+        before, early = self.servers, self._early
         self._outdated = frozenset()
         self._compare()
         # A server that had no name before may have one now.
-        expected = came + len(before & UNNAMED)
-        if count and expected > len(self.servers - before - UNNAMED):
+        missing = came + len(before & UNNAMED) - len(self.servers - before - UNNAMED)
+        if count and missing > early:
             # A new server has replaced one that the graph still shows. A goal that is sent now
             # goes to the new one, so it is not lost with the old one.
             self._outdated = self.servers - UNNAMED
             self._outdated_until = self._timers.now() + _NAMED_WITHIN
             self._compare()
-            if self.state is State.READY:
-                self._begin_settling()
+        if count and missing > 0 and self.state is State.READY:
+            self._begin_settling()
+        self._early = max(0, self._early - came)
         if count > 0 and self.state is State.ABSENT:
             self._begin_settling()
         if not self._agrees:
@@ -167,6 +170,7 @@ class ServerReadiness:
         self.state = State.ABSENT
         self.count = 0
         self.servers = self._outdated = frozenset()
+        self._early = 0
 
     @property
     def _agrees(self) -> bool:
@@ -228,6 +232,7 @@ class ServerReadiness:
         new = self.servers - before - UNNAMED
         # A server with a new name is the one that had no name before.
         named = UNNAMED & before - self.servers if new else frozenset()
+        self._early = 0 if self._agrees else self._early + len(new) - len(named)
         if self.state is State.READY and len(new) > len(named):
             self._begin_settling()  # a new one has not discovered us yet (R4)
         if self.servers != before:
