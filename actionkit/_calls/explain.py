@@ -226,8 +226,8 @@ def _invalid(ending: Ending, call: ErrorContext) -> str:
 def _no_acceptance(ending: Ending, call: ErrorContext) -> str:
     return (
         f"{_what(call)} was neither accepted nor rejected within {call.timeouts.accept:g} s."
-        f"{_cancel_sentence(ending, call)} The server is busy in a callback, or deaf: look at its"
-        " log, or allow more with Timeouts(accept=...)."
+        f"{_cancel_sentence(ending, call)} The server is busy in a callback, or not responding:"
+        " look at its log, or allow more with Timeouts(accept=...)."
     )
 
 

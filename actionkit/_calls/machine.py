@@ -375,8 +375,9 @@ class CallMachine:
         if verdict is not Verdict.TRANSIENT or ending.end is fx.End.CANCELED_BY_OTHER:
             return effects + self._end(ending)
         effects.append(Count(success=False))
-        if self.unwanted or self.closing:
-            return effects + self._end(replace(ending, not_retried="its caller no longer wants it"))
+        why = "its caller no longer wants it" if self.unwanted else self.closing
+        if why:
+            return effects + self._end(replace(ending, not_retried=why))
         self.cause = error or RejectedByClassifier()
         return effects + self._plan(ending)
 

@@ -420,7 +420,7 @@ class Session:
         left = [goal for goal in goals if goal.may_run and not goal.told]
         for goal in left:
             goal.told = True
-        return [(self.action_name, goal.goal_id) for goal in left if goal.goal_id]
+        return [(self.action_name, goal.goal_id) for goal in left]
 
     @property
     def confirming(self) -> bool:

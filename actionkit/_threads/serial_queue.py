@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -12,7 +13,7 @@ from actionkit._threads.waiting import taken_from
 _T = TypeVar("_T")
 
 
-class SerialQueue(Generic[_T]):
+class SerialQueue(ABC, Generic[_T]):
     """A queue that is emptied by one thread at a time. No thread waits for another to use it.
 
     A subclass decides in `_begin` what empties it: that calls `_take` until there is no item.
@@ -36,9 +37,9 @@ class SerialQueue(Generic[_T]):
         self._finishes.append(then)
         self._look()
 
+    @abstractmethod
     def _begin(self) -> None:
         """Let another thread empty the queue soon."""
-        raise NotImplementedError
 
     def _look(self) -> None:
         """Begin if there is something to do and nobody does it."""

@@ -277,8 +277,7 @@ class Server:
             raise RuntimeError(
                 f"the {self.name} server {problem}; it said:\n{self.stderr.rstrip()}"
             ) from None
-        except BaseException:
-            # Ctrl-C during the wait: the caller has no object yet to stop the process.
+        except BaseException:  # also Ctrl-C: the caller has no object yet to stop the process
             self.kill()
             raise
 

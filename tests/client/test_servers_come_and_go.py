@@ -227,8 +227,9 @@ def test_the_death_of_our_thread_fails_every_call_loudly(action_server, make_cli
         raise SystemExit("for the test")  # what no handler of ours catches
 
     client._session.port.runtime.call_soon(die)
-    with pytest.raises(ak.ServerLostError, match="communication thread"):
+    with pytest.raises(ak.ServerLostError, match="communication thread") as lost:
         future.result(10)
+    assert "no longer wants it" not in str(lost.value)  # the caller did not give up
     assert all_is_logged()
     assert "communication thread" in caplog.text
     with pytest.raises(

@@ -161,7 +161,7 @@ MUTANTS = {
     "a call that nobody wants is tried again": (
         CallMachine,
         "judged",
-        "if self.unwanted or self.closing:",
+        "if why:",
         "if False:",
     ),
     "a late acceptance is not cancelled": (

@@ -20,23 +20,10 @@ from actionkit._threads.function_runner import (
 from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Pool
 from tests.conftest import all_is_logged
+from tests.unit.gate import Gate
 
 IT = Label("it", None, "the rest")
 LONG = 10.0  # the bound of a wait that is over at once when all is well
-
-
-class Gate:
-    """A job that runs until it is let go."""
-
-    def __init__(self) -> None:
-        self.entered = threading.Event()
-        self.leave = threading.Event()
-        self.thread: threading.Thread | None = None
-
-    def __call__(self) -> None:
-        self.thread = threading.current_thread()
-        self.entered.set()
-        assert self.leave.wait(LONG)
 
 
 def refuse(thread: threading.Thread) -> None:
@@ -50,7 +37,7 @@ def test_each_function_that_runs_has_a_thread_for_itself() -> None:
     pool, gates = function_pool("/arm"), [Gate() for _ in range(20)]
     for gate in gates:
         assert pool.submit(gate, IT) == ""
-    assert pool._threads == 20  # at once: none waits until others count as blocked
+    assert pool._threads == 20  # at once
     assert all(gate.entered.wait(LONG) for gate in gates)
     assert len({gate.thread for gate in gates}) == 20
     for gate in gates:

@@ -13,20 +13,10 @@ from actionkit._threads import in_hand
 from actionkit._threads.in_hand import FUNCTIONS, WARN_AFTER, Dues, InHand, Label, name_of
 from actionkit._threads.pool import Pool
 from tests.conftest import all_is_logged
+from tests.unit.gate import Gate
 
 LONG = 20.0
 NOW = 1000.0
-
-
-class Gate:
-    """A callback that runs until it is let go."""
-
-    def __init__(self) -> None:
-        self.entered, self.leave = threading.Event(), threading.Event()
-
-    def __call__(self) -> None:
-        self.entered.set()
-        assert self.leave.wait(LONG)
 
 
 @pytest.fixture

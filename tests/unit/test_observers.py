@@ -33,6 +33,7 @@ from actionkit._threads.in_hand import OBSERVERS, Label
 from actionkit._threads.pool import Pool
 from actionkit.testing import EventLog
 from tests.conftest import NEVER
+from tests.unit.gate import Gate
 
 LONG = 10.0
 GOAL = uuid.UUID(int=7)
@@ -69,17 +70,6 @@ class OnlyEvents:
 
     def on_event(self, event: GoalEvent, call: CallInfo) -> None:
         self.told.append(event)
-
-
-class Gate:
-    """A job that runs until it is let go."""
-
-    def __init__(self) -> None:
-        self.entered, self.leave = threading.Event(), threading.Event()
-
-    def __call__(self) -> None:
-        self.entered.set()
-        assert self.leave.wait(LONG)
 
 
 @pytest.fixture

@@ -13,23 +13,10 @@ import pytest
 from actionkit._threads import diagnostics
 from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Pool
+from tests.unit.gate import Gate
 
 LONG = 10.0  # the bound of a wait that is over at once when all is well
 IT = Label("it", None, "the rest")
-
-
-class Gate:
-    """A job that runs until it is let go."""
-
-    def __init__(self) -> None:
-        self.entered = threading.Event()
-        self.leave = threading.Event()
-        self.thread: threading.Thread | None = None
-
-    def __call__(self) -> None:
-        self.thread = threading.current_thread()
-        self.entered.set()
-        assert self.leave.wait(LONG)
 
 
 def noting(notes: list[int], number: int) -> Callable[[], None]:

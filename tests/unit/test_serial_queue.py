@@ -8,6 +8,7 @@ from collections.abc import Callable
 from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Pool, in_callback
 from actionkit._threads.serial_queue import SerialQueue
+from tests.unit.gate import Gate
 
 LONG = 10.0  # the bound of a wait that is over at once when all is well
 
@@ -29,18 +30,6 @@ class Jobs(SerialQueue[Callable[[], object]]):
         if job is not None:
             job()
         return job is not None
-
-
-class Gate:
-    """A job that runs until it is let go."""
-
-    def __init__(self) -> None:
-        self.entered = threading.Event()
-        self.leave = threading.Event()
-
-    def __call__(self) -> None:
-        self.entered.set()
-        assert self.leave.wait(LONG)
 
 
 def finished(queue: Jobs) -> bool:
