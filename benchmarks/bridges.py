@@ -18,7 +18,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from test_msgs.action import Fibonacci
 
-from actionkit._ros.discovery import stop_listening
+from actionkit._ros.workarounds.listener_hang import stop_listening
 from benchmarks.clients import connect
 from benchmarks.variant import PATIENCE, OnFeedback, Variant
 

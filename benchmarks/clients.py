@@ -28,7 +28,7 @@ from test_msgs.action import Fibonacci
 from unique_identifier_msgs.msg import UUID
 
 from actionkit import Client
-from actionkit._ros.discovery import stop_listening
+from actionkit._ros.workarounds.listener_hang import stop_listening
 from benchmarks.variant import PATIENCE, OnFeedback, Variant
 
 _DEEP = QoSProfile(depth=2000)

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_services_default
 from test_msgs.action import Fibonacci
 
-from actionkit._ros.discovery import stop_listening
+from actionkit._ros.workarounds.listener_hang import stop_listening
 from benchmarks import child
 from benchmarks.server import NAME
 

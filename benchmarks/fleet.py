@@ -22,7 +22,7 @@ from rclpy.qos import QoSProfile
 from test_msgs.action import Fibonacci
 
 from actionkit import Client, Timeouts
-from actionkit._ros.discovery import stop_listening
+from actionkit._ros.workarounds.listener_hang import stop_listening
 from benchmarks import child, process
 from benchmarks.clients import connect, send
 from benchmarks.variant import PATIENCE

@@ -8,10 +8,10 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from actionkit._ros.discovery import stop_listening
 from actionkit._ros.graph import is_last
 from actionkit._ros.names import ActionNames, resolve
 from actionkit._ros.native import node_is_destroyed
+from actionkit._ros.workarounds.listener_hang import stop_listening
 
 
 def start(context: Context, domain_id: int) -> None:

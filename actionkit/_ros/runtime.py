@@ -42,8 +42,8 @@ from actionkit._ros.native import (
 )
 from actionkit._ros.outbox import Window
 from actionkit._ros.own_node import leave_graph, make_node, start
-from actionkit._ros.rejoining import Rejoining
-from actionkit._ros.standstill import Standstill
+from actionkit._ros.workarounds.rejoining import Rejoining
+from actionkit._ros.workarounds.standstill import Standstill
 from actionkit._threads.clock import TimerQueue
 from actionkit._threads.diagnostics import log_later, log_own_error
 from actionkit._threads.waiting import Flag, taken_from

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import click
 
 from actionkit._model.domain import LAST_DOMAIN
+from actionkit._ros.workarounds.ros_wheels import find_libraries
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option
 from actionkit.cli._problems import Problem, import_ros
-from actionkit.cli._ros_wheels import find_libraries
 from actionkit.cli._say import say
 
 if TYPE_CHECKING:

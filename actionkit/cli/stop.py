@@ -15,13 +15,13 @@ import click
 
 from actionkit._model.domain import LAST_DOMAIN
 from actionkit._observers.json_schema import note_line
+from actionkit._ros.workarounds.udp_only import use_udp_only
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, SECONDS, complete_names, debug_option, json_option
 from actionkit.cli._problems import full_name, import_ros, open_survey
 from actionkit.cli._say import say
 from actionkit.cli._stdout import keep_clean
 from actionkit.cli._stopping import Stopping, table, worst
-from actionkit.cli._transports import use_udp_only
 
 if TYPE_CHECKING:
     from actionkit._ros.holds.state import Hold

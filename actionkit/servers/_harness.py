@@ -14,8 +14,8 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.context import Context
 from rclpy.node import Node
 
-from actionkit._ros.discovery import stop_listening
 from actionkit._ros.native import shut_down
+from actionkit._ros.workarounds.listener_hang import stop_listening
 from actionkit.servers._behaviour import Behaviour, Process
 from actionkit.servers._contents import message_of
 from actionkit.servers._executors import ThreadPerGoalExecutor, make_executor, spin

@@ -24,7 +24,7 @@ from test_msgs.action import Fibonacci
 from test_msgs.msg import Empty as EmptyMessage
 from test_msgs.srv import Empty
 
-from actionkit._ros.discovery import stop_listening
+from actionkit._ros.workarounds.listener_hang import stop_listening
 from tests.awaiting.conftest import LONG, QUICK, reached
 from tests.awaiting.page import NOWHERE, RCLPY, record
 from tests.conftest import until_shutdown

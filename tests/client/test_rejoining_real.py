@@ -15,9 +15,9 @@ from rclpy.node import Node
 
 from actionkit import Client, ClientClosedError, Timeouts
 from actionkit._ros import own_node
-from actionkit._ros.rejoining import SWITCH
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.tools.survey import Survey
+from actionkit._ros.workarounds.rejoining import SWITCH
 from tests.conftest import NEVER
 
 GOAL = {"order": 3}

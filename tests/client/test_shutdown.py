@@ -22,7 +22,7 @@ from test_msgs.action import Fibonacci
 
 from actionkit import CancelReport, Client, ClientClosedError, GoalState, Rosout, cancel_on_signals
 from actionkit._calls import session, signals
-from actionkit._ros.discovery import stop_listening
+from actionkit._ros.workarounds.listener_hang import stop_listening
 from actionkit.testing import EventLog
 from tests.client.test_node import spinning, user_node
 from tests.conftest import NEVER, is_accepted, runs_nothing, without_noise

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from actionkit._ros.rejoining import SWITCH
+from actionkit._ros.workarounds.rejoining import SWITCH
 
 PROGRAM = """
 import json, sys, time

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from actionkit._ros.standstill import FOUND_WITHIN
+from actionkit._ros.workarounds.standstill import FOUND_WITHIN
 from tests.conftest import NEVER, runs_nothing
 
 _SHORT_LEASE = Path(__file__).parent / "short_lease.xml"

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from actionkit._ros import graph
-from actionkit._ros.rejoining import SWITCH, Rejoining, is_wanted
+from actionkit._ros.workarounds.rejoining import SWITCH, Rejoining, is_wanted
 from tests.unit.clock import Clock
 
 

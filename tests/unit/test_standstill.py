@@ -9,7 +9,7 @@ import pytest
 from clock import Clock
 
 from actionkit._ros.native import ResponseSource
-from actionkit._ros.standstill import BELIEVED_AFTER, FOUND_WITHIN, NOTICED, Standstill
+from actionkit._ros.workarounds.standstill import BELIEVED_AFTER, FOUND_WITHIN, NOTICED, Standstill
 
 LOOK = 2.0
 

@@ -9,6 +9,9 @@ even Ctrl-C works. (Seen once in about 500 nodes that were destroyed while other
 
 A wait with a limit works as it should. So the listener is removed here first, with a limit; after
 that the unlimited wait has nothing to wait for.
+
+This can be deleted when eProsima/Fast-DDS#6513 is mended in the oldest Fast DDS that is supported
+(it was open in November 2026, for all versions).
 """
 
 from __future__ import annotations

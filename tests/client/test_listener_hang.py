@@ -1,4 +1,4 @@
-"""Leaving the graph while others come and go (the hang that `_ros.discovery` describes)."""
+"""Leaving the graph while others come and go (what `listener_hang` works around)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from rclpy.context import Context
 from rclpy.node import Node
 
-from actionkit._ros import discovery
+from actionkit._ros.workarounds import listener_hang
 
 _GET_LISTENER = "_ZNK8eprosima7fastdds3dds17DomainParticipant12get_listenerEv"
 """`DomainParticipant::get_listener() const`"""
@@ -24,7 +24,7 @@ def bare_node(name: str, domain: int) -> Iterator[Node]:
     context.init(args=[], initialize_logging=False, domain_id=domain)
     node = Node(name, context=context, enable_rosout=False, start_parameter_services=False)
     yield node
-    discovery.stop_listening(node)
+    listener_hang.stop_listening(node)
     node.destroy_node()
     context.try_shutdown()
 
@@ -36,9 +36,9 @@ def servers_seen(node: Node) -> int:
 def test_a_node_that_stops_listening_hears_no_more(action_server, ros_domain):
     with bare_node("deaf", ros_domain) as deaf, bare_node("hearing", ros_domain) as hearing:
         assert has_listener(deaf)
-        assert discovery.stop_listening(deaf)
+        assert listener_hang.stop_listening(deaf)
         assert not has_listener(deaf)
-        assert discovery.stop_listening(deaf)  # twice does no harm
+        assert listener_hang.stop_listening(deaf)  # twice does no harm
         action_server("fibonacci")
         give_up = time.monotonic() + 20
         while not servers_seen(hearing):  # there is no event to wait for in rclpy
@@ -48,10 +48,10 @@ def test_a_node_that_stops_listening_hears_no_more(action_server, ros_domain):
 
 def has_listener(node: Node) -> bool:
     """Whether Fast DDS still calls the node's listener, and could hang while it is detached."""
-    library = discovery._fast_dds()
+    library = listener_hang._fast_dds()
     assert library is not None
     rmw = ctypes.CDLL("librmw_fastrtps_cpp.so", os.RTLD_NOLOAD | os.RTLD_LAZY)
-    get_listener = discovery._function(rmw, _GET_LISTENER, ctypes.c_void_p, 1)
+    get_listener = listener_hang._function(rmw, _GET_LISTENER, ctypes.c_void_p, 1)
     with node.handle:
         participant = library.participant(library.rmw_handle(node.handle.pointer))
         return get_listener(participant) is not None
@@ -75,6 +75,6 @@ def test_a_client_stops_listening_before_its_node_is_destroyed(make_client, monk
 
 def test_another_middleware_is_left_alone(monkeypatch, ros_domain):
     with bare_node("alone", ros_domain) as node:
-        monkeypatch.setattr(discovery, "_fast_dds", lambda: None)
-        assert not discovery.stop_listening(node)
+        monkeypatch.setattr(listener_hang, "_fast_dds", lambda: None)
+        assert not listener_hang.stop_listening(node)
         monkeypatch.undo()

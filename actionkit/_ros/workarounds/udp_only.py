@@ -3,6 +3,9 @@
 By default it uses shared memory between processes of the same computer. Processes of another user
 cannot open that memory: they are discovered, but nothing reaches them. If one side has no shared
 memory, both use UDP.
+
+This can be deleted when Fast DDS uses UDP by itself where shared memory cannot be opened. It does
+not in 2.14, of ROS 2 Jazzy.
 """
 
 from __future__ import annotations
@@ -10,8 +13,6 @@ from __future__ import annotations
 import os
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-
-import actionkit
 
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _LOCALHOST_ONLY = "ROS_LOCALHOST_ONLY"
@@ -24,7 +25,7 @@ _KILTED = 9
 """The major version of its rclpy; Jazzy has 7."""
 _OWN = (_PROFILES, _PROFILES_LATER, _BUILTIN, "ROS_STATIC_PEERS")
 """Variables of users with their own transports or peers."""
-_FILE = Path(actionkit.__file__).parent / "_ros" / "holds" / "udp_on_localhost.xml"
+_FILE = Path(__file__).with_name("udp_on_localhost.xml")
 
 
 def use_udp_only() -> None:

@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError
 
 import pytest
 
-from actionkit.cli import _transports
+from actionkit._ros.workarounds import udp_only
 
 EARLIER, LATER = "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"
 
@@ -27,8 +27,8 @@ def test_variable_follows_the_version_of_rclpy(
             raise PackageNotFoundError(name)
         return rclpy
 
-    monkeypatch.setattr(_transports, "version", version)
-    _transports.use_udp_only()
+    monkeypatch.setattr(udp_only, "version", version)
+    udp_only.use_udp_only()
     assert {EARLIER, LATER} & os.environ.keys() == {named}
 
 
@@ -37,7 +37,7 @@ def test_profiles_of_the_user_stay(
     own: str, localhost: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(os.environ, own, "theirs.xml")
-    _transports.use_udp_only()
+    udp_only.use_udp_only()
     assert {name: os.environ.get(name) for name in (EARLIER, LATER)} == {
         **dict.fromkeys((EARLIER, LATER)),
         own: "theirs.xml",

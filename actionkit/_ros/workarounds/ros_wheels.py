@@ -1,4 +1,8 @@
-"""Repairs the environment of a process if ROS comes from wheels."""
+"""Repairs the environment of a process if ROS comes from wheels.
+
+This can be deleted when the wheels of `ros-jazzy-rclpy` set the library path again in a
+process that has inherited only their mark (7.1.x do not).
+"""
 
 from __future__ import annotations
 
