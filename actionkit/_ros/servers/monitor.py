@@ -37,12 +37,16 @@ time to start. So a goal that was sent before a restart was not sent to the new 
 
 @dataclass(slots=True)
 class _SentGoal:
-    """The servers that may have one goal; they are named by their ids."""
+    """The servers that may have one goal, by their ids. Each set contains the one before it."""
 
     sent_at: float
-    servers: frozenset[bytes]  # those in sight
-    sent_to: frozenset[bytes]  # all that may have it or may still accept it, in sight or not
-    given_to: frozenset[bytes]  # the same, and servers that seem to have been replaced
+    servers: frozenset[bytes]
+    """Those that have not gone out of sight since it was sent. With the last, the goal is lost."""
+    sent_to: frozenset[bytes]
+    """And those that have: if one is seen again, it is asked about the goal."""
+    given_to: frozenset[bytes]
+    """And those that seem to have been replaced by another of their name: nothing more is expected
+    from them, but only when they leave the graph is it certain that they do not run the goal."""
 
 
 class ServerMonitor:
