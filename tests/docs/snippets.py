@@ -73,8 +73,8 @@ def blocks(page: Path) -> list[Block]:
     return found
 
 
-def run_page(page: Path, folder: Path) -> None:
-    """Run all blocks of a page, in this folder.
+def run_page(page: Path, folder: Path, python: Path = Path(sys.executable)) -> None:
+    """Run all blocks of a page, in this folder, with this interpreter and its commands.
 
     Raises:
         AssertionError: One fails, or prints something else than the page says.
@@ -83,23 +83,25 @@ def run_page(page: Path, folder: Path) -> None:
     with ExitStack() as running:
         for step in steps:
             if isinstance(step, list):
-                run_python(page, step, folder)
+                run_python(page, step, folder, python)
             elif step.mark == "in the background":
-                running.enter_context(_in_the_background(step.text, folder))
+                running.enter_context(_in_the_background(step.text, folder, python))
             else:
-                _run_shell(page, step, folder)
+                _run_shell(page, step, folder, python)
 
 
-def run_python(page: Path, program: list[Block], folder: Path) -> None:
+def run_python(
+    page: Path, program: list[Block], folder: Path, python: Path = Path(sys.executable)
+) -> None:
     """Run Python blocks as one program in a process of its own."""
     lines = [""] * len(page.read_text().splitlines())
     for block in program:  # where they are in the page, so that tracebacks tell it
         lines[block.line - 1 : block.line - 1 + block.text.count("\n")] = block.text.splitlines()
     done = subprocess.run(
-        [sys.executable, __file__, str(page)],
+        [str(python), __file__, str(page)],
         input="\n".join(lines) + "\n",
         cwd=folder,
-        env=_environment(),
+        env=_environment(python),
         capture_output=True,
         text=True,
         timeout=_LIMIT,
@@ -132,17 +134,21 @@ def _steps(page: Path, folder: Path) -> Iterator[Block | list[Block]]:
     return iter(order)
 
 
-def _environment() -> dict[str, str]:
-    scripts = str(Path(sys.executable).parent)
-    return os.environ | {"PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}"}
+def _environment(python: Path) -> dict[str, str]:
+    kept = dict(os.environ)
+    if python != Path(sys.executable):
+        # ROS from PyPI sets these for the environment of this interpreter.
+        for name in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH", "PYTHONPATH"):
+            kept.pop(name, None)
+    return kept | {"PATH": f"{python.parent}{os.pathsep}{os.environ['PATH']}"}
 
 
-def _run_shell(page: Path, block: Block, folder: Path) -> None:
+def _run_shell(page: Path, block: Block, folder: Path, python: Path) -> None:
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", block.text],
         stdin=subprocess.DEVNULL,
         cwd=folder,
-        env=_environment(),
+        env=_environment(python),
         capture_output=True,
         text=True,
         timeout=_LIMIT,
@@ -155,13 +161,13 @@ def _run_shell(page: Path, block: Block, folder: Path) -> None:
 
 
 @contextmanager
-def _in_the_background(text: str, folder: Path) -> Iterator[None]:
+def _in_the_background(text: str, folder: Path, python: Path) -> Iterator[None]:
     with subprocess.Popen(
         ["bash", "-c", f"exec {text.strip()}"],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         cwd=folder,
-        env=_environment(),
+        env=_environment(python),
     ) as process:
         try:
             yield

@@ -28,7 +28,6 @@ RUN_ELSEWHERE = {
     "CHANGELOG.md": "tells of the past",
     "own-actions.md": "tests/interfaces",
     "testing.md": "tests/fake_server/test_fake_server.py",
-    "agents.md": "tests/agents",
     "mcp.md": "tests/agents",
     "stopping.md": "tests/cli/test_stop.py",
     "behaviour-trees.md": "tests/trees",
