@@ -49,3 +49,19 @@ class ActionType(Protocol[GoalT, ResultT, FeedbackT]):  # type: ignore[misc]
 
 
 ActionT_co = TypeVar("ActionT_co", bound=ActionType[Any, Any, Any], covariant=True)
+
+
+def type_name_of(action_type: Any) -> str:
+    """Return the ROS name of an action class.
+
+    Raises:
+        TypeError: It is not an action class.
+    """
+    wanted = ("Goal", "Result", "Feedback", "Impl")
+    if not isinstance(action_type, type) or not all(hasattr(action_type, n) for n in wanted):
+        raise TypeError(
+            f"action_type={action_type!r} must be an action class, such as"
+            " test_msgs.action.Fibonacci; not a message, a service, or its Goal"
+        )
+    package = action_type.__module__.split(".", 1)[0]
+    return f"{package}/action/{action_type.__name__}"

@@ -10,7 +10,6 @@ import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 from rclpy.exceptions import (
     InvalidHandle,
@@ -69,22 +68,6 @@ class Identity:
     type_name: str  # such as `test_msgs/action/Fibonacci`
     domain_id: int
     label: str  # the full name of the user's node, for logs; `""` if there is none
-
-
-def type_name_of(action_type: Any) -> str:
-    """Return the ROS name of an action class.
-
-    Raises:
-        TypeError: It is not an action class.
-    """
-    wanted = ("Goal", "Result", "Feedback", "Impl")
-    if not isinstance(action_type, type) or not all(hasattr(action_type, n) for n in wanted):
-        raise TypeError(
-            f"action_type={action_type!r} must be an action class, such as"
-            " test_msgs.action.Fibonacci; not a message, a service, or its Goal"
-        )
-    package = action_type.__module__.split(".", 1)[0]
-    return f"{package}/action/{action_type.__name__}"
 
 
 def check_name(action_name: object, *, has_node: bool) -> str:

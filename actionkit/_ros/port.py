@@ -16,10 +16,11 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from typing_extensions import Self
 
+from actionkit._model.action_type import type_name_of
 from actionkit._model.errors import ActionTypeMismatchError
 from actionkit._ros import executors, graph, native, runtimes
 from actionkit._ros.link import Link
-from actionkit._ros.names import ActionNames, Identity, check_name, resolve, type_name_of
+from actionkit._ros.names import ActionNames, Identity, check_name, resolve
 from actionkit._ros.native import RCLError, domain_of, is_up
 from actionkit._ros.own_node import resolve_without_node
 from actionkit._ros.wire import feedback_alone

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from os import PathLike, fspath
 from typing import Any
 
+from actionkit._messages.by_name import interface_class
 from actionkit._model.domain import LAST_DOMAIN
 from actionkit._model.settings import MOST
 from actionkit.agents._config_fields import read_fields
-from actionkit.agents._interfaces import interface_class
 from actionkit.agents._reader import Reader
 from actionkit.agents._shapes import Group
 from actionkit.agents._values import ConfigError

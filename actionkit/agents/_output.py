@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from actionkit._messages.comments import comments
 from actionkit._messages.paths import slots_of
 from actionkit.agents._config import ActionConfig, TopicConfig
-from actionkit.agents._interfaces import comments
 from actionkit.agents._results import STATUSES
 from actionkit.agents._schema import DIALECT
 from actionkit.agents._topics import STATUSES as TOPIC_STATUSES

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Union
 
+from actionkit._messages.comments import comments, constants
 from actionkit._messages.convert import to_plain
 from actionkit._messages.paths import message_class, slots_of, type_name
-from actionkit.agents._interfaces import comments, constants
 from actionkit.agents._limits import ABSENT, NO_LIMITS, Limits
 
 FLOAT32_MAX = 3.4028234663852886e38

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 import shlex
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from actionkit.cli import _types
+from actionkit._messages.by_name import BrokenPackageError, installed, interface_class
 from actionkit.cli._exits import Exit
 from actionkit.cli._problems import Problem, full_name
 from actionkit.cli.info import nothing_there
@@ -16,6 +16,7 @@ from actionkit.cli.info import nothing_there
 if TYPE_CHECKING:
     from actionkit._ros.tools.survey import Survey
 
+_TYPE = re.compile(r"[A-Za-z]\w*/action/[A-Za-z]\w*")
 _NAME = re.compile(r"[\w/.-]+")
 """Matches a type, also a wrong one, but not a goal, which has braces, a colon or a space."""
 
@@ -36,7 +37,7 @@ def told_apart(
     if stdin and goal is not None:
         raise click.UsageError("Give the goal as GOAL or by --stdin, not both.")
     source = ["--stdin"] if stdin else [] if goal is None else [goal]
-    if _types.is_type(name) and not _types.is_type(type_name or ""):
+    if _is_type(name) and not _is_type(type_name or ""):
         wrong = "NAME is missing" if type_name is None else "NAME and TYPE are swapped"
         right = shlex.join(["actionkit", "call", type_name or "NAME", name, *source])
         raise click.UsageError(f"{wrong}: {name} is an action type. Write: {right}")
@@ -44,6 +45,32 @@ def told_apart(
         right = shlex.join(["actionkit", "call", name, "{}"])
         raise click.UsageError(f"GOAL is missing. {{}} is a goal with all defaults: {right}")
     return type_name, goal
+
+
+def action_class(text: str) -> Any:
+    """Return the class of an action type; `test_msgs/Fibonacci` is enough as its name.
+
+    Raises:
+        click.BadParameter: There is no such type; the text names the most similar ones.
+        Problem: The package exists, but cannot be imported.
+    """
+    try:
+        return interface_class(_whole(text), "action")
+    except BrokenPackageError as error:
+        raise Problem(Exit.NO_ROS, str(error)) from error
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="TYPE") from error
+
+
+def _is_type(text: str) -> bool:
+    """Whether this is the name of an action type, and not of an action."""
+    return _TYPE.fullmatch(text) is not None or _whole(text) in installed()
+
+
+def _whole(text: str) -> str:
+    """Return `test_msgs/action/Fibonacci` for `test_msgs/Fibonacci`; other texts as they are."""
+    package, slash, name = text.partition("/")
+    return f"{package}/action/{name}" if slash and "/" not in name else text
 
 
 def served_type(survey: Survey, name: str, patience: float) -> str:

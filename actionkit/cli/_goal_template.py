@@ -8,9 +8,9 @@ from typing import Any
 
 import yaml
 
+from actionkit._messages.comments import comments_of
 from actionkit._messages.convert import to_plain
 from actionkit._messages.paths import message_class, slots_of, type_name
-from actionkit.cli._interface_files import comments_of
 
 _NOW = ("builtin_interfaces/Time", "std_msgs/Header")
 """Types for which `actionkit call` accepts the word `now`."""

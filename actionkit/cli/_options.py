@@ -102,7 +102,7 @@ def complete_types(
     ctx: click.Context, param: click.Parameter, incomplete: str
 ) -> list[CompletionItem]:
     """Return the installed action types."""
-    from actionkit.cli._types import installed
+    from actionkit._messages.by_name import installed
 
     return [CompletionItem(name) for name in installed() if name.startswith(incomplete)]
 

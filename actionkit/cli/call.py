@@ -117,7 +117,7 @@ def command(
     `now` stands for the present time in a stamp or a header. Words and flags are those of
     `ros2 action send_goal`, which is another name of this: `actionkit send_goal`.
     """
-    from actionkit.cli import _call_arguments, _goals, _types
+    from actionkit.cli import _call_arguments, _goals
 
     type_name, goal = _call_arguments.told_apart(name, type_name, goal, stdin)
     keep_clean()
@@ -131,7 +131,7 @@ def command(
             type_name = _call_arguments.served_type(survey, name, patience)
             if timeout is not None:
                 timeout = max(0.0, timeout - (time.monotonic() - survey.opened))
-        action = _types.load(type_name)
+        action = _call_arguments.action_class(type_name)
         text = _read_goal() if stdin else "{}" if goal is None else goal
         message = _goals.parse(text, action.Goal)
         classify = _classifier(ok, transient, action.Result)
@@ -154,7 +154,7 @@ def command(
             raise click.UsageError(in_options(str(error))) from error
 
     from actionkit._calls.left_running import mute
-    from actionkit._ros.names import type_name_of
+    from actionkit._model.action_type import type_name_of
     from actionkit.cli._calling import Calling
     from actionkit.cli._progress import Progress
     from actionkit.cli._reports import JsonReport

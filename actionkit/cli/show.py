@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from actionkit._model.action_type import type_name_of
 from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, complete_types, debug_option
 from actionkit.cli._problems import import_ros
@@ -27,10 +28,9 @@ def command(type_name: str) -> int:
     and of the feedback follow as comments.
     """
     import_ros()
-    from actionkit._ros.names import type_name_of
+    from actionkit.cli._call_arguments import action_class
     from actionkit.cli._goal_template import template
-    from actionkit.cli._types import load
 
-    action = load(type_name)
+    action = action_class(type_name)
     say(template(action, type_name_of(action)))
     return Exit.OK

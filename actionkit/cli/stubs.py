@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from actionkit._messages.comments import comments_of
 from actionkit._model.similar_names import similar_names
 from actionkit._stubs.folders import ForeignFilesError, remove, replace
 from actionkit.cli._exits import Exit
-from actionkit.cli._interface_files import comments_of
 from actionkit.cli._options import HELP, debug_option
 from actionkit.cli._problems import Problem
 from actionkit.cli._say import say

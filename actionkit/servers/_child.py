@@ -13,10 +13,10 @@ import time
 from collections.abc import Callable, Sequence
 from typing import IO, TYPE_CHECKING, Any, NoReturn
 
+from actionkit._messages.by_name import action_name, interface_class
 from actionkit.servers._events import SYNCED
 from actionkit.servers._life import END_SIGNALS, INSTANCE_VARIABLE, RESTART_SIGNAL, Life
 from actionkit.servers._registry import behaviour_named, is_foreign, names
-from actionkit.servers._types import load_type, type_name
 
 if TYPE_CHECKING:
     from actionkit.servers._harness import Harness
@@ -78,10 +78,10 @@ def main(
         refuse("NAME is missing; see --list")
     try:
         behaviour = behaviour_named(given.name)
-        type_given = type_name(given.type or behaviour.action_type)
+        type_given = action_name(given.type or behaviour.action_type)
         foreign = is_foreign(given.name, type_given)
         options = behaviour.parse(dict(_pair(text) for text in given.option), foreign=foreign)
-        action = load_type(type_given)
+        action = interface_class(type_given, "action")
     except ValueError as error:
         refuse(str(error))
 

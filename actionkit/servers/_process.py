@@ -16,12 +16,12 @@ from typing import IO
 
 from typing_extensions import Self
 
+from actionkit._messages.by_name import action_name as name_of
 from actionkit.servers._behaviour import Option, format_option
 from actionkit.servers._events import EventNotSeenError, Journal, ServerEvent
 from actionkit.servers._life import GOALS_VARIABLE, INSTANCE_VARIABLE
 from actionkit.servers._quiet import await_quiet
 from actionkit.servers._registry import behaviour_named, is_foreign
-from actionkit.servers._types import type_name
 
 _instances = itertools.count(1)
 _START_TIMEOUT = 20.0
@@ -342,7 +342,7 @@ def start(
             output.
     """
     behaviour = behaviour_named(name)
-    served = behaviour.action_type if action_type is None else type_name(action_type)
+    served = behaviour.action_type if action_type is None else name_of(action_type)
     foreign = is_foreign(name, served)
     behaviour.parse({key: format_option(value) for key, value in options.items()}, foreign=foreign)
     return Server(name, action_name, served, domain_id, options)

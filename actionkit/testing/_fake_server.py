@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Any, Generic, Literal
 
 from typing_extensions import Never, Self
 
-from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
+from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT, type_name_of
 from actionkit._model.arguments import refuse_unknown
 from actionkit._model.domain import LAST_DOMAIN, environment_domain
 from actionkit._model.missing import cannot_import
 from actionkit._model.settings import check_seconds
 from actionkit.servers._events import EventNotSeenError, Journal, ServerEvent
-from actionkit.servers._types import type_name
 from actionkit.testing._fake_notes import Notes, checked_event
 from actionkit.testing._fake_plans import Plan, Script
 
@@ -104,7 +103,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         refuse_unknown(unknown, FakeServer.__init__)
         if isinstance(action_type, str):
             raise TypeError(f"action_type={action_type!r} must be the class itself, not its name")
-        type_name(action_type)
+        type_name_of(action_type)
         if domain_id is not None:
             if isinstance(domain_id, bool) or not isinstance(domain_id, int):
                 raise TypeError(f"domain_id={domain_id!r} must be an int, or None")
@@ -290,7 +289,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
 
     def __repr__(self) -> str:
         state = "stopped" if self._harness is None else "running"
-        return f"<FakeServer {self.name!r} ({type_name(self._action)}), {state}>"
+        return f"<FakeServer {self.name!r} ({type_name_of(self._action)}), {state}>"
 
     # -- private ---------------------------------------------------------------------------
 

@@ -111,18 +111,18 @@ def test_every_problem_is_told_with_its_place() -> None:
         "robot.toml: tools.goals: the name 'goals' is taken",
         "robot.toml: tools.a b: a tool's name has",
         "robot.toml: tools.one.action: '9 lives' is no ROS name",
-        "robot.toml: tools.one.type: 'test_msgs/msg/Empty' must be written package/action/Name",
+        "robot.toml: tools.one.type: 'test_msgs/msg/Empty' is not an action type: one is",
         "robot.toml: tools.one.timeout: 'long' must be a number",
         "robot.toml: tools.two.action: is missing",
-        "robot.toml: tools.two.type: 'test_msgs/action/Fibonaci' does not exist; test_msgs has"
-        " Fibonacci, NestedMessage",
+        "robot.toml: tools.two.type: the package 'test_msgs' has no action 'Fibonaci'. Did you mean"
+        " test_msgs/action/Fibonacci?",
         "robot.toml: tools.two.confirm: 'maybe' must be 'never' or 'always'",
         "robot.toml: tools.two.concurent: there is no such key; did you mean 'concurrent'?",
-        "robot.toml: tools.three.type: 'nope_msgs/action/Nope' cannot be loaded",
+        "robot.toml: tools.three.type: the package 'nope_msgs' is not installed here",
         "robot.toml: tools.three.retries: -1 must be",
         "robot.toml: tools.four: 4 must be a table",
         "robot.toml: tools.five.timeout: 1000",
-        f"robot.toml: topics.one.type: '{NESTED}' must be written package/msg/Name",
+        f"robot.toml: topics.one.type: '{NESTED}' is not a message type",
         "robot.toml: topics.one.max_size: 0 must be",
     ):
         assert part in text

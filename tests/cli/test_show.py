@@ -11,12 +11,12 @@ import yaml
 from geometry_msgs.msg import PoseStamped
 from test_msgs.action import Fibonacci, NestedMessage
 
+from actionkit._messages.comments import parsed
 from actionkit._messages.convert import from_plain
 from actionkit.cli import _goal_template
 from actionkit.cli._exits import Exit
 from actionkit.cli._goal_template import template
 from actionkit.cli._goals import parse
-from actionkit.cli._interface_files import parsed
 from tests.cli.conftest import FIBONACCI, World
 
 MESSAGES = [
@@ -62,9 +62,10 @@ uint8 FAST=2   # at your own risk
 geometry_msgs/Pose pose
 string<=5[<=3] names ["a#b", 'c']  # not "#"
 
-# Alone.
+# How fast, in m/s.
 
-float64 speed 1.0
+float64 speed 1.0  # 0: as it likes
+                   # or as it can
 ---
 # How it went
 uint16 error_code
@@ -75,9 +76,11 @@ uint16 error_code
     assert goal.fields == {
         "pose": ["Where to,", "on the map", ""],
         "names": ['not "#"'],
-        "speed": [""],
+        "speed": ["How fast, in m/s.", "0: as it likes", "or as it can"],
     }
+    assert goal.about == ["Drive somewhere."]
     assert result.fields == {"error_code": ["How it went", ""]}
+    assert result.about == ["How it went"]
     assert feedback.fields == {}
 
 

@@ -73,7 +73,7 @@ CALL = ("call", "/fibonacci", FIBONACCI)
         ((*CALL, "--progress", "percent"), "percent' is no field"),
         ((*CALL, "--progress", "sequence:fast"), "'fast' must be"),
         (("call", "not a name", FIBONACCI), "not a valid ROS name"),
-        (("call", "/fibonacci", "Fibonacci"), "is no action type"),
+        (("call", "/fibonacci", "Fibonacci"), "is not an action type"),
         (("call", "/fibonacci", "test_msgs/action/Fibonaci"), f"Did you mean {FIBONACCI}?"),
         (("call", "/fibonacci", "tests_msgs/action/Fibonacci"), f"Did you mean {FIBONACCI}?"),
         (("call", "/fibonacci", "json/action/Fibonacci"), "'json' has no actions"),

@@ -291,3 +291,28 @@ def test_nothing_is_sent_to_a_server_with_another_version(
     assert first.endswith("; nothing was sent. Build both sides from the same .action file.")
     if words:
         assert all(told in " ".join(commands.split()) for told in TOLD_BY.values()), commands
+
+
+TOOLS = """
+import json, sys
+from actionkit.agents import Toolbox
+action = {"action": "/go", "type": "actionkit_interfaces/action/NavigateToPose"}
+toolbox = Toolbox.from_config({"tools": {"go": action}})
+tool = next(tool for tool in toolbox.tools if tool.name == "go")
+print(json.dumps([tool.input_schema, tool.output_schema["properties"]["feedback"]]))
+"""
+
+
+def test_tools_for_models_tell_the_units_that_show_tells(own: Path) -> None:
+    goal, feedback = json.loads(run_python(TOOLS, env=environment(own)))
+    shown = actionkit(
+        "show", "actionkit_interfaces/action/NavigateToPose", env=environment(own)
+    ).stdout
+    assert "Drive to a pose." in shown
+    assert goal["description"] == "Drive to a pose."
+    speed = "The most that the robot may drive, in m/s. 0: as fast as it likes."
+    assert f"# {speed}\nmax_velocity: 0.0" in shown
+    assert goal["properties"]["max_velocity"]["description"] == speed
+    left = "How far it still has to drive, in m."
+    assert f"#   # {left}\n#   distance_remaining: 0.0" in shown
+    assert left in feedback["properties"]["distance_remaining"]["description"]
