@@ -6,11 +6,11 @@ import asyncio
 import inspect
 import json
 import logging
-import math
 import time
 from contextlib import suppress
 from typing import Any
 
+from actionkit._messages import progress
 from actionkit.agents._goals import GoalRecord
 from actionkit.agents._plain import plain_json
 from actionkit.agents._values import OnProgress, Progress
@@ -22,7 +22,6 @@ _LEAST_GAP = 0.25
 _LONGEST = 300
 """Characters of a message."""
 _MOST_ITEMS = 8
-_PERCENT = ("percent", "percentage", "percent_complete", "percent_done", "progress_percent")
 _log = logging.getLogger("actionkit")
 
 
@@ -35,12 +34,18 @@ class ProgressTeller:
         self._loop = asyncio.get_running_loop()
         self._changed = asyncio.Event()
         self._latest: Any = None
+        self._reader: progress.Progress | None = None
+        self._share: float | None = None
         self._count = 0
         self._woken = False
         self._began = time.monotonic()
 
     def on_feedback(self, feedback: object) -> None:
         """Count feedback and keep the newest. On a thread of ActionKit's."""
+        if self._count == 0 and (field := progress.found(type(feedback))) is not None:
+            self._reader = progress.Progress(field)
+        if self._reader is not None:
+            self._share = self._reader.share(feedback)
         self._latest = feedback
         self._count += 1
         if not self._woken:  # one wake for all that comes meanwhile
@@ -69,22 +74,12 @@ class ProgressTeller:
             await asyncio.sleep(_LEAST_GAP)
 
     def _progress(self) -> Progress:
-        message, percent = self._record.state, None
+        message = self._record.state
         if self._latest is not None:
             plain = plain_json(self._latest, _MOST_ITEMS)
-            percent = _percent(plain)
             text = json.dumps(plain, ensure_ascii=False)
             short = text if len(text) <= _LONGEST else text[:_LONGEST] + "…"
             message = f"{message}, feedback {self._count}: {short}"
         elapsed = round(time.monotonic() - self._began, 3)
+        percent = None if self._share is None else round(100 * self._share, 3)
         return Progress(elapsed, self._count, message, percent)
-
-
-def _percent(plain: dict[str, Any]) -> float | None:
-    """Return the percentage that feedback tells, where it has a field of such a name."""
-    for name, value in plain.items():
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if name in _PERCENT and number and math.isfinite(value):
-            return min(100.0, max(0.0, float(value)))
-    below = (_percent(value) for value in plain.values() if isinstance(value, dict))
-    return next((found for found in below if found is not None), None)

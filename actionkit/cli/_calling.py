@@ -12,10 +12,10 @@ from typing import Any
 
 from actionkit._calls.future import GoalFuture
 from actionkit._client import Client
+from actionkit._messages.progress import Progress
 from actionkit._model.errors import ActionKitError
 from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit.cli._exits import Exit, exit_of
-from actionkit.cli._progress import Progress
 from actionkit.cli._reports import Now, Report, became
 from actionkit.cli._signals import discard_output, handled, watch_output
 from actionkit.cli._wording import in_options

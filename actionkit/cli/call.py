@@ -26,7 +26,7 @@ from actionkit.cli._wording import in_options
 
 if TYPE_CHECKING:
     from actionkit._calls.classify import FieldClassifier
-    from actionkit.cli._progress import Field
+    from actionkit._messages.progress import Field
     from actionkit.cli._reports import Report
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -154,9 +154,9 @@ def command(
             raise click.UsageError(in_options(str(error))) from error
 
     from actionkit._calls.left_running import mute
+    from actionkit._messages.progress import Progress
     from actionkit._model.action_type import type_name_of
     from actionkit.cli._calling import Calling
-    from actionkit.cli._progress import Progress
     from actionkit.cli._reports import JsonReport
 
     mute()  # the report already says what happened to the goal
@@ -194,12 +194,12 @@ def _report(goal: Any, *, bar: bool) -> Report:
 
 
 def _progress_field(text: str | None, feedback_class: type) -> Field | None:
-    from actionkit.cli import _progress
+    from actionkit._messages.progress import chosen, found
 
     if text is None:
-        return _progress.found(feedback_class)
+        return found(feedback_class)
     try:
-        return _progress.chosen(text, feedback_class)
+        return chosen(text, feedback_class)
     except ValueError as error:
         raise click.BadParameter(str(error), param_hint="--progress") from error
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any
+import math
 
 import pytest
+from geometry_msgs.msg import Point
+from sensor_msgs.msg import BatteryState
 
 from actionkit.agents import Progress
-from actionkit.agents._progress import _percent
+from actionkit.agents._goals import GoalRecord
+from actionkit.agents._progress import ProgressTeller
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import BOUND, FIBONACCI, Make, told
 
@@ -56,14 +59,19 @@ def test_progress_that_raises_harms_nobody(
     assert caplog.text.count("on_progress raised") == 1
 
 
-@pytest.mark.parametrize(
-    ("feedback", "percent"),
-    [
-        ({"percent": 40}, 40.0),
-        ({"state": {"percent_complete": 140.0}}, 100.0),
-        ({"percent": "NaN"}, None),
-        ({"percent": True, "left": 3}, None),
-    ],
-)
-def test_percent(feedback: dict[str, Any], percent: float | None) -> None:
-    assert _percent(feedback) == percent
+def test_percent_is_read_as_the_command_line_reads_it() -> None:
+    async def told_of(*messages: object) -> Progress:
+        told: asyncio.Future[Progress] = asyncio.get_running_loop().create_future()
+        teller = ProgressTeller(GoalRecord("dock"), told.set_result)
+        for message in messages:
+            teller.on_feedback(message)
+        telling = asyncio.ensure_future(teller.run())
+        try:
+            return await asyncio.wait_for(told, BOUND)
+        finally:
+            telling.cancel()
+
+    assert asyncio.run(told_of(BatteryState(percentage=40.0))).percent == 40.0
+    assert asyncio.run(told_of(BatteryState(percentage=140.0))).percent == 100.0
+    assert asyncio.run(told_of(BatteryState(percentage=math.nan))).percent is None
+    assert asyncio.run(told_of(Point(x=1.0))).percent is None

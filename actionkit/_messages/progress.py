@@ -10,9 +10,10 @@ from typing import Any
 from actionkit._messages.paths import field_type, get_field, message_class, slots_of
 from actionkit._model.field_errors import FieldError
 
-_PERCENT = re.compile(r"percent|percentage|pct")
+_DONE = "progress|complete|completed|completion|done"
+_PERCENT = re.compile(rf"(({_DONE})_)?(percent|percentage|pct)(_({_DONE}))?")
 _SHARE = re.compile(r"(^|_)(progress|fraction|completion|completed_ratio|ratio)$")
-_REMAINING = re.compile(r"(^|_)(remaining|remains|left|to_go)($|_)")
+_REMAINING = re.compile(r"(^|_)((remaining|remains|to_go)($|_)|left$)")
 _NUMBER = re.compile(r"u?int(8|16|32|64)|float|double")
 _DURATIONS = ("builtin_interfaces/Duration", "builtin_interfaces/msg/Duration")
 _DEEP = 3
@@ -87,7 +88,7 @@ def _kind_of(name: str) -> str | None:
     name = name.lower()
     if _REMAINING.search(name):
         return "remaining"
-    if _PERCENT.search(name):
+    if _PERCENT.fullmatch(name):
         return "percent"
     return "share" if _SHARE.search(name) else None
 

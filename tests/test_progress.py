@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from test_msgs.action import Fibonacci, NestedMessage
 
-from actionkit.cli._progress import Field, Progress, chosen, found
+from actionkit._messages.progress import Field, Progress, chosen, found
 
 
 def feedback(**fields: float) -> Any:
@@ -104,7 +104,9 @@ def like(**fields: str) -> Any:
         ({"progress": "float"}, Field("progress", "share")),
         ({"completion_percentage": "uint8"}, Field("completion_percentage", "percent")),
         ({"items_left": "int32"}, Field("items_left", "remaining")),
-        ({"left_wheel_speed": "string", "sequence": "sequence<int32>"}, None),
+        ({"percent_done": "float"}, Field("percent_done", "percent")),
+        ({"left_wheel_speed": "float", "sequence": "sequence<int32>"}, None),
+        ({"battery_percentage": "float"}, None),
         ({"progress_text": "string"}, None),
     ],
 )  # fmt: skip
