@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import Any
 
 from actionkit import CallInfo, GoalEvent, GoalFuture, GoalState
-from actionkit.agents._results import error_value, goal_value, refusal
+from actionkit.agents._results import error_value, goal_value, may_still_run, refusal
 
 _KEPT = 100
 """Goals that ended, for the tool `goals`."""
@@ -41,13 +41,13 @@ class GoalRecord:
         self._ended = 0.0
         self._goal_id: uuid.UUID | None = None
         self._goals: Any = None
-        """What is known of its goals, once the call is over; it stays true to life."""
+        """What is known of the goals that were sent; stays true to life when the call is over."""
         self._last_states: dict[uuid.UUID, GoalState] = {}
         """Of each attempt: how it ended, as soon as that was seen; that may be after the call."""
 
     def follow(self, future: Future) -> None:
         """Follow a goal that was sent; cancel it where that was asked for meanwhile."""
-        self._future = future
+        self._future, self._goals = future, future._call.goals
         self.call_id = future.goal_id
         future.add_done_callback(self._done)
         if self.why_cancelled:
@@ -90,7 +90,8 @@ class GoalRecord:
             advice = "Look at the state of the robot before going on."
             told = error_value("failed", text, retry=False, advice=advice)
             blank = refusal(self.tool, "failed", "", retry=False, advice="").value
-            value = {**blank, "status": "failed", "may_still_run": True, "error": told}
+            value = {**blank, "status": "failed", "error": told}
+            value["may_still_run"] = may_still_run(outcome)
         self._goal_id, self._goals = outcome.goal_id, future._call.goals
         self._ended = time.monotonic()
         self.value = value
@@ -133,18 +134,23 @@ class GoalRecord:
         """
         return self.value is None or self._goals is None or not self._goals.gone
 
+    @property
+    def _may_run(self) -> bool:
+        """Whether a goal may run now; what was never sent cannot."""
+        return self._goals is not None and bool(self._goals.may_run)
+
     def report(self) -> dict[str, Any]:
         """Return what is known of it, for the tool `goals`."""
         now = time.monotonic()
         value = self.value
         if value is None:
-            future = self._future
+            sent = () if self._goals is None else self._goals.reports
             return {
-                "goal_id": None if future is None else str(future.goal_id),
+                "goal_id": str(sent[-1].goal_id) if sent else None,
                 "tool": self.tool,
                 "status": "canceling" if self.why_cancelled else "running",
                 "state": self.state,
-                "may_still_run": True,
+                "may_still_run": self._may_run,
                 "elapsed": round(now - self._began, 3),
                 "ended_ago": None,
                 "why_cancelled": self.why_cancelled or None,
@@ -160,7 +166,7 @@ class GoalRecord:
             "tool": self.tool,
             "status": state.lower() if changed else value["status"],
             "state": state,
-            "may_still_run": self._goals is not None and bool(self._goals.may_run),
+            "may_still_run": self._may_run,
             "elapsed": value["elapsed"],
             "ended_ago": round(now - self._ended, 3),
             "why_cancelled": self.why_cancelled or None,

@@ -79,8 +79,8 @@ _MAY_RUN = (
     "It may still be running: the tool `goals` tells what is known of it. Send nothing that must"
     " not run beside it."
 )
-_TOLD_OF_EACH = 10
-"""Attempts; of more, the timeline may have forgotten some."""
+_GOALS_KEPT = 100
+"""An outcome tells of so many goals that have ended."""
 STATUSES = tuple(
     dict.fromkeys(["succeeded", "canceled", "cancel_unconfirmed", "failed"])
     | dict.fromkeys(status for _, status, _, _ in _STATUSES)
@@ -111,7 +111,8 @@ def goal_value(
         why_cancelled: Why this toolbox cancelled it, `""` where it did not.
     """
     may_run = may_still_run(outcome)
-    sent = max(_sent(outcome), int(may_run))
+    known = len(outcome.goals)  # an attempt that finds no server sends none
+    sent = known if known < _GOALS_KEPT else outcome.attempts
     status, error = _judged(outcome, why_cancelled, may_run)
     return {
         **_blank(tool, status),
@@ -130,14 +131,6 @@ def goal_value(
 def may_still_run(outcome: Outcome[Any]) -> bool:
     """Tell whether a goal of the call may be running, though the call is over."""
     return any(goal.fate.may_run for goal in outcome.goals)
-
-
-def _sent(outcome: Outcome[Any]) -> int:
-    """Return how many goals went out; an attempt that finds no server sends none."""
-    if outcome.attempts > _TOLD_OF_EACH:
-        return outcome.attempts
-    sent = {event.goal_id for event in outcome.timeline if event.state is GoalState.SENT}
-    return len(sent)
 
 
 def _judged(

@@ -11,6 +11,7 @@ import pytest
 import rclpy
 
 from actionkit.agents import Progress, Toolbox
+from actionkit.agents._mcp.left_behind import go_on_cancelling
 from actionkit.testing import isolated_domain
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import FIBONACCI, FakeHold, Make, seen, told
@@ -53,6 +54,7 @@ def test_a_goal_that_succeeds(make_toolbox: Make, action_server: ActionServerFac
         ("cancels_itself", {}, 20.0, "canceled", False, False),
         ("vanishes", {}, 60.0, "lost", True, False),
         ("silent", {}, 1.0, "timed_out", True, False),
+        ("wrong_type", {}, 20.0, "failed", False, False),
         (None, {}, 0.5, "no_server", False, True),
     ],
 )
@@ -78,10 +80,34 @@ def test_how_goals_fail(
             assert value["error"]["retry"] is retry
             assert value["error"]["message"]
             assert value["error"]["advice"]
-            assert value["attempts"] == (0 if server is None else 1)
-            assert (value["goal_id"] is None) == (server is None)
+            sent = server not in (None, "wrong_type")
+            assert value["attempts"] == int(sent)
+            assert (value["goal_id"] is None) == (not sent)
             (goal,) = toolbox.goals()
             assert goal["status"] == status
+            assert (goal["goal_id"], goal["may_still_run"]) == (value["goal_id"], may_run)
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize("given_up", [False, True])
+def test_what_waits_for_a_server_does_not_run(make_toolbox: Make, given_up: bool) -> None:
+    async def main() -> None:
+        async with make_toolbox({"fib": {**FIBONACCI, "timeout": 2.0}}) as toolbox:
+            calling = asyncio.create_task(toolbox.call("fib", {"order": 5}))
+            await until_in_loop(lambda: toolbox.goals() != (), "a call")
+            (goal,) = toolbox.goals()
+            assert (goal["status"], goal["may_still_run"], goal["goal_id"]) == (
+                ("running", False, None)
+            )
+            assert go_on_cancelling(toolbox) == []  # nor is it seen to by another process
+            if given_up:
+                calling.cancel()
+            await asyncio.wait([calling])
+            (goal,) = toolbox.goals()
+            status = "canceled" if given_up else "no_server"
+            assert (goal["status"], goal["may_still_run"], goal["goal_id"]) == (status, False, None)
+            assert "may still be running" not in str(goal["error"])
 
     asyncio.run(main())
 
