@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 from collections.abc import Mapping
 from typing import Any
 
 from actionkit._messages.convert import from_plain, to_plain
 from actionkit._messages.json_text import to_json
 from actionkit._model.field_errors import FieldProblem
-from actionkit._model.printable import printable
+from actionkit._model.printable import visible
 from actionkit.agents._check import Problems, check_size, checked
 from actionkit.agents._clients import Clients
 from actionkit.agents._config import ActionConfig
@@ -22,6 +23,7 @@ from actionkit.agents._results import refusal
 from actionkit.agents._values import ApprovalRequest, Approve, OnProgress, ToolResult
 from actionkit.agents._waiting import in_thread, though_cancelled
 
+_log = logging.getLogger("actionkit")
 _UNTIL_KNOWN = 13.0
 """Seconds to wait until it is known whether a human has stopped the robot. It takes four; ten where
 another agent on the computer was killed shortly before, and is still in sight."""
@@ -192,14 +194,14 @@ async def _ask(tool: ActionConfig, goal: Any, approve: Approve | None) -> ToolRe
 
 def question_of(goal: Any) -> str:
     """Return a goal for a human to read: every field, if not all of what is long."""
-    # Without marks that turn the direction of writing, or what a terminal takes for commands.
+    # Without what a human cannot see, or what a terminal takes for commands.
     whole = json.loads(to_json(to_plain(goal)))
-    shown = printable(json.dumps(whole, indent=2, ensure_ascii=False))
+    shown = visible(json.dumps(whole, indent=2, ensure_ascii=False))
     most = _LONGEST_QUESTION
     while len(shown) > _LONGEST_QUESTION and most > _SHORTEST_QUESTION:
         most //= 2  # long texts and arrays are cut first, and say how much is missing
-        plain = plain_json(goal, most_characters=most)
-        shown = printable(json.dumps(plain, indent=2, ensure_ascii=False))
+        plain = plain_json(goal, most_characters=most, escape=False)  # it is below
+        shown = visible(json.dumps(plain, indent=2, ensure_ascii=False))
     if len(shown) > _LONGEST_QUESTION:
         cut = len(shown) - _LONGEST_QUESTION
         shown = f"{shown[:_LONGEST_QUESTION]}\n… {cut} more characters, not shown"
@@ -242,5 +244,7 @@ def _closed(tool: ActionConfig) -> ToolResult:
 
 
 def _failed(tool: ActionConfig, error: Exception) -> ToolResult:
+    _log.warning("%s: nothing was sent: %s", tool.name, error, exc_info=error)
+    text = f"the toolbox cannot send goals to the action {tool.action}; its log says why"
     advice = "Nothing was sent; ask a human to look at the toolbox."
-    return refusal(tool.name, type(error).__name__, str(error), retry=False, advice=advice)
+    return refusal(tool.name, "failed", text, retry=False, advice=advice)

@@ -84,9 +84,9 @@ class GoalRecord:
         outcome = future.outcome(0)
         try:
             value = goal_value(self.tool, outcome, future.latest_feedback, self.why_cancelled)
-        except Exception as error:  # noqa: BLE001  after any error the caller must hear something
+        except Exception:  # noqa: BLE001  after any error the caller must hear something
             _log.exception("a result could not be told")
-            text = f"the goal ended as {outcome.status}, and its result cannot be told: {error}"
+            text = f"the goal ended as {outcome.status}, and its result cannot be told"
             advice = "Look at the state of the robot before going on."
             told = error_value("failed", text, retry=False, advice=advice)
             blank = refusal(self.tool, "failed", "", retry=False, advice="").value

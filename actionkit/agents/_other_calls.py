@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,10 +11,12 @@ from actionkit._model.field_errors import shown
 from actionkit.agents._clients import Clients
 from actionkit.agents._config import GOALS, TopicConfig
 from actionkit.agents._goals import Goals
-from actionkit.agents._results import error_value
+from actionkit.agents._results import DATA, error_value
 from actionkit.agents._topics import WAIT, topic_failure, topic_result
 from actionkit.agents._values import ToolResult
 from actionkit.agents._waiting import in_thread
+
+_log = logging.getLogger("actionkit")
 
 
 async def read_topic(
@@ -30,8 +33,11 @@ async def read_topic(
         reading = await asyncio.wrap_future(future)
         return await in_thread(lambda: topic_result(topic, reading))
     except Exception as error:  # noqa: BLE001  also what the middleware raises
-        status = "refused" if clients.closed else "failed"
-        return topic_failure(topic, status, type(error).__name__, str(error))
+        if clients.closed:
+            return topic_failure(topic, "refused", "closed", "the toolbox was closed")
+        _log.warning("%s: %s", topic.name, error, exc_info=error)
+        text = f"{topic.topic} cannot be read; the toolbox's log says why"
+        return topic_failure(topic, "failed", "failed", text)
 
 
 def goals_result(goals: Goals, arguments: Mapping[str, Any]) -> ToolResult:
@@ -55,6 +61,7 @@ def goals_result(goals: Goals, arguments: Mapping[str, Any]) -> ToolResult:
         "status": "ok" if error is None else "refused",
         "goals": list(found),
         "error": error,
+        DATA: ["goals[].result"],
     }
     return ToolResult(value, is_error=error is not None)
 

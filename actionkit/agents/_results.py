@@ -19,61 +19,85 @@ from actionkit import (
     ServerLostError,
     ServerUnavailableError,
 )
+from actionkit._model.printable import visible
 from actionkit.agents._plain import plain_json
 from actionkit.agents._values import ToolResult
 
-_STATUSES: tuple[tuple[type[BaseException], str, bool, str], ...] = (
-    # error, status, whether the same call makes sense again, advice
-    (InvalidGoalError, "refused", False, "Change the arguments; nothing was sent."),
+DATA = "data_from_robot"
+"""The key that names the fields with what the robot sent, which nobody has checked."""
+_STATUSES: tuple[tuple[type[BaseException], str, bool, str, str], ...] = (
+    # error, status, whether the same call makes sense again, what happened, advice
+    (
+        InvalidGoalError,
+        "refused",
+        False,
+        "the goal does not fit the action {action}",
+        "Change the arguments.",
+    ),
     (
         ServerUnavailableError,
         "no_server",
         True,
+        "no server of the action {action} was ready within {seconds} s",
         "The part of the robot that does this is not running; try again later, or do without it.",
     ),
     (
         AcceptanceTimeoutError,
         "no_answer",
         True,
+        "the server of the action {action} did not say whether it takes the goal",
         "The server is there and does not answer; try again later, or do without it.",
     ),
     (
         ServerLostError,
         "lost",
         True,
+        "the server of the action {action} went out of sight while it had the goal; what it has"
+        " done is not known",
         "The server went away while it worked; look at the state of the robot before going on.",
     ),
     (
         GoalRejectedError,
         "rejected",
         False,
+        "the server of the action {action} rejected the goal, and gives no reason",
         "The same goal would be rejected again; change it, or wait until the robot can take it.",
     ),
     (
         GoalAbortedError,
         "aborted",
         False,
+        "the server of the action {action} aborted the goal after {seconds} s",
         "The robot gave up on it; `result` may say why. Change the goal or the plan.",
     ),
     (
         GoalCanceledError,
         "canceled",
         False,
+        "the goal was cancelled after {seconds} s, and not by this toolbox",
         "Somebody else stopped it, most likely on purpose: do not send it again unasked.",
     ),
     (
         ResultLostError,
         "result_lost",
         False,
+        "the goal has ended, and its result did not come",
         "It ended, and how is not known; look at the state of the robot before going on.",
     ),
     (
         DeadlineExceededError,
         "timed_out",
         False,
+        "the time that this tool may take ran out after {seconds} s",
         "It took longer than this tool may take, and was cancelled; ask for less at a time.",
     ),
-    (ActionTypeMismatchError, "failed", False, "The toolbox is not set up for this robot."),
+    (
+        ActionTypeMismatchError,
+        "failed",
+        False,
+        "the action {action} is served as {served}, and the toolbox has it as {expected}",
+        "The toolbox is not set up for this robot; tell a human.",
+    ),
 )
 _MAY_RUN = (
     "It may still be running: the tool `goals` tells what is known of it. Send nothing that must"
@@ -83,14 +107,15 @@ _GOALS_KEPT = 100
 """An outcome tells of so many goals that have ended."""
 STATUSES = tuple(
     dict.fromkeys(["succeeded", "canceled", "cancel_unconfirmed", "failed"])
-    | dict.fromkeys(status for _, status, _, _ in _STATUSES)
+    | dict.fromkeys(row[1] for row in _STATUSES)
 )
 """Every `status` of an action's tool."""
 
 
 def error_value(kind: str, message: str, *, retry: bool, advice: str) -> dict[str, Any]:
     """Return the `error` of a result."""
-    return {"type": kind, "message": message, "retry": retry, "advice": advice}
+    # Also a message may hold words of others, such as the name of a type that a server has.
+    return {"type": kind, "message": visible(message), "retry": retry, "advice": advice}
 
 
 def refusal(tool: str, kind: str, message: str, *, retry: bool, advice: str) -> ToolResult:
@@ -157,12 +182,28 @@ def _judged(
         message = why_cancelled or "the toolbox was closed"
         advice = _MAY_RUN if may_run else "Ask before sending it again."
         return "canceled", error_value("cancelled", message, retry=False, advice=advice)
+    return _failure(outcome, may_run)
+
+
+def _failure(outcome: Outcome[Any], may_run: bool) -> tuple[str, dict[str, Any] | None]:
+    """Return the status and the error of a call that failed by itself.
+
+    In words of its own: the error's are for people who write Python, who find them in the log.
+    """
     known = (row[1:] for row in _STATUSES if isinstance(outcome.error, row[0]))
-    status, retry, advice = next(known, ("failed", False, "Do without this, or ask a human."))
-    message = str(outcome.error)
+    failed = ("failed", False, "the call failed", "Do without this, or ask a human.")
+    status, retry, message, advice = next(known, failed)
+    message = message.format(
+        action=getattr(outcome.error, "action_name", ""),
+        seconds=f"{outcome.elapsed:.1f}",
+        served=" and ".join(getattr(outcome.error, "served", ())),
+        expected=getattr(outcome.error, "expected", ""),
+    )
+    if not outcome.goals:
+        message += "; nothing was sent"
     if may_run:
         retry, advice = False, _MAY_RUN
-    return status, error_value(type(outcome.error).__name__, message, retry=retry, advice=advice)
+    return status, error_value(status, message, retry=retry, advice=advice)
 
 
 def _blank(tool: str, status: str) -> dict[str, Any]:
@@ -178,4 +219,5 @@ def _blank(tool: str, status: str) -> dict[str, Any]:
         "attempts": 0,
         "feedback": None,
         "feedback_count": 0,
+        DATA: ["result", "feedback"],
     }

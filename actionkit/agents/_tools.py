@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from actionkit.agents._config import GOALS, Config
+from actionkit._model.printable import full_stop
+from actionkit.agents._config import GOALS, ActionConfig, Config
 from actionkit.agents._output import (
     GOALS_INPUT,
     NO_INPUT,
@@ -27,7 +28,7 @@ def make_tools(config: Config) -> tuple[Tool, ...]:
     actions = [
         Tool(
             name=tool.name,
-            description=tool.description,
+            description=_described(tool),
             input_schema=input_schema(tool.shape),
             output_schema=action_output(tool),
             confirm=tool.confirm,
@@ -41,6 +42,16 @@ def make_tools(config: Config) -> tuple[Tool, ...]:
     ]
     goals = Tool(GOALS, _GOALS_TEXT, GOALS_INPUT, goals_output(), False, "goals")
     return (*actions, *topics, goals)
+
+
+def _described(tool: ActionConfig) -> str:
+    """Return what a model is told of a tool: what it does, and under which conditions."""
+    asked = "A human is asked to approve each goal" if tool.confirm else "No human is asked first"
+    many = "one goal" if tool.concurrent == 1 else f"{tool.concurrent} goals"
+    return (
+        f"{full_stop(tool.description)} {asked}. A goal may take {tool.timeout:g} s, then it is"
+        f" cancelled. At most {many} at a time."
+    )
 
 
 def openai_format(tools: Iterable[Tool]) -> list[dict[str, Any]]:

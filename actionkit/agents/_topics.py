@@ -7,7 +7,7 @@ from typing import Any
 from actionkit.agents._config import TopicConfig
 from actionkit.agents._images import ImageError, is_image, to_image
 from actionkit.agents._plain import plain_json
-from actionkit.agents._results import error_value
+from actionkit.agents._results import DATA, error_value
 from actionkit.agents._ros import Reading
 from actionkit.agents._values import Image, ToolResult
 
@@ -28,6 +28,7 @@ def topic_value(topic: TopicConfig, status: str, **more: Any) -> dict[str, Any]:
         "message": None,
         "notes": [],
         "error": None,
+        DATA: ["message"],
         **more,
     }
 

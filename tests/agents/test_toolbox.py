@@ -278,14 +278,14 @@ def test_the_limit_of_goals_holds_also_for_calls_at_the_same_moment(
 def test_formats_of_model_apis(make_toolbox: Make) -> None:
     toolbox = make_toolbox({"fib": {**FIBONACCI, "description": "Counts."}})
     assert [tool.name for tool in toolbox.tools] == ["fib", "goals"]
-    schema = toolbox.tools[0].input_schema
+    schema, told = toolbox.tools[0].input_schema, toolbox.tools[0].description
     assert toolbox.openai_tools()[0] == {
         "type": "function",
-        "function": {"name": "fib", "description": "Counts.", "parameters": schema},
+        "function": {"name": "fib", "description": told, "parameters": schema},
     }
     assert toolbox.anthropic_tools()[0] == {
         "name": "fib",
-        "description": "Counts.",
+        "description": told,
         "input_schema": schema,
     }
     assert json.loads(json.dumps(toolbox.openai_tools())) == toolbox.openai_tools()

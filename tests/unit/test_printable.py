@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actionkit._model.printable import full_stop, on_one_line, printable
+from actionkit._model.printable import full_stop, on_one_line, printable, visible
 
 
 @pytest.mark.parametrize(
@@ -50,6 +50,19 @@ def test_any_text_can_be_printed(text: str) -> None:
         assert left <= {"\n", "\t"}
         assert printable(shown) == shown
     assert not {"\n", "\t"} & set(on_one_line(text))
+
+
+@given(ANY)
+def test_nothing_is_hidden_in_what_is_visible(text: str) -> None:
+    shown = visible(text)
+    shown.encode()
+    left = {c for c in shown if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp", "Co")}
+    assert left <= {"\n", "\t"}
+    assert visible(shown) == shown
+    quoted = visible(json.dumps(text, ensure_ascii=False))
+    assert json.loads(quoted).encode("utf-16", "surrogatepass") == text.encode(
+        "utf-16", "surrogatepass"
+    )
 
 
 @given(st.dictionaries(ANY, ANY))

@@ -16,6 +16,7 @@ from typing import Any
 import mcp.types as t
 from mcp.server import ServerRequestContext
 from mcp.shared.exceptions import MCPError
+from pydantic import ValidationError
 
 from actionkit.agents._mcp.progress import Reporter
 from actionkit.agents._values import ApprovalRequest
@@ -28,6 +29,7 @@ _SCHEMA: dict[str, Any] = {
     "properties": {_FIELD: {"type": "boolean", "title": "Let the robot do this"}},
     "required": [_FIELD],
 }
+_MALFORMED = "the client's answer to the question cannot be understood, so nobody has approved"
 _MOST_OPEN = 1000
 MODERN = "2026"
 """Versions of the protocol from here on let servers send no requests."""
@@ -80,6 +82,8 @@ class Asked:
                 answer = asking.result()
             except MCPError as error:
                 raise CannotAskError(f"the client could not ask ({error})") from error
+            except ValidationError as error:
+                raise CannotAskError(_MALFORMED) from error
         return _agreed(answer.action, answer.content)
 
 

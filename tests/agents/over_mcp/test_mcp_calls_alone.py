@@ -9,7 +9,7 @@ import mcp.types as t
 import pytest
 
 from actionkit.agents import ApprovalRequest
-from actionkit.agents._mcp.approval import Asked
+from actionkit.agents._mcp.approval import Asked, CannotAskError
 from actionkit.agents._mcp.calls import Calls, EndingError
 from actionkit.agents._mcp.progress import Reporter
 
@@ -69,5 +69,26 @@ def test_a_request_cancelled_as_the_human_answers_is_cancelled() -> None:
                 break
         await asyncio.wait([task])
         assert task.cancelled()
+
+    asyncio.run(scenario())
+
+
+def test_an_answer_that_cannot_be_understood_is_a_refusal_in_plain_words() -> None:
+    async def scenario() -> None:
+        class Session:
+            async def elicit_form(self, *args: Any) -> t.ElicitResult:
+                return t.ElicitResult.model_validate({"action": "go on", "content": 3})
+
+        class Context:
+            session = Session()
+            request_id = 1
+
+        async def send(*args: Any) -> None:
+            pass
+
+        context: Any = Context()
+        asking = Asked(context, Reporter(send))
+        with pytest.raises(CannotAskError, match=r"^the client's answer to the question cannot be"):
+            await asking(ApprovalRequest("patrol", {}, "?"))
 
     asyncio.run(scenario())
