@@ -8,6 +8,7 @@ serialised in the same way: CDR with a 4-byte header, and a goal id as 16 plain 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from struct import Struct
 
 ID_SIZE = 16
 """Bytes of a goal id, a `uint8[16]`."""
@@ -17,6 +18,8 @@ _LENGTH = 4
 """Bytes of the number of status entries, before the first entry."""
 _STAMP = 8
 """Bytes of a `builtin_interfaces/Time`: two 32-bit numbers."""
+_ENTRY = Struct("<16s3xiIB")
+"""A status entry after the first: id, a gap, stamp and status; the first has no gap."""
 _FEW = 64
 """Up to this many ids, a search for each is faster than a loop over all entries (measured)."""
 
@@ -35,6 +38,22 @@ def feedback_alone(message: bytes) -> bytes:
     return message[:_HEADER] + message[_HEADER + ID_SIZE :]
 
 
+def first_goal_id(message: bytes) -> bytes:
+    """Return the id of the first goal in a serialised status array; `b""` if there is none."""
+    return bytes(message[_HEADER + _LENGTH : _HEADER + _LENGTH + ID_SIZE])
+
+
+def goals(message: bytes) -> Iterator[tuple[bytes, int, int, int]]:
+    """Yield each goal in a serialised status array: its id, the stamp's two numbers, the status.
+
+    `message` is as for `goal_states`.
+    """
+    message = bytes(message)
+    first_stamp = _HEADER + _LENGTH + ID_SIZE
+    body = message[_HEADER + _LENGTH : first_stamp] + bytes(3) + message[first_stamp:]
+    return _ENTRY.iter_unpack(body[: len(body) // _ENTRY.size * _ENTRY.size])
+
+
 def goal_states(message: bytes, wanted: Collection[bytes]) -> Iterator[tuple[bytes, int]]:
     """Yield the id and the status code of each wanted goal in a serialised status array.
 
@@ -48,12 +67,7 @@ def goal_states(message: bytes, wanted: Collection[bytes]) -> Iterator[tuple[byt
             if at >= 0 and (status := _status_at(at)) < len(message):
                 yield goal_id, message[status]
         return
-    at = _HEADER + _LENGTH
-    while (status := _status_at(at)) < len(message):
-        goal_id = message[at : at + ID_SIZE]
-        if goal_id in wanted:
-            yield goal_id, message[status]
-        at = status + 1
+    yield from ((goal_id, code) for goal_id, _, _, code in goals(message) if goal_id in wanted)
 
 
 def count_goals(message: bytes, codes: Collection[int]) -> int:
@@ -61,12 +75,7 @@ def count_goals(message: bytes, codes: Collection[int]) -> int:
 
     `message` is as for `goal_states`.
     """
-    count = 0
-    at = _HEADER + _LENGTH
-    while (status := _status_at(at)) < len(message):
-        count += message[status] in codes
-        at = status + 1
-    return count
+    return sum(code in codes for _, _, _, code in goals(message))
 
 
 def _status_at(at: int) -> int:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import queue
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from actionkit._ros.holds.state import Hold
 
+_T = TypeVar("_T")
 _ENDED = ("SUCCEEDED", "CANCELED", "ABORTED", "LOST")
 _MOST = 1000
 """Goals that are kept, enough for many screens, so that a watch of days stays small. The oldest
@@ -34,7 +36,8 @@ class WatchedGoal:
 class Board:
     """The goals of an action and its servers."""
 
-    def __init__(self) -> None:
+    def __init__(self, most: float = _MOST) -> None:
+        self._most = most
         self.goals: dict[str, WatchedGoal] = {}
         self.servers: tuple[str, ...] = ()
         self.holds: tuple[Hold, ...] = ()
@@ -62,10 +65,10 @@ class Board:
             new = WatchedGoal(goal.goal_id, goal.state, goal.accepted, now, before)
             self.goals[goal.goal_id] = new
             changed.append(new)
-        ended = [row for row in self.goals.values() if row.ended]
-        too_many = max(0, len(self.goals) - _MOST)
-        for row in sorted(ended, key=lambda row: row.accepted)[:too_many]:
-            del self.goals[row.goal_id]
+        if (too_many := len(self.goals) - self._most) > 0:
+            ended = [row for row in self.goals.values() if row.ended]
+            for row in sorted(ended, key=lambda row: row.accepted)[: int(too_many)]:
+                del self.goals[row.goal_id]
         return sorted(changed, key=lambda row: row.accepted)
 
     def _lose(self, now: float) -> list[WatchedGoal]:
@@ -81,3 +84,12 @@ class Board:
     def counts(self) -> Counter[str]:
         """Return how many goals are in each state."""
         return Counter(goal.state for goal in self.goals.values())
+
+
+def arrived(inbox: queue.SimpleQueue[_T], timeout: float) -> list[_T]:
+    """Wait `timeout` seconds for news; return all that is there, but nothing that comes later."""
+    try:
+        first = inbox.get(timeout=timeout)
+    except queue.Empty:
+        return []
+    return [first, *(inbox.get_nowait() for _ in range(inbox.qsize()))]

@@ -22,8 +22,6 @@ from actionkit.cli._say import say
 if TYPE_CHECKING:
     from actionkit._ros.holds.view import HoldView
 
-_KEEPER_READY = 10.0
-"""Seconds for the keeper to start; normally one."""
 _LOOK = 0.1
 """Seconds between two looks while others are being told."""
 
@@ -37,8 +35,9 @@ class Keeper:
         # So processes of this computer know of it before discovery. On a thread, because a disk
         # may be slow.
         threading.Thread(target=_write_file, args=(state,), daemon=True).start()
+        self._text = b""
         self._process: subprocess.Popen[bytes] | None = None
-        with contextlib.suppress(OSError):  # no more processes: `await_ready` reports it
+        with contextlib.suppress(OSError):  # no more processes: `is_ready` reports it
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "actionkit.cli._keeper"],
                 stdin=subprocess.PIPE,
@@ -55,25 +54,17 @@ class Keeper:
         """The number of its process, or `None`."""
         return None if self._process is None else self._process.pid
 
-    def await_ready(self) -> bool:
-        """Return whether it publishes the hold, as soon as that is known, within ten seconds."""
+    def is_ready(self) -> bool:
+        """Return whether it publishes the hold by now."""
         from actionkit.cli._keeper import READY
 
         if self._process is None:
             return False
         assert self._process.stdout is not None
         descriptor = self._process.stdout.fileno()
-        until = time.monotonic() + _KEEPER_READY
-        text = b""
-        while (left := until - time.monotonic()) > 0:
-            if select.select([descriptor], [], [], left)[0]:
-                more = os.read(descriptor, 4096)
-                text += more
-                if READY.encode() in text.split():
-                    return self._process.poll() is None
-                if not more:
-                    break
-        return False
+        while select.select([descriptor], [], [], 0)[0] and (more := os.read(descriptor, 4096)):
+            self._text += more
+        return READY.encode() in self._text.split() and self._process.poll() is None
 
 
 def _write_file(state: HoldState) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
@@ -24,7 +25,7 @@ class Stopping:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.board = Board()
+        self.board = Board(most=math.inf)  # a goal that is left out would have no known end
         self.servers: tuple[str, ...] = ()
         """The nodes of all servers that were seen."""
         self.answers = 0
@@ -128,6 +129,11 @@ class Stopping:
     def fates(self) -> list[Fate]:
         """The fates of the goals."""
         return self._cancelling.fates
+
+    def gets_more(self, now: float) -> bool:
+        """Return whether new goals came in until now, so that more will come."""
+        asked = list(self._asked.values())  # the oldest first
+        return bool(asked) and asked[-1] - asked[0] >= _AGAIN and now - asked[-1] < _AGAIN
 
     @property
     def silent(self) -> bool:

@@ -6,8 +6,9 @@ import contextlib
 import os
 import queue
 import signal
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from actionkit._model.domain import LAST_DOMAIN
 from actionkit._observers.json_schema import note_line
 from actionkit._ros.workarounds.udp_only import use_udp_only
 from actionkit.cli._exits import Exit
+from actionkit.cli._goal_board import arrived
 from actionkit.cli._options import HELP, SECONDS, complete_names, debug_option, json_option
 from actionkit.cli._problems import full_name, import_ros, open_survey
 from actionkit.cli._say import say
@@ -25,6 +27,7 @@ from actionkit.cli._stopping import Stopping, table, worst
 
 if TYPE_CHECKING:
     from actionkit._ros.holds.state import Hold
+    from actionkit._ros.holds.view import HoldView
     from actionkit._ros.tools.survey import Survey
     from actionkit.cli._holding import Keeper
 
@@ -36,7 +39,9 @@ _NAMED = 1.0
 _TICK = 0.05
 """Seconds between two looks at the graph."""
 _GRACE = 5.0
-"""More seconds to wait for the agents when the goals are stopped."""
+"""More seconds at most to wait for the agents when the goals are stopped."""
+_LAST = 0.5
+"""Seconds at most for what is left to do about the hold when the time is over."""
 
 _EPILOG = """\b
 Examples:
@@ -116,7 +121,7 @@ def _stop_named(names: tuple[str, ...], timeout: float, as_json: bool) -> int:
         full = list(dict.fromkeys(full_name(survey, name) for name in names))
         stopped = [Stopping(name) for name in full]
         with _shown(stopped, as_json):
-            _cancel_all(survey, stopped, timeout, named=True)
+            _cancel_all(survey, stopped, time.monotonic() + timeout, named=True)
         missing = [action.name for action in stopped if not action.servers]
         for name in missing:
             say(f"Error: Action {name!r} has no server in sight.", err=True)
@@ -147,31 +152,67 @@ def _stop_and_hold(hold: Hold, keeper: Keeper, timeout: float, as_json: bool) ->
         view = HoldView(None, "stop", speaks=True)
         view.add(HoldState({hold.hold_id: hold}))
         view.start()
+        until = time.monotonic() + timeout
         say(f"Stopping everything in ROS domain {survey.domain_id}.", err=True)
         stopped: list[Stopping] = []
+        held = partial(_are_held, view, hold, keeper)
         try:
-            with _shown(stopped, as_json):
-                _cancel_all(survey, stopped, timeout, named=False)
+            with _shown(stopped, as_json), _said_when(held):
+                _cancel_all(survey, stopped, until, named=False)
             codes = [action.exit for action in stopped] or [Exit.NO_SERVER]
             if not stopped:
                 say("No action server is in sight, so nothing was canceled.", err=True)
+            now = time.monotonic()
+            until = min(now + _GRACE, max(until, now + _LAST))
+            while not held() and time.monotonic() < until:
+                time.sleep(_TICK)
             codes.append(_tell_of_hold(view, hold, keeper, as_json))
         finally:
             view.close()
     return worst(codes)
 
 
-def _tell_of_hold(view: Any, hold: Hold, keeper: Keeper, as_json: bool) -> Exit:
-    from actionkit.cli._holding import agents_told, line_of
+@contextlib.contextmanager
+def _said_when(held: Callable[[], bool]) -> Iterator[None]:
+    """Say that agents are held as soon as it is so."""
+    over = threading.Event()
 
-    until = time.monotonic() + _GRACE
-    ready = keeper.await_ready()
-    while agents_told(view)[1] and time.monotonic() < until:
-        time.sleep(_TICK)
-    knowing, late = agents_told(view)
+    def look() -> None:
+        while not over.wait(_TICK):
+            if held():
+                say("Agents are held.", err=True)
+                return
+
+    # On a thread: it reads files, and a disk may be slow.
+    thread = threading.Thread(target=look, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join(_LAST)
+
+
+def _are_held(view: HoldView, hold: Hold, keeper: Keeper) -> bool:
+    from actionkit.cli._holding import agents_told
+
+    late = agents_told(view)[1]
+    return not late and bool(view.state.active) and _is_kept(view, hold, keeper)
+
+
+def _is_kept(view: HoldView, hold: Hold, keeper: Keeper) -> bool:
     active = view.state.active
     # If the same human has stopped again meanwhile, that hold replaces this one.
-    kept = ready or bool(active and hold not in active)
+    return keeper.is_ready() or bool(active and hold not in active)
+
+
+def _tell_of_hold(view: HoldView, hold: Hold, keeper: Keeper, as_json: bool) -> Exit:
+    from actionkit.cli._holding import agents_told, line_of
+
+    ready = keeper.is_ready()
+    knowing, late = agents_told(view)
+    active = view.state.active
+    kept = _is_kept(view, hold, keeper)
     if as_json:
         say(line_of(view, kept_by=keeper.pid if ready else None, told=knowing, late=late))
     elif active:
@@ -196,8 +237,12 @@ def _shown(actions: list[Stopping], as_json: bool) -> Iterator[None]:
     try:
         yield
     finally:
+        now = time.monotonic()
         for action in actions:
-            action.settle(time.monotonic(), over=True)
+            action.settle(now, over=True)
+            if action.gets_more(now):
+                more = "new goals came in until the end. Stop the program that sends them, too."
+                say(f"{action.name}: {more}", err=True)
         actions.sort(key=lambda action: action.name)
         if as_json:
             for line in _json_lines(actions):
@@ -223,8 +268,8 @@ def _json_lines(actions: list[Stopping]) -> Iterator[str]:
         )
 
 
-def _cancel_all(survey: Survey, stopped: list[Stopping], timeout: float, *, named: bool) -> None:
-    """Cancel all goals of the actions in `stopped`, within the time in seconds for all together.
+def _cancel_all(survey: Survey, stopped: list[Stopping], until: float, *, named: bool) -> None:
+    """Cancel all goals of the actions in `stopped`, until a monotonic time at most.
 
     Unless the actions are `named`, add all that come into sight.
     """
@@ -260,16 +305,13 @@ def _cancel_all(survey: Survey, stopped: list[Stopping], timeout: float, *, name
                         broken.add(seen.name)
                         say(f"Error: {seen.name}: {type(error).__name__}: {error}", err=True)
                 action.seen([end.node for end in seen.servers])
-            with contextlib.suppress(queue.Empty):
-                action, news = inbox.get(timeout=_TICK)
-                while True:
-                    if isinstance(news, AllSaid):
-                        action.take_answer(news, time.monotonic())
-                    elif isinstance(news, CancelSaid):
-                        action.take_single(news, time.monotonic())
-                    else:
-                        action.take_news(news, time.time())
-                    action, news = inbox.get_nowait()
+            for action, news in arrived(inbox, _TICK):
+                if isinstance(news, AllSaid):
+                    action.take_answer(news, time.monotonic())
+                elif isinstance(news, CancelSaid):
+                    action.take_single(news, time.monotonic())
+                else:
+                    action.take_news(news, time.time())
             now = time.monotonic()
             every = named and all(action.servers for action in stopped)
             looked = now - began >= (_NAMED if every else _LOOK)
@@ -287,7 +329,7 @@ def _cancel_all(survey: Survey, stopped: list[Stopping], timeout: float, *, name
                     single[name].cancel(goal_id)
                 actions[name].settle(now, over=False)
             done = all(actions[name].done() for name in cancellers)
-            if (looked and done) or now - began >= timeout:
+            if (looked and done) or now >= until:
                 return
 
 

@@ -5,7 +5,12 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
+
+from actionkit._ros import graph
+from actionkit._ros.tools.watch import StatusReader
 from actionkit.cli._goal_board import Board
+from tests.unit.test_wire import status_array
 
 
 def goal(number: int, state: str) -> Any:
@@ -32,3 +37,36 @@ def test_the_board_is_bounded_and_keeps_what_runs() -> None:
     assert len(board.goals) == 1000
     assert board.goals[f"{0:032x}"].state == "EXECUTING"
     assert f"{2999:032x}" in board.goals
+
+
+EXECUTING, SUCCEEDED, CANCELED = 2, 4, 5
+
+
+def test_only_the_newest_array_of_each_server_is_read(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, two, three = (bytes([number]) * 16 for number in (1, 2, 3))
+    told: list[Any] = []
+    reader = StatusReader("/a", on_goals=told.extend, on_servers=lambda _: None)
+
+    def come(*arrays: list[tuple[bytes, int]]) -> list[tuple[str, str]]:
+        told.clear()
+        monkeypatch.setattr(reader._source, "take", lambda: [status_array(a) for a in arrays])
+        reader._runtime.run(reader._take)
+        return [(goal.goal_id[:2], goal.state) for goal in told]
+
+    try:
+        assert come(
+            [(one, EXECUTING)],
+            [(two, EXECUTING)],
+            [(one, SUCCEEDED), (three, EXECUTING)],
+            [],
+        ) == [("01", "SUCCEEDED"), ("03", "EXECUTING"), ("02", "EXECUTING")]
+        # Then only what has changed.
+        assert come([(one, SUCCEEDED), (three, CANCELED)]) == [("03", "CANCELED")]
+        # All again when the servers have changed: they may have counted as lost.
+        monkeypatch.setattr(graph, "servers", lambda *_: [SimpleNamespace(node="/server")])
+        reader._runtime.run(reader._look)
+        assert len(come([(one, SUCCEEDED), (three, CANCELED)])) == 2
+    finally:
+        reader.close()

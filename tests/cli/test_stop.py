@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -200,6 +201,56 @@ def test_named_actions_are_stopped_without_a_hold(
     assert future.outcome(LONG).status is GoalState.CANCELED
     assert agent.why_held() is None
     assert not keepers(world.domain)
+
+
+FLOOD = """
+import rclpy
+from rclpy.action import ActionClient
+from test_msgs.action import Fibonacci
+rclpy.init()
+node = rclpy.create_node("flood")
+client = ActionClient(node, Fibonacci, "never_finishes")
+client.wait_for_server()
+accepted = []
+def send():
+    client.send_goal_async(Fibonacci.Goal(order=900)).add_done_callback(accepted.append)
+node.create_timer(1 / 60, send)
+while len(accepted) < 60:
+    rclpy.spin_once(node)
+print("flooding", flush=True)
+rclpy.spin(node)
+"""
+"""Sends 60 goals a second, as a program that knows nothing of ActionKit."""
+
+
+def test_a_stop_keeps_its_time_while_another_program_goes_on_sending_goals(
+    world: World, agent: HoldListener
+) -> None:
+    assert agent.why_held() is None
+    server = world.server("never_finishes")
+    flood = world.start(before=FLOOD)
+    flood.until("flooding")
+    server.sync()
+    running = server.running()
+    began = time.monotonic()
+    stop = world.start("stop", "--timeout", "5", "--json")
+    stop.until("Stopping everything")
+    entered = time.monotonic()
+    slack = entered - began  # half a second on an idle machine, for a process to start
+    stop.until("Agents are held.")
+    assert time.monotonic() - began < 2 + 2 * slack
+    assert agent.why_held()
+    stop.finish()
+    assert time.monotonic() - entered < 5 + 1 + slack, stop.text
+    server.sync()
+    canceled = {event.goal_id for event in server.events if event.event == "canceled"}
+    told = [json.loads(line) for line in stop.text.splitlines() if line[:1] == "{"]
+    fates = {line["goal_id"]: line["cancel"] for line in told if line["kind"] == "cancel"}
+    assert running <= set(fates)
+    assert {goal for goal, fate in fates.items() if fate == "CONFIRMED"} <= canceled
+    assert set(fates.values()) <= {"CONFIRMED", "UNKNOWN"}
+    assert len(canceled) > len(running), "goals that came later were left alone"
+    assert (told[-1]["held"], len(told[-1]["told"]), told[-1]["late"]) == (True, 1, [])
 
 
 HUNG_AGENT = (

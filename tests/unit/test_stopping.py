@@ -120,6 +120,42 @@ def test_a_server_that_comes_later_is_asked() -> None:
     assert action.servers == ("/server", "/third")
 
 
+def test_it_is_known_whether_goals_are_still_being_sent() -> None:
+    action = stopping("EXECUTING")
+    action.to_ask(0.0)
+    assert not action.gets_more(0.5), "all were there before"
+    goal_is(action, "EXECUTING", TWO)
+    action.to_ask(3.0)
+    assert action.gets_more(3.9)
+    assert not action.gets_more(4.1)
+
+
+def test_a_goal_that_its_server_has_forgotten_may_still_be_running() -> None:
+    action = stopping("EXECUTING")
+    action.to_ask(0.0)
+    action.take_answer(AllSaid(1, (ONE,)), 0.1)
+    assert action.to_ask_singly(0.7) == [ONE]
+    action.take_single(CancelSaid(ONE, CancelAnswer.UNKNOWN_GOAL), 0.8)
+    action.settle(5.0, over=False)
+    assert not action.done()
+    action.settle(5.0, over=True)
+    assert [(fate.cancel, "MAY STILL" in fate.text) for fate in action.fates] == [("UNKNOWN", True)]
+    assert action.exit is Exit.CANCEL_UNKNOWN
+
+
+def test_more_goals_than_a_watch_keeps_have_all_a_known_end() -> None:
+    action = Stopping("/a")
+    action.take_news(("/server",), 0.0)
+    ids = [f"00000000-0000-0000-0000-{number:012}" for number in range(1500)]
+    action.take_news([GoalSeen(goal_id, "EXECUTING", 0.0) for goal_id in ids], 0.0)
+    action.to_ask(0.0)
+    action.take_answer(AllSaid(1, tuple(ids)), 0.1)
+    action.take_news([GoalSeen(goal_id, "CANCELED", 0.0) for goal_id in ids], 0.2)
+    action.settle(0.2, over=False)
+    assert action.done()
+    assert action.counts == {"CONFIRMED": 1500}
+
+
 def test_the_exit_code_is_that_of_the_worst() -> None:
     assert worst([Exit.OK, Exit.FAILED, Exit.CANCEL_UNKNOWN]) is Exit.CANCEL_UNKNOWN
     assert worst([Exit.CANCEL_UNKNOWN, Exit.CANCEL_REFUSED]) is Exit.CANCEL_REFUSED

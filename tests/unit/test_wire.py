@@ -15,6 +15,7 @@ from test_msgs.action import Fibonacci, NestedMessage
 from test_msgs.msg import BasicTypes
 from unique_identifier_msgs.msg import UUID
 
+from actionkit._ros import wire
 from actionkit._ros.wire import count_goals, feedback_alone, feedback_goal_id, goal_states
 
 FEW = 64  # up to so many ids each is searched for; more are looked up entry by entry
@@ -72,6 +73,16 @@ def test_goals_are_counted_by_their_status(count: int) -> None:
     for codes in ((3, 5), (6,)):
         assert count_goals(message, codes) == sum(status in codes for _, status in goals)
     assert count_goals(message[:-1], range(7)) == max(0, count - 1)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 70])
+@pytest.mark.parametrize("stamp", [(1, 2), (-(2**31), 2**32 - 1)])
+def test_all_that_a_status_array_has(count: int, stamp: tuple[int, int]) -> None:
+    goals = some_goals(count)
+    message = status_array(goals, stamp)
+    assert list(wire.goals(message)) == [(goal_id, *stamp, status) for goal_id, status in goals]
+    assert len(list(wire.goals(message[:-1]))) == max(0, count - 1)
+    assert wire.first_goal_id(message) == (goals[0][0] if goals else b"")
 
 
 @pytest.mark.parametrize("form", [bytes, bytearray, memoryview])

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import logging
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from action_msgs.msg import GoalStatus, GoalStatusArray
+from action_msgs.msg import GoalStatusArray
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidHandle
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
 
 from actionkit._ros import graph, runtimes
 from actionkit._ros.codes import STATES
 from actionkit._ros.native import MessageSource, RCLError
+from actionkit._ros.wire import first_goal_id, goals
 from actionkit._threads.clock import TimerHandle
 
-_log = logging.getLogger("actionkit")
 _DEPTH = 100
 """Depth of the queue; the topic's usual 1 would keep only the last state of each goal."""
 _PERIOD = 0.25
@@ -48,13 +46,15 @@ class StatusReader:
     ) -> None:
         """Subscribe to the topic.
 
-        On another thread, `on_goals` gets all goals that a server remembers, whenever one changes,
-        and `on_servers` gets the names of the servers' nodes when they change.
+        On another thread, `on_goals` gets the goals that have changed, at first all that a server
+        remembers, and `on_servers` gets the names of the servers' nodes when they change.
         """
         self._name = action_name
         self._on_goals = on_goals
         self._on_servers = on_servers
         self._servers: tuple[str, ...] = ()
+        self._codes: dict[bytes, int] = {}
+        """The status codes of the goals in the latest arrays."""
         self._timer: TimerHandle | None = None
         self._runtime = runtimes.acquire(None, self)
         self._runtime.run(self._begin)
@@ -89,13 +89,14 @@ class StatusReader:
         self._runtime.node.destroy_subscription(self._subscription)
 
     def _take(self) -> None:
-        for message in self._source.take():
-            try:
-                array = deserialize_message(message, GoalStatusArray)
-            except RuntimeError as error:  # rclpy's error for bytes that are not such a message
-                _log.debug("a status message of %s is left out: %s", self._name, error)
-                continue
-            self._on_goals([_seen(entry) for entry in array.status_list])
+        # Only the newest array of each server: another client may cause hundreds in a second, of
+        # thousands of goals each. Two servers never list the same goal first.
+        newest = {first_goal_id(message): message for message in self._source.take()}
+        listed = [goal for message in newest.values() for goal in goals(message)]
+        before, self._codes = self._codes, {goal_id: code for goal_id, _, _, code in listed}
+        changed = [goal for goal in listed if before.get(goal[0]) != goal[3]]
+        if changed:
+            self._on_goals([_seen(*goal) for goal in changed])
 
     def _look(self) -> None:
         self._timer = self._runtime.call_at(self._runtime.now() + _PERIOD, self._look)
@@ -106,15 +107,13 @@ class StatusReader:
         servers = tuple(sorted(info.node or "(a node not known yet)" for info in infos))
         if servers != self._servers:
             self._servers = servers
+            self._codes = {}  # goals that counted as lost are told of again
             self._on_servers(servers)
 
 
-def _seen(entry: GoalStatus) -> GoalSeen:
-    info = entry.goal_info
-    goal_id = str(uuid.UUID(bytes=bytes(info.goal_id.uuid)))
-    accepted = info.stamp.sec + info.stamp.nanosec * 1e-9
-    state = STATES.get(entry.status, f"UNKNOWN ({entry.status})")
-    return GoalSeen(goal_id, str(state), accepted)
+def _seen(goal_id: bytes, seconds: int, nanoseconds: int, code: int) -> GoalSeen:
+    state = STATES.get(code, f"UNKNOWN ({code})")
+    return GoalSeen(str(uuid.UUID(bytes=goal_id)), str(state), seconds + nanoseconds * 1e-9)
 
 
 def _unused(_: Any) -> None:
