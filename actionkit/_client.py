@@ -14,7 +14,7 @@ from actionkit._calls.budget import RetryBudget, check_budget
 from actionkit._calls.call import Call
 from actionkit._calls.classify import Classify, check_classify
 from actionkit._calls.closing import await_cancel, close
-from actionkit._calls.drivers import finished_in_thread
+from actionkit._calls.drivers import in_thread
 from actionkit._calls.feedback import callbacks_for
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.request import Request
@@ -372,7 +372,7 @@ class Client(Generic[ActionT_co]):
     ) -> None:
         """Close the client without blocking what runs this coroutine."""
         try:
-            await finished_in_thread(self.close)
+            await in_thread(self.close)
         except BaseException:  # above all where Ctrl-C has cancelled the task
             self._session.callbacks.dues.hurry()
             raise

@@ -45,18 +45,19 @@ def await_cancel(session: Session, future: GoalFuture[Any, Any]) -> None:
         _await_ends([session], [future], session.cancel_grace)
 
 
-def end_calls(sessions: Sequence[Session]) -> float:
+def end_calls(sessions: Sequence[Session], others: Sequence[GoalFuture[Any, Any]] = ()) -> float:
     """End every call by the policies `on_close`, and free everything that no goal needs.
 
-    Return the seconds that it waited for each confirmation of a cancellation.
+    Also wait for the futures of `others`, which are being cancelled. Return the seconds that it
+    waited for each confirmation of a cancellation.
     """
     hurry = any(session.was_interrupted for session in sessions)
-    grace = max((session.cancel_grace + MARGIN for session in sessions), default=0.0)
-    grace = 0.0 if hurry else grace
+    graces = [*(s.cancel_grace for s in sessions), *(o._call.cancel_grace for o in others)]
+    grace = 0.0 if hurry or not graces else max(graces) + MARGIN
     for session in sessions:
         session.close_calls()
     try:
-        _await_ends(sessions, _futures(sessions), grace)
+        _await_ends(sessions, [*_futures(sessions), *others], grace)
         for session in sessions:
             session.end_grace()
         await_ends(_futures(sessions), MARGIN)

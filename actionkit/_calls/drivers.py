@@ -15,7 +15,7 @@ import threading
 from collections.abc import Callable
 from functools import partial
 from types import FrameType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from actionkit._threads.event_loop import running_loop
 from actionkit._threads.waiting import Flag, complete, run_in_thread, wake_future
@@ -23,6 +23,7 @@ from actionkit._threads.waiting import Flag, complete, run_in_thread, wake_futur
 if TYPE_CHECKING:
     import asyncio
 
+T = TypeVar("T")
 _COROUTINE = (
     inspect.CO_COROUTINE
     | inspect.CO_GENERATOR
@@ -80,16 +81,16 @@ class Asyncio:
 
     async def let_others_begin(self) -> None:
         """Wait for the next turn of the loop."""
-        with _unless_by_anyio():
+        with unless_by_anyio():
             await self._asyncio.sleep(0)
 
     async def wait_cancelled(self, flag: Flag, seconds: float) -> None:
         """Return when the flag is set, after `seconds`, or when the task is cancelled again."""
-        with _unless_by_anyio():
+        with unless_by_anyio():
             await self.wait(flag, seconds)
 
 
-def _unless_by_anyio() -> contextlib.AbstractContextManager[object]:
+def unless_by_anyio() -> contextlib.AbstractContextManager[object]:
     """Shield from the cancel scopes of anyio, which cancel a task at each turn of the loop."""
     anyio: Any = sys.modules.get("anyio")
     return contextlib.nullcontext() if anyio is None else anyio.CancelScope(shield=True)
@@ -164,26 +165,26 @@ def _is_of_trio(frame: FrameType) -> bool:
     return str(frame.f_globals.get("__name__")).startswith("trio.")
 
 
-async def finished_in_thread(function: Callable[[], None]) -> None:
-    """Call a function on a thread of its own, and wait for its end.
+async def in_thread(function: Callable[[], T]) -> T:
+    """Call a function that blocks on a thread of its own, and wait for what it returns.
 
-    The function continues even if the waiting task is cancelled.
+    The function continues even if the waiting task is cancelled. The threads of asyncio's executor
+    are not used: there are few of them, and the interpreter's exit waits for them.
 
     Raises:
         RuntimeError: The coroutine runs under nothing that can wait; the function was called.
     """
     ended = Flag()
-    errors: list[BaseException] = []
+    end: concurrent.futures.Future[T] = concurrent.futures.Future()
 
     def call() -> None:
         try:
-            function()
+            end.set_result(function())
         except BaseException as error:  # noqa: BLE001  raised below
-            errors.append(error)
+            end.set_exception(error)
         finally:
             ended.set()
 
-    threading.Thread(target=call, name="actionkit-close", daemon=True).start()
+    threading.Thread(target=call, name="actionkit-blocking", daemon=True).start()
     await find_driver().wait(ended)
-    for error in errors:
-        raise error
+    return end.result(0)

@@ -5,12 +5,20 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
+from dataclasses import dataclass
 
 VARIABLE = "ROS_DOMAIN_ID"
 LAST_DOMAIN = 232
 """The ports of higher domains do not exist; Fast DDS ends the process there."""
 _OF_RCL = 2**64 - 1
 """rcl's number for "the default", which is domain 0."""
+
+
+@dataclass(frozen=True)
+class Domain:
+    """In place of a client's node: a ROS domain, in a context of ours whatever the user has."""
+
+    id: int | None  # `None` means that of the environment
 
 
 def environment_domain() -> int:

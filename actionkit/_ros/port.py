@@ -17,6 +17,7 @@ from rclpy.serialization import deserialize_message
 from typing_extensions import Self
 
 from actionkit._model.action_type import type_name_of
+from actionkit._model.domain import Domain
 from actionkit._model.errors import ActionTypeMismatchError
 from actionkit._ros import executors, graph, native, runtimes
 from actionkit._ros.link import Link
@@ -49,6 +50,7 @@ class Port:
             ActionTypeMismatchError: The process already uses the name with another type.
         """
         type_name = type_name_of(action_type)
+        domain, node = (node, None) if isinstance(node, Domain) else (None, node)
         if node is not None and not isinstance(node, Node):
             raise TypeError(f"node={node!r} must be an rclpy node")
         name = check_name(action_name, has_node=node is not None)
@@ -59,9 +61,9 @@ class Port:
         self.server_waits: set[Flag] = set()
         """Flags that are set when the port is freed. On the communication thread, like the next."""
         self.waits_ended = False
-        context = _users_context(node)
+        context = _users_context(node) if domain is None else None
         with _told_if_down(context):
-            self.runtime = runtimes.acquire(context, self)
+            self.runtime = runtimes.acquire(domain.id if domain else context, self)
             try:
                 self._names = names or self._resolve(name)
                 self.identity = Identity(

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import logging
 import threading
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from actionkit import Client, RetryPolicy
-from actionkit._model.domain import environment_domain
+from actionkit._internal_api import client_in_domain, close_together
 from actionkit.agents._config import ActionConfig, Config
 from actionkit.agents._goals import Goals
 from actionkit.agents._hold import HoldListener
@@ -23,7 +23,7 @@ class Clients:
 
     Attributes:
         closed: Whether `close` was called.
-        node: The toolbox's own node, for its topics, and for clients that need one.
+        node: The toolbox's own node, for its topics.
     """
 
     def __init__(self, config: Config, domain_id: int | None, goals: Goals) -> None:
@@ -33,7 +33,7 @@ class Clients:
         self._reads_topics = bool(config.topics)
         self._goals = goals
         self._hold: HoldListener | None = None
-        self._clients: dict[str, tuple[Client[Any], Any]] = {}
+        self._clients: dict[str, Client[Any]] = {}
         self._lock = threading.Lock()
 
     @property
@@ -69,28 +69,16 @@ class Clients:
         """
         with self._lock:
             self._check()
-            client, made_with = self._clients.get(tool.name, (None, None))
-            with_node = self._needs_node() if client is None else made_with is not None
-            node = self.node.open() if with_node else None
-            if client is None or client.closed or made_with is not node:
-                client = Client(
+            client = self._clients.get(tool.name)
+            if client is None or client.closed:
+                client = self._clients[tool.name] = client_in_domain(
+                    self._domain_id,
                     tool.cls,
                     tool.action,
-                    node=node,
                     retry=RetryPolicy(attempts=tool.retries + 1),
                     observers=[self._goals],
                 )
-                self._clients[tool.name] = client, node
             return client
-
-    def _needs_node(self) -> bool:
-        """Whether a client without a node would be in another domain than the human's stop.
-
-        Or would end with the context of `rclpy.init()`, which is none of a toolbox's business.
-        """
-        native = importlib.import_module("actionkit._ros.native")
-        elsewhere = self._domain_id not in (None, environment_domain())
-        return elsewhere or native.default_context_is_up()
 
     def _check(self) -> None:
         if self.closed:
@@ -100,20 +88,13 @@ class Clients:
         """Cancel all goals in flight, wait for the confirmations, and free everything."""
         with self._lock:
             self.closed = True
-            clients, self._clients = [client for client, _ in self._clients.values()], {}
+            clients, self._clients = self._clients.values(), {}
             hold, self._hold = self._hold, None
-        closing = [threading.Thread(target=_close, args=(one,), daemon=True) for one in clients]
-        for thread in closing:
-            thread.start()
-        for thread in closing:
-            thread.join()  # each has its bound
+        closing: list[Callable[[], object]] = [partial(close_together, clients), self.node.close]
         if hold is not None:
-            _close(hold)
-        self.node.close()
-
-
-def _close(one: Any) -> None:
-    try:
-        one.close()
-    except Exception:  # noqa: BLE001  the others are closed all the same
-        _log.exception("%r could not be closed", one)
+            closing.insert(1, hold.close)
+        for close in closing:
+            try:
+                close()
+            except Exception:  # noqa: BLE001  the others are closed all the same
+                _log.exception("the toolbox could not be closed")

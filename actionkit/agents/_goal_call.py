@@ -8,6 +8,7 @@ import logging
 from collections.abc import Mapping
 from typing import Any
 
+from actionkit._internal_api import in_thread, unless_by_anyio
 from actionkit._messages.convert import from_plain, to_plain
 from actionkit._messages.json_text import to_json
 from actionkit._model.field_errors import FieldProblem
@@ -21,7 +22,6 @@ from actionkit.agents._plain import plain_json
 from actionkit.agents._progress import ProgressTeller
 from actionkit.agents._results import refusal
 from actionkit.agents._values import ApprovalRequest, Approve, OnProgress, ToolResult
-from actionkit.agents._waiting import in_thread, though_cancelled
 
 _log = logging.getLogger("actionkit")
 _UNTIL_KNOWN = 13.0
@@ -138,7 +138,7 @@ class GoalCalls:
                 return _failed(tool, error)
             record.cancel("its caller gave up")
             if sent and isinstance(error, asyncio.CancelledError):
-                with though_cancelled():
+                with unless_by_anyio():
                     await record.over(client.timeouts.cancel + _CANCEL_GRACE)
             raise
         finally:

@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from concurrent.futures import TimeoutError as _FutureTimeout
 from typing import TYPE_CHECKING
 
-from actionkit._threads.diagnostics import log_own_error
+from actionkit._internal_api import log_own_error
 
 if TYPE_CHECKING:
     from actionkit._ros.holds.state import HoldState

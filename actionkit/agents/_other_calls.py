@@ -7,6 +7,7 @@ import logging
 from collections.abc import Mapping
 from typing import Any
 
+from actionkit._internal_api import in_thread
 from actionkit._model.field_errors import shown
 from actionkit.agents._clients import Clients
 from actionkit.agents._config import GOALS, TopicConfig
@@ -14,7 +15,6 @@ from actionkit.agents._goals import Goals
 from actionkit.agents._results import DATA, error_value
 from actionkit.agents._topics import WAIT, topic_failure, topic_result
 from actionkit.agents._values import ToolResult
-from actionkit.agents._waiting import in_thread
 
 _log = logging.getLogger("actionkit")
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from typing_extensions import Self
 
+from actionkit._internal_api import in_thread
 from actionkit._model.domain import environment_domain
 from actionkit._model.field_errors import shown
 from actionkit.agents._clients import Clients
@@ -20,7 +21,6 @@ from actionkit.agents._other_calls import goal_reports, goals_result, read_topic
 from actionkit.agents._results import refusal
 from actionkit.agents._tools import anthropic_format, make_tools, openai_format
 from actionkit.agents._values import Approve, Json, OnProgress, Tool, ToolResult
-from actionkit.agents._waiting import in_thread
 
 _CANCEL_WAIT = 3.0
 """Seconds; `timeouts.cancel`, and what it takes to tell of it."""

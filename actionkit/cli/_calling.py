@@ -10,8 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from actionkit._calls.future import GoalFuture
-from actionkit._client import Client
+from actionkit import Client, GoalFuture
 from actionkit._messages.progress import Progress
 from actionkit._model.errors import ActionKitError
 from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome

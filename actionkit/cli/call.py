@@ -25,7 +25,6 @@ from actionkit.cli._stdout import keep_clean
 from actionkit.cli._wording import in_options
 
 if TYPE_CHECKING:
-    from actionkit._calls.classify import FieldClassifier
     from actionkit._messages.progress import Field
     from actionkit.cli._reports import Report
 
@@ -153,7 +152,7 @@ def command(
         except ValueError as error:
             raise click.UsageError(in_options(str(error))) from error
 
-    from actionkit._calls.left_running import mute
+    from actionkit._internal_api import mute
     from actionkit._messages.progress import Progress
     from actionkit._model.action_type import type_name_of
     from actionkit.cli._calling import Calling
@@ -204,12 +203,10 @@ def _progress_field(text: str | None, feedback_class: type) -> Field | None:
         raise click.BadParameter(str(error), param_hint="--progress") from error
 
 
-def _classifier(
-    ok: str | None, transient: str | None, result_class: type
-) -> FieldClassifier | None:
+def _classifier(ok: str | None, transient: str | None, result_class: type) -> Any:
     if ok is None and transient is None:
         return None
-    from actionkit._calls.classify import classify_by_field
+    from actionkit import classify_by_field
 
     paths, values = {}, {}
     for option, text in (("ok", ok), ("transient", transient)):

@@ -12,9 +12,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Access, Status
 from typing_extensions import Never, Self
 
-from actionkit._calls.classify import Classify, check_classify
-from actionkit._calls.future import GoalFuture
-from actionkit._client import Client
+from actionkit import Client, GoalFuture
+from actionkit._internal_api import Classify, check_classify, close_together
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
 from actionkit._model.arguments import check_type, refuse_unknown
 from actionkit._model.errors import ActionKitError, ClientClosedError, InvalidGoalError
@@ -22,7 +21,6 @@ from actionkit._model.printable import on_one_line
 from actionkit._model.settings import RetryPolicy, check_seconds
 from actionkit.trees import _words
 from actionkit.trees._clients import ClientHold
-from actionkit.trees._ending import end_together
 from actionkit.trees._runs import Run, Runs
 from actionkit.trees._sources import FromBlackboard, GoalSource, NoGoalError, check_key
 
@@ -186,7 +184,11 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         clients) and half a second. Then clients that were made only for this tree are closed. The
         leaves send nothing afterwards, unless `setup()` is called again.
         """
-        end_together((leaf._runs, leaf._hold) for leaf in self._leaves_of_tree())
+        leaves = [leaf for leaf in self._leaves_of_tree() if not leaf._runs.closed]
+        for leaf in leaves:
+            leaf._runs.close()
+        futures = [future for leaf in leaves for future in leaf._runs.in_flight()]
+        close_together(filter(None, [leaf._hold.let_go() for leaf in leaves]), futures)
 
     def _leaves_of_tree(self) -> list[ActionBehaviour[Any, Any, Any]]:
         root: Behaviour = self

@@ -7,7 +7,9 @@ import threading
 import weakref
 from typing import Any
 
-from actionkit._client import Client
+from actionkit import Client
+from actionkit._internal_api import type_of
+from actionkit._model.action_type import type_name_of
 from actionkit._model.errors import ServerUnavailableError
 
 _lock = threading.RLock()
@@ -28,7 +30,7 @@ class ClientHold:
         self._made_from: tuple[type, str] | None = None
         if isinstance(client, Client):
             self.client = client
-            self.action_type: Any = client._action_type
+            self.action_type: Any = type_of(client)
             self.action_name = client.action_name
             return
         pair = client if isinstance(client, tuple) else ()
@@ -37,12 +39,7 @@ class ClientHold:
                 f"client={client!r} must be a Client, or the action's type and name, such as"
                 ' (Fibonacci, "fibonacci")'
             )
-        for part in ("Goal", "Result", "Feedback"):
-            if not hasattr(pair[0], part):
-                raise TypeError(
-                    f"client={client!r}: {pair[0].__name__} is no action type, such as Fibonacci"
-                    " of test_msgs.action: it has no " + part
-                )
+        type_name_of(pair[0])  # raises if it is not an action
         self._made_from = pair
         self.action_type, self.action_name = pair
 

@@ -13,14 +13,12 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import Any
 
-from actionkit._calls.classify import Classify
-from actionkit._calls.future import GoalFuture
-from actionkit._client import Client
+from actionkit import Client, GoalFuture
+from actionkit._internal_api import Classify, is_lost_with_server, prepare_call
 from actionkit._model.arguments import UNSET
 from actionkit._model.errors import ClientClosedError
 from actionkit._model.settings import RetryPolicy
 
-AnyClient = Client[Any]
 AnyFuture = GoalFuture[Any, Any]
 
 
@@ -36,11 +34,11 @@ class Run:
         self.deadline = None if timeout is None else time.monotonic() + timeout
         self.unknown_since: float | None = None
         """When it began to wait for an earlier goal in an unknown state."""
-        self._client: AnyClient | None = None
+        self._client: Client[Any] | None = None
         self._tickets = deque([None])
 
     def start(
-        self, client: AnyClient, goal: Any, retry: RetryPolicy | None, classify: Classify | None
+        self, client: Client[Any], goal: Any, retry: RetryPolicy | None, classify: Classify | None
     ) -> None:
         """Send the goal, unless it was sent already or the run was given up.
 
@@ -55,18 +53,17 @@ class Run:
         left = UNSET if self.deadline is None else max(0.0, self.deadline - time.monotonic())
         self._client = client
         try:
-            call = client._prepare(goal, None, left, retry, classify)
-            # Before the call begins, so that an interruption here cannot lose a goal.
-            self.future = call.future
+            # Kept before the call begins, so that an interruption here cannot lose a goal.
+            self.future, begin = prepare_call(client, goal, left, retry, classify)
             if not self.unwanted:
-                client._session.begin(call)
+                begin()
         except BaseException as error:
             if self.future is None or isinstance(error, ClientClosedError):
                 self.future = None  # nothing has begun
             self.give_up()
             raise
         if self.unwanted:  # another thread may have set it just now
-            call.request_cancel()
+            self.future.cancel()
 
     def give_up(self) -> None:
         """Send no goal any more, and cancel the goal that was sent."""
@@ -98,7 +95,7 @@ class Run:
         known, future = self.known_to_run, self.future
         if known is not None or future is None:
             return known is not False
-        return not (future.done() and future._call.goals.gone)
+        return not is_lost_with_server(future)
 
 
 class Runs:

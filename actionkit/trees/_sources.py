@@ -12,9 +12,9 @@ from py_trees.blackboard import Blackboard
 from py_trees.blackboard import Client as BlackboardClient
 from py_trees.common import Access
 
+from actionkit._internal_api import log_later
 from actionkit._messages.convert import from_plain
 from actionkit._model.arguments import check_function
-from actionkit._threads.diagnostics import log_later
 
 
 class NoGoalError(Exception):

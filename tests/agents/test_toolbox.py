@@ -246,7 +246,7 @@ def test_a_client_that_cannot_go_on_is_replaced(
     async def main() -> None:
         async with make_toolbox({"fib": FIBONACCI}) as toolbox:
             assert (await toolbox.call("fib", {"order": 1})).value["status"] == "succeeded"
-            ((client, _),) = toolbox._clients._clients.values()
+            (client,) = toolbox._clients._clients.values()
             runtime = client._session.port.runtime
             runtime.call_soon(die)
             runtime.join(20)

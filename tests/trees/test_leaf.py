@@ -134,7 +134,7 @@ def test_a_deadline_ends_the_run_when_its_goal_was_cancelled(client: Any, place:
 
 WRONG = {
     "client": ({"client": "fibonacci"}, TypeError, "client='fibonacci' must be a Client"),
-    "no action": ({"client": (int, "x")}, TypeError, "no action type"),
+    "no action": ({"client": (int, "x")}, TypeError, "must be an action class"),
     "goal": ({"goal": 5}, TypeError, "goal=5 must be a .*Fibonacci.Goal"),
     "a class": ({"goal": Fibonacci.Goal}, TypeError, "make an instance"),
     "another goal": ({"goal": NestedMessage.Goal()}, TypeError, "NestedMessage"),

@@ -12,7 +12,8 @@ import pytest
 from py_trees.common import Status
 from test_msgs.action import Fibonacci
 
-from actionkit import Timeouts
+from actionkit import GoalFuture, Timeouts
+from actionkit._calls.closing import MARGIN
 from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour
 from actionkit.trees._runs import Runs
@@ -53,6 +54,37 @@ def test_a_shutdown_cancels_all_goals_first_and_waits_once(
         assert leaf.future.known_to_run is False
     assert [leaf.future.known_to_run for leaf in leaves[:3]] == [True] * 3
     stubborn.release(3)
+
+
+def test_ctrl_c_ends_the_wait_of_a_shutdown_and_the_clients_are_closed(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A human does not want to wait for a server that does not stop its goal."""
+    server = place.server("refusing", script=["refuse_cancel", "accept", "gate", "succeed"])
+    place.server("fibonacci", "fibonacci", period=0.02)
+    first = ActionBehaviour("a", (Fibonacci, "refusing"), {})
+    second = ActionBehaviour("b", (Fibonacci, "fibonacci"), {"order": 40})
+    root = py_trees.composites.Parallel(
+        "both", policy=py_trees.common.ParallelPolicy.SuccessOnAll(), children=[first, second]
+    )
+    tree = py_trees.trees.BehaviourTree(root)
+    tree.setup(timeout=BOUND)
+    tick_until(tree, lambda: first.future.known_to_run and second.future.known_to_run, BOUND)
+    clients = [first.client, second.client]
+    wait, waits = GoalFuture._wait_until_over, []
+
+    def interrupted_once(future: GoalFuture[Any, Any], seconds: float) -> bool:
+        waits.append(seconds)
+        if len(waits) == 1:
+            raise KeyboardInterrupt
+        return wait(future, seconds)
+
+    monkeypatch.setattr(GoalFuture, "_wait_until_over", interrupted_once)
+    with pytest.raises(KeyboardInterrupt):
+        tree.shutdown()
+    assert [client.closed for client in clients] == [True, True]
+    assert waits[0] > clients[0].timeouts.cancel > MARGIN >= max(waits[1:], default=0.0)
+    server.release(1)
 
 
 def test_a_tree_that_is_dropped_leaves_no_goal_running(place: Place) -> None:

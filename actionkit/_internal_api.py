@@ -1,0 +1,94 @@
+"""What ActionKit's own packages use of the client beyond its public names.
+
+`trees`, `agents` and `cli` use nothing else of it, so that the client can change inside. It is not
+for users, and may change in any release. Besides what is below, it has:
+
+- `Classify`, `check_classify`: the type of `classify=`, and its check.
+- `in_thread`: await a function that blocks. `unless_by_anyio`: wait in a cancelled task.
+- `log_later`, `log_own_error`: log without blocking.
+- `mute`: do not report goals at exit, because the program has done that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from functools import partial
+from typing import Any
+
+from actionkit._calls.classify import Classify, check_classify
+from actionkit._calls.closing import end_calls
+from actionkit._calls.drivers import in_thread, unless_by_anyio
+from actionkit._calls.future import GoalFuture
+from actionkit._calls.left_running import mute
+from actionkit._client import Client
+from actionkit._model.domain import Domain
+from actionkit._model.settings import RetryPolicy
+from actionkit._threads.diagnostics import log_later, log_own_error
+
+__all__ = [
+    "Classify",
+    "check_classify",
+    "client_in_domain",
+    "close_together",
+    "in_thread",
+    "is_lost_with_server",
+    "log_later",
+    "log_own_error",
+    "mute",
+    "prepare_call",
+    "type_of",
+    "unless_by_anyio",
+]
+
+
+def client_in_domain(
+    domain_id: int | None, action_type: Any, action_name: str, **settings: Any
+) -> Client[Any]:
+    """Return a client in a ROS domain, apart from the context of `rclpy.init()`.
+
+    `None` means the domain of the environment. The settings are those of `Client`.
+    """
+    return Client(action_type, action_name, node=Domain(domain_id), **settings)
+
+
+def type_of(client: Client[Any]) -> Any:
+    """Return the action type of a client."""
+    return client._action_type
+
+
+def prepare_call(
+    client: Client[Any],
+    goal: object,
+    timeout: Any,
+    retry: RetryPolicy | None,
+    classify: Classify | None,
+) -> tuple[GoalFuture[Any, Any], Callable[[], None]]:
+    """Return the future of a call that has not begun, and the function that begins it.
+
+    So the future can be kept before there is a goal, and no interruption loses it. The arguments
+    and errors are those of `Client.call_async`.
+    """
+    call = client._prepare(goal, None, timeout, retry, classify)
+    return call.future, partial(client._session.begin, call)
+
+
+def is_lost_with_server(future: GoalFuture[Any, Any]) -> bool:
+    """Return whether the call is over, and its goals that may run were lost with their servers."""
+    return future.done() and future._call.goals.gone
+
+
+def close_together(
+    clients: Iterable[Client[Any]], others: Iterable[GoalFuture[Any, Any]] = ()
+) -> None:
+    """Close clients, so that none waits for the end of another one's goals.
+
+    It also waits for the futures of `others`, which were cancelled. The wait ends when no goal has
+    ended for `timeouts.cancel` seconds (the longest of all) and half a second.
+    """
+    closing = list(clients)
+    with ExitStack() as stack:  # after Ctrl-C they are closed, too, and wait for nothing
+        for client in closing:
+            stack.callback(client.close)
+        sessions = [client._session for client in closing if not client._session.inherited]
+        end_calls(sessions, list(others))
