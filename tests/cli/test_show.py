@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,7 +12,7 @@ import yaml
 from geometry_msgs.msg import PoseStamped
 from test_msgs.action import Fibonacci, NestedMessage
 
-from actionkit._messages.comments import parsed
+from actionkit._messages.comments import comments, parsed
 from actionkit._messages.convert import from_plain
 from actionkit.cli import _goal_template
 from actionkit.cli._exits import Exit
@@ -82,6 +83,22 @@ uint16 error_code
     assert result.fields == {"error_code": ["How it went", ""]}
     assert result.about == ["How it went"]
     assert feedback.fields == {}
+
+
+def test_comments_are_found_beside_a_package_and_where_ros_has_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`actionkit interfaces build -o` puts the files beside the package, ROS under a prefix."""
+    for name, prefix in (("beside_msgs", "python"), ("apart_msgs", "ros")):
+        (tmp_path / "python" / name).mkdir(parents=True)
+        (tmp_path / "python" / name / "__init__.py").touch()
+        file = tmp_path / prefix / "share" / name / "msg" / "Speed.msg"
+        file.parent.mkdir(parents=True)
+        file.write_text("float64 speed  # in m/s\n")
+    monkeypatch.syspath_prepend(tmp_path / "python")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path / 'nothing'}:{tmp_path / 'ros'}")
+    for name in ("beside_msgs", "apart_msgs"):
+        assert comments(f"{name}/msg/Speed") == {"": "", "speed": "in m/s"}
 
 
 def test_it_can_be_piped_into_a_call(world: World) -> None:
