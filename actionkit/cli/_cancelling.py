@@ -1,15 +1,35 @@
-"""Finds out what happened to goals that are cancelled. Pure: no clock, no middleware."""
+"""Cancels goals, and finds out what happened to each. The class is pure: no clock, no ROS."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import contextlib
+import math
+import queue
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit.cli._exits import Exit
-from actionkit.cli._goal_board import WatchedGoal
+from actionkit.cli._goal_board import Board, WatchedGoal, arrived
+from actionkit.cli._say import say
+from actionkit.cli.watch import FIRST
 
+if TYPE_CHECKING:
+    from actionkit._ros.tools.cancel import GoalCanceller
+    from actionkit._ros.tools.survey import Survey
+
+_TICK = 0.05
+"""Seconds between two looks at the graph."""
+_AGAIN = 1.0
+"""Seconds after which a request without an answer counts as lost and is repeated. This is harmless:
+a goal is cancelled only once."""
+_SINGLY = 0.5
+"""Seconds after the answer until a goal must be seen as canceling. Otherwise it is cancelled by its
+id: after each goal that an rclpy server refuses to cancel, it skips the next goal, but answers that
+it is cancelling it (`list.remove` in a loop over that list)."""
 _SETTLE = 1.0
 """Seconds to wait after a refusal or "unknown goal", because more news may come: the goal's end (if
 a goal ends at the same time, a server answers like a refusal), or another server's answer."""
@@ -40,49 +60,125 @@ class Fate:
 
 @dataclass
 class _Target:
+    asked: float | None = None
+    """When the first request to cancel it was sent, alone or with all."""
+    singly: bool = False
+    """Whether it is being cancelled by its id."""
     answer: CancelAnswer | None = None
     since: float = 0.0
     """When that answer came."""
-    asked: bool = False
     fate: Fate | None = None
 
 
 class Cancelling:
-    """The goals that are to be cancelled, and what is known about them."""
+    """The goals of one action that are to be cancelled, and what is known about them."""
 
-    def __init__(self, goal_ids: Iterable[str] = ()) -> None:
-        self._targets = {goal_id: _Target() for goal_id in goal_ids}
+    def __init__(self, name: str, goal_ids: Iterable[str] | None = None) -> None:
+        """Begin; `goal_ids` are the goals to cancel, and `None` means all."""
+        self.name = name
+        self.board = Board(most=math.inf)  # a goal that is left out would have no known end
+        self.servers: tuple[str, ...] = ()
+        """The nodes of all servers that were seen."""
+        self.answers = 0
+        """How many answers have come."""
+        self.every = goal_ids is None
+        """Whether all goals are cancelled."""
+        self._targets = {goal_id: _Target() for goal_id in goal_ids or ()}
+        self._looks_since: float | None = None
+        self._number = 0
+        self._at = 0.0
+        self._want = self.every
+        self._first = 1
+        """The number of the first request since there was a reason for one. Later requests repeat
+        it; an answer to any of them is enough."""
+        self._answers: Counter[int] = Counter()
+        """How many servers have answered each request."""
 
-    def add(self, goal_id: str) -> None:
-        """Add a goal to cancel."""
-        self._targets.setdefault(goal_id, _Target())
+    # --- what happens ----------------------------------------------------------------------
 
-    def to_ask(self, board: dict[str, WatchedGoal]) -> list[str]:
-        """Return the goals to send a request for now, each once."""
-        new = []
-        for goal_id, target in self._targets.items():
-            row = board.get(goal_id)
-            if not target.asked and (row is None or not row.ended):
-                target.asked = True
-                new.append(goal_id)
-        return new
+    def seen(self, servers: Sequence[str]) -> None:
+        """Record the servers of the action; servers that have gone are remembered."""
+        new = {name for name in servers if name} - set(self.servers)
+        if new or len(servers) > len(self.servers):
+            self.once_more()  # a new one has had no request
+        self.servers = tuple(sorted(new | set(self.servers)))
+
+    def take_news(self, news: Any, wall: float) -> None:
+        """Record news from a `StatusReader`."""
+        self.board.take(news, wall)
+
+    def take_all(self, said: Any, now: float) -> None:
+        """Record an `AllSaid`, about all goals; `now` is on the monotonic clock."""
+        self.answers += 1
+        self._answers[said.request] += 1
+        for goal_id in said.canceling:
+            self._targets.setdefault(goal_id, _Target(asked=now))
 
     def take(self, said: Any, now: float) -> None:
-        """Record a server's answer, a `CancelSaid`; `now` is on the monotonic clock."""
+        """Record a `CancelSaid`, about one goal; `now` is on the monotonic clock."""
+        self.answers += 1
         target = self._targets[said.goal_id]
         if target.answer is None or _BEST.index(said.answer) < _BEST.index(target.answer):
             target.answer, target.since = said.answer, now
 
-    def settle(self, board: dict[str, WatchedGoal], now: float, *, over: bool) -> list[Fate]:
+    def once_more(self) -> None:
+        """Ask the servers again: they may have accepted goals in the meantime."""
+        self._want = self.every
+
+    # --- what is to be done ----------------------------------------------------------------
+
+    def to_ask(self, now: float) -> int | None:
+        """Return the number of a request to send now for all goals, or `None`."""
+        if not self.every:
+            return None
+        lost = self._number and self._waits_for_answers and now - self._at >= _AGAIN
+        reason = self._want or bool(self._running - self._targets.keys())
+        if not (reason or lost):
+            return None
+        self._want = False
+        self._number += 1
+        self._at = now
+        if reason:
+            self._first = self._number
+        for goal_id in self._running:
+            self._targets.setdefault(goal_id, _Target(asked=now))
+        return self._number
+
+    @property
+    def _running(self) -> set[str]:
+        return {goal.goal_id for goal in self.board.goals.values() if not goal.ended}
+
+    def to_ask_singly(self, now: float) -> list[str]:
+        """Return the goals to cancel by their ids now, each once."""
+        if self._looks_since is None:
+            self._looks_since = now
+        if not self.every and not self.board.goals and now - self._looks_since < FIRST:
+            return []
+        new = []
+        for goal_id, target in self._targets.items():
+            goal = self.board.goals.get(goal_id)
+            if target.singly or (goal is not None and goal.ended):
+                continue
+            if target.asked is not None:
+                stopping = goal is not None and goal.state == "CANCELING"
+                if stopping or not self.answers or now - target.asked < _SINGLY:
+                    continue
+            target.singly = True
+            target.asked = now if target.asked is None else target.asked
+            new.append(goal_id)
+        return new
+
+    def settle(self, now: float, *, over: bool) -> list[Fate]:
         """Return the fates that are new since the last call; `now` is on the monotonic clock.
 
-        `board` has the goals that the servers remember. `over` means that the wait has ended: every
-        goal has a fate then.
+        `over` means that the wait has ended: every goal has a fate then.
         """
+        for goal_id in self._running if over and self.every else ():
+            self._targets.setdefault(goal_id, _Target())  # seen too late for a request
         new = []
         for goal_id, target in self._targets.items():
             if target.fate is None:
-                row = board.get(goal_id)
+                row = self.board.goals.get(goal_id)
                 told = (
                     _ended(row, target) if row and row.ended else _running(row, target, now, over)
                 )
@@ -92,28 +188,62 @@ class Cancelling:
         return new
 
     @property
+    def done(self) -> bool:
+        """Whether the fate of every goal is known and, of all goals, all servers have answered."""
+        asks = self.every and (self._want or self._waits_for_answers)
+        return not asks and all(target.fate is not None for target in self._targets.values())
+
+    @property
+    def _waits_for_answers(self) -> bool:
+        answers = (self._answers[number] for number in range(self._first, self._number + 1))
+        return max(answers, default=0) < max(1, len(self.board.servers))
+
+    # --- what happened to it ---------------------------------------------------------------
+
+    @property
     def fates(self) -> list[Fate]:
         """The fates of the goals that are settled."""
         return [target.fate for target in self._targets.values() if target.fate is not None]
 
+    def gets_more(self, now: float) -> bool:
+        """Return whether new goals came in until now, so that more will come."""
+        asked = [target.asked for target in self._targets.values() if target.asked is not None]
+        return bool(asked) and asked[-1] - asked[0] >= _AGAIN and now - asked[-1] < _AGAIN
+
     @property
-    def done(self) -> bool:
-        """Whether every goal is settled."""
-        return len(self.fates) == len(self._targets)
+    def silent(self) -> bool:
+        """Whether no server has answered."""
+        return not self.answers
+
+    @property
+    def missing(self) -> int:
+        """How many servers in sight have not answered for all goals; some may be unknown."""
+        answered = max(self._answers.values(), default=0)
+        return max(0, len(self.board.servers) - answered) if self.every else 0
+
+    @property
+    def unheard(self) -> str:
+        """Which servers have not answered for all goals, as a sentence; `""` if all have."""
+        if not self.every or not (self.silent or self.missing):
+            return ""
+        those = f"{self.missing} of {len(self.board.servers)} servers did not answer"
+        told = "no server answered" if self.silent else those
+        return f"{self.name}: {told}. GOALS MAY STILL BE RUNNING."
 
     @property
     def exit(self) -> Exit:
-        """The worst exit code of all goals."""
+        """The worst exit code of all goals; with a silent server, the fate is not known."""
         found = {fate.cancel for fate in self.fates}
-        return next((code for cancel, code in _EXITS.items() if cancel in found), Exit.OK)
+        code = next((code for cancel, code in _EXITS.items() if cancel in found), Exit.OK)
+        return Exit.CANCEL_UNKNOWN if code is Exit.OK and self.unheard else code
 
 
 def _ended(row: WatchedGoal, target: _Target) -> tuple[str, str]:
     if row.state == "LOST":
         return "UNKNOWN", "Its last server went away; whether it runs on is not known."
-    if row.state == "CANCELED" and target.asked:
+    if row.state == "CANCELED" and target.asked is not None:
         return "CONFIRMED", "It was canceled, and runs no more."
-    before = "in the meantime" if target.asked else "before"
+    before = "in the meantime" if target.asked is not None else "before"
     return "NOT_NEEDED", f"It had ended {before}: {row.state}."
 
 
@@ -135,3 +265,85 @@ def _running(
             "The server is cancelling it, and did not end it. IT MAY STILL BE RUNNING.",
         )
     return "UNKNOWN", "The server did not answer. IT MAY STILL BE RUNNING."
+
+
+def cancel_goals(
+    survey: Survey,
+    actions: list[Cancelling],
+    *,
+    over: Callable[[float], bool],
+    look: float,
+    least: float | None = None,
+    on_fate: Callable[[Fate], object] = lambda _: None,
+) -> None:
+    """Cancel goals until it is known what happened to each, or the time is `over`.
+
+    Args:
+        survey: Sees the actions.
+        actions: Those whose goals are cancelled.
+        over: Asked often, with the time on the monotonic clock.
+        look: Seconds to look for servers; one that is not seen at once is seen within 3 s.
+        least: The same if each action has a server: there may be a second one. `None` means that
+            all actions that come into sight are added.
+        on_fate: Gets each fate when it is known.
+    """
+    from actionkit._ros.tools.cancel import AllSaid, CancelSaid, GoalCanceller
+    from actionkit._ros.tools.watch import StatusReader
+
+    inbox: queue.SimpleQueue[tuple[Cancelling, Any]] = queue.SimpleQueue()
+    cancellers: dict[str, GoalCanceller] = {}
+    by_name = {action.name: action for action in actions}
+    began = time.monotonic()
+    again = False
+    broken: set[str] = set()
+    """Names that rclpy refuses; the program that made them does not use rclpy."""
+    with contextlib.ExitStack() as stack:
+        while True:
+            for seen in survey.actions().values():
+                if not seen.servers or (least is not None and seen.name not in by_name):
+                    continue
+                if seen.name not in by_name:
+                    by_name[seen.name] = Cancelling(seen.name)
+                    actions.append(by_name[seen.name])
+                action = by_name[seen.name]
+                if seen.name not in cancellers and seen.name not in broken:
+                    put = _putter(inbox, action)
+                    try:
+                        reader = StatusReader(seen.name, on_goals=put, on_servers=put)
+                        stack.callback(reader.close)
+                        cancellers[seen.name] = GoalCanceller(seen.name, put)
+                        stack.callback(cancellers[seen.name].close)
+                    except Exception as error:  # noqa: BLE001  cancel those of the other actions
+                        broken.add(seen.name)
+                        say(f"Error: {seen.name}: {type(error).__name__}: {error}", err=True)
+                action.seen([end.node for end in seen.servers])
+            for action, news in arrived(inbox, _TICK):
+                if isinstance(news, AllSaid):
+                    action.take_all(news, time.monotonic())
+                elif isinstance(news, CancelSaid):
+                    action.take(news, time.monotonic())
+                else:
+                    action.take_news(news, time.time())
+            now = time.monotonic()
+            every = least is not None and all(action.servers for action in actions)
+            looked = now - began >= (least if every and least is not None else look)
+            if looked and not again:
+                again = True
+                for action in actions:
+                    action.once_more()
+            for name, canceller in cancellers.items():
+                action = by_name[name]
+                if (number := action.to_ask(now)) is not None:
+                    canceller.cancel_all(number)
+                for goal_id in action.to_ask_singly(now):
+                    canceller.cancel(goal_id)
+                for fate in action.settle(now, over=False):
+                    canceller.stop(fate.goal_id)
+                    on_fate(fate)
+            done = all(by_name[name].done for name in cancellers)
+            if (looked and done) or over(now):
+                return
+
+
+def _putter(inbox: queue.SimpleQueue[Any], action: Cancelling) -> Callable[[Any], None]:
+    return lambda news: inbox.put((action, news))

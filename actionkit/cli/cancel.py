@@ -13,15 +13,16 @@ import click
 
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._observers.json_schema import note_line
+from actionkit.cli._cancelling import Cancelling, Fate, cancel_goals
 from actionkit.cli._exits import Exit
+from actionkit.cli._goal_board import Board
 from actionkit.cli._options import HELP, SECONDS, debug_option, json_option, name_argument
 from actionkit.cli._problems import full_name, open_survey
 from actionkit.cli._say import say
-from actionkit.cli.watch import FIRST, TICK, first_look
+from actionkit.cli.watch import FIRST, first_look
 
 if TYPE_CHECKING:
-    from actionkit.cli._cancelling import Cancelling, Fate
-    from actionkit.cli._goal_board import Board
+    from actionkit._ros.tools.survey import Survey
 
 _EPILOG = """\b
 Examples:
@@ -86,40 +87,41 @@ def command(
     goal_ids = [_goal_id(text) for text in ids]
     with open_survey() as survey:
         full = full_name(survey, name)
-
-        from actionkit._ros.tools.cancel import GoalCanceller
-        from actionkit._ros.tools.watch import StatusReader
-        from actionkit.cli._cancelling import Cancelling
-        from actionkit.cli._goal_board import Board
-
-        board = Board()
-        inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        reader = StatusReader(full, on_goals=inbox.put, on_servers=inbox.put)
-        canceller = GoalCanceller(full, on_answer=inbox.put)
+        if not goal_ids and not every:
+            return _list(full, server_timeout)
+        cancelling = Cancelling(full, goal_ids or None)
         try:
-            first_look(board, inbox, server_timeout)
-            if not board.servers:
-                say(f"Error: Action {full!r} has no server in sight.", err=True)
-                return Exit.NO_SERVER
-            if not goal_ids and not every:
-                return _list(full, board)
-            cancelling = Cancelling(goal_ids)
-            show = partial(_show, full, as_json)
-            try:
-                _cancel(cancelling, not goal_ids, board, inbox, canceller, timeout, show)
-            except KeyboardInterrupt:
-                for fate in cancelling.settle(board.goals, time.monotonic(), over=True):
-                    show(fate)
-                raise
-            if not cancelling.fates and not as_json:
-                say("No goal is running.")
-            return cancelling.exit
-        finally:
-            canceller.close()
-            reader.close()
+            _cancel(survey, cancelling, timeout, server_timeout, partial(_show, full, as_json))
+        finally:  # also after Ctrl-C
+            if cancelling.servers:
+                for fate in cancelling.settle(time.monotonic(), over=True):
+                    _show(full, as_json, fate)
+    if not cancelling.servers:
+        return _no_server(full)
+    if cancelling.unheard:
+        say(cancelling.unheard, err=True)
+    elif not cancelling.fates and not as_json:
+        say("No goal is running.")
+    return cancelling.exit
 
 
-def _list(name: str, board: Board) -> int:
+def _no_server(name: str) -> int:
+    say(f"Error: Action {name!r} has no server in sight.", err=True)
+    return Exit.NO_SERVER
+
+
+def _list(name: str, server_timeout: float) -> int:
+    from actionkit._ros.tools.watch import StatusReader
+
+    board = Board()
+    inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    reader = StatusReader(name, on_goals=inbox.put, on_servers=inbox.put)
+    try:
+        first_look(board, inbox, server_timeout)
+    finally:
+        reader.close()
+    if not board.servers:
+        return _no_server(name)
     running = [goal for goal in board.sorted() if not goal.ended]
     if not running:
         say("No goal is running.")
@@ -137,43 +139,30 @@ def _list(name: str, board: Board) -> int:
 
 
 def _cancel(
+    survey: Survey,
     cancelling: Cancelling,
-    every: bool,
-    board: Board,
-    inbox: queue.SimpleQueue[Any],
-    canceller: Any,
     timeout: float,
+    server_timeout: float,
     show: Callable[[Fate], None],
 ) -> None:
-    """Cancel the goals (or all running goals), until it is known what happened to each."""
-    from actionkit._ros.tools.cancel import CancelSaid
+    """Cancel the goals until it is known what happened to each."""
+    began = progressed = time.monotonic()
 
-    began = progressed = now = time.monotonic()
-    while True:
-        if every:
-            for goal in board.goals.values():
-                if not goal.ended:
-                    cancelling.add(goal.goal_id)
-        for goal_id in cancelling.to_ask(board.goals):
-            canceller.cancel(goal_id)
+    def over(now: float) -> bool:
+        nonlocal began, progressed
+        if not cancelling.servers:
+            began = progressed = now
+            return False
         # Each of many goals has its time; but new goals might come for ever.
-        over = now - progressed >= timeout or now - began >= timeout + LONGEST_GRACE
-        for fate in cancelling.settle(board.goals, now, over=over):
-            canceller.stop(fate.goal_id)
-            show(fate)
-            progressed = now
-        # A second server on the name may report its goals a little later.
-        if cancelling.done and (not every or now - began >= min(FIRST, timeout)):
-            return
-        try:
-            news = inbox.get(timeout=TICK)
-        except queue.Empty:
-            news = None
-        now = time.monotonic()
-        if isinstance(news, CancelSaid):
-            cancelling.take(news, now)
-        elif news is not None:
-            board.take(news, time.time())
+        return now - progressed >= timeout or now - began >= timeout + LONGEST_GRACE
+
+    def on_fate(fate: Fate) -> None:
+        nonlocal progressed
+        progressed = time.monotonic()
+        show(fate)
+
+    least = min(FIRST, timeout) if cancelling.every else 0.0
+    cancel_goals(survey, [cancelling], over=over, look=server_timeout, least=least, on_fate=on_fate)
 
 
 def _show(name: str, as_json: bool, fate: Fate) -> None:

@@ -4,31 +4,29 @@ from __future__ import annotations
 
 import contextlib
 import os
-import queue
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from actionkit._model.domain import LAST_DOMAIN
 from actionkit._observers.json_schema import note_line
 from actionkit._ros.workarounds.udp_only import use_udp_only
+from actionkit.cli._cancelling import Cancelling, cancel_goals
 from actionkit.cli._exits import Exit
-from actionkit.cli._goal_board import arrived
 from actionkit.cli._options import HELP, SECONDS, complete_names, debug_option, json_option
 from actionkit.cli._problems import full_name, import_ros, open_survey
 from actionkit.cli._say import say
 from actionkit.cli._stdout import keep_clean
-from actionkit.cli._stopping import Stopping, table, worst
+from actionkit.cli._stop_table import table, worst
 
 if TYPE_CHECKING:
     from actionkit._ros.holds.state import Hold
     from actionkit._ros.holds.view import HoldView
-    from actionkit._ros.tools.survey import Survey
     from actionkit.cli._holding import Keeper
 
 _LOOK = 4.0
@@ -119,9 +117,9 @@ def _about_hold(releasing: bool, timeout: float, as_json: bool) -> int:
 def _stop_named(names: tuple[str, ...], timeout: float, as_json: bool) -> int:
     with open_survey() as survey:
         full = list(dict.fromkeys(full_name(survey, name) for name in names))
-        stopped = [Stopping(name) for name in full]
+        stopped = [Cancelling(name) for name in full]
         with _shown(stopped, as_json):
-            _cancel_all(survey, stopped, time.monotonic() + timeout, named=True)
+            cancel_goals(survey, stopped, over=_passed(timeout), look=_LOOK, least=_NAMED)
         missing = [action.name for action in stopped if not action.servers]
         for name in missing:
             say(f"Error: Action {name!r} has no server in sight.", err=True)
@@ -154,11 +152,11 @@ def _stop_and_hold(hold: Hold, keeper: Keeper, timeout: float, as_json: bool) ->
         view.start()
         until = time.monotonic() + timeout
         say(f"Stopping everything in ROS domain {survey.domain_id}.", err=True)
-        stopped: list[Stopping] = []
+        stopped: list[Cancelling] = []
         held = partial(_are_held, view, hold, keeper)
         try:
             with _shown(stopped, as_json), _said_when(held):
-                _cancel_all(survey, stopped, until, named=False)
+                cancel_goals(survey, stopped, over=_passed(timeout), look=_LOOK)
             codes = [action.exit for action in stopped] or [Exit.NO_SERVER]
             if not stopped:
                 say("No action server is in sight, so nothing was canceled.", err=True)
@@ -170,6 +168,11 @@ def _stop_and_hold(hold: Hold, keeper: Keeper, timeout: float, as_json: bool) ->
         finally:
             view.close()
     return worst(codes)
+
+
+def _passed(timeout: float) -> Callable[[float], bool]:
+    until = time.monotonic() + timeout
+    return lambda now: now >= until
 
 
 @contextlib.contextmanager
@@ -232,7 +235,7 @@ def _tell_of_hold(view: HoldView, hold: Hold, keeper: Keeper, as_json: bool) -> 
 
 
 @contextlib.contextmanager
-def _shown(actions: list[Stopping], as_json: bool) -> Iterator[None]:
+def _shown(actions: list[Cancelling], as_json: bool) -> Iterator[None]:
     """Show what happened to the actions at the end, also after Ctrl-C."""
     try:
         yield
@@ -252,7 +255,7 @@ def _shown(actions: list[Stopping], as_json: bool) -> Iterator[None]:
                 say(line)
 
 
-def _json_lines(actions: list[Stopping]) -> Iterator[str]:
+def _json_lines(actions: list[Cancelling]) -> Iterator[str]:
     now = time.time()
     for action in actions:
         for fate in action.fates:
@@ -266,72 +269,3 @@ def _json_lines(actions: list[Stopping]) -> Iterator[str]:
             goals=len(action.fates) if action.fates or not action.silent else None,
             answered=not action.silent and not action.missing,
         )
-
-
-def _cancel_all(survey: Survey, stopped: list[Stopping], until: float, *, named: bool) -> None:
-    """Cancel all goals of the actions in `stopped`, until a monotonic time at most.
-
-    Unless the actions are `named`, add all that come into sight.
-    """
-    from actionkit._ros.tools.cancel import CancelSaid, GoalCanceller
-    from actionkit._ros.tools.cancel_all import AllGoalsCanceller, AllSaid
-    from actionkit._ros.tools.watch import StatusReader
-
-    inbox: queue.SimpleQueue[tuple[Stopping, Any]] = queue.SimpleQueue()
-    cancellers: dict[str, AllGoalsCanceller] = {}
-    single: dict[str, GoalCanceller] = {}
-    actions = {action.name: action for action in stopped}
-    began = now = time.monotonic()
-    again = False
-    broken: set[str] = set()
-    """Names that rclpy refuses; the program that made them does not use rclpy."""
-    with contextlib.ExitStack() as stack:
-        while True:
-            for seen in survey.actions().values():
-                if not seen.servers or (named and seen.name not in actions):
-                    continue
-                if seen.name not in actions:
-                    actions[seen.name] = Stopping(seen.name)
-                    stopped.append(actions[seen.name])
-                action = actions[seen.name]
-                if seen.name not in cancellers and seen.name not in broken:
-                    put = partial(_put, inbox, action)
-                    try:
-                        reader = StatusReader(seen.name, on_goals=put, on_servers=put)
-                        stack.callback(reader.close)
-                        cancellers[seen.name] = AllGoalsCanceller(seen.name, put)
-                        stack.callback(cancellers[seen.name].close)
-                    except Exception as error:  # noqa: BLE001  stop the other actions
-                        broken.add(seen.name)
-                        say(f"Error: {seen.name}: {type(error).__name__}: {error}", err=True)
-                action.seen([end.node for end in seen.servers])
-            for action, news in arrived(inbox, _TICK):
-                if isinstance(news, AllSaid):
-                    action.take_answer(news, time.monotonic())
-                elif isinstance(news, CancelSaid):
-                    action.take_single(news, time.monotonic())
-                else:
-                    action.take_news(news, time.time())
-            now = time.monotonic()
-            every = named and all(action.servers for action in stopped)
-            looked = now - began >= (_NAMED if every else _LOOK)
-            if looked and not again:
-                again = True
-                for action in stopped:
-                    action.once_more()
-            for name, canceller in cancellers.items():
-                if (number := actions[name].to_ask(now)) is not None:
-                    canceller.ask(number)
-                for goal_id in actions[name].to_ask_singly(now):
-                    if name not in single:
-                        single[name] = GoalCanceller(name, partial(_put, inbox, actions[name]))
-                        stack.callback(single[name].close)
-                    single[name].cancel(goal_id)
-                actions[name].settle(now, over=False)
-            done = all(actions[name].done() for name in cancellers)
-            if (looked and done) or now >= until:
-                return
-
-
-def _put(inbox: queue.SimpleQueue[Any], action: Stopping, news: Any) -> None:
-    inbox.put((action, news))

@@ -13,7 +13,6 @@ import pytest
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit.cli._cancelling import Cancelling
 from actionkit.cli._exits import Exit
-from actionkit.cli._goal_board import WatchedGoal
 from tests.cli.conftest import FIBONACCI, Running, World
 from tests.cli.test_call import goal_id
 
@@ -95,14 +94,15 @@ def test_an_accepted_cancellation_is_no_canceled_goal(world: World) -> None:
 
 AWAKE = """
 import actionkit.cli._cancelling as c
-real = c.Cancelling.take
-def take(*said):
-    real(*said)
-    print("waiting", flush=True)
-    c.Cancelling.take = real
-c.Cancelling.take = take
+real = c.Cancelling.take_news
+def take(self, *news):
+    real(self, *news)
+    if self.board.goals:
+        print("waiting", flush=True)
+        c.Cancelling.take_news = real
+c.Cancelling.take_news = take
 """
-"""Has the command tell, once, that a server has answered."""
+"""Has the command tell, once, that it knows of a goal."""
 
 
 def test_no_answer_is_told(world: World) -> None:
@@ -135,18 +135,24 @@ A, R, T, U = (
 )
 
 
+def goal_is(cancelling: Cancelling, goal: str, state: str) -> None:
+    if state:
+        cancelling.take_news([SimpleNamespace(goal_id=goal, state=state, accepted=0.0)], 0.0)
+
+
 def fate(
     *answers: CancelAnswer, state: str = "EXECUTING", now: float = 0.0, over: bool = False
 ) -> str | None:
     """Return what is said of a goal that was asked to be cancelled, and answered about, at 0 s."""
-    board = {GOAL: WatchedGoal(GOAL, state, 0.0, 0.0)} if state else {}
-    cancelling = Cancelling([GOAL])
-    assert cancelling.to_ask({}) == [GOAL]
-    assert cancelling.to_ask({}) == []
+    cancelling = Cancelling("/a", [GOAL])
+    assert cancelling.to_ask_singly(-1.0) == [], "its state may arrive"
+    assert cancelling.to_ask_singly(0.0) == [GOAL]
+    assert cancelling.to_ask_singly(0.0) == []
     for answer in answers:
         cancelling.take(SimpleNamespace(goal_id=GOAL, answer=answer), 0.0)
-    told = cancelling.settle(board, now, over=over)
-    assert cancelling.settle(board, now, over=over) == []
+    goal_is(cancelling, GOAL, state)
+    told = cancelling.settle(now, over=over)
+    assert cancelling.settle(now, over=over) == []
     assert cancelling.done == bool(told)
     return told[0].cancel if told else None
 
@@ -189,24 +195,27 @@ def test_what_is_said_of_a_goal(
 
 
 def test_a_goal_that_had_ended_is_not_asked_about() -> None:
-    cancelling = Cancelling([GOAL])
-    board = {GOAL: WatchedGoal(GOAL, "CANCELED", 0.0, 0.0)}
-    assert cancelling.to_ask(board) == []
-    (told,) = cancelling.settle(board, 0.0, over=False)
+    cancelling = Cancelling("/a", [GOAL])
+    goal_is(cancelling, GOAL, "CANCELED")
+    assert cancelling.to_ask_singly(0.0) == []
+    (told,) = cancelling.settle(0.0, over=False)
     assert (told.cancel, told.text) == ("NOT_NEEDED", "It had ended before: CANCELED.")
+    assert cancelling.done
+    assert cancelling.to_ask(9.0) is None, "all goals would be canceled"
 
 
 def test_the_exit_code_is_that_of_the_worst() -> None:
     goals = [str(uuid.UUID(int=number)) for number in range(1, 4)]
-    board = {goals[2]: WatchedGoal(goals[2], "EXECUTING", 0.0, 0.0)}
-    cancelling = Cancelling(goals[:2])
+    cancelling = Cancelling("/a", goals)
     assert cancelling.exit is Exit.OK
     cancelling.take(SimpleNamespace(goal_id=goals[0], answer=U), 0.0)
-    cancelling.settle({}, 2.0, over=False)
+    cancelling.settle(2.0, over=False)
     assert cancelling.exit is Exit.NO_SUCH_GOAL
-    cancelling.settle({}, 2.0, over=True)
+    goal_is(cancelling, goals[2], "EXECUTING")
+    cancelling.settle(2.0, over=True)
     assert cancelling.exit is Exit.CANCEL_UNKNOWN
-    cancelling.add(goals[2])
+    cancelling = Cancelling("/a", goals)
+    goal_is(cancelling, goals[2], "EXECUTING")
     cancelling.take(SimpleNamespace(goal_id=goals[2], answer=R), 0.0)
-    cancelling.settle(board, 2.0, over=False)
+    cancelling.settle(2.0, over=True)
     assert cancelling.exit is Exit.CANCEL_REFUSED

@@ -10,12 +10,12 @@ import pytest
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.holds.state import Hold, HoldState, Sender
 from actionkit._ros.holds.view import Said
-from actionkit._ros.tools.cancel import CancelSaid
-from actionkit._ros.tools.cancel_all import AllSaid
+from actionkit._ros.tools.cancel import AllSaid, CancelSaid
 from actionkit._ros.tools.watch import GoalSeen
+from actionkit.cli._cancelling import Cancelling
 from actionkit.cli._exits import Exit
 from actionkit.cli._holding import release
-from actionkit.cli._stopping import Stopping, table, worst
+from actionkit.cli._stop_table import table, worst
 
 LONG = 30.0
 
@@ -23,15 +23,15 @@ LONG = 30.0
 ONE, TWO = "00000000-0000-0000-0000-000000000001", "00000000-0000-0000-0000-000000000002"
 
 
-def stopping(*states: str) -> Stopping:
-    action = Stopping("/a")
+def stopping(*states: str) -> Cancelling:
+    action = Cancelling("/a")
     action.seen(["/server"])
     action.take_news(("/server",), 0.0)
     action.take_news([GoalSeen(g, s, 0.0) for g, s in zip((ONE, TWO), states, strict=False)], 0.0)
     return action
 
 
-def goal_is(action: Stopping, state: str, goal_id: str = ONE) -> None:
+def goal_is(action: Cancelling, state: str, goal_id: str = ONE) -> None:
     action.take_news([GoalSeen(goal_id, state, 0.0)], 0.0)
 
 
@@ -40,12 +40,12 @@ def test_a_request_is_repeated_until_it_is_answered() -> None:
     assert action.to_ask(0.0) == 1
     assert action.to_ask(0.5) is None
     assert action.to_ask(1.5) == 2
-    assert not action.done()
-    action.take_answer(AllSaid(2, (ONE,)), 1.6)
+    assert not action.done
+    action.take_all(AllSaid(2, (ONE,)), 1.6)
     assert action.to_ask(3.0) is None
     goal_is(action, "CANCELED")
     action.settle(3.0, over=False)
-    assert action.done()
+    assert action.done
     assert [fate.cancel for fate in action.fates] == ["CONFIRMED"]
     assert action.exit is Exit.OK
 
@@ -53,29 +53,29 @@ def test_a_request_is_repeated_until_it_is_answered() -> None:
 def test_goals_accepted_meanwhile_are_canceled_too() -> None:
     action = stopping()
     assert action.to_ask(0.0) == 1
-    action.take_answer(AllSaid(1, ()), 0.1)
-    assert action.done()
+    action.take_all(AllSaid(1, ()), 0.1)
+    assert action.done
     goal_is(action, "EXECUTING")
     assert action.to_ask(0.2) == 2
-    assert not action.done()
-    action.take_answer(AllSaid(2, (ONE,)), 0.3)
+    assert not action.done
+    action.take_all(AllSaid(2, (ONE,)), 0.3)
     goal_is(action, "CANCELED")
     action.settle(0.3, over=False)
-    assert action.done()
+    assert action.done
     action.once_more()
-    assert not action.done()
+    assert not action.done
     assert action.to_ask(0.4) == 3
 
 
 def test_what_a_server_says_of_all_is_no_proof_about_one() -> None:
     action = stopping("EXECUTING", "EXECUTING")
     assert action.to_ask(0.0) == 1
-    action.take_answer(AllSaid(1, (TWO,)), 0.1)
+    action.take_all(AllSaid(1, (TWO,)), 0.1)
     assert action.to_ask_singly(0.2) == []
     assert sorted(action.to_ask_singly(0.6)) == [ONE, TWO]
     assert action.to_ask_singly(0.7) == []
     for goal_id in (ONE, TWO):
-        action.take_single(CancelSaid(goal_id, CancelAnswer.REFUSED), 0.7)
+        action.take(CancelSaid(goal_id, CancelAnswer.REFUSED), 0.7)
     action.settle(2.0, over=False)
     assert {fate.cancel for fate in action.fates} == {"REFUSED"}
     assert action.exit is Exit.CANCEL_REFUSED
@@ -85,7 +85,7 @@ def test_a_server_that_says_nothing_may_have_goals() -> None:
     action = stopping()
     action.to_ask(0.0)
     action.settle(9.0, over=True)
-    assert not action.done()
+    assert not action.done
     assert action.exit is Exit.CANCEL_UNKNOWN
     assert "GOALS MAY STILL BE RUNNING" in table([action])[-1]
 
@@ -95,16 +95,16 @@ def test_every_server_on_the_name_has_to_answer() -> None:
     action.seen(["/server", "/second"])
     action.take_news(("/second", "/server"), 0.0)
     assert action.to_ask(0.0) == 1
-    action.take_answer(AllSaid(1, ()), 0.1)
-    assert not action.done()
+    action.take_all(AllSaid(1, ()), 0.1)
+    assert not action.done
     assert action.to_ask(1.1) == 2
-    action.take_answer(AllSaid(2, ()), 1.2)
-    assert not action.done()
+    action.take_all(AllSaid(2, ()), 1.2)
+    assert not action.done
     action.settle(9.0, over=True)
     assert action.exit is Exit.CANCEL_UNKNOWN
     assert "1 of 2 servers did not answer. GOALS MAY STILL BE RUNNING" in table([action])[-1]
-    action.take_answer(AllSaid(1, ()), 1.3)  # late, and as good
-    assert action.done()
+    action.take_all(AllSaid(1, ()), 1.3)  # late, and as good
+    assert action.done
     action.once_more()
     assert action.to_ask(1.4) == 3  # that both have answered once is known all the same
     assert action.exit is Exit.OK
@@ -114,7 +114,7 @@ def test_every_server_on_the_name_has_to_answer() -> None:
 def test_a_server_that_comes_later_is_asked() -> None:
     action = stopping()
     assert action.to_ask(0.0) == 1
-    action.take_answer(AllSaid(1, ()), 0.1)
+    action.take_all(AllSaid(1, ()), 0.1)
     action.seen(["/server", "/third"])
     assert action.to_ask(0.6) == 2
     assert action.servers == ("/server", "/third")
@@ -133,27 +133,33 @@ def test_it_is_known_whether_goals_are_still_being_sent() -> None:
 def test_a_goal_that_its_server_has_forgotten_may_still_be_running() -> None:
     action = stopping("EXECUTING")
     action.to_ask(0.0)
-    action.take_answer(AllSaid(1, (ONE,)), 0.1)
+    action.take_all(AllSaid(1, (ONE,)), 0.1)
     assert action.to_ask_singly(0.7) == [ONE]
-    action.take_single(CancelSaid(ONE, CancelAnswer.UNKNOWN_GOAL), 0.8)
+    action.take(CancelSaid(ONE, CancelAnswer.UNKNOWN_GOAL), 0.8)
     action.settle(5.0, over=False)
-    assert not action.done()
+    assert not action.done
     action.settle(5.0, over=True)
     assert [(fate.cancel, "MAY STILL" in fate.text) for fate in action.fates] == [("UNKNOWN", True)]
     assert action.exit is Exit.CANCEL_UNKNOWN
 
 
+def test_a_goal_that_was_seen_too_late_for_a_request_is_told_of() -> None:
+    action = stopping("EXECUTING")
+    action.settle(0.0, over=True)
+    assert [fate.cancel for fate in action.fates] == ["UNKNOWN"]
+
+
 def test_more_goals_than_a_watch_keeps_have_all_a_known_end() -> None:
-    action = Stopping("/a")
+    action = Cancelling("/a")
     action.take_news(("/server",), 0.0)
     ids = [f"00000000-0000-0000-0000-{number:012}" for number in range(1500)]
     action.take_news([GoalSeen(goal_id, "EXECUTING", 0.0) for goal_id in ids], 0.0)
     action.to_ask(0.0)
-    action.take_answer(AllSaid(1, tuple(ids)), 0.1)
+    action.take_all(AllSaid(1, tuple(ids)), 0.1)
     action.take_news([GoalSeen(goal_id, "CANCELED", 0.0) for goal_id in ids], 0.2)
     action.settle(0.2, over=False)
-    assert action.done()
-    assert action.counts == {"CONFIRMED": 1500}
+    assert action.done
+    assert [fate.cancel for fate in action.fates] == ["CONFIRMED"] * 1500
 
 
 def test_the_exit_code_is_that_of_the_worst() -> None:

@@ -1,4 +1,4 @@
-"""Asks the servers of an action to cancel goals by their ids, also goals of other clients.
+"""Asks the servers of an action to cancel goals, also those of other clients.
 
 The request has the same type for all actions, so the package that defines the action is not needed.
 """
@@ -11,16 +11,20 @@ from dataclasses import dataclass
 from typing import Any
 
 from action_msgs.srv import CancelGoal
+from rclpy.exceptions import InvalidHandle
 from rclpy.qos import QoSProfile
 
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros import runtimes
 from actionkit._ros.cancels import CancelQueue, CancelWindow
 from actionkit._ros.codes import cancel_answer
-from actionkit._ros.native import ResponseSource
+from actionkit._ros.native import RCLError, ResponseSource
+from actionkit._threads.clock import TimerHandle
 
 _DEPTH = 100
 """Depth of the queue of answers; the window lets far fewer requests be unanswered."""
+_NOT_READY = 0.05
+"""Seconds between two checks whether a server that has just come into sight takes requests."""
 _JOIN = 5.0
 """Seconds for the communication thread to end; it takes some ten milliseconds."""
 
@@ -33,26 +37,45 @@ class CancelSaid:
     answer: CancelAnswer
 
 
-class GoalCanceller:
-    """Sends requests to cancel goals, a few at a time, until they are answered or `close`."""
+@dataclass(frozen=True)
+class AllSaid:
+    """What one server answered to a request to cancel all goals."""
 
-    def __init__(self, action_name: str, on_answer: Callable[[CancelSaid], None]) -> None:
+    request: int  # the number of the request
+    canceling: tuple[str, ...]  # the ids of the goals that it is cancelling now, with dashes
+
+
+class GoalCanceller:
+    """Sends requests to cancel goals of one action, from any thread, until `close`."""
+
+    def __init__(
+        self, action_name: str, on_answer: Callable[[CancelSaid | AllSaid], object]
+    ) -> None:
         """Make the client of the servers' cancel service.
 
-        `on_answer` gets each answer, on another thread. Each server on the name answers; after an
-        answer that the goal is not known, the request is repeated.
+        `on_answer` gets each answer, on another thread. Each server on the name answers.
         """
         self._name = action_name
         self._on_answer = on_answer
         self._asked: dict[int, tuple[bytes, float]] = {}
         """Request -> goal, also for answered requests: another server may answer, too."""
+        self._asked_all: dict[int, int] = {}
+        """Request to cancel all goals -> its number."""
+        self._timer: TimerHandle | None = None
         self._runtime = runtimes.acquire(None, self)
         self._runtime.run(self._begin)
 
     def cancel(self, goal_id: str) -> None:
-        """Ask for the goal's cancellation until it is answered."""
+        """Ask for the goal's cancellation until it is answered, a few goals at a time.
+
+        After an answer that the goal is not known, the request is repeated.
+        """
         key = uuid.UUID(goal_id).bytes
         self._runtime.call_soon(lambda: self._queue.ask(key))
+
+    def cancel_all(self, number: int) -> None:
+        """Ask once for the cancellation of all goals, when a server can take the request."""
+        self._runtime.call_soon(lambda: self._send_all(number))
 
     def stop(self, goal_id: str) -> None:
         """Stop asking for a goal."""
@@ -60,7 +83,7 @@ class GoalCanceller:
         self._runtime.call_soon(lambda: self._queue.stop(key))
 
     def close(self) -> None:
-        """Send nothing more, and give the node back."""
+        """Send nothing more, ignore further answers, and release the node."""
         self._runtime.run(self._end)
         runtimes.release(self._runtime, self)
         self._runtime.join_if_stopping(_JOIN)
@@ -80,21 +103,45 @@ class GoalCanceller:
 
     def _end(self) -> None:
         self._queue.close()
+        self._stop_waiting()
         self._runtime.disable(self._source)
         self._runtime.node.destroy_client(self._client)
 
+    def _is_ready(self) -> bool:
+        try:
+            return bool(self._client.service_is_ready())
+        except (RCLError, InvalidHandle):
+            # In a context that was shut down the graph cannot be asked, but requests work (R10).
+            return True
+
     def _send(self, key: bytes) -> None:
-        if not self._client.service_is_ready():
+        if not self._is_ready():
             return  # no server would get it; the queue repeats it soon
         request = CancelGoal.Request()
         request.goal_info.goal_id.uuid = list(key)
         self._asked[self._source.send(request)] = key, self._runtime.now()
 
+    def _send_all(self, number: int) -> None:
+        self._stop_waiting()
+        if self._is_ready():
+            # All zeros, in the id and in the stamp, mean all goals.
+            self._asked_all[self._source.send(CancelGoal.Request())] = number
+        else:
+            again = self._runtime.now() + _NOT_READY
+            self._timer = self._runtime.call_at(again, lambda: self._send_all(number))
+
+    def _stop_waiting(self) -> None:
+        if self._timer is not None:
+            self._runtime.cancel_timer(self._timer)
+            self._timer = None
+
     def _take(self, seq: int, response: Any) -> None:
-        if seq not in self._asked:
-            return
-        key, asked_at = self._asked[seq]
-        canceling = {bytes(info.goal_id.uuid) for info in response.goals_canceling}
-        answer = cancel_answer(response, key, canceling)
-        self._queue.answered(key, answer, asked_at)
-        self._on_answer(CancelSaid(str(uuid.UUID(bytes=key)), answer))
+        canceling = [bytes(info.goal_id.uuid) for info in response.goals_canceling]
+        if seq in self._asked_all:
+            told = tuple(str(uuid.UUID(bytes=key)) for key in canceling)
+            self._on_answer(AllSaid(self._asked_all[seq], told))
+        elif seq in self._asked:
+            key, asked_at = self._asked[seq]
+            answer = cancel_answer(response, key, canceling)
+            self._queue.answered(key, answer, asked_at)
+            self._on_answer(CancelSaid(str(uuid.UUID(bytes=key)), answer))
