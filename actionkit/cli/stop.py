@@ -38,8 +38,8 @@ _TICK = 0.05
 """Seconds between two looks at the graph."""
 _GRACE = 5.0
 """More seconds at most to wait for the agents when the goals are stopped."""
-_LAST = 0.5
-"""Seconds at most for what is left to do about the hold when the time is over."""
+_LEAST = 1.0
+"""Seconds for the hold to be kept, also if --timeout is less."""
 
 _EPILOG = """\b
 Examples:
@@ -150,7 +150,7 @@ def _stop_and_hold(hold: Hold, keeper: Keeper, timeout: float, as_json: bool) ->
         view = HoldView(None, "stop", speaks=True)
         view.add(HoldState({hold.hold_id: hold}))
         view.start()
-        until = time.monotonic() + timeout
+        until = time.monotonic() + max(timeout, _LEAST)
         say(f"Stopping everything in ROS domain {survey.domain_id}.", err=True)
         stopped: list[Cancelling] = []
         held = partial(_are_held, view, hold, keeper)
@@ -160,8 +160,7 @@ def _stop_and_hold(hold: Hold, keeper: Keeper, timeout: float, as_json: bool) ->
             codes = [action.exit for action in stopped] or [Exit.NO_SERVER]
             if not stopped:
                 say("No action server is in sight, so nothing was canceled.", err=True)
-            now = time.monotonic()
-            until = min(now + _GRACE, max(until, now + _LAST))
+            until = min(until, time.monotonic() + _GRACE)
             while not held() and time.monotonic() < until:
                 time.sleep(_TICK)
             codes.append(_tell_of_hold(view, hold, keeper, as_json))
@@ -193,7 +192,7 @@ def _said_when(held: Callable[[], bool]) -> Iterator[None]:
         yield
     finally:
         over.set()
-        thread.join(_LAST)
+        thread.join(_LEAST)
 
 
 def _are_held(view: HoldView, hold: Hold, keeper: Keeper) -> bool:
