@@ -38,11 +38,6 @@ def feedback_alone(message: bytes) -> bytes:
     return message[:_HEADER] + message[_HEADER + ID_SIZE :]
 
 
-def first_goal_id(message: bytes) -> bytes:
-    """Return the id of the first goal in a serialised status array; `b""` if there is none."""
-    return bytes(message[_HEADER + _LENGTH : _HEADER + _LENGTH + ID_SIZE])
-
-
 def goals(message: bytes) -> Iterator[tuple[bytes, int, int, int]]:
     """Yield each goal in a serialised status array: its id, the stamp's two numbers, the status.
 

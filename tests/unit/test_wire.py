@@ -82,7 +82,6 @@ def test_all_that_a_status_array_has(count: int, stamp: tuple[int, int]) -> None
     message = status_array(goals, stamp)
     assert list(wire.goals(message)) == [(goal_id, *stamp, status) for goal_id, status in goals]
     assert len(list(wire.goals(message[:-1]))) == max(0, count - 1)
-    assert wire.first_goal_id(message) == (goals[0][0] if goals else b"")
 
 
 @pytest.mark.parametrize("form", [bytes, bytearray, memoryview])

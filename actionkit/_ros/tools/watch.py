@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from actionkit._ros import graph, runtimes
 from actionkit._ros.codes import STATES
 from actionkit._ros.native import MessageSource, RCLError
-from actionkit._ros.wire import first_goal_id, goals
+from actionkit._ros.wire import goals
 from actionkit._threads.clock import TimerHandle
 
 _DEPTH = 100
@@ -89,10 +89,12 @@ class StatusReader:
         self._runtime.node.destroy_subscription(self._subscription)
 
     def _take(self) -> None:
-        # Only the newest array of each server: another client may cause hundreds in a second, of
-        # thousands of goals each. Two servers never list the same goal first.
-        newest = {first_goal_id(message): message for message in self._source.take()}
-        listed = [goal for message in newest.values() for goal in goals(message)]
+        messages = self._source.take()
+        if len(self._servers) == 1:
+            # Only the newest array: another client may cause hundreds in a second, of thousands of
+            # goals each. Of several servers, an array does not say whose it is.
+            messages = messages[-1:]
+        listed = [goal for message in messages for goal in goals(message)]
         before, self._codes = self._codes, {goal_id: code for goal_id, _, _, code in listed}
         changed = [goal for goal in listed if before.get(goal[0]) != goal[3]]
         if changed:
