@@ -30,7 +30,6 @@ class Clients:
         self.closed = False
         self.node = RosNode(domain_id)
         self._domain_id = domain_id
-        self._reads_topics = bool(config.topics)
         self._goals = goals
         self._hold: HoldListener | None = None
         self._clients: dict[str, Client[Any]] = {}
@@ -55,8 +54,7 @@ class Clients:
                 hold.on_hold(on_hold)
                 hold.start()
                 self._hold = hold
-                if self._reads_topics:
-                    self.node.open()  # so that it has found the publishers when it is asked
+                self.node.open()  # so that it has found servers and publishers when it is asked
             return self._hold
 
     def client(self, tool: ActionConfig) -> Client[Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from actionkit._internal_api import in_thread, unless_by_anyio
@@ -21,6 +21,7 @@ from actionkit.agents._hold import HoldListener
 from actionkit.agents._plain import plain_json
 from actionkit.agents._progress import ProgressTeller
 from actionkit.agents._results import refusal
+from actionkit.agents._ros import GoalThere
 from actionkit.agents._values import ApprovalRequest, Approve, OnProgress, ToolResult
 
 _log = logging.getLogger("actionkit")
@@ -80,7 +81,11 @@ class GoalCalls:
         hold = await self._ready(tool)
         if isinstance(hold, ToolResult):
             return hold
-        return await self._send(tool, goal, client, hold, stops, on_progress)
+        try:
+            others = await self._of_others(tool)
+        except Exception as error:  # noqa: BLE001  also what the middleware raises
+            return _closed(tool) if self._clients.closed else _failed(tool, error)
+        return await self._send(tool, goal, client, hold, stops, others, on_progress)
 
     async def start(self) -> HoldListener:
         """Begin to listen for a human's stop.
@@ -90,6 +95,27 @@ class GoalCalls:
             RuntimeError: The toolbox was closed.
         """
         return await in_thread(lambda: self._clients.hold(self.on_hold))
+
+    async def _of_others(self, tool: ActionConfig) -> list[GoalThere]:
+        """Return the goals of other programs that the servers of a tool's action have now."""
+        future = await in_thread(lambda: self._clients.node.goals(_full_name(tool.action)))
+        there = await asyncio.wrap_future(future)
+        return self._goals.of_others(there)
+
+    async def others(self, tools: Iterable[ActionConfig]) -> list[tuple[ActionConfig, GoalThere]]:
+        """Return the goals of other programs on the actions of tools, where that is known."""
+        if self._clients.closed or self._clients.listening is None:
+            return []
+        by_action = {_full_name(tool.action): tool for tool in reversed(list(tools))}
+        looks = [self._of_others(tool) for tool in by_action.values()]
+        found = await asyncio.gather(*looks, return_exceptions=True)
+        told = []
+        for tool, there in zip(by_action.values(), found, strict=True):
+            if isinstance(there, BaseException):
+                _log.warning("the goals of %s are not known: %s", tool.action, there)
+            else:
+                told += [(tool, goal) for goal in there]
+        return told
 
     async def _ready(self, tool: ActionConfig) -> HoldListener | ToolResult:
         """Return the human's stop, or why no goal of a tool may be sent now."""
@@ -103,8 +129,8 @@ class GoalCalls:
                 return _closed(tool)
         if (why := hold.why_held()) is not None:
             return _held(tool, why, known=hold.is_known)
-        running = self._goals.counting(tool.name)
-        return _too_many(tool, running) if len(running) >= tool.concurrent else hold
+        running = self._goals.counting(_full_name(tool.action))
+        return _too_many(tool, running, []) if len(running) >= tool.concurrent else hold
 
     async def _send(
         self,
@@ -113,13 +139,14 @@ class GoalCalls:
         client: Any,
         hold: HoldListener,
         stops: int,
+        others: list[GoalThere],
         on_progress: OnProgress | None,
     ) -> ToolResult:
         """Send the goal and wait for its end. Nothing is awaited before it is in good hands."""
-        record = GoalRecord(tool.name)
+        record = GoalRecord(tool.name, _full_name(tool.action))
         # Counted in before the last look at what may forbid it: what forbids it later finds it.
-        if not self._goals.add(record, tool.concurrent):
-            return _too_many(tool, self._goals.counting(tool.name))
+        if not self._goals.add(record, tool.concurrent - len(others)):
+            return _too_many(tool, self._goals.counting(record.action), others)
         teller = None if on_progress is None else ProgressTeller(record, on_progress)
         telling: asyncio.Task[None] | None = None
         sent = False
@@ -231,11 +258,19 @@ def _held(tool: ActionConfig, why: str, *, known: bool) -> ToolResult:
     return refusal(tool.name, "hold_unknown", why, retry=True, advice=advice)
 
 
-def _too_many(tool: ActionConfig, running: list[GoalRecord]) -> ToolResult:
-    ids = ", ".join(record.ids[0] if record.ids else "one being sent" for record in running[:5])
-    text = f"{tool.name} takes {tool.concurrent} at a time, and as many run, or may: {ids}"
+def _too_many(tool: ActionConfig, running: list[GoalRecord], others: list[GoalThere]) -> ToolResult:
+    ids = [record.ids[0] if record.ids else "one being sent" for record in running]
+    ids += [f"{goal.goal_id} (of another program)" for goal in others]
+    text = f"{tool.name} takes {tool.concurrent} at a time, and as many run, or may"
     advice = "Wait until they have ended; the tool `goals` tells when."
-    return refusal(tool.name, "too_many_goals", text, retry=True, advice=advice)
+    if others:
+        advice += " A goal of another program can also be stopped by a human, or by that program."
+    told = f"{text}: {', '.join(ids[:5])}"
+    return refusal(tool.name, "too_many_goals", told, retry=True, advice=advice)
+
+
+def _full_name(action: str) -> str:
+    return f"/{action.lstrip('/')}"
 
 
 def _closed(tool: ActionConfig) -> ToolResult:

@@ -7,12 +7,13 @@ import logging
 import threading
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any
 
 from actionkit import CallInfo, GoalEvent, GoalFuture, GoalState
 from actionkit.agents._results import error_value, goal_value, may_still_run, refusal
+from actionkit.agents._ros import GoalThere
 
 _KEPT = 100
 """Goals that ended, for the tool `goals`."""
@@ -25,13 +26,15 @@ class GoalRecord:
 
     Attributes:
         tool: The tool's name.
+        action: The full name of the action.
         call_id: The id of the first goal of its call.
         value: What the tool returns, once the call is over.
         why_cancelled: Why this toolbox cancelled it; `""` where it did not.
     """
 
-    def __init__(self, tool: str) -> None:
+    def __init__(self, tool: str, action: str = "") -> None:
         self.tool = tool
+        self.action = action
         self.call_id: uuid.UUID | None = None
         self.value: dict[str, Any] | None = None
         self.why_cancelled = ""
@@ -67,6 +70,11 @@ class GoalRecord:
         future = self._future
         latest = self._goal_id if future is None else future.goal_id
         return tuple(str(one) for one in dict.fromkeys((latest, self.call_id)) if one is not None)
+
+    @property
+    def sent(self) -> set[str]:
+        """The ids of all goals that it has sent."""
+        return set() if self._goals is None else {str(o.goal_id) for o in self._goals.reports}
 
     @property
     def state(self) -> str:
@@ -183,9 +191,9 @@ class Goals:
         self._records: list[GoalRecord] = []
 
     def add(self, record: GoalRecord, limit: int) -> bool:
-        """Count a goal in, unless there are as many of its tool as there may be."""
+        """Count a goal in, unless there are as many of its action as there may be."""
         with self._lock:
-            if sum(one.counts for one in self._records if one.tool == record.tool) >= limit:
+            if sum(one.counts for one in self._records if one.action == record.action) >= limit:
                 return False
             self._records.append(record)
             ended = [one for one in self._records if not one.counts]
@@ -199,9 +207,14 @@ class Goals:
             if record in self._records:
                 self._records.remove(record)
 
-    def counting(self, tool: str | None = None) -> list[GoalRecord]:
+    def counting(self, action: str | None = None) -> list[GoalRecord]:
         """Return the goals that are in flight, or may be, the latest first."""
-        return [one for one in self.latest() if one.counts and tool in (None, one.tool)]
+        return [one for one in self.latest() if one.counts and action in (None, one.action)]
+
+    def of_others(self, there: Iterable[GoalThere]) -> list[GoalThere]:
+        """Return the goals that this toolbox has not sent."""
+        sent = set[str]().union(*(one.sent for one in self.latest()))
+        return [goal for goal in there if goal.goal_id not in sent]
 
     def latest(self) -> list[GoalRecord]:
         """Return all that are kept, the latest first."""

@@ -8,6 +8,7 @@ import logging
 import os
 import threading
 import time
+import uuid
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,6 +19,12 @@ _PERIOD = 0.05
 """Seconds between two looks for publishers, while something is being read."""
 _SETTLE = 0.1
 """Seconds for messages that publishers keep: there may be several, and the newest is wanted."""
+_STATUS_WAIT = 1.0
+"""Seconds for the status of servers that have been joined: those that never had a goal send
+none."""
+_DISCOVERY = 3.5
+"""Seconds until a new node has found all servers that are there, and has got what they keep."""
+_STATES = {1: "ACCEPTED", 2: "EXECUTING", 3: "CANCELING"}  # of goals that have not ended
 _log = logging.getLogger("actionkit")
 
 
@@ -38,6 +45,21 @@ class Reading:
     other_types: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class GoalThere:
+    """A goal that a server has, and that has not ended.
+
+    Attributes:
+        goal_id: Its id, with dashes.
+        state: `ACCEPTED`, `EXECUTING` or `CANCELING`.
+        age: Seconds since the server accepted it, by the server's clock.
+    """
+
+    goal_id: str
+    state: str
+    age: float
+
+
 class RosNode:
     """A node of the toolbox's own, in its domain. Its thread lives while a topic is being read."""
 
@@ -46,6 +68,7 @@ class RosNode:
         self._lock = threading.Lock()
         self._context: Any = None
         self._node: Any = None
+        self._opened = 0.0
         self._thread: threading.Thread | None = None
         self._requests: list[_Request] = []
         self._closed = False
@@ -77,7 +100,7 @@ class RosNode:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self._context = context
+        self._context, self._opened = context, time.monotonic()
         return self._node
 
     def read(
@@ -97,15 +120,27 @@ class RosNode:
         """
         with self._lock:
             self._open()
-            request = _Request(topic, ros_type, cls, wait, max_age)
-            self._requests.append(request)
-            if self._thread is None:
-                self._thread = threading.Thread(
-                    target=self._run, args=(self._context, self._node), name="actionkit-topics"
-                )
-                self._thread.daemon = True
-                self._thread.start()
-            return request.future
+            return self._begin(_Request(topic, ros_type, cls, wait, max_age))
+
+    def _begin(self, request: _Request) -> Future[Any]:
+        self._requests.append(request)
+        if self._thread is None:
+            self._thread = threading.Thread(
+                target=self._run, args=(self._context, self._node), name="actionkit-topics"
+            )
+            self._thread.daemon = True
+            self._thread.start()
+        return request.future
+
+    def goals(self, action: str) -> Future[tuple[GoalThere, ...]]:
+        """Ask the servers of an action which goals they have now, of any program.
+
+        Their status topic tells. A server that never had a goal has nothing to tell. Blocks for no
+        longer than `open`.
+        """
+        with self._lock:
+            self._open()
+            return self._begin(_StatusRequest(action, self._opened))
 
     def _run(self, context: Any, node: Any) -> None:
         """Serve the requests until there are none. All that is done to subscriptions is here."""
@@ -174,10 +209,12 @@ def _close_all() -> None:
 class _Request:
     """One reading of a topic. On the thread of the node, except its future."""
 
+    _depth = 1
+
     def __init__(
         self, topic: str, ros_type: str, cls: Any, wait: float, max_age: float | None
     ) -> None:
-        self.future: Future[Reading] = Future()
+        self.future: Future[Any] = Future()
         self._topic = topic
         self._type = ros_type
         self._cls = cls
@@ -220,7 +257,7 @@ class _Request:
             if key in self._subscriptions:
                 continue
             kept = offered.durability == qos.DurabilityPolicy.TRANSIENT_LOCAL
-            profile = qos.QoSProfile(depth=1, reliability=key[0], durability=key[1])
+            profile = qos.QoSProfile(depth=self._depth, reliability=key[0], durability=key[1])
             self._subscriptions[key] = node.create_subscription(
                 self._cls, self._topic, self._kept if kept else self._fresh, profile, raw=True
             )
@@ -253,3 +290,54 @@ class _Request:
                 self.future.set_result(Reading(message, age, self._publishers, others))
         except Exception as error:  # noqa: BLE001  bytes that are not of the type
             self.fail(error)
+
+
+class _StatusRequest(_Request):
+    """One look at the goals that the servers of an action have."""
+
+    _depth = 100  # there may be several servers, and each has a message of its own
+
+    def __init__(self, action: str, opened: float) -> None:
+        cls: Any = importlib.import_module("action_msgs.msg").GoalStatusArray
+        ros_type = "action_msgs/msg/GoalStatusArray"
+        super().__init__(f"{action}/_action/status", ros_type, cls, _STATUS_WAIT, None)
+        self._all: list[tuple[int, bytes]] = []
+        self._found_by = opened + _DISCOVERY
+        self._until = max(self._until, self._found_by)
+        self._joined = False
+
+    def _look(self, node: Any) -> None:
+        super()._look(node)
+        now = time.monotonic()
+        joined = sum(one.get_publisher_count() for one in self._subscriptions.values())
+        if not self._publishers and now > self._found_by:
+            self._until = 0.0  # no server is in sight
+        elif self._publishers and joined >= self._publishers and not self._joined:
+            self._joined = True  # what the servers keep comes now, if there is anything
+            self._until = now + _STATUS_WAIT
+
+    def _take(self, message: bytes, info: Any, settle: float) -> None:
+        if self._newest is None:
+            super()._take(message, info, _SETTLE)
+        self._all.append((int(info["source_timestamp"]), bytes(message)))
+
+    def _finish(self) -> None:
+        try:
+            decode: Any = importlib.import_module("rclpy.serialization").deserialize_message
+            entries = [
+                entry
+                for _, raw in sorted(self._all)
+                for entry in decode(raw, self._cls).status_list
+            ]
+            latest = {bytes(entry.goal_info.goal_id.uuid): entry for entry in entries}
+            there = (_there(key, entry) for key, entry in latest.items() if entry.status in _STATES)
+            with suppress(InvalidStateError):
+                self.future.set_result(tuple(there))
+        except Exception as error:  # noqa: BLE001  bytes that are not of the type
+            self.fail(error)
+
+
+def _there(key: bytes, entry: Any) -> GoalThere:
+    accepted = entry.goal_info.stamp.sec + entry.goal_info.stamp.nanosec * 1e-9
+    age = round(max(0.0, time.time() - accepted), 3)
+    return GoalThere(str(uuid.UUID(bytes=key)), _STATES[entry.status], age)

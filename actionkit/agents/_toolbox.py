@@ -129,7 +129,8 @@ class Toolbox:
         if name in self._topics:
             return await read_topic(self._clients, self._topics[name], arguments)
         if name == GOALS:
-            return goals_result(self._goals, arguments)
+            others = await self._calls.others(self._actions.values())
+            return goals_result(self._goals, others, arguments)
         known = ", ".join(tool.name for tool in self._tools)
         text = f"there is no tool {shown(name)}; the tools are: {known}"
         return refusal(shown(name), "unknown_tool", text, retry=False, advice=_CHANGE)

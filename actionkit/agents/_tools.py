@@ -19,7 +19,8 @@ from actionkit.agents._values import Tool
 
 _GOALS_TEXT = (
     "Tells which goals this toolbox has sent, what became of each, and which may still be running;"
-    " those that were cancelled, too."
+    " those that were cancelled, too. Also tells of goals that other programs have sent to the same"
+    " actions and that run now."
 )
 
 

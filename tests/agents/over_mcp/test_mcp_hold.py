@@ -20,6 +20,8 @@ from tests.holding import end_keepers
 def robot(robot: Robot) -> Robot:
     """Let processes listen for holds as long as they do for users: that is tested here."""
     robot.holds_soon_known = False
+    # Each of the four agents has a goal of the same action.
+    robot.file.write_text(robot.file.read_text().replace("concurrent = 2", "concurrent = 4"))
     return robot
 
 
@@ -53,7 +55,6 @@ def test_a_human_stops_the_robot(robot: Robot, http: HttpServing) -> None:
         async with AsyncExitStack() as stack:
             agents = [await stack.enter_async_context(agent(robot, way, http)) for way in WAYS]
             by_way = list(zip(WAYS, agents, strict=True))
-            # Of one toolbox over HTTP: each of its two agents may have a goal of the two at a time.
             watch = Watch(patrolling)
             calls = []
             ids: dict[int, str] = {}
