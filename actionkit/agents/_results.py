@@ -89,7 +89,7 @@ _STATUSES: tuple[tuple[type[BaseException], str, bool, str, str], ...] = (
         "timed_out",
         False,
         "the time that this tool may take ran out after {seconds} s",
-        "It took longer than this tool may take, and was cancelled; ask for less at a time.",
+        "A goal that was sent is cancelled then; ask for less at a time.",
     ),
     (
         ActionTypeMismatchError,
