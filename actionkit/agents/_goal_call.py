@@ -259,7 +259,7 @@ def _held(tool: ActionConfig, why: str, *, known: bool) -> ToolResult:
 
 
 def _too_many(tool: ActionConfig, running: list[GoalRecord], others: list[GoalThere]) -> ToolResult:
-    ids = [record.ids[0] if record.ids else "one being sent" for record in running]
+    ids = [record.report()["goal_id"] or "one that waits to be sent" for record in running]
     ids += [f"{goal.goal_id} (of another program)" for goal in others]
     text = f"{tool.name} takes {tool.concurrent} at a time, and as many run, or may"
     advice = "Wait until they have ended; the tool `goals` tells when."

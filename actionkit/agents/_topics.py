@@ -28,7 +28,7 @@ def topic_value(topic: TopicConfig, status: str, **more: Any) -> dict[str, Any]:
         "message": None,
         "notes": [],
         "error": None,
-        DATA: ["message"],
+        DATA: ["message", "notes"],
         **more,
     }
 

@@ -23,6 +23,8 @@ from actionkit import (
     GoalState,
     Outcome,
 )
+from actionkit._ros.holds.state import Hold
+from actionkit._ros.holds.words import who
 from actionkit.agents import Toolbox
 from actionkit.agents._goal_call import question_of
 from actionkit.agents._plain import plain_json
@@ -126,3 +128,8 @@ def test_the_question_for_an_approval_shows_all_characters() -> None:
 
 def test_errors_escape_what_cannot_be_seen() -> None:
     assert error_value("failed", "a\u200bb", retry=False, advice="")["message"] == r"a\u200bb"
+
+
+def test_who_holds_the_robot_is_told_with_all_characters() -> None:
+    hold = Hold(since=0.0, hold_id="1", by="ann\u200b\u202e@desk")
+    assert who([hold]).startswith(r"ann\u200b\u202e@desk since ")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-from actionkit._model.printable import printable
+from actionkit._model.printable import visible
 from actionkit._ros.holds.state import UNREADABLE, Hold
 
 _MOST = 3
@@ -13,7 +13,7 @@ _MOST = 3
 
 def who(holds: Sequence[Hold]) -> str:
     """Return who holds since when, the oldest hold first."""
-    shown = [f"{printable(hold.by)}{since(hold)}" for hold in holds[:_MOST]]
+    shown = [f"{visible(hold.by)}{since(hold)}" for hold in holds[:_MOST]]
     more = len(holds) - _MOST
     return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
 
