@@ -45,5 +45,11 @@ class Limits:
     description: str = ""
     expose: bool | None = None
 
+    @property
+    def is_limited(self) -> bool:
+        """Whether it limits the values."""
+        limits = (self.minimum, self.maximum, self.enum, self.max_length, self.max_items)
+        return any(limit is not None for limit in limits)
+
 
 NO_LIMITS = Limits()

@@ -284,6 +284,8 @@ HEAVY = (
     "py_trees",
     "PIL",
     "mcp",
+    "pydantic",
+    "pydantic_core",
 )
 
 

@@ -1,0 +1,427 @@
+"""What a model may send as a goal: checked by pydantic, described by a JSON Schema (2020-12).
+
+One walk through the message class makes both, so that they cannot say different things. Importing
+this is slow (pydantic, rosidl_parser); it is loaded with the first configuration.
+"""
+# C10.2
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy
+from pydantic_core import SchemaValidator, ValidationError, core_schema
+from rosidl_parser.definition import (
+    AbstractGenericString,
+    AbstractNestedType,
+    AbstractWString,
+    NamespacedType,
+)
+
+from actionkit._messages.convert import to_plain
+from actionkit._messages.paths import message_class, slots_of, type_name
+from actionkit._model.field_errors import shown
+from actionkit.agents._argument_problems import said, sentences
+from actionkit.agents._check import check_size
+from actionkit.agents._interfaces import comments, constants
+from actionkit.agents._limits import ABSENT, NO_LIMITS, Limits
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_FLOAT32_MAX = 3.4028234663852886e38
+_DUMMY = "structure_needs_at_least_one_member"
+"""rosidl's, in messages without fields."""
+_NO_NUL = "^[^\\u0000]*$"
+
+
+class GoalModel:
+    """Checks the arguments of a tool.
+
+    Attributes:
+        schema: Of the arguments, as the model sees it.
+        exposed: The paths of the fields that the model can set.
+        unlimited: Those of them that are numbers without limits.
+        problems: Path and text of limits that contradict each other or the type.
+    """
+
+    def __init__(self, cls: type, limits: Mapping[str, Limits], *, expose_all: bool) -> None:
+        builder = _Builder(limits)
+        part = builder.message(cls, "", to_plain(cls()), expose_all or None)
+        about = _about(cls, "")
+        self.schema = {"$schema": DIALECT, **part.schema}
+        if about:
+            self.schema["description"] = about
+        self.exposed = tuple(builder.exposed)
+        self.unlimited = tuple(builder.unlimited)
+        self.problems = tuple(builder.problems)
+        self._validator = SchemaValidator(part.check)
+
+    def check(self, arguments: object) -> tuple[dict[str, Any], list[str]]:
+        """Return the fields to send, and what is wrong: then the fields are empty.
+
+        The fields are those given, and the defaults and constants of the limits.
+        """
+        fields, problems = _checked(self._validator, self.schema, arguments)
+        return fields or {}, problems
+
+
+def check_value(slot: Any, value: object, limits: Limits = NO_LIMITS) -> tuple[Any, list[str]]:
+    """Return a value of the configuration as it is to be sent, and what is wrong with it.
+
+    Args:
+        slot: The field's type, as rosidl describes it.
+        value: For the whole field; the model need not be able to set it.
+        limits: Of the field.
+    """
+    part = _Builder({"": limits}).field(slot, "", None, True, "")
+    if part.check is None:
+        return None, [f"a {getattr(slot, 'typename', 'field of this type')} cannot be set"]
+    return _checked(SchemaValidator(part.check), part.schema, value)
+
+
+def _checked(
+    validator: SchemaValidator, schema: Mapping[str, Any], value: object
+) -> tuple[Any, list[str]]:
+    if (too_large := check_size(value)) is not None:
+        return None, [too_large]
+    try:
+        return validator.validate_python(value), []
+    except ValidationError as error:
+        return None, sentences(error, schema)
+
+
+def number_bounds(slot: Any) -> tuple[float | int, float | int] | None:
+    """Return the range of a type of numbers; `None` for any other type."""
+    name = str(getattr(slot, "typename", ""))
+    if name in ("float", "double"):
+        most = _FLOAT32_MAX if name == "float" else sys.float_info.max
+        return -most, most
+    if name == "octet":
+        return 0, 255
+    digits = name.removeprefix("u").removeprefix("int")
+    if digits not in ("8", "16", "32", "64"):
+        return None
+    bits = int(digits)
+    return (0, 2**bits - 1) if name[0] == "u" else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+
+
+@dataclass
+class _Part:
+    """One field, the elements of an array, or the goal itself.
+
+    Attributes:
+        check: Pydantic's; `None` where the model does not see it.
+        schema: What the model sees.
+        sent: Sent if the model does not give it.
+        filled: Taken for given if the model does not give it, because something in it is sent
+            anyway, or must be given.
+        needed: Whether the model must give it, or something in it.
+    """
+
+    check: Any
+    schema: dict[str, Any]
+    sent: Any = ABSENT
+    filled: Any = ABSENT
+    needed: bool = False
+
+
+class _Builder:
+    def __init__(self, limits: Mapping[str, Limits]) -> None:
+        self.exposed: list[str] = []
+        self.unlimited: list[str] = []
+        self.problems: list[tuple[str, str]] = []
+        self._limits = limits
+
+    def message(self, cls: type, path: str, value: Any, exposed: bool | None) -> _Part:
+        """Build a message.
+
+        Args:
+            cls: Its class.
+            path: From the goal, `""` for the goal itself.
+            value: What ROS sends if nothing in it is set, as plain values.
+            exposed: Whether the model sees all or none of its fields, `None` for those that the
+                configuration lists. Each field may say otherwise.
+        """
+        texts = comments(type_name(cls))
+        fields: dict[str, core_schema.TypedDictField] = {}
+        properties: dict[str, Any] = {}
+        required: list[str] = []
+        sent: dict[str, Any] = {}
+        filled: dict[str, Any] = {}
+        for name, (slot, _) in slots_of(cls).items():
+            if name == _DUMMY:
+                continue
+            below = f"{path}.{name}" if path else name
+            const = self._limits.get(below, NO_LIMITS).const
+            if const is not ABSENT:
+                sent[name] = const
+                continue
+            plain = value[name] if isinstance(value, Mapping) else None
+            part = self.field(slot, below, plain, exposed, texts.get(name, ""))
+            if part.sent is not ABSENT:
+                sent[name] = part.sent
+            if part.check is None:
+                continue
+            if part.filled is not ABSENT:
+                filled[name] = part.filled
+            if part.needed:
+                required.append(name)
+            must = part.needed and part.filled is ABSENT
+            fields[name] = core_schema.typed_dict_field(part.check, required=must)
+            properties[name] = part.schema
+        schema: dict[str, Any] = {
+            "type": "object",
+            "properties": properties,
+            "additionalProperties": False,
+        }
+        if required:
+            schema["required"] = required
+        check: Any = core_schema.typed_dict_schema(fields, extra_behavior="forbid")
+        if filled:
+            check = core_schema.no_info_before_validator_function(_below(filled), check)
+        if sent:
+            check = core_schema.no_info_after_validator_function(_below(sent), check)
+        if path and not properties:
+            return _Part(None, {}, sent=sent or ABSENT)
+        inside = bool(filled or sent or required)
+        return _Part(check, schema, filled={} if inside else ABSENT, needed=bool(required))
+
+    def field(self, slot: Any, path: str, value: Any, exposed: bool | None, comment: str) -> _Part:
+        """Build one field; `value` and `exposed` as in `message`."""
+        own = self._limits.get(path, NO_LIMITS)
+        if own.expose is not None:
+            exposed = own.expose
+        if isinstance(slot, NamespacedType):
+            cls = message_class(slot)
+            part = self.message(cls, path, value, exposed)
+            comment = _about(cls, comment)
+        elif isinstance(slot, AbstractNestedType) and isinstance(slot.value_type, NamespacedType):
+            part = self._messages(slot, path, value, exposed, own)
+        else:
+            visible = path in self._limits if exposed is None else exposed
+            part = self._values(slot, path, value, own, visible=visible)
+        if part.check is None:
+            return part
+        if about := " ".join(filter(None, (own.description or comment, _unit(slot, part.schema)))):
+            part.schema["description"] = about
+        default = value if own.default is ABSENT else part.sent
+        if not isinstance(slot, NamespacedType) and not part.needed and _is_json(default):
+            part.schema["default"] = default
+        return part
+
+    def _messages(
+        self, slot: Any, path: str, value: Any, exposed: bool | None, own: Limits
+    ) -> _Part:
+        """Build an array of messages; the model sees it if it sees anything of an element."""
+        cls = message_class(slot.value_type)
+        element = value[0] if value else to_plain(cls())
+        item = self.message(cls, path, element, exposed)
+        size: int = getattr(slot, "size", 0)
+        if item.check is None:
+            part = _Part(None, {})
+            if size and item.sent is not ABSENT:
+                part.sent = [item.sent] * size
+        else:
+            part = _list(slot, item.check, item.schema, own)
+            part.needed = bool(size) and item.needed
+            if size and item.filled is not ABSENT and not item.needed:
+                part.filled = [{}] * size
+        if own.default is not ABSENT:
+            part.sent = self._default(slot, part, path, own)
+            part.filled, part.needed = ABSENT, False
+        return part
+
+    def _values(self, slot: Any, path: str, value: Any, own: Limits, *, visible: bool) -> _Part:
+        """Build a single value, or an array of single values."""
+        inner = slot.value_type if isinstance(slot, AbstractNestedType) else slot
+        part = self._single(inner, path, own)
+        if part.check is None:
+            return part
+        if inner is not slot:
+            part = _list(slot, part.check, part.schema, own)
+        if own.default is not ABSENT:
+            part.sent = self._default(slot, part, path, own)
+        elif value is not None and (visible or own.is_limited):
+            part.needed = not _accepts(part.check, value)
+            if part.needed and not visible:
+                text = "is not exposed, but its default is outside of its limits; set a default"
+                self.problems.append((path, text))
+        if not visible:
+            return _Part(None, {}, sent=part.sent)
+        self.exposed.append(path)
+        if number_bounds(inner) and own.enum is None and None in (own.minimum, own.maximum):
+            self.unlimited.append(path)
+        return part
+
+    def _default(self, slot: Any, part: _Part, path: str, own: Limits) -> Any:
+        """Return the default of the configuration as it is to be sent."""
+        if part.check is None:
+            value, problems = check_value(slot, own.default)
+        else:
+            value, problems = _checked(SchemaValidator(part.check), part.schema, own.default)
+        self.problems += [(f"{path}.default", problem) for problem in problems]
+        return value
+
+    def _single(self, slot: Any, path: str, own: Limits) -> _Part:
+        """Build a value that is neither an array nor a message."""
+        if isinstance(slot, AbstractGenericString):
+            part = _string(slot, own)
+        elif (bounds := number_bounds(slot)) is not None:
+            low = bounds[0] if own.minimum is None else max(bounds[0], own.minimum)
+            high = bounds[1] if own.maximum is None else min(bounds[1], own.maximum)
+            part = _number(slot, low, high, own.enum)
+            for value in (low,) if own.enum is None else own.enum:
+                if slot.typename == "float" and not low <= _float32(low, high)(value) <= high:
+                    within = f"no {slot.typename} lies within {low!r} to {high!r}"
+                    self.problems.append((path, within))
+        elif slot.typename == "boolean":
+            part = _Part(_one_of(own.enum, core_schema.bool_schema(strict=True)), {})
+            part.schema["type"] = "boolean"
+        else:  # an IDL type that .msg files do not have
+            return _Part(None, {})
+        if own.enum is not None:
+            part.schema["enum"] = list(own.enum)
+        return part
+
+
+def _list(slot: Any, item: Any, schema: dict[str, Any], own: Limits) -> _Part:
+    size: int | None = getattr(slot, "size", None)
+    most = _least(own.max_items, size, getattr(slot, "maximum_size", None))
+    check: Any = core_schema.list_schema(item, min_length=size or 0, max_length=most, strict=True)
+    check = core_schema.no_info_before_validator_function(_as_list, check)
+    array: dict[str, Any] = {"type": "array", "items": schema}
+    if size:
+        array["minItems"] = size
+    if most is not None:
+        array["maxItems"] = most
+    return _Part(check, array)
+
+
+def _number(slot: Any, low: float, high: float, enum: Sequence[Any] | None) -> _Part:
+    whole = isinstance(number_bounds(slot)[0], int)  # type: ignore[index]
+    check: Any
+    if whole:
+        check = core_schema.int_schema(strict=True, ge=int(low), le=int(high))
+        check = core_schema.no_info_before_validator_function(_as_whole, check)
+    else:
+        check = core_schema.float_schema(strict=True, ge=low, le=high, allow_inf_nan=False)
+        check = core_schema.no_info_before_validator_function(_exactly(low, high), check)
+    check = _one_of(enum, check)
+    if slot.typename == "float":
+        check = core_schema.no_info_after_validator_function(_float32(low, high), check)
+    kind = "integer" if whole else "number"
+    return _Part(check, {"type": kind, "minimum": low, "maximum": high})
+
+
+def _string(slot: Any, own: Limits) -> _Part:
+    wide = isinstance(slot, AbstractWString)
+    most = _least(own.max_length, getattr(slot, "maximum_size", None))
+
+    def fits(text: str) -> str:
+        size = len(text.encode("utf-16-le")) // 2 if wide else len(text.encode())
+        if most is not None and size > most:
+            unit = "16-bit units" if wide else "bytes of UTF-8"
+            raise ValueError(f"{shown(text)} has {size} {unit}, but at most {most} are allowed")
+        if "\0" in text and not wide:
+            raise ValueError(f"{shown(text)} holds a NUL character, which ROS cannot send")
+        return text
+
+    schema: dict[str, Any] = {"type": "string"}
+    if most is not None:
+        schema["maxLength"] = most
+    if not wide:
+        schema["pattern"] = _NO_NUL
+    text = core_schema.str_schema(strict=True)
+    return _Part(
+        _one_of(own.enum, core_schema.no_info_after_validator_function(fits, text)), schema
+    )
+
+
+def _unit(slot: Any, schema: Mapping[str, Any]) -> str:
+    """Return what `maxLength` counts: JSON Schema counts characters."""
+    if "maxLength" not in schema:
+        return ""
+    unit = "16-bit units" if isinstance(slot, AbstractWString) else "bytes of UTF-8"
+    return f"At most {schema['maxLength']} {unit}."
+
+
+def _one_of(enum: Sequence[Any] | None, check: Any) -> Any:
+    if enum is None:
+        return check
+
+    def listed(value: Any) -> Any:
+        if value not in enum:
+            known = ", ".join(map(said, enum))
+            raise ValueError(f"{said(value)} must be one of {known}")
+        return value
+
+    return core_schema.no_info_after_validator_function(listed, check)
+
+
+def _below(values: Mapping[str, Any]) -> Callable[[Any], Any]:
+    """Return a function that adds what a mapping does not have."""
+    return lambda given: {**values, **given} if isinstance(given, Mapping) else given
+
+
+def _as_list(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _as_whole(value: Any) -> Any:
+    """JSON has one kind of numbers, so 1.0 is 1."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _exactly(low: float, high: float) -> Callable[[Any], Any]:
+    """Compare whole numbers before they are rounded to floats: that could bring them in."""
+
+    def compared(value: Any) -> Any:
+        if isinstance(value, int) and not isinstance(value, bool) and not low <= value <= high:
+            raise ValueError(f"{shown(value)} is outside of {low:g} to {high:g}")
+        return value
+
+    return compared
+
+
+def _float32(low: float, high: float) -> Callable[[float], float]:
+    """Return a function to the nearest 32-bit number within limits: rounding may lead out."""
+
+    def rounded(value: float) -> float:
+        near = numpy.float32(value)
+        if float(near) > high:
+            near = numpy.nextafter(near, numpy.float32(-math.inf))
+        elif float(near) < low:
+            near = numpy.nextafter(near, numpy.float32(math.inf))
+        return float(near)
+
+    return rounded
+
+
+def _accepts(check: Any, value: object) -> bool:
+    try:
+        SchemaValidator(check).validate_python(value)
+    except ValidationError:
+        return False
+    return True
+
+
+def _least(*values: int | None) -> int | None:
+    return min((value for value in values if value is not None), default=None)
+
+
+def _about(cls: type, comment: str) -> str:
+    named = constants(cls)
+    about = comment or comments(type_name(cls)).get("", "")
+    return " ".join(filter(None, (about, f"Constants: {named}" if named else "")))
+
+
+def _is_json(value: Any) -> bool:
+    """Tell whether it is there and has no number that JSON cannot write."""
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if isinstance(value, (list, tuple)):
+        return all(map(_is_json, value))
+    return value is not None
