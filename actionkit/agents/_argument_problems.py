@@ -69,9 +69,6 @@ def _wrong(value: Any, schema: Mapping[str, Any]) -> str:
         least, most = schema.get("minItems"), schema["maxItems"]
         allowed = f"exactly {most}" if least == most else f"at most {most}"
         return f"has {len(value)} elements, but must have {allowed}"
-    if kind == "string" and isinstance(value, str):
-        half = next(i for i, letter in enumerate(value) if "\ud800" <= letter <= "\udfff")
-        return f"{shown(value)} holds half a character (a lone surrogate) at index {half}"
     return must
 
 

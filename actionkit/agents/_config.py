@@ -7,15 +7,16 @@ import re
 import sys
 from dataclasses import dataclass
 from os import PathLike, fspath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from actionkit._messages.by_name import interface_class
 from actionkit._model.domain import LAST_DOMAIN
 from actionkit._model.settings import MOST
-from actionkit.agents._config_fields import read_fields
 from actionkit.agents._reader import Reader
-from actionkit.agents._shapes import Group
 from actionkit.agents._values import ConfigError
+
+if TYPE_CHECKING:
+    from actionkit.agents._goal_model import GoalModel
 
 GOALS = "goals"
 """The tool that every toolbox has."""
@@ -52,7 +53,7 @@ class ActionConfig:
         concurrent: The most goals at a time.
         confirm: Whether a human approves each.
         retries: How many more goals may be sent where one failed for a reason that may pass.
-        shape: Of the goal, with its limits.
+        model: Of the goal, with its limits.
     """
 
     name: str
@@ -64,7 +65,7 @@ class ActionConfig:
     concurrent: int
     confirm: bool
     retries: int
-    shape: Group
+    model: GoalModel
 
 
 @dataclass(frozen=True)
@@ -189,10 +190,10 @@ def _action(read: Reader, name: str, content: object) -> ActionConfig | None:
     confirm = table.get("confirm", "never")
     if confirm not in ("never", "always"):
         read.add(f"{place}.confirm", f"{confirm!r} must be 'never' or 'always'")
-    shape = None
+    model = None
     if cls is not None:
-        shape = read_fields(read, f"{place}.fields", cls.Goal, table.get("fields"))
-    if len(read.problems) > before or shape is None:
+        model = _model(read, f"{place}.fields", cls.Goal, table.get("fields"))
+    if len(read.problems) > before or model is None:
         return None
     assert timeout is not None
     return ActionConfig(
@@ -205,8 +206,16 @@ def _action(read: Reader, name: str, content: object) -> ActionConfig | None:
         concurrent=concurrent or 1,
         confirm=confirm == "always",
         retries=retries or 0,
-        shape=shape,
+        model=model,
     )
+
+
+def _model(read: Reader, place: str, goal: type, fields: object) -> GoalModel | None:
+    try:  # not with this module: importing it is slow, and needs pydantic
+        from actionkit.agents._config_fields import read_fields
+    except ImportError as error:
+        raise ImportError(f"{error}; pip install pydantic") from error
+    return read_fields(read, place, goal, fields)
 
 
 def _topic(read: Reader, name: str, content: object) -> TopicConfig | None:

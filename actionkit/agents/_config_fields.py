@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
+from rosidl_parser.definition import AbstractGenericString, AbstractNestedType, NamespacedType
+
+from actionkit._messages.paths import message_class, slots_of
 from actionkit._model.field_errors import shown
 from actionkit._model.similar_names import similar_names
-from actionkit.agents._check import Problems, check_size, fits
+from actionkit.agents._goal_model import DUMMY, GoalModel, check_value, number_bounds
 from actionkit.agents._limits import ABSENT, Limits
 from actionkit.agents._reader import Reader
-from actionkit.agents._shapes import Array, Boolean, Group, Number, Shape, Text, shape_of, walk
 
 _KEYS = (
     "minimum",
@@ -28,8 +30,25 @@ _KEYS = (
 _MOST_ITEMS = 1_000_000
 
 
-def read_fields(read: Reader, place: str, cls: type, content: object) -> Group | None:
-    """Return the shape of a goal with its limits, `None` where something is wrong.
+@dataclass(frozen=True)
+class _Type:
+    """The type of a field.
+
+    Attributes:
+        slot: As rosidl describes it.
+        text: As ROS writes it.
+        inner: That of its elements if it is an array, else its own.
+        bounds: Of numbers.
+    """
+
+    slot: Any
+    text: str
+    inner: Any
+    bounds: tuple[float | int, float | int] | None
+
+
+def read_fields(read: Reader, place: str, cls: type, content: object) -> GoalModel | None:
+    """Return the model of a goal with its limits, `None` where something is wrong.
 
     Args:
         read: Notes what is wrong.
@@ -38,29 +57,47 @@ def read_fields(read: Reader, place: str, cls: type, content: object) -> Group |
         content: The table: a table of limits for each path.
     """
     before = len(read.problems)
-    plain = {shape.path: shape for shape in walk(shape_of(cls, {})) if shape.path}
+    types = dict(_types(cls, ""))
     limits: dict[str, Limits] = {}
     for written, table in read.tables(place, content):
         path = written.replace("[]", "")
-        at = f'{place}."{written}"' if "." in written else f"{place}.{written}"
-        if path not in plain:
-            near = similar_names(path, plain)
-            hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(plain)}"
+        at = _place(place, written)
+        if path not in types:
+            near = similar_names(path, types)
+            hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(types)}"
             read.add(at, f"the goal has no such field; {hint}")
-            continue
-        limits[path] = _limits(read, at, plain[path], table)
+        elif path in limits:
+            read.add(at, "this field is listed twice; [] says nothing")
+        else:
+            limits[path] = _limits(read, at, types[path], table)
     if len(read.problems) > before:
         return None
-    shape = shape_of(cls, limits)
+    model = GoalModel(cls, limits, expose_all=True)
     _check_ancestors(read, place, limits)
-    _settle(read, place, shape)
-    return None if len(read.problems) > before else shape
+    for path, key, problem in model.problems:
+        read.add(".".join(filter(None, (_place(place, path), key))), problem)
+    return None if len(read.problems) > before else model
 
 
-def _limits(read: Reader, at: str, shape: Shape, content: object) -> Limits:
+def _types(cls: type, path: str) -> Iterator[tuple[str, _Type]]:
+    """Yield the paths and types of all fields, with those in the elements of arrays."""
+    for name, (slot, text) in slots_of(cls).items():
+        if name == DUMMY:
+            continue
+        below = f"{path}.{name}" if path else name
+        inner = slot.value_type if isinstance(slot, AbstractNestedType) else slot
+        yield below, _Type(slot, text, inner, number_bounds(inner))
+        if isinstance(inner, NamespacedType):
+            yield from _types(message_class(inner), below)
+
+
+def _place(place: str, path: str) -> str:
+    return f'{place}."{path}"' if "." in path else f"{place}.{path}"
+
+
+def _limits(read: Reader, at: str, of: _Type, content: object) -> Limits:
     table = read.table(at, content, _KEYS)
-    inner = shape.item if isinstance(shape, Array) else shape
-    _check_kinds(read, at, shape, inner, table)
+    _check_kinds(read, at, of, table)
     expose = table.get("expose")
     if expose is not None and not isinstance(expose, bool):
         read.add(f"{at}.expose", f"{shown(expose)} must be true or false")
@@ -68,59 +105,68 @@ def _limits(read: Reader, at: str, shape: Shape, content: object) -> Limits:
         for key in (set(table) & set(_KEYS)) - {"const", "description"}:
             read.add(f"{at}.{key}", "has no meaning beside const; remove one of them")
     low = high = None
-    if isinstance(inner, Number):
-        low, high = _bounds(read, at, inner, table)
-    return Limits(
+    if of.bounds is not None:
+        low, high = _bounds(read, at, of.inner, of.bounds, table)
+    most = getattr(of.inner, "maximum_size", None)
+    most_items = getattr(of.slot, "size", getattr(of.slot, "maximum_size", None))
+    limits = Limits(
         minimum=low,
         maximum=high,
-        enum=_enum(read, at, inner, table),
-        max_length=_most(read, at, "max_length", table, _MOST_ITEMS, getattr(inner, "most", None)),
-        max_items=_most(read, at, "max_items", table, _MOST_ITEMS, getattr(shape, "most", None)),
-        const=_value(read, f"{at}.const", shape, table["const"]) if "const" in table else ABSENT,
+        max_length=_most(read, at, "max_length", table, sys.maxsize, most),
+        max_items=_most(read, at, "max_items", table, _MOST_ITEMS, most_items),
         default=table.get("default", ABSENT),
         description=read.text(f"{at}.description", table.get("description")),
         expose=expose if isinstance(expose, bool) else None,
     )
+    if "const" in table:
+        return replace(limits, const=_value(read, f"{at}.const", of.slot, table["const"]))
+    return replace(limits, enum=_enum(read, at, of.inner, table))
 
 
-def _check_kinds(
-    read: Reader, at: str, shape: Shape, inner: Shape, table: Mapping[str, Any]
-) -> None:
+def _check_kinds(read: Reader, at: str, of: _Type, table: Mapping[str, Any]) -> None:
     """Note limits that the field's type cannot have."""
+    number, text = of.bounds is not None, isinstance(of.inner, AbstractGenericString)
+    boolean = getattr(of.inner, "typename", "") == "boolean"
+    single = not isinstance(of.slot, NamespacedType)
     kinds: list[tuple[tuple[str, ...], bool, str]] = [
-        (("minimum", "maximum"), isinstance(inner, Number), "numbers"),
-        (("max_length",), isinstance(inner, Text), "strings"),
-        (("max_items",), isinstance(shape, Array), "arrays"),
-        (("enum",), isinstance(inner, (Number, Text, Boolean)), "numbers, strings and booleans"),
-        (("default",), not isinstance(shape, Group), "single fields and arrays"),
+        (("minimum", "maximum"), number, "numbers"),
+        (("max_length",), text, "strings"),
+        (("max_items",), isinstance(of.slot, AbstractNestedType), "arrays"),
+        (("enum",), number or text or boolean, "numbers, strings and booleans"),
+        (("default",), single, "single fields and arrays"),
     ]
     for keys, possible, those in kinds:
         for key in keys:
             if key in table and not possible:
-                read.add(f"{at}.{key}", f"is for {those}, but this field is a {shape.ros_type}")
+                read.add(f"{at}.{key}", f"is for {those}, but this field is a {of.text}")
 
 
 def _bounds(
-    read: Reader, at: str, shape: Number, table: Mapping[str, Any]
+    read: Reader,
+    at: str,
+    slot: Any,
+    reach: tuple[float | int, float | int],
+    table: Mapping[str, Any],
 ) -> tuple[float | int | None, float | int | None]:
     found: list[float | int | None] = []
+    whole = isinstance(reach[0], int)
     for key in ("minimum", "maximum"):
         value = table.get(key)
-        kind = "a whole number" if shape.whole else "a number"
+        kind = "a whole number" if whole else "a number"
         if value is not None and (
             isinstance(value, bool)
             or not isinstance(value, (int, float))
             or not abs(value) <= sys.float_info.max  # an int may be too large for a float
-            or (shape.whole and value != int(value))
+            or (whole and value != int(value))
         ):
             read.add(f"{at}.{key}", f"{shown(value)} must be {kind}, as the field is")
             value = None
-        elif value is not None and not shape.low <= value <= shape.high:
-            reach = f"{shape.low:g} to {shape.high:g}"
-            read.add(f"{at}.{key}", f"{shown(value)} is outside of {shape.ros_type}, {reach}")
+        elif value is not None and not reach[0] <= value <= reach[1]:
+            within = f"{slot.typename}, {reach[0]:g} to {reach[1]:g}"
+            read.add(f"{at}.{key}", f"{shown(value)} is outside of {within}")
             value = None
         if value is not None:
-            value = int(value) if shape.whole else float(value)
+            value = int(value) if whole else float(value)
         found.append(value)
     low, high = found
     if low is not None and high is not None and low > high:
@@ -128,7 +174,7 @@ def _bounds(
     return low, high
 
 
-def _enum(read: Reader, at: str, inner: Shape, table: Mapping[str, Any]) -> tuple[Any, ...] | None:
+def _enum(read: Reader, at: str, inner: Any, table: Mapping[str, Any]) -> tuple[Any, ...] | None:
     values = table.get("enum")
     if values is None:
         return None
@@ -151,15 +197,10 @@ def _most(
     return value
 
 
-def _value(read: Reader, at: str, shape: Shape, value: object) -> Any:
+def _value(read: Reader, at: str, slot: Any, value: object) -> Any:
     """Return a value of the configuration as it is to be sent."""
-    problems = Problems()
-    if (too_large := check_size(value)) is not None:
-        problems.add("", too_large)
-        result = None
-    else:
-        result = fits(shape, value, "", problems)
-    for problem in problems.texts:
+    result, problems = check_value(slot, value)
+    for problem in problems:
         read.add(at, problem)
     return result
 
@@ -172,55 +213,3 @@ def _check_ancestors(read: Reader, place: str, limits: Mapping[str, Limits]) -> 
             above = ".".join(parts[:length])
             if above in limits and limits[above].const is not ABSENT:
                 read.add(f'{place}."{path}"', f"has no effect, because {above!r} has a const")
-
-
-def _settle(read: Reader, place: str, shape: Shape) -> None:
-    """Work out which fields the model must give; note defaults that are outside of the limits."""
-    limits = shape.limits
-    at = f'{place}."{shape.path}"' if "." in shape.path else f"{place}.{shape.path}"
-    if limits.const is not ABSENT:
-        return
-    if isinstance(shape, Group):
-        for below in shape.fields.values():
-            _settle(read, place, below)
-        shape.required = any(below.required for below in shape.fields.values())
-        return
-    if isinstance(shape, Number) and not _reachable(shape):
-        read.add(at, f"no {shape.ros_type} lies within {shape.low!r} to {shape.high!r}")
-        return
-    if isinstance(shape, Array) and isinstance(shape.item, Group):
-        for below in shape.item.fields.values():
-            _settle(read, place, below)
-        required = any(below.required for below in shape.item.fields.values())
-        shape.required = shape.least > 0 and required and limits.default is ABSENT
-    elif limits.default is ABSENT and (shape.shown or _is_limited(shape)):
-        problems = Problems()
-        if shape.ros_default is not None:
-            fits(shape, shape.ros_default, "", problems)
-        shape.required = bool(problems.texts)
-    if limits.default is not ABSENT:
-        value = _value(read, f"{at}.default", shape, limits.default)
-        shape.limits = replace(limits, default=value)
-    elif shape.required and not shape.shown:
-        read.add(at, "is not exposed, but its default is outside of its limits; set a default")
-
-
-def _is_limited(shape: Shape) -> bool:
-    limits = shape.limits
-    return any(
-        one is not None
-        for one in (
-            limits.minimum,
-            limits.maximum,
-            limits.enum,
-            limits.max_length,
-            limits.max_items,
-        )
-    )
-
-
-def _reachable(shape: Number) -> bool:
-    """Whether a value within the limits exists in the field's own type."""
-    problems = Problems()
-    value = fits(shape, shape.low, "", problems) if shape.limits.enum is None else shape.low
-    return not problems.texts and shape.low <= value <= shape.high

@@ -13,7 +13,6 @@ from actionkit._messages.convert import from_plain, to_plain
 from actionkit._messages.json_text import to_json
 from actionkit._model.field_errors import FieldProblem
 from actionkit._model.printable import visible
-from actionkit.agents._check import Problems, check_size, checked
 from actionkit.agents._clients import Clients
 from actionkit.agents._config import ActionConfig
 from actionkit.agents._goals import GoalRecord, Goals
@@ -190,17 +189,13 @@ class GoalCalls:
 
 def _goal(tool: ActionConfig, arguments: Mapping[str, Any]) -> Any:
     """Return the goal message, or the refusal."""
-    problems = Problems()
-    if (too_large := check_size(arguments)) is not None:
-        problems.add("", f"the arguments are {too_large}")
-    else:
-        fields = checked(tool.shape, arguments, problems)
-        if not problems.texts:
-            try:
-                return from_plain(tool.cls.Goal, fields)
-            except FieldProblem as problem:
-                problems.add("", str(problem))
-    text = "; ".join(problems.texts)
+    fields, problems = tool.model.check(arguments)
+    if not problems:
+        try:
+            return from_plain(tool.cls.Goal, fields)
+        except FieldProblem as problem:
+            problems = [str(problem)]
+    text = "; ".join(problems)
     return refusal(tool.name, "invalid_arguments", text, retry=False, advice=_CHANGE)
 
 

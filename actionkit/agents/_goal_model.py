@@ -22,17 +22,17 @@ from rosidl_parser.definition import (
     NamespacedType,
 )
 
+from actionkit._messages.comments import comments, constants
 from actionkit._messages.convert import to_plain
 from actionkit._messages.paths import message_class, slots_of, type_name
 from actionkit._model.field_errors import shown
 from actionkit.agents._argument_problems import said, sentences
-from actionkit.agents._check import check_size
-from actionkit.agents._interfaces import comments, constants
+from actionkit.agents._argument_size import check_size
 from actionkit.agents._limits import ABSENT, NO_LIMITS, Limits
+from actionkit.agents._values import DIALECT
 
-DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _FLOAT32_MAX = 3.4028234663852886e38
-_DUMMY = "structure_needs_at_least_one_member"
+DUMMY = "structure_needs_at_least_one_member"
 """rosidl's, in messages without fields."""
 _NO_NUL = "^[^\\u0000]*$"
 
@@ -44,7 +44,7 @@ class GoalModel:
         schema: Of the arguments, as the model sees it.
         exposed: The paths of the fields that the model can set.
         unlimited: Those of them that are numbers without limits.
-        problems: Path and text of limits that contradict each other or the type.
+        problems: Of limits that contradict each other or the type: path, key or `""`, text.
     """
 
     def __init__(self, cls: type, limits: Mapping[str, Limits], *, expose_all: bool) -> None:
@@ -132,7 +132,7 @@ class _Builder:
     def __init__(self, limits: Mapping[str, Limits]) -> None:
         self.exposed: list[str] = []
         self.unlimited: list[str] = []
-        self.problems: list[tuple[str, str]] = []
+        self.problems: list[tuple[str, str, str]] = []
         self._limits = limits
 
     def message(self, cls: type, path: str, value: Any, exposed: bool | None) -> _Part:
@@ -152,7 +152,7 @@ class _Builder:
         sent: dict[str, Any] = {}
         filled: dict[str, Any] = {}
         for name, (slot, _) in slots_of(cls).items():
-            if name == _DUMMY:
+            if name == DUMMY:
                 continue
             below = f"{path}.{name}" if path else name
             const = self._limits.get(below, NO_LIMITS).const
@@ -248,7 +248,7 @@ class _Builder:
             part.needed = not _accepts(part.check, value)
             if part.needed and not visible:
                 text = "is not exposed, but its default is outside of its limits; set a default"
-                self.problems.append((path, text))
+                self.problems.append((path, "", text))
         if not visible:
             return _Part(None, {}, sent=part.sent)
         self.exposed.append(path)
@@ -262,7 +262,7 @@ class _Builder:
             value, problems = check_value(slot, own.default)
         else:
             value, problems = _checked(SchemaValidator(part.check), part.schema, own.default)
-        self.problems += [(f"{path}.default", problem) for problem in problems]
+        self.problems += [(path, "default", problem) for problem in problems]
         return value
 
     def _single(self, slot: Any, path: str, own: Limits) -> _Part:
@@ -276,7 +276,7 @@ class _Builder:
             for value in (low,) if own.enum is None else own.enum:
                 if slot.typename == "float" and not low <= _float32(low, high)(value) <= high:
                     within = f"no {slot.typename} lies within {low!r} to {high!r}"
-                    self.problems.append((path, within))
+                    self.problems.append((path, "", within))
         elif slot.typename == "boolean":
             part = _Part(_one_of(own.enum, core_schema.bool_schema(strict=True)), {})
             part.schema["type"] = "boolean"
@@ -321,7 +321,11 @@ def _string(slot: Any, own: Limits) -> _Part:
     most = _least(own.max_length, getattr(slot, "maximum_size", None))
 
     def fits(text: str) -> str:
-        size = len(text.encode("utf-16-le")) // 2 if wide else len(text.encode())
+        try:
+            size = len(text.encode("utf-16-le")) // 2 if wide else len(text.encode())
+        except UnicodeEncodeError as error:
+            half = f"half a character (a lone surrogate) at index {error.start}"
+            raise ValueError(f"{shown(text)} holds {half}") from None
         if most is not None and size > most:
             unit = "16-bit units" if wide else "bytes of UTF-8"
             raise ValueError(f"{shown(text)} has {size} {unit}, but at most {most} are allowed")

@@ -8,8 +8,8 @@ from actionkit._messages.comments import comments
 from actionkit._messages.paths import slots_of
 from actionkit.agents._config import ActionConfig, TopicConfig
 from actionkit.agents._results import DATA, STATUSES
-from actionkit.agents._schema import DIALECT
 from actionkit.agents._topics import STATUSES as TOPIC_STATUSES
+from actionkit.agents._values import DIALECT
 
 _ERROR: dict[str, Any] = {
     "type": ["object", "null"],

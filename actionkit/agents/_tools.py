@@ -14,7 +14,6 @@ from actionkit.agents._output import (
     goals_output,
     topic_output,
 )
-from actionkit.agents._schema import input_schema
 from actionkit.agents._values import Tool
 
 _GOALS_TEXT = (
@@ -30,7 +29,7 @@ def make_tools(config: Config) -> tuple[Tool, ...]:
         Tool(
             name=tool.name,
             description=_described(tool),
-            input_schema=input_schema(tool.shape),
+            input_schema=tool.model.schema,
             output_schema=action_output(tool),
             confirm=tool.confirm,
             kind="action",

@@ -8,6 +8,8 @@ from typing import Any, Literal
 
 Json = Mapping[str, Any]
 """A JSON object, as plain dicts, lists, strings, numbers, booleans and None."""
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+"""The `$schema` of every schema of a tool."""
 
 
 class ConfigError(ValueError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import math
+import random
 import struct
 import time
 from typing import Any
@@ -15,11 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from actionkit._messages.convert import from_plain, to_plain
-from actionkit.agents._check import Problems, check_size, checked
+from actionkit.agents._argument_size import check_size
 from actionkit.agents._config_fields import read_fields
+from actionkit.agents._goal_model import GoalModel
 from actionkit.agents._reader import Reader
-from actionkit.agents._schema import input_schema
-from actionkit.agents._shapes import Group
 
 CLASSES = [
     "test_msgs.action:NestedMessage.Goal",
@@ -46,17 +46,12 @@ def message_class(name: str) -> Any:
     return found
 
 
-def shape(name: str, fields: Any = None) -> Group:
+def goal_model(name: str, fields: Any = None) -> GoalModel:
     read = Reader("test")
     found = read_fields(read, "fields", message_class(name), fields)
     assert read.problems == []
     assert found is not None
     return found
-
-
-def check(of: Group, arguments: Any) -> tuple[dict[str, Any], list[str]]:
-    problems = Problems()
-    return checked(of, arguments, problems), problems.texts
 
 
 # --- schemas -----------------------------------------------------------------------------------
@@ -96,8 +91,8 @@ def instances(schema: Any) -> st.SearchStrategy[Any]:
 @pytest.mark.parametrize("name", CLASSES)
 def test_schemas_are_right_and_their_instances_fit_the_message(name: str) -> None:
     cls = message_class(name)
-    goal = shape(name)
-    schema = json.loads(json.dumps(input_schema(goal)))
+    goal = goal_model(name)
+    schema = json.loads(json.dumps(goal.schema))
     jsonschema.Draft202012Validator.check_schema(schema)
     validator = jsonschema.Draft202012Validator(schema)
 
@@ -105,7 +100,7 @@ def test_schemas_are_right_and_their_instances_fit_the_message(name: str) -> Non
     @given(instances(schema))
     def fits(arguments: Any) -> None:
         assert validator.is_valid(arguments)
-        fields, problems = check(goal, arguments)
+        fields, problems = goal.check(arguments)
         # The one thing that a schema cannot say: it counts characters, and ROS counts bytes.
         problems = [one for one in problems if "bytes of UTF-8" not in one and "16-bit" not in one]
         assert problems == []
@@ -114,26 +109,113 @@ def test_schemas_are_right_and_their_instances_fit_the_message(name: str) -> Non
     fits()
 
 
+JUNK: list[Any] = [
+    *(None, True, False, 0, 1, -1, 256, 2**31, 2**53 + 1, 2**64, 10**400, 10**5000),
+    *(0.1, 1.5, -0.0, 1e-46, 1e308, 3.5e38, math.nan, math.inf, -math.inf),
+    *("", "a", "1", "ü" * 12, "a\0b", "\ud800", "x" * 40),
+    *([], [1], [None], [[]], {}, {"x": 1}, {"\ud800": 1}, {"a\u200b": 1}, [{}]),
+]
+LIMITED: list[tuple[str, dict[str, Any]]] = [
+    *((name, {}) for name in CLASSES),
+    (
+        "nav_msgs.msg:Path",
+        {
+            "poses": {"max_items": 2},
+            "poses.pose.position.x": {"minimum": 1.0, "maximum": 2.0},
+            "poses.header.frame_id": {"const": "map"},
+        },
+    ),
+    (
+        "test_msgs.msg:MultiNested",
+        {
+            "array_of_arrays.int32_values": {"minimum": 4},
+            "array_of_arrays.bool_values": {"const": [True, False, True]},
+            "array_of_arrays.basic_types_values.float32_value": {"default": 0.1, "maximum": 0.1},
+            "array_of_arrays.string_values": {"enum": ["", "a"]},
+        },
+    ),
+]
+
+
+def spoilt(chance: random.Random, schema: Any) -> Any:
+    """Return arguments for a schema, with something in its place that may be wrong, or not."""
+    if chance.random() < 0.02:
+        return chance.choice(JUNK)
+    if "enum" in schema:
+        return chance.choice(schema["enum"])
+    kind = schema["type"]
+    if kind == "object":
+        some = chance.sample(list(schema["properties"]), min(2, len(schema["properties"])))
+        names = sorted({*schema.get("required", ()), *some[: chance.randint(0, 2)]})
+        found = {name: spoilt(chance, schema["properties"][name]) for name in names}
+        if chance.random() < 0.02:
+            found[chance.choice(["nope", "", "x\u202e", "a.b", "\ud800"])] = 1
+        return found
+    if kind == "array":
+        least = schema.get("minItems", 0)
+        count = chance.choice([least, least, min(least + 1, schema.get("maxItems", 9)), least + 2])
+        return [spoilt(chance, schema["items"]) for _ in range(count)]
+    if kind == "string":
+        return "x" * chance.choice([0, 1, 22, 23])
+    if kind == "boolean":
+        return chance.random() < 0.5
+    low, high = schema["minimum"], schema["maximum"]
+    if kind == "integer":
+        near = [low - 1, low, high, high + 1, float(low), 1.5]
+        return chance.choice(near) if chance.random() < 0.05 else chance.randint(low, high)
+    near = [math.nextafter(low, -math.inf), low, high, math.nextafter(high, math.inf)]
+    return chance.choice(near) if chance.random() < 0.05 else chance.uniform(low / 2, high / 2)
+
+
+@pytest.mark.parametrize(("name", "fields"), LIMITED)
+def test_what_is_accepted_fits_the_schema_and_the_message(name: str, fields: Any) -> None:
+    seed = random.randrange(2**32)
+    chance = random.Random(seed)
+    cls, goal = message_class(name), goal_model(name, fields)
+    validator = jsonschema.Draft202012Validator(goal.schema)
+    accepted = 0
+    for _ in range(300):
+        arguments = spoilt(chance, goal.schema)
+        sent, problems = goal.check(arguments)
+        assert len("".join(problems)) < 5000, (seed, arguments)
+        if not problems:
+            accepted += 1
+            assert validator.is_valid(arguments), (seed, arguments)
+            message = from_plain(cls, sent)
+            given = {name: sent[name] for name in goal.schema["properties"] if name in sent}
+            _, problems = goal.check(without_constants(goal.schema, given))
+            assert problems == [], (seed, arguments, message)
+    assert accepted > 10, seed
+
+
+def without_constants(schema: Any, sent: Any) -> Any:
+    """Return what was sent, but for what no model can set."""
+    if isinstance(sent, list):
+        return [without_constants(schema["items"], item) for item in sent]
+    if not isinstance(sent, dict):
+        return sent
+    below = schema["properties"]
+    return {n: without_constants(below[n], value) for n, value in sent.items() if n in below}
+
+
 def test_a_schema_with_limits_comments_and_constants() -> None:
-    pose = input_schema(
-        shape(
-            "geometry_msgs.msg:PoseStamped",
-            {
-                "header.frame_id": {"const": "map"},
-                "header": {"expose": False},
-                "pose.position.x": {"minimum": 1.0, "maximum": 2.0},
-                "pose.orientation": {"expose": False},
-                "pose.position.z": {"const": 0.0},
-            },
-        )
-    )
+    pose = goal_model(
+        "geometry_msgs.msg:PoseStamped",
+        {
+            "header.frame_id": {"const": "map"},
+            "header": {"expose": False},
+            "pose.position.x": {"minimum": 1.0, "maximum": 2.0},
+            "pose.orientation": {"expose": False},
+            "pose.position.z": {"const": 0.0},
+        },
+    ).schema
     assert pose["required"] == ["pose"]
     assert set(pose["properties"]) == {"pose"}
     position = pose["properties"]["pose"]["properties"]["position"]
     assert set(position["properties"]) == {"x", "y"}
     assert position["required"] == ["x"]
     assert "free space" in position["description"]
-    battery = input_schema(shape("sensor_msgs.msg:BatteryState"))
+    battery = goal_model("sensor_msgs.msg:BatteryState").schema
     assert "Voltage in Volts" in battery["properties"]["voltage"]["description"]
     assert "POWER_SUPPLY_STATUS_CHARGING=1" in battery["description"]
 
@@ -142,7 +224,7 @@ def test_a_schema_with_limits_comments_and_constants() -> None:
 
 
 def test_defaults_and_constants_are_sent_and_others_keep_the_messages_own() -> None:
-    pose = shape(
+    pose = goal_model(
         "geometry_msgs.msg:PoseStamped",
         {
             "header.frame_id": {"const": "map"},
@@ -150,18 +232,18 @@ def test_defaults_and_constants_are_sent_and_others_keep_the_messages_own() -> N
             "pose.orientation": {"const": {"w": 0.5}},
         },
     )
-    fields, problems = check(pose, {})
+    fields, problems = pose.check({})
     assert problems == []
     assert fields == {
         "header": {"frame_id": "map"},
         "pose": {"position": {"x": 1.5}, "orientation": {"w": 0.5}},
     }
-    _, problems = check(pose, {"header": {"frame_id": "odom"}})
+    _, problems = pose.check({"header": {"frame_id": "odom"}})
     assert "there is no field 'frame_id'" in problems[0]
 
 
 def test_limits_within_arrays() -> None:
-    path = shape(
+    path = goal_model(
         "nav_msgs.msg:Path",
         {
             "poses": {"max_items": 2},
@@ -169,10 +251,10 @@ def test_limits_within_arrays() -> None:
             "poses.header.frame_id": {"const": "map"},
         },
     )
-    schema = input_schema(path)
+    schema = path.schema
     assert schema["properties"]["poses"]["maxItems"] == 2
     good = {"pose": {"position": {"x": 1.5}}}
-    fields, problems = check(path, {"poses": [good, good]})
+    fields, problems = path.check({"poses": [good, good]})
     assert problems == []
     assert fields["poses"][1]["header"] == {"frame_id": "map"}
     for poses, part in (
@@ -180,19 +262,19 @@ def test_limits_within_arrays() -> None:
         ([good, {"pose": {"position": {"x": 3}}}], "poses[1].pose.position.x: 3 is outside of"),
         ([good, {}], "poses[1].pose.position.x: must be given"),
         ([None], "poses[0]: null is not allowed"),
-        ({}, "poses: {} must be an array"),
+        ({}, "poses: an object was given; this must be an array"),
     ):
-        assert part in check(path, {"poses": poses})[1][0]
-    fixed = shape("test_msgs.msg:Arrays", {"basic_types_values.int8_value": {"default": 4}})
-    fields, problems = check(fixed, {})
+        assert part in path.check({"poses": poses})[1][0]
+    fixed = goal_model("test_msgs.msg:Arrays", {"basic_types_values.int8_value": {"default": 4}})
+    fields, problems = fixed.check({})
     assert problems == []
     assert fields["basic_types_values"] == [{"int8_value": 4}] * 3
-    numbers = shape("test_msgs.msg:Arrays", {"int32_values": {"minimum": 1}})
-    assert check(numbers, {})[1] == ["int32_values: must be given"]
-    assert "int32_values[2]: 0 is outside" in check(numbers, {"int32_values": [1, 1, 0]})[1][0]
+    numbers = goal_model("test_msgs.msg:Arrays", {"int32_values": {"minimum": 1}})
+    assert numbers.check({})[1] == ["int32_values: must be given"]
+    assert "int32_values[2]: 0 is outside" in numbers.check({"int32_values": [1, 1, 0]})[1][0]
 
 
-BASIC = shape(
+BASIC = goal_model(
     "test_msgs.action:NestedMessage.Goal",
     {
         "nested_field.float64_value": {"minimum": -1.0, "maximum": 1.0},
@@ -209,7 +291,7 @@ BASIC = shape(
         ("float64_value", math.inf, "finite"),
         ("float64_value", 10**400, "is outside of -1 to 1"),
         ("float64_value", 1.0000000000000002, "is outside"),
-        ("float64_value", True, "True must be a number"),
+        ("float64_value", True, "true must be a number"),
         ("float64_value", "1", "'1' must be a number"),
         ("float64_value", None, "null is not allowed"),
         ("float64_value", [1], "must be a number"),
@@ -229,7 +311,7 @@ BASIC = shape(
     ],
 )
 def test_values_outside_of_limits(name: str, value: Any, part: str) -> None:
-    _, problems = check(BASIC, {"nested_field": {name: value}})
+    _, problems = BASIC.check({"nested_field": {name: value}})
     assert len(problems) == 1
     assert part in problems[0]
     assert len(problems[0]) < 700
@@ -239,29 +321,34 @@ def test_values_outside_of_limits(name: str, value: Any, part: str) -> None:
     ("name", "value", "part"),
     [
         ("string_value", "a\0b", "NUL"),
-        ("string_value", "\ud800", "lone surrogate at index 0"),
+        ("string_value", "\ud800", "(a lone surrogate) at index 0"),
         ("bounded_string_value", "ü" * 12, "has 24 bytes of UTF-8, but at most 22"),
         ("string_value", 1, "must be a string"),
         ("string_value", "abcde", "at most 4"),
     ],
 )
 def test_strings(name: str, value: Any, part: str) -> None:
-    strings = shape("test_msgs.msg:Strings", {"string_value": {"max_length": 4}})
-    assert part in check(strings, {name: value})[1][0]
-    wide = shape("test_msgs.msg:WStrings", {"wstring_value": {"max_length": 4}})
-    assert "5 16-bit units" in check(wide, {"wstring_value": "\U0001f600" * 2 + "a"})[1][0]
+    strings = goal_model("test_msgs.msg:Strings", {"string_value": {"max_length": 4}})
+    assert part in strings.check({name: value})[1][0]
+    wide = goal_model("test_msgs.msg:WStrings", {"wstring_value": {"max_length": 4}})
+    assert "5 16-bit units" in wide.check({"wstring_value": "\U0001f600" * 2 + "a"})[1][0]
 
 
 def test_numbers_are_sent_within_limits_also_after_rounding() -> None:
     for value in (0.1, -0.1, 0.09999999999, 1e-46, -1e-46, 0.0):
-        fields, problems = check(BASIC, {"nested_field": {"float32_value": value}})
+        fields, problems = BASIC.check({"nested_field": {"float32_value": value}})
         assert problems == []
         sent = fields["nested_field"]["float32_value"]
         assert -0.1 <= sent <= 0.1
         assert struct.unpack("f", struct.pack("f", sent))[0] == sent
         assert sent == pytest.approx(value, abs=1e-8)
-    tiny = shape("test_msgs.msg:BasicTypes", {"float32_value": {"minimum": 1e-46, "maximum": 1.0}})
-    assert check(tiny, {"float32_value": 1e-46})[0]["float32_value"] > 0
+    tiny = goal_model(
+        "test_msgs.msg:BasicTypes", {"float32_value": {"minimum": 1e-46, "maximum": 1.0}}
+    )
+    assert tiny.check({"float32_value": 1e-46})[0]["float32_value"] > 0
+    # As a float, this whole number is the limit.
+    large = goal_model("test_msgs.msg:BasicTypes", {"float64_value": {"maximum": 2.0**53}})
+    assert "is outside" in large.check({"float64_value": 2**53 + 1})[1][0]
 
 
 def deep(levels: int) -> Any:
@@ -297,17 +384,17 @@ def test_what_is_too_deep_or_too_large_is_refused_at_once(arguments: Any, part: 
 def test_problems_are_few_and_short() -> None:
     many = {f"{'y' * 5000}{i}": i for i in range(100)}
     began = time.process_time()
-    _, problems = check(BASIC, many)
+    _, problems = BASIC.check(many)
     assert time.process_time() - began < 1.0
     assert len(problems) == 10
     assert len("".join(problems)) < 5000
 
 
 def test_the_values_of_a_boolean_are_limited_as_any_others() -> None:
-    only = shape("test_msgs.msg:BasicTypes", {"bool_value": {"enum": [False]}})
-    assert check(only, {"bool_value": False})[1] == []
-    assert check(only, {"bool_value": True})[1] == ["bool_value: True must be one of False"]
-    needed = shape("test_msgs.msg:BasicTypes", {"bool_value": {"enum": [True]}})
-    assert check(needed, {})[1] == ["bool_value: must be given"]
-    each = shape("test_msgs.msg:UnboundedSequences", {"bool_values": {"enum": [True]}})
-    assert check(each, {"bool_values": [True, False]})[1] != []
+    only = goal_model("test_msgs.msg:BasicTypes", {"bool_value": {"enum": [False]}})
+    assert only.check({"bool_value": False})[1] == []
+    assert only.check({"bool_value": True})[1] == ["bool_value: true must be one of false"]
+    needed = goal_model("test_msgs.msg:BasicTypes", {"bool_value": {"enum": [True]}})
+    assert needed.check({})[1] == ["bool_value: must be given"]
+    each = goal_model("test_msgs.msg:UnboundedSequences", {"bool_values": {"enum": [True]}})
+    assert each.check({"bool_values": [True, False]})[1] != []
