@@ -236,9 +236,10 @@ def test_a_stop_keeps_its_time_while_another_program_goes_on_sending_goals(
     stop = world.start("stop", "--timeout", "5", "--json")
     stop.until("Stopping everything")
     entered = time.monotonic()
-    slack = entered - began  # half a second on an idle machine, for a process to start
+    # Twice what a process needs to start: on an idle machine a second, on a busy one as needed.
+    slack = 2 * (entered - began)
     stop.until("Agents are held.")
-    assert time.monotonic() - began < 2 + 2 * slack
+    assert time.monotonic() - began < 2 + slack
     assert agent.why_held()
     stop.finish()
     assert time.monotonic() - entered < 5 + 1 + slack, stop.text
