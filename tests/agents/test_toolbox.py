@@ -137,6 +137,28 @@ def test_a_goal_that_cannot_be_cancelled_is_not_sent_beside(
     asyncio.run(main())
 
 
+def test_the_tools_of_one_action_share_its_limit(
+    make_toolbox: Make, action_server: ActionServerFactory
+) -> None:
+    server = action_server("fibonacci", period=0.05)
+
+    async def main() -> None:
+        other = {**FIBONACCI, "action": "/fibonacci", "concurrent": 2}
+        async with make_toolbox({"fib": FIBONACCI, "other": other}) as toolbox:
+            calling = asyncio.create_task(toolbox.call("other", {"order": 90}))
+            await seen(server, "accepted")
+            refused = told(toolbox, await toolbox.call("fib", {"order": 3}))
+            assert refused["error"]["type"] == "too_many_goals"
+            assert told(toolbox, await toolbox.call("other", {"order": 3}))["error"] is None
+            calling.cancel()
+            await asyncio.wait([calling])
+            assert told(toolbox, await toolbox.call("fib", {"order": 3}))["error"] is None
+
+    asyncio.run(main())
+    server.sync()
+    assert server.count("goal_received") == 3
+
+
 # --- what else ---------------------------------------------------------------------------------
 
 
