@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import logging
 import re
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any
 
 from actionkit._messages.by_name import interface_class
 from actionkit._model.domain import LAST_DOMAIN
+from actionkit._model.field_errors import shown
 from actionkit._model.settings import MOST
 from actionkit.agents._reader import Reader
 from actionkit.agents._values import ConfigError
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
 
 GOALS = "goals"
 """The tool that every toolbox has."""
+_log = logging.getLogger("actionkit")
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 """What the APIs of language models take as the name of a tool."""
 _ROS_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
@@ -34,6 +38,7 @@ _ACTION_KEYS = (
     "concurrent",
     "confirm",
     "retries",
+    "expose",
     "fields",
 )
 _TOPIC_KEYS = ("topic", "type", "description", "max_age", "max_size")
@@ -54,6 +59,7 @@ class ActionConfig:
         confirm: Whether a human approves each.
         retries: How many more goals may be sent where one failed for a reason that may pass.
         model: Of the goal, with its limits.
+        warnings: What is allowed, and may not be meant.
     """
 
     name: str
@@ -66,6 +72,7 @@ class ActionConfig:
     confirm: bool
     retries: int
     model: GoalModel
+    warnings: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -112,7 +119,7 @@ def read_file(path: str | PathLike[str]) -> Config:
     Raises:
         ConfigError: It is wrong.
         OSError: It cannot be read.
-        ImportError: On Python 3.10, the extra `agents` is not installed.
+        ImportError: The extra `agents` is not installed.
     """
     try:
         toml: Any = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
@@ -133,6 +140,7 @@ def read_config(config: object, source: str = "configuration") -> Config:
 
     Raises:
         ConfigError: It is wrong.
+        ImportError: The extra `agents` is not installed.
     """
     read = Reader(source)
     table = read.table("", config, ("domain_id", "tools", "topics"))
@@ -157,6 +165,9 @@ def read_config(config: object, source: str = "configuration") -> Config:
     if not read.problems and not actions and not topics:
         read.add("", "there are no tools; add a table [tools.NAME] or [topics.NAME]")
     read.raise_problems()
+    for action in actions:
+        for warning in action.warnings:
+            _log.warning("%s: tools.%s: %s", source, action.name, warning)
     return Config(domain_id, tuple(actions), tuple(topics))
 
 
@@ -190,9 +201,13 @@ def _action(read: Reader, name: str, content: object) -> ActionConfig | None:
     confirm = table.get("confirm", "never")
     if confirm not in ("never", "always"):
         read.add(f"{place}.confirm", f"{confirm!r} must be 'never' or 'always'")
+    expose = table.get("expose")
+    if expose not in (None, "listed", "all"):
+        read.add(f"{place}.expose", f"{shown(expose)} must be 'listed' or 'all'")
     model = None
     if cls is not None:
-        model = _model(read, f"{place}.fields", cls.Goal, table.get("fields"))
+        fields = table.get("fields")
+        model = _model(read, f"{place}.fields", cls.Goal, fields, expose_all=expose == "all")
     if len(read.problems) > before or model is None:
         return None
     assert timeout is not None
@@ -207,15 +222,30 @@ def _action(read: Reader, name: str, content: object) -> ActionConfig | None:
         confirm=confirm == "always",
         retries=retries or 0,
         model=model,
+        warnings=tuple(_warnings(model, said=expose is not None)),
     )
 
 
-def _model(read: Reader, place: str, goal: type, fields: object) -> GoalModel | None:
+def _warnings(model: GoalModel, *, said: bool) -> Iterator[str]:
+    if model.unlimited:
+        numbers = ", ".join(model.unlimited)
+        yield f"numbers without limits: {numbers}; set minimum and maximum, or enum"
+    if model.unlisted and not said:
+        # Files from before `expose` mean all.
+        yield (
+            f"{len(model.unlisted)} fields are not listed, so a model cannot set them (actionkit"
+            ' mcp FILE --check names them); set expose = "listed" if this is meant, or "all"'
+        )
+
+
+def _model(
+    read: Reader, place: str, goal: type, fields: object, *, expose_all: bool
+) -> GoalModel | None:
     try:  # not with this module: importing it is slow, and needs pydantic
         from actionkit.agents._config_fields import read_fields
     except ImportError as error:
         raise ImportError(f"{error}; pip install pydantic") from error
-    return read_fields(read, place, goal, fields)
+    return read_fields(read, place, goal, fields, expose_all=expose_all)
 
 
 def _topic(read: Reader, name: str, content: object) -> TopicConfig | None:

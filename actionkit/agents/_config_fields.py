@@ -13,7 +13,7 @@ from actionkit._messages.paths import message_class, slots_of
 from actionkit._model.field_errors import shown
 from actionkit._model.similar_names import similar_names
 from actionkit.agents._goal_model import DUMMY, GoalModel, check_value, number_bounds
-from actionkit.agents._limits import ABSENT, Limits
+from actionkit.agents._limits import ABSENT, NO_LIMITS, Limits
 from actionkit.agents._reader import Reader
 
 _KEYS = (
@@ -26,6 +26,7 @@ _KEYS = (
     "default",
     "description",
     "expose",
+    "required",
 )
 _MOST_ITEMS = 1_000_000
 
@@ -47,7 +48,9 @@ class _Type:
     bounds: tuple[float | int, float | int] | None
 
 
-def read_fields(read: Reader, place: str, cls: type, content: object) -> GoalModel | None:
+def read_fields(
+    read: Reader, place: str, cls: type, content: object, *, expose_all: bool
+) -> GoalModel | None:
     """Return the model of a goal with its limits, `None` where something is wrong.
 
     Args:
@@ -55,6 +58,7 @@ def read_fields(read: Reader, place: str, cls: type, content: object) -> GoalMod
         place: Of the table.
         cls: The goal's message class.
         content: The table: a table of limits for each path.
+        expose_all: Whether a model sees the fields that are not listed, too.
     """
     before = len(read.problems)
     types = dict(_types(cls, ""))
@@ -68,12 +72,15 @@ def read_fields(read: Reader, place: str, cls: type, content: object) -> GoalMod
             read.add(at, f"the goal has no such field; {hint}")
         elif path in limits:
             read.add(at, "this field is listed twice; [] says nothing")
+        elif (whole := _unquoted(path, table)) != path:
+            read.add(at, f'a path needs quotes: [{place}."{whole}"]')
         else:
             limits[path] = _limits(read, at, types[path], table)
     if len(read.problems) > before:
         return None
-    model = GoalModel(cls, limits, expose_all=True)
+    model = GoalModel(cls, limits, expose_all=expose_all)
     _check_ancestors(read, place, limits)
+    _check_exposed(read, place, types, limits, model)
     for path, key, problem in model.problems:
         read.add(".".join(filter(None, (_place(place, path), key))), problem)
     return None if len(read.problems) > before else model
@@ -91,6 +98,15 @@ def _types(cls: type, path: str) -> Iterator[tuple[str, _Type]]:
             yield from _types(message_class(inner), below)
 
 
+def _unquoted(path: str, content: object) -> str:
+    """Return the path that was meant: without quotes, TOML makes a table of each part of it."""
+    if isinstance(content, Mapping):
+        for key, below in content.items():
+            if key not in _KEYS and isinstance(below, Mapping):
+                return _unquoted(f"{path}.{key}", below)
+    return path
+
+
 def _place(place: str, path: str) -> str:
     return f'{place}."{path}"' if "." in path else f"{place}.{path}"
 
@@ -98,9 +114,11 @@ def _place(place: str, path: str) -> str:
 def _limits(read: Reader, at: str, of: _Type, content: object) -> Limits:
     table = read.table(at, content, _KEYS)
     _check_kinds(read, at, of, table)
-    expose = table.get("expose")
-    if expose is not None and not isinstance(expose, bool):
-        read.add(f"{at}.expose", f"{shown(expose)} must be true or false")
+    for key in ("expose", "required"):
+        if key in table and not isinstance(table[key], bool):
+            read.add(f"{at}.{key}", f"{shown(table[key])} must be true or false")
+    if table.get("required") is True and "default" in table:
+        read.add(f"{at}.required", "a field that must be given has no default; remove one of them")
     if "const" in table:
         for key in (set(table) & set(_KEYS)) - {"const", "description"}:
             read.add(f"{at}.{key}", "has no meaning beside const; remove one of them")
@@ -108,7 +126,10 @@ def _limits(read: Reader, at: str, of: _Type, content: object) -> Limits:
     if of.bounds is not None:
         low, high = _bounds(read, at, of.inner, of.bounds, table)
     most = getattr(of.inner, "maximum_size", None)
-    most_items = getattr(of.slot, "size", getattr(of.slot, "maximum_size", None))
+    size = getattr(of.slot, "size", None)
+    if size is not None and "max_items" in table:
+        read.add(f"{at}.max_items", f"this array always has {size} elements; remove the limit")
+    most_items = getattr(of.slot, "maximum_size", size)
     limits = Limits(
         minimum=low,
         maximum=high,
@@ -116,11 +137,12 @@ def _limits(read: Reader, at: str, of: _Type, content: object) -> Limits:
         max_items=_most(read, at, "max_items", table, _MOST_ITEMS, most_items),
         default=table.get("default", ABSENT),
         description=read.text(f"{at}.description", table.get("description")),
-        expose=expose if isinstance(expose, bool) else None,
+        expose=table.get("expose"),
+        required=table.get("required") is True,
     )
     if "const" in table:
         return replace(limits, const=_value(read, f"{at}.const", of.slot, table["const"]))
-    return replace(limits, enum=_enum(read, at, of.inner, table))
+    return replace(limits, enum=_enum(read, at, of.inner, table, limits))
 
 
 def _check_kinds(read: Reader, at: str, of: _Type, table: Mapping[str, Any]) -> None:
@@ -174,7 +196,9 @@ def _bounds(
     return low, high
 
 
-def _enum(read: Reader, at: str, inner: Any, table: Mapping[str, Any]) -> tuple[Any, ...] | None:
+def _enum(
+    read: Reader, at: str, inner: Any, table: Mapping[str, Any], limits: Limits
+) -> tuple[Any, ...] | None:
     values = table.get("enum")
     if values is None:
         return None
@@ -183,8 +207,10 @@ def _enum(read: Reader, at: str, inner: Any, table: Mapping[str, Any]) -> tuple[
         return None
     if len(values) != len({repr(value) for value in values}):
         read.add(f"{at}.enum", "names a value twice")
+    # Within the other limits, too: one of them is wrong.
+    bounds = Limits(minimum=limits.minimum, maximum=limits.maximum, max_length=limits.max_length)
     for value in values:
-        _value(read, f"{at}.enum", inner, value)
+        _value(read, f"{at}.enum", inner, value, bounds)
     return tuple(values)
 
 
@@ -197,12 +223,37 @@ def _most(
     return value
 
 
-def _value(read: Reader, at: str, slot: Any, value: object) -> Any:
+def _value(read: Reader, at: str, slot: Any, value: object, limits: Limits = NO_LIMITS) -> Any:
     """Return a value of the configuration as it is to be sent."""
-    result, problems = check_value(slot, value)
+    result, problems = check_value(slot, value, limits)
     for problem in problems:
         read.add(at, problem)
     return result
+
+
+def _check_exposed(
+    read: Reader,
+    place: str,
+    types: Mapping[str, _Type],
+    limits: Mapping[str, Limits],
+    model: GoalModel,
+) -> None:
+    """Note messages that are listed without effect; and if no field at all is listed."""
+    for path, own in limits.items():
+        is_message = isinstance(types[path].inner, NamespacedType)
+        says_more = own.expose is not None or own.const is not ABSENT or own.default is not ABSENT
+        inside = [*limits, *model.exposed]
+        if is_message and not says_more and not any(one.startswith(f"{path}.") for one in inside):
+            first = next((one for one in types if one.startswith(f"{path}.")), path)
+            text = f"list the fields in it, such as {first!r}, or set expose = true for all of them"
+            read.add(_place(place, path), f"a model cannot set anything in it: {text}")
+    fields = [path for path, of in types.items() if not isinstance(of.inner, NamespacedType)]
+    if fields and not limits and not model.exposed:
+        read.add(
+            place.removesuffix(".fields"),
+            f"no field of the goal is listed, so a model could set none. List those that it may"
+            f' set, such as [{_place(place, fields[0])}], or set expose = "all" for all of them',
+        )
 
 
 def _check_ancestors(read: Reader, place: str, limits: Mapping[str, Limits]) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy
@@ -43,7 +43,9 @@ class GoalModel:
     Attributes:
         schema: Of the arguments, as the model sees it.
         exposed: The paths of the fields that the model can set.
-        unlimited: Those of them that are numbers without limits.
+        hidden: Those of all others, except constants.
+        unlisted: Those hidden because the configuration does not mention them.
+        unlimited: Of those exposed, the numbers without limits.
         problems: Of limits that contradict each other or the type: path, key or `""`, text.
     """
 
@@ -55,6 +57,9 @@ class GoalModel:
         if about:
             self.schema["description"] = about
         self.exposed = tuple(builder.exposed)
+        self.hidden = tuple(builder.hidden)
+        off = [f"{path}." for path, own in limits.items() if own.expose is False]
+        self.unlisted = tuple(p for p in self.hidden if not f"{p}.".startswith(tuple(off)))
         self.unlimited = tuple(builder.unlimited)
         self.problems = tuple(builder.problems)
         self._validator = SchemaValidator(part.check)
@@ -131,6 +136,7 @@ class _Part:
 class _Builder:
     def __init__(self, limits: Mapping[str, Limits]) -> None:
         self.exposed: list[str] = []
+        self.hidden: list[str] = []
         self.unlimited: list[str] = []
         self.problems: list[tuple[str, str, str]] = []
         self._limits = limits
@@ -203,6 +209,11 @@ class _Builder:
         else:
             visible = path in self._limits if exposed is None else exposed
             part = self._values(slot, path, value, own, visible=visible)
+        if own.required:
+            part.needed, part.filled = True, ABSENT
+            if part.check is None:
+                text = "is not exposed, so a model cannot give it; remove one of the two"
+                self.problems.append((path, "required", text))
         if part.check is None:
             return part
         if about := " ".join(filter(None, (own.description or comment, _unit(slot, part.schema)))):
@@ -250,6 +261,7 @@ class _Builder:
                 text = "is not exposed, but its default is outside of its limits; set a default"
                 self.problems.append((path, "", text))
         if not visible:
+            self.hidden.append(path)
             return _Part(None, {}, sent=part.sent)
         self.exposed.append(path)
         if number_bounds(inner) and own.enum is None and None in (own.minimum, own.maximum):
@@ -258,8 +270,12 @@ class _Builder:
 
     def _default(self, slot: Any, part: _Part, path: str, own: Limits) -> Any:
         """Return the default of the configuration as it is to be sent."""
+        if part.check is None:  # what is hidden has its limits and constants, too
+            limits = {below: replace(limit, expose=True) for below, limit in self._limits.items()}
+            limits[path] = replace(limits[path], default=ABSENT)
+            part = _Builder(limits).field(slot, path, None, True, "")
         if part.check is None:
-            value, problems = check_value(slot, own.default)
+            value, problems = None, ["every field in it has a const"]
         else:
             value, problems = _checked(SchemaValidator(part.check), part.schema, own.default)
         self.problems += [(path, "default", problem) for problem in problems]

@@ -33,6 +33,7 @@ class Limits:
         default: What is sent where the model leaves the field out.
         description: For the model.
         expose: Whether the model sees the field and what lies in it; as its parent, where unset.
+        required: Whether the model must give it.
     """
 
     minimum: float | int | None = None
@@ -44,6 +45,7 @@ class Limits:
     default: Any = ABSENT
     description: str = ""
     expose: bool | None = None
+    required: bool = False
 
     @property
     def is_limited(self) -> bool:

@@ -12,7 +12,11 @@ import pytest
 
 from actionkit.agents import Toolbox, ToolResult
 
-FIBONACCI: dict[str, Any] = {"action": "fibonacci", "type": "test_msgs/action/Fibonacci"}
+FIBONACCI: dict[str, Any] = {
+    "action": "fibonacci",
+    "type": "test_msgs/action/Fibonacci",
+    "expose": "all",
+}
 BOUND = 30.0
 """Seconds; only what hangs takes so long."""
 Make = Callable[..., Toolbox]

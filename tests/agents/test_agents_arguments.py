@@ -46,9 +46,9 @@ def message_class(name: str) -> Any:
     return found
 
 
-def goal_model(name: str, fields: Any = None) -> GoalModel:
+def goal_model(name: str, fields: Any = None, *, expose_all: bool = True) -> GoalModel:
     read = Reader("test")
-    found = read_fields(read, "fields", message_class(name), fields)
+    found = read_fields(read, "fields", message_class(name), fields, expose_all=expose_all)
     assert read.problems == []
     assert found is not None
     return found
@@ -240,6 +240,23 @@ def test_defaults_and_constants_are_sent_and_others_keep_the_messages_own() -> N
     }
     _, problems = pose.check({"header": {"frame_id": "odom"}})
     assert "there is no field 'frame_id'" in problems[0]
+
+
+def test_the_default_of_a_hidden_array_has_its_constants_and_limits() -> None:
+    fields = {
+        "poses": {"default": [{"pose": {"position": {"x": 1.0}}}]},
+        "poses.header.frame_id": {"const": "map"},
+        "poses.pose.position.x": {"maximum": 2.0, "expose": False},
+    }
+    path = goal_model("nav_msgs.msg:Path", fields, expose_all=False)
+    assert path.schema["properties"] == {}
+    sent = {"header": {"frame_id": "map"}, "pose": {"position": {"x": 1.0}}}
+    assert path.check({}) == ({"poses": [sent]}, [])
+    fields["poses.pose.position.x"]["maximum"] = 0.5
+    read = Reader("test")
+    cls = message_class("nav_msgs.msg:Path")
+    assert read_fields(read, "fields", cls, fields, expose_all=False) is None
+    assert "fields.poses.default: [0].pose.position.x: 1.0 is outside of" in read.problems[0]
 
 
 def test_limits_within_arrays() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from actionkit.agents import ConfigError, Toolbox
 from actionkit.agents._config import ActionConfig, read_config, read_file
+from tests.agents.test_agents_arguments import goal_model
 
 NESTED = "test_msgs/action/NestedMessage"
 RIGHT = """
@@ -27,8 +28,8 @@ maximum = 2
 description = "Metres."
 [tools.drive.fields."nested_field.int32_value"]
 const = 3
-[tools.drive.fields.nested_field_no_pkg]
-expose = false
+[tools.drive.fields.nested_different_pkg]
+expose = true
 [topics.battery]
 topic = "/battery_state"
 type = "sensor_msgs/msg/BatteryState"
@@ -44,7 +45,8 @@ def problems(config: Any) -> list[str]:
 
 
 def tool(fields: Any = None, **more: Any) -> dict[str, Any]:
-    return {"tools": {"t": {"action": "a", "type": NESTED, "fields": fields or {}, **more}}}
+    listed = {"nested_field.bool_value": {}} if fields is None else fields
+    return {"tools": {"t": {"action": "a", "type": NESTED, "fields": listed, **more}}}
 
 
 def read(fields: Any) -> ActionConfig:
@@ -69,7 +71,8 @@ def test_a_file(tmp_path: Path) -> None:
     ]
     fields = toolbox.tools[0].input_schema["properties"]
     assert set(fields) == {"nested_field", "nested_different_pkg"}
-    assert "int32_value" not in fields["nested_field"]["properties"]
+    assert set(fields["nested_field"]["properties"]) == {"float64_value"}
+    assert set(fields["nested_different_pkg"]["properties"]) == {"sec", "nanosec"}
     # Its default, 0, is outside of the limits: the model must say how far.
     assert fields["nested_field"]["required"] == ["float64_value"]
 
@@ -165,6 +168,45 @@ def test_every_problem_is_told_with_its_place() -> None:
             "no float lies within 0.1 to 0.1",
         ),
         ({"nested_field.int8_value": 1}, "1 must be a table"),
+        ({"nested_field.int8_value": {"enum": [1, 9], "maximum": 5}}, "enum: 9 is outside of -128"),
+        (
+            {"nested_field.float32_value": {"enum": [0.1], "minimum": 0.1, "maximum": 0.1}},
+            "no float lies within 0.1 to 0.1",
+        ),
+        ({"nested_field.int8_value": {"required": 1}}, "required: 1 must be true or false"),
+        (
+            {"nested_field.int8_value": {"required": True, "default": 1}},
+            "required: a field that must be given has no default",
+        ),
+        ({"nested_field.int8_value": {"required": True, "const": 1}}, "required: has no meaning"),
+        (
+            {"nested_field.int8_value": {"required": True, "expose": False}},
+            "required: is not exposed, so a model cannot give it",
+        ),
+        (
+            {"nested_field": {"required": True}, "nested_field.int8_value": {"const": 1}},
+            "nested_field.required: is not exposed",
+        ),
+        (
+            {"nested_field": {"description": "Where."}},
+            "a model cannot set anything in it: list the fields in it, such as"
+            " 'nested_field.bool_value', or set expose = true",
+        ),
+        (
+            {"nested_field": {"int8_value": {"maximum": 1}}},
+            'fields.nested_field: a path needs quotes: [tools.t.fields."nested_field.int8_value"]',
+        ),
+        (
+            {"nested_field.int8_value": {}, "nested_field[].int8_value": {}},
+            "this field is listed twice",
+        ),
+        (
+            {},
+            "robot.toml: tools.t: no field of the goal is listed, so a model could set none. List"
+            " those that it may set, such as"
+            ' [tools.t.fields."nested_field_no_pkg.duration_value.sec"],'
+            ' or set expose = "all" for all of them',
+        ),
     ],
 )
 def test_limits_that_contradict_the_type(fields: Any, part: str) -> None:
@@ -179,7 +221,7 @@ def test_what_else_is_wrong() -> None:
     twice["topics"] = {"t": {"topic": "/t", "type": "test_msgs/msg/Empty"}}
     assert "rename one" in problems(twice)[0]
     types = tool()
-    types["tools"]["u"] = {"action": "a", "type": "test_msgs/action/Fibonacci"}
+    types["tools"]["u"] = {"action": "a", "type": "test_msgs/action/Fibonacci", "expose": "all"}
     assert "has the type" in problems(types)[0]
     assert "above 0" in problems(tool(timeout=0))[0]
     with pytest.raises(ConfigError, match="domain_id"):
@@ -190,3 +232,96 @@ def test_a_part_of_something_hidden_may_be_shown() -> None:
     fields = {"nested_field": {"expose": False}, "nested_field.bool_value": {"expose": True}}
     properties = read(fields).model.schema["properties"]
     assert list(properties["nested_field"]["properties"]) == ["bool_value"]
+
+
+def properties(config: Any) -> dict[str, Any]:
+    found: dict[str, Any] = read_config(config).actions[0].model.schema["properties"]
+    return found
+
+
+def test_only_what_is_listed_is_exposed() -> None:
+    x, y = {"minimum": 0.0, "maximum": 1.0}, {"const": 2.0}
+    only = tool({"nested_field.float64_value": x, "nested_field.float32_value": y})
+    (config,) = read_config(only).actions
+    shown = config.model.schema["properties"]
+    assert set(shown) == {"nested_field"}
+    assert set(shown["nested_field"]["properties"]) == {"float64_value"}
+    for arguments in (
+        {"nested_field": {"int8_value": 1}},
+        {"nested_field": {"float32_value": 2.0}},
+        {"nested_different_pkg": {}},
+    ):
+        assert "there is no field" in config.model.check(arguments)[1][0]
+    sent, _ = config.model.check({"nested_field": {"float64_value": 1}})
+    assert sent == {"nested_field": {"float64_value": 1.0, "float32_value": 2.0}}
+    whole = {"nested_field.float64_value": x, "nested_different_pkg": {"expose": True}}
+    assert set(properties(tool(whole))["nested_different_pkg"]["properties"]) == {"sec", "nanosec"}
+    everything = properties(tool({"nested_field.float64_value": x}, expose="all"))
+    assert set(everything) == {"nested_field", "nested_field_no_pkg", "nested_different_pkg"}
+    assert "expose: 'none' must be 'listed' or 'all'" in problems(tool(expose="none"))[0]
+
+
+def test_a_goal_that_no_model_can_change() -> None:
+    assert properties(tool({"nested_field.int8_value": {"const": 1}})) == {}
+    assert properties(tool({"nested_field": {"expose": False}})) == {}
+
+
+def test_parts_of_arrays_are_exposed_as_they_are_listed() -> None:
+    limits = {"poses.pose.position.x": {"minimum": 0.0, "maximum": 1.0}}
+    path = goal_model("nav_msgs.msg:Path", limits, expose_all=False)
+    assert set(path.schema["properties"]) == {"poses"}
+    pose = {"pose": {"position": {"x": 0.5}}}
+    assert path.check({"poses": [pose, {}]}) == ({"poses": [pose, {}]}, [])
+    pose["pose"]["position"]["y"] = 0.5
+    assert "poses[0].pose.position: there is no field 'y'" in path.check({"poses": [pose]})[1][0]
+
+
+def test_required_fields_must_be_given() -> None:
+    needed = {"minimum": -1.0, "maximum": 1.0, "required": True}
+    model = read({"nested_field.float64_value": needed}).model
+    assert model.schema["required"] == ["nested_field"]
+    assert model.schema["properties"]["nested_field"]["required"] == ["float64_value"]
+    for arguments in ({}, {"nested_field": {}}):
+        assert model.check(arguments)[1] == ["nested_field.float64_value: must be given"]
+    assert model.check({"nested_field": {"float64_value": 0.0}})[1] == []
+    whole = read({"nested_different_pkg": {"required": True, "expose": True}}).model
+    assert whole.check({})[1] == ["nested_different_pkg: must be given"]
+    assert whole.check({"nested_different_pkg": {}})[1] == []
+
+
+def test_numbers_without_limits_are_warned_of(caplog: pytest.LogCaptureFixture) -> None:
+    fields = {
+        "nested_field.float64_value": {"maximum": 1.0},
+        "nested_field.float32_value": {"minimum": 0.0, "maximum": 1.0},
+        "nested_field.int8_value": {"enum": [1, 2]},
+        "nested_field.int16_value": {"const": 1},
+        "nested_field.bool_value": {},
+        "nested_different_pkg.sec": {},
+    }
+    read_config(tool(fields, expose="listed"))
+    (record,) = caplog.records
+    assert record.getMessage() == (
+        "configuration: tools.t: numbers without limits: nested_field.float64_value,"
+        " nested_different_pkg.sec; set minimum and maximum, or enum"
+    )
+    caplog.clear()
+    del fields["nested_field.float64_value"], fields["nested_different_pkg.sec"]
+    read_config(tool(fields, expose="listed"))
+    assert caplog.records == []
+
+
+def test_files_that_do_not_say_what_is_exposed_are_warned_of(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    fields: dict[str, Any] = {
+        "nested_field.bool_value": {},
+        "nested_field.int8_value": {"const": 1},
+        "nested_field_no_pkg": {"expose": False},
+        "nested_different_pkg": {"expose": False},
+    }
+    read(fields)
+    assert "configuration: tools.t: 11 fields are not listed" in caplog.text
+    caplog.clear()
+    read({**fields, "nested_field": {"expose": False}, "nested_field.bool_value": {"expose": True}})
+    read_config(tool(fields, expose="listed"))
+    assert caplog.records == []

@@ -95,6 +95,7 @@ def test_ten_thousand_argument_sets(make_toolbox: Callable[..., Toolbox], run_sc
     tool = {
         "action": "drive",
         "type": "test_msgs/action/NestedMessage",
+        "expose": "all",
         "fields": LIMITS,
         "concurrent": 8,
         "timeout": 60.0,

@@ -100,7 +100,11 @@ def test_cancelling_all_and_closing_end_what_runs(
 LEFT_OPEN = """
 import asyncio, sys
 from actionkit.agents import Toolbox
-FIBONACCI = {"action": "fibonacci", "type": "test_msgs/action/Fibonacci"}
+FIBONACCI = {
+    "action": "fibonacci",
+    "type": "test_msgs/action/Fibonacci",
+    "fields": {"order": {"minimum": 0, "maximum": 1000}},
+}
 toolbox = Toolbox.from_config({
     "tools": {"fib": FIBONACCI},
     "topics": {"text": {"topic": "text", "type": "std_msgs/msg/String"}},

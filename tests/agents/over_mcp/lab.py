@@ -65,6 +65,7 @@ maximum = 40
 action = "/never_finishes"
 type = "test_msgs/action/Fibonacci"
 description = "Goes round until it is stopped."
+expose = "all"
 timeout = 600.0
 concurrent = 2
 
@@ -72,24 +73,28 @@ concurrent = 2
 action = "/never_finishes"
 type = "test_msgs/action/Fibonacci"
 description = "Goes round, for a second."
+expose = "all"
 timeout = 1.0
 
 [tools.script]
 action = "/scripted"
 type = "test_msgs/action/Fibonacci"
 description = "Does what the test has written down for it."
+expose = "all"
 timeout = 60.0
 
 [tools.stubborn]
 action = "/refuses_cancel"
 type = "test_msgs/action/Fibonacci"
 description = "Counts, and does not let itself be stopped."
+expose = "all"
 timeout = 60.0
 
 [tools.absent]
 action = "/absent"
 type = "test_msgs/action/Fibonacci"
 description = "Nobody does it."
+expose = "all"
 timeout = 1.0
 """
 
