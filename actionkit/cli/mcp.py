@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import json
 import os
+import textwrap
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import click
@@ -20,6 +24,7 @@ if TYPE_CHECKING:
 
 _EPILOG = """\b
 Examples:
+  actionkit mcp robot.toml --check
   actionkit mcp robot.toml
   actionkit mcp robot.toml --http 127.0.0.1:8765
 
@@ -52,10 +57,20 @@ cancelled then. The exit code is 23 where one may still be running."""
     type=click.IntRange(0, LAST_DOMAIN),
     help="The ROS domain; else the one in FILE, else the environment's.",
 )
+@click.option(
+    "--check",
+    is_flag=True,
+    help="Print the tools as a model will see them, and what is not limited. Serve nothing.",
+)
 @debug_option
-def command(file: str, where: str | None, names: tuple[str, ...], domain_id: int | None) -> None:
+def command(
+    file: str, where: str | None, names: tuple[str, ...], domain_id: int | None, check: bool
+) -> None:
     """Serve the tools that the TOML file FILE describes, to a language model's host."""
     find_libraries()
+    if check:
+        _print_tools(file)
+        return
     # Before importing anything that may write to standard output, which is for the protocol.
     from actionkit.agents._mcp.wire import Wire, warn_people
 
@@ -105,6 +120,18 @@ def _toolbox(file: str, domain_id: int | None) -> Toolbox:
     Raises:
         Problem: A library is missing, or the file is wrong.
     """
+    _import_libraries()
+    import_ros()
+    from actionkit.agents import Toolbox
+
+    with _problems_of(file):
+        toolbox = Toolbox.from_file(file, domain_id=domain_id)
+    # In the domain of the environment, clients need no node of the toolbox.
+    os.environ["ROS_DOMAIN_ID"] = str(toolbox.domain_id)
+    return toolbox
+
+
+def _import_libraries() -> None:
     try:
         for module in ("mcp.server", "uvicorn", "PIL"):
             importlib.import_module(module)
@@ -113,14 +140,38 @@ def _toolbox(file: str, domain_id: int | None) -> Toolbox:
             Exit.FAILED,
             f"{error.name or error} is not installed: pip install 'mcp>=2,<3' pillow",
         ) from error
-    import_ros()
-    from actionkit.agents import ConfigError, Toolbox
+
+
+def _print_tools(file: str) -> None:
+    _import_libraries()
+    from actionkit.agents._config import read_file
+    from actionkit.agents._tools import make_tools
+
+    with _problems_of(file):
+        config = read_file(file)
+    models = {action.name: action.model for action in config.actions}
+    for tool in make_tools(config):
+        say(f"{tool.name}: {tool.description}")
+        if tool.confirm:
+            say("  A human approves each goal.")
+        if (model := models.get(tool.name)) is not None:
+            say(f"  Numbers without limits: {', '.join(model.unlimited) or 'none'}")
+            say(f"  Not exposed: {', '.join(model.hidden) or 'nothing'}")
+        say(textwrap.indent(json.dumps(tool.input_schema, indent=2, ensure_ascii=False), "  "))
+        say()
+
+
+@contextmanager
+def _problems_of(file: str) -> Iterator[None]:
+    """Tell people what is wrong with the file.
+
+    Raises:
+        Problem: Something is.
+    """
+    from actionkit.agents import ConfigError
 
     try:
-        toolbox = Toolbox.from_file(file, domain_id=domain_id)
-        # In the domain of the environment, clients need no node of the toolbox.
-        os.environ["ROS_DOMAIN_ID"] = str(toolbox.domain_id)
-        return toolbox
+        yield
     except ConfigError as error:
         raise Problem(Exit.USAGE, f"the configuration is wrong:\n{error}") from error
     except OSError as error:

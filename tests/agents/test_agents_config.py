@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -325,3 +327,26 @@ def test_files_that_do_not_say_what_is_exposed_are_warned_of(
     read({**fields, "nested_field": {"expose": False}, "nested_field.bool_value": {"expose": True}})
     read_config(tool(fields, expose="listed"))
     assert caplog.records == []
+
+
+def test_a_file_is_checked_without_serving_it(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(RIGHT)
+    command = [sys.executable, "-m", "actionkit", "mcp", "--check", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0
+    for part in (
+        "drive: Drives.\n  A human approves each goal.\n",
+        "  Numbers without limits: nested_different_pkg.sec, nested_different_pkg.nanosec\n",
+        "  Not exposed: nested_field_no_pkg.duration_value.sec, ",
+        '"description": "Metres."',
+        "battery: ",
+        "goals: ",
+    ):
+        assert part in done.stdout
+    assert "robot.toml: tools.drive: numbers without limits: nested_dif" in done.stderr
+    path.write_text(RIGHT.replace('fields."nested_field.float64_value"', "fields.nested_field.x"))
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert 'a path needs quotes: [tools.drive.fields."nested_field.x"]' in done.stderr
