@@ -87,6 +87,8 @@ def _is_every(host: str) -> bool:
 def listen(where: Address) -> socket.socket:
     """Open the socket, which notices clients that are gone without a word.
 
+    Not those that hang: their machine acknowledges what is sent, and keeps it.
+
     Raises:
         OSError: It is in use, or is not an address of this machine.
     """
@@ -102,7 +104,7 @@ def listen(where: Address) -> socket.socket:
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 5)
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 2)
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3)
-        # The same where we have sent something, or the client reads nothing for so long.
+        # The same where we have sent something.
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 10_000)
         opened.bind(name)
         opened.listen(128)

@@ -1,4 +1,4 @@
-"""A program with a client of the SDK in it, which calls a tool and is killed during the call."""
+"""A program with a client of the SDK: it calls a tool, and is killed or stopped meanwhile."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ async def main() -> None:
             else StdioServerParameters(**told["stdio"])
         )
         async with Client(server, mode=told["mode"]) as client:
-            await client.call_tool("patrol", {})
+            await client.call_tool(told.get("tool", "patrol"), {})
 
 
 if __name__ == "__main__":

@@ -75,6 +75,7 @@ FAULTS: dict[str, dict[str, tuple[str, ...]]] = {
     HTTP_ONLY: {
         "the client is gone before its call begins": HTTP,
         "the client ends its session (DELETE)": HTTP[:1],
+        "the client hangs (SIGSTOP)": HTTP,
         "the network between client and server is cut": HTTP,
         "no token, or a wrong one": ANY_HTTP,
         "another `Host` (DNS rebinding)": ANY_HTTP,

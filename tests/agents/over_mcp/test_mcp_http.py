@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import signal
 import socket
 import subprocess
 import sys
@@ -123,6 +124,29 @@ def test_a_client_that_ends_its_session(robot: Robot, http: HttpServing) -> None
         page.record(page.HTTP_ONLY, fault, HTTP[0], reached, "no answer")
 
     asyncio.run(scenario())
+
+
+@pytest.mark.parametrize("way", HTTP, ids=str)
+def test_a_client_that_hangs(robot: Robot, http: HttpServing, way: Way) -> None:
+    """Its machine acknowledges what is sent to it, so nothing tells it from one that waits."""
+    watch = Watch(robot.server("never_finishes"))
+    told = {"mode": way.mode, "url": http.url, "tool": "hurry"}
+    client = subprocess.Popen([sys.executable, leaver.__file__, json.dumps(told)])
+    try:
+        asyncio.run(watch.until("executing"))
+        client.send_signal(signal.SIGSTOP)
+        reached = asyncio.run(watch.summary())
+    finally:
+        client.kill()
+        client.wait()
+
+    async def later() -> str:
+        async with agent(robot, way, http) as connected:
+            (goal,) = (g for g in await connected.goals() if g["goal_id"] in watch.received)
+            return f"nothing; then `{goal['status']}`: the tool's time ran out"
+
+    fault = "the client hangs (SIGSTOP)"
+    page.record(page.HTTP_ONLY, fault, way, reached, asyncio.run(later()))
 
 
 def test_who_may_come_in(robot: Robot) -> None:
