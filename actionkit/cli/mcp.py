@@ -138,7 +138,7 @@ def _import_libraries() -> None:
     except ImportError as error:
         raise Problem(
             Exit.FAILED,
-            f"{error.name or error} is not installed: pip install 'mcp>=2,<3' pillow",
+            f"{error.name or error} is not installed: pip install 'mcp>=2.2,<3' pillow",
         ) from error
 
 

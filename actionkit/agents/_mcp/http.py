@@ -1,10 +1,15 @@
-"""MCP over streamable HTTP: who may come in, and that a dead connection is noticed."""
+"""MCP over streamable HTTP: who may come in, limits for all, and that a dead connection is noticed.
+
+Limits hold before the token is checked, so that clients without it lock out nobody.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import hmac
+import logging
+import resource
 import socket
 from collections.abc import Iterator
 from typing import Any
@@ -16,11 +21,23 @@ from mcp.server.auth.provider import AccessToken
 from mcp.server.transport_security import TransportSecuritySettings
 from starlette.middleware.authentication import AuthenticationMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from actionkit.agents._mcp.address import Address
 from actionkit.agents._mcp.session import GONE
+from actionkit.agents._mcp.wire import MOST_BYTES
 
 PATH = "/mcp"
+_MOST_CONNECTIONS = 256
+_MOST_REQUESTS = 512
+"""At a time. uvicorn compares it with connections, too, and has to find fewer."""
+_REQUEST_WITHIN = 10.0
+"""Seconds until a whole request has come."""
+_MOST_SESSIONS = 256
+_SESSION_IDLE = 300.0
+"""Seconds; a session in which a call runs, or that has a stream open, is not idle."""
+_RECORDS_A_MINUTE = 20
+_LONGEST_RECORD = 300
 
 
 def make_app(server: Server[Any], where: Address) -> ASGIApp:
@@ -32,18 +49,21 @@ def make_app(server: Server[Any], where: Address) -> ASGIApp:
         allowed_origins=[f"{scheme}://{host}" for scheme in ("http", "https") for host in hosts],
     )
     inner: ASGIApp = server.streamable_http_app(
-        streamable_http_path=PATH, transport_security=security
+        streamable_http_path=PATH,
+        transport_security=security,
+        max_request_body_size=MOST_BYTES,
+        max_sessions=_MOST_SESSIONS,
+        session_idle_timeout=_SESSION_IDLE,
     )
-    guarded = inner
+    guarded: ASGIApp = _Watched(inner)
     if where.token:
         guarded = AuthenticationMiddleware(
-            RequireAuthMiddleware(inner, []), backend=BearerAuthBackend(_OneToken(where.token))
+            RequireAuthMiddleware(guarded, []), backend=BearerAuthBackend(_OneToken(where.token))
         )
-    watched = _Watched(guarded)
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
         # The SDK begins and ends with the application's life, which no client asks for.
-        chosen = inner if scope["type"] == "lifespan" else watched
+        chosen = inner if scope["type"] == "lifespan" else guarded
         await chosen(scope, receive, send)
 
     return app
@@ -95,26 +115,99 @@ class _Watched:
                 watcher = asyncio.ensure_future(watch())
             return message
 
+        scope[GONE] = gone  # `_Connection` looks for it, too
         try:
-            await self._app({**scope, GONE: gone}, receive_and_watch, send)
+            await self._app(scope, receive_and_watch, send)
         finally:
             if watcher is not None:
                 watcher.cancel()
 
 
+class _Connection(H11Protocol):
+    """A connection that is closed if no request comes, or if others need its place.
+
+    Never while a request is served: that would cancel a goal.
+    """
+
+    _timer: asyncio.TimerHandle
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self._wait()
+        descriptors, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+        if len(self.connections) > min(_MOST_CONNECTIONS, descriptors // 4):
+            every = [one for one in self.connections if isinstance(one, _Connection)]
+            waiting = [one for one in every if one._waits]
+            # Those that had the token come last, but for this one: it goes if all others serve.
+            min(waiting, key=lambda one: (one is self, one._let_in, one._timer.when()))._give_up()
+
+    @property
+    def _let_in(self) -> bool:
+        """Whether its last request had the token, if one is needed."""
+        return self.cycle is not None and GONE in self.cycle.scope
+
+    @property
+    def _waits(self) -> bool:
+        """Whether no whole request is being served, of one that was let in."""
+        return not self._let_in or self.cycle.response_complete or self.cycle.more_body
+
+    def _wait(self) -> None:
+        self._timer = self.loop.call_later(_REQUEST_WITHIN, self._give_up)
+
+    def _give_up(self) -> None:
+        if self._waits:
+            self.connections.discard(self)
+            self.transport.abort()
+
+    def on_response_complete(self) -> None:
+        self._timer.cancel()
+        self._wait()
+        super().on_response_complete()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._timer.cancel()
+        super().connection_lost(exc)
+
+
+class _Few(logging.Filter):
+    """Lets libraries log a few short records a minute: clients must not fill the disk."""
+
+    _minute = _count = 0
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        if record.name.partition(".")[0] == "actionkit":
+            return True
+        minute = int(record.created) // 60
+        self._count = self._count + 1 if minute == self._minute else 1
+        self._minute = minute
+        more = " (no more in this minute)" if self._count == _RECORDS_A_MINUTE else ""
+        record.msg, record.args = f"{record.getMessage()[:_LONGEST_RECORD]}{more}", ()
+        return self._count <= _RECORDS_A_MINUTE
+
+
 class _Uvicorn(uvicorn.Server):
-    """One that leaves signals to us."""
+    """One that leaves signals to us, and lets more connections wait than it accepts at once."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
         yield
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        for one in sockets or []:
+            one.listen(128)
 
 
 async def serve(app: ASGIApp, listening: socket.socket, enough: asyncio.Event) -> None:
     """Serve until there is enough."""
     config = uvicorn.Config(
         app,
-        http="h11",
+        http=_Connection,
+        # asyncio accepts so many in one turn of its loop. With one, a request is read before its
+        # place is taken, and no faster than requests are served.
+        backlog=1,
+        # Those of lost connections count, too: they go on for a moment.
+        limit_concurrency=_MOST_REQUESTS,
         ws="none",
         loop="asyncio",
         lifespan="on",
@@ -124,6 +217,9 @@ async def serve(app: ASGIApp, listening: socket.socket, enough: asyncio.Event) -
         proxy_headers=False,
         timeout_graceful_shutdown=1,
     )
+    for handler in (logging.lastResort, *logging.getLogger().handlers):
+        if handler is not None:
+            handler.addFilter(_Few())
     server = _Uvicorn(config)
     serving = asyncio.ensure_future(server.serve(sockets=[listening]))
     waiting = asyncio.ensure_future(enough.wait())

@@ -199,10 +199,18 @@ class Serving:
 class HttpServing(Serving):
     """One that serves over HTTP; it outlives its clients."""
 
-    def __init__(self, robot: Robot, *more: str, at: str = "127.0.0.1:0", **environment: str):
-        self._errors = open(robot.file.with_name("http.txt"), "w")  # noqa: SIM115
+    def __init__(
+        self,
+        robot: Robot,
+        *more: str,
+        at: str = "127.0.0.1:0",
+        before: str = "",
+        **environment: str,
+    ) -> None:
+        self.log = robot.file.with_name("http.txt")
+        self._errors = open(self.log, "w")  # noqa: SIM115
         self.process = subprocess.Popen(
-            robot.words("--http", at, *more),
+            robot.words("--http", at, *more, before=before),
             stdout=subprocess.PIPE,
             stderr=self._errors,
             text=True,

@@ -19,7 +19,7 @@ from mcp import Client
 from mcp.client.streamable_http import streamable_http_client
 
 from actionkit.agents._mcp.address import TOKEN_VARIABLE
-from tests.agents.over_mcp import leaver, page
+from tests.agents.over_mcp import flooder, leaver, page
 from tests.agents.over_mcp.lab import (
     PATIENCE,
     WAYS,
@@ -36,6 +36,14 @@ HTTP = WAYS[2:]
 TOKEN = "a-secret-of-the-test"
 HEADERS = {"Content-Type": "application/json", "Accept": "application/json, text/event-stream"}
 _CALL = {"jsonrpc": "2.0", "id": 1, "method": "tools/call"}
+SHORT_LIMITS = """
+import actionkit.agents._mcp.http as limits
+limits._REQUEST_WITHIN = limits._SESSION_IDLE = 1.5
+"""
+TWO_PLACES = """
+import actionkit.agents._mcp.http as limits
+limits._MOST_CONNECTIONS = 2
+"""
 
 
 def raw_call(way: Way, number: int, session: str, host: str) -> bytes:
@@ -147,6 +155,79 @@ def test_a_client_that_hangs(robot: Robot, http: HttpServing, way: Way) -> None:
 
     fault = "the client hangs (SIGSTOP)"
     page.record(page.HTTP_ONLY, fault, way, reached, asyncio.run(later()))
+
+
+def address_of(serving: HttpServing) -> tuple[str, int]:
+    parts = urlsplit(serving.url)
+    assert parts.port is not None
+    return str(parts.hostname), parts.port
+
+
+def first_answer(serving: HttpServing, request: bytes) -> bytes:
+    """Send something; return the first bytes of the answer, none if the connection is closed."""
+    with socket.create_connection(address_of(serving), PATIENCE) as connected:
+        try:
+            connected.sendall(request)
+            return connected.recv(1000)
+        except ConnectionError:
+            return b""
+
+
+@pytest.mark.parametrize("way", HTTP, ids=str)
+def test_limits_of_time_are_not_for_calls(robot: Robot, way: Way) -> None:
+    watch = Watch(robot.server("never_finishes"))
+
+    async def scenario(serving: HttpServing) -> None:
+        async with httpx2.AsyncClient() as client:
+            idle = await open_session(client, serving.url)
+            session = await open_session(client, serving.url)
+        with socket.create_connection(address_of(serving)) as calling:
+            # No other connection, so nothing else keeps its session.
+            calling.sendall(raw_call(way, 1, session, urlsplit(serving.url).netloc))
+            await watch.until("executing")
+            for request in (b"", b"POST", raw_call(way, 2, session, "127.0.0.1")[:-1]):
+                assert await asyncio.to_thread(first_answer, serving, request) == b""
+            message = {"jsonrpc": "2.0", "id": 3, "method": "ping"}
+            async with httpx2.AsyncClient() as client:
+
+                async def ping(session: str) -> int:
+                    headers = {**HEADERS, "Mcp-Session-Id": session}
+                    return (
+                        await client.post(serving.url, json=message, headers=headers)
+                    ).status_code
+
+                assert await ping(idle) == 404
+                if way.mode == "legacy":
+                    assert await ping(session) == 200
+            await asyncio.to_thread(watch.server.sync)
+            assert not any(e.event == "canceled" for e in watch.events)
+        assert await watch.summary() == "a goal, canceled"
+
+    with contextlib.closing(HttpServing(robot, before=SHORT_LIMITS)) as serving:
+        asyncio.run(scenario(serving))
+
+
+def test_calls_keep_their_places(robot: Robot) -> None:
+    watch = Watch(robot.server("never_finishes"))
+
+    async def scenario(serving: HttpServing) -> None:
+        place = urlsplit(serving.url).netloc
+        hello = flooder.KINDS["initialize"].encode()
+        assert (await asyncio.to_thread(first_answer, serving, hello)).startswith(b"HTTP/1.1 200")
+        with socket.create_connection(address_of(serving)) as first:
+            with socket.create_connection(address_of(serving)) as second:
+                first.sendall(raw_call(HTTP[1], 1, "", place))
+                second.sendall(raw_call(HTTP[1], 2, "", place))
+                await watch.until("executing", 2)
+                assert await asyncio.to_thread(first_answer, serving, hello) == b""
+                await asyncio.to_thread(watch.server.sync)
+                assert not any(e.event == "canceled" for e in watch.events)
+            await watch.until("canceled")
+            assert (await asyncio.to_thread(first_answer, serving, hello)).startswith(b"HTTP/1.1 2")
+        assert await watch.summary() == "a goal, canceled; a goal, canceled"
+
+    with contextlib.closing(HttpServing(robot, before=TWO_PLACES)) as serving:
+        asyncio.run(scenario(serving))
 
 
 def test_who_may_come_in(robot: Robot) -> None:

@@ -142,7 +142,7 @@ def test_what_is_missing_is_named(robot: Robot) -> None:
     without = "import sys; sys.modules['uvicorn'] = None"
     code, out, errors = run(robot, before=without)
     assert (code, out) == (1, "")
-    assert "pip install 'mcp>=2,<3' pillow" in errors
+    assert "pip install 'mcp>=2.2,<3' pillow" in errors
     assert "uvicorn" in errors
 
 
