@@ -71,8 +71,12 @@ class GoalCalls:
         hold = await self._ready(tool)
         if isinstance(hold, ToolResult):
             return hold
-        if tool.confirm and (refused := await _ask(tool, goal, approve)) is not None:
-            return refused
+        if tool.confirm:
+            others = await self._room_beside(tool)  # no human is asked for nothing
+            if isinstance(others, ToolResult):
+                return others
+            if (refused := await _ask(tool, goal, approve)) is not None:
+                return refused
         try:
             client = await in_thread(lambda: self._clients.client(tool))
         except Exception as error:  # noqa: BLE001  also what the middleware raises
@@ -80,10 +84,9 @@ class GoalCalls:
         hold = await self._ready(tool)
         if isinstance(hold, ToolResult):
             return hold
-        try:
-            others = await self._of_others(tool)
-        except Exception as error:  # noqa: BLE001  also what the middleware raises
-            return _closed(tool) if self._clients.closed else _failed(tool, error)
+        others = await self._room_beside(tool)
+        if isinstance(others, ToolResult):
+            return others
         return await self._send(tool, goal, client, hold, stops, others, on_progress)
 
     async def start(self) -> HoldListener:
@@ -100,6 +103,16 @@ class GoalCalls:
         future = await in_thread(lambda: self._clients.node.goals(_full_name(tool.action)))
         there = await asyncio.wrap_future(future)
         return self._goals.of_others(there)
+
+    async def _room_beside(self, tool: ActionConfig) -> list[GoalThere] | ToolResult:
+        """Return the goals of other programs, or why there is no room for another one."""
+        try:
+            others = await self._of_others(tool)
+        except Exception as error:  # noqa: BLE001  also what the middleware raises
+            return _closed(tool) if self._clients.closed else _failed(tool, error)
+        running = self._goals.counting(_full_name(tool.action))
+        full = len(running) + len(others) >= tool.concurrent
+        return _too_many(tool, running, others) if full else others
 
     async def others(self, tools: Iterable[ActionConfig]) -> list[tuple[ActionConfig, GoalThere]]:
         """Return the goals of other programs on the actions of tools, where that is known."""

@@ -187,3 +187,32 @@ def test_waiting_for_approval_counts_no_goal(
 
     asyncio.run(main())
     assert server.count("accepted") == 1
+
+
+def test_no_human_is_asked_while_another_program_has_a_goal(
+    make_toolbox: Make, action_server: ActionServerFactory
+) -> None:
+    server = action_server("fibonacci", period=0.05)
+    asked: list[ApprovalRequest] = []
+
+    async def approve(request: ApprovalRequest) -> bool:
+        asked.append(request)
+        return True
+
+    async def main() -> None:
+        confirmed = {**FIBONACCI, "confirm": "always"}
+        async with (
+            make_toolbox({"fib": FIBONACCI}) as other,
+            make_toolbox({"fib": confirmed}) as one,
+        ):
+            calling = asyncio.create_task(other.call("fib", {"order": 90}))
+            await seen(server, "accepted")
+            value = told(one, await one.call("fib", {"order": 3}, approve=approve))
+            assert value["error"]["type"] == "too_many_goals"
+            assert not asked
+            calling.cancel()
+            await asyncio.wait([calling])
+            assert told(one, await one.call("fib", {"order": 3}, approve=approve))["error"] is None
+            assert len(asked) == 1
+
+    asyncio.run(main())

@@ -67,7 +67,8 @@ def test_goals_that_have_ended_do_not_count(robot: Robot) -> None:
         async with agent(robot, STDIO) as first, agent(robot, STDIO) as second:
             watch = Watch(counting)
             for one in (first, second, first, second, second):
-                assert words(await one.call("count", {"order": 3})) == "`succeeded`"
+                result = await one.call("count", {"order": 3})
+                assert words(result) == "`succeeded`", result.structured_content
             assert not [one for one in await of_others(first) if one["tool"] == "count"]
         assert await watch.summary() == "; ".join(["a goal, succeeded"] * 5)
 
