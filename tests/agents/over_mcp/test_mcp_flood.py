@@ -28,8 +28,8 @@ import resource
 resource.setrlimit(resource.RLIMIT_NOFILE, (1024, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
 """
 """The file descriptors that most systems give to a process."""
-MORE_MEMORY = 40_000
-"""kB of resident memory that a flood may take."""
+MORE_MEMORY = 80_000
+"""kB of resident memory that a flood may take: 256 sessions take 13,000, 512 requests the rest."""
 MORE_LOG = 20_000
 """Bytes on standard error that a flood may cause in a minute."""
 
