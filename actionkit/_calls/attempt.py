@@ -125,13 +125,9 @@ class Attempt:
             self._link.liveness.start(self._liveness)
         self._apply(self.goal.sent(self._now(), self._servers))
 
-    def cancel(self) -> None:
-        """Cancel the goal because its caller does."""
-        self._apply(self.goal.cancel(self._now()))
-
-    def close(self, *, abandon: bool) -> None:
-        """Cancel the goal because the client closes; with `abandon`, let it run instead."""
-        self._apply(self.goal.close(self._now(), abandon=abandon))
+    def give_up(self, why: CancelReason, *, abandon: bool = False) -> None:
+        """Cancel the goal because nobody wants it; with `abandon`, let it run instead."""
+        self._apply(self.goal.give_up(why, self._now(), abandon=abandon))
 
     def end_grace(self) -> None:
         """End the wait for the confirmation of a cancellation."""

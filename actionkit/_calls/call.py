@@ -23,7 +23,7 @@ from actionkit._calls.request import Request
 from actionkit._calls.retry import GiveUp, Retry
 from actionkit._calls.retry_runner import RetryRunner
 from actionkit._goal import effects as fx
-from actionkit._goal.stages import Stage
+from actionkit._goal.stages import CancelReason, Stage
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState, Verdict
 from actionkit._observers.delivery import NO_OBSERVERS, ObserverDispatcher
@@ -116,20 +116,19 @@ class Call:
 
     def cancel(self) -> None:
         """Cancel the goal, or end the call if it has none in flight."""
-        self._given_up_at = self._given_up_at or time.monotonic()
-        if (attempt := self.machine.attempt) is not None:
-            attempt.cancel()
-        else:
-            self._do(self.machine.stop(fx.End.CANCELLED_BY_CALLER, "the call was cancelled"))
+        self._give_up(CancelReason.CANCELLED)
 
     def close(self, *, abandon: bool, because: str = CLIENT_CLOSED) -> None:
         """End because the client closes, or because something else that calls need has ended."""
         self.machine.closing = because
+        self._give_up(CancelReason.CLOSED, abandon=abandon)
+
+    def _give_up(self, why: CancelReason, *, abandon: bool = False) -> None:
         self._given_up_at = self._given_up_at or time.monotonic()
         if (attempt := self.machine.attempt) is not None:
-            attempt.close(abandon=abandon)
+            attempt.give_up(why, abandon=abandon)
         else:
-            self._do(self.machine.stop(fx.End.CLOSED, "the client was closed"))
+            self._do(self.machine.give_up(why))
 
     def end_grace(self) -> None:
         """End a closed call: no time is left for confirmations."""

@@ -17,6 +17,7 @@ from actionkit._calls.classify import apply_verdict
 from actionkit._calls.retry import GiveUp, RejectedByClassifier, Retry, after_no_server
 from actionkit._goal import effects as fx
 from actionkit._goal.machine import Goal
+from actionkit._goal.stages import CancelReason
 from actionkit._model.values import GoalState, Verdict
 
 
@@ -51,8 +52,7 @@ class AttemptView(Protocol):
     @property
     def cancel_is_ours(self) -> bool: ...
     def on_server_ready(self) -> None: ...
-    def cancel(self) -> None: ...
-    def close(self, *, abandon: bool) -> None: ...
+    def give_up(self, why: CancelReason, *, abandon: bool = False) -> None: ...
     def end_grace(self) -> None: ...
     def fail(self, reason: str, error: BaseException) -> None: ...
 
@@ -225,11 +225,13 @@ class CallMachine:
             return self._end(fx.Ending(fx.End.INVALID, GoalState.REJECTED, error=invalid))
         return self._try(now)
 
-    def stop(self, end: fx.End, why: str) -> list[Effect]:
+    def give_up(self, why: CancelReason) -> list[Effect]:
         """Its caller cancels or closes it while it has no goal in flight that could handle that."""
         if self.phase is Phase.JUDGING:
             # Its goal ended, and is not tried again. Wait for the verdict as for a cancellation.
-            return [CutJudging(why, at_once=False)]
+            because = "the client was closed" if self.closing else "the call was cancelled"
+            return [CutJudging(because, at_once=False)]
+        end = fx.End.CLOSED if why is CancelReason.CLOSED else fx.End.CANCELLED_BY_CALLER
         if self._last is None or self.is_waiting:
             return self._end(fx.Ending(end, GoalState.SENDING, given_up=True))
         # Nothing is cancelled now: the outcome describes the fate of the last goal.
@@ -284,7 +286,7 @@ class CallMachine:
         if self.phase is not Phase.QUEUED:
             return []
         if self.unwanted:  # `cancel` is about to run on this thread
-            return self.stop(fx.End.CANCELLED_BY_CALLER, "")
+            return self.give_up(CancelReason.CANCELLED)
         if self._is_late(now) or not self.may_send():
             self.phase = Phase.WAITING
             return [AwaitServer(self._wait_until, another=True)]

@@ -9,6 +9,7 @@ from actionkit._goal.record import GoalRecord
 from actionkit._goal.stages import (
     DOUBT,
     END_AFTER,
+    FINAL,
     FIRST_REASK,
     PHASE,
     WAITED_FOR,
@@ -35,13 +36,10 @@ class CancellableGoal(GoalRecord):
 
     # --- what the caller wants -------------------------------------------------------------
 
-    def cancel(self, now: float) -> list[fx.Effect]:
-        """The caller cancels."""
-        return [] if self._unwanted else self._give_up(CancelReason.CANCELLED, now)
-
-    def close(self, now: float, *, abandon: bool) -> list[fx.Effect]:
-        """The client closes; with `abandon`, it lets the goal run, as the user chose."""
-        self.closing = self.closing or Closing.CANCELLING
+    def give_up(self, why: CancelReason, now: float, *, abandon: bool = False) -> list[fx.Effect]:
+        """The caller no longer wants the goal; with `abandon`, it runs on, as the user chose."""
+        if why in FINAL:
+            self._final_reason = self._final_reason or why
         if self._unwanted:
             return []
         if abandon:
@@ -49,7 +47,7 @@ class CancellableGoal(GoalRecord):
             self.stage = Stage.OVER
             self.closing = Closing.ABANDONED
             return self._settle(fx.End.CLOSED) + self._release()
-        return self._give_up(CancelReason.CLOSED, now)
+        return self._cancel(why, now)
 
     def forget(self) -> list[fx.Effect]:
         """Stop tracking the goal, though it may run."""
@@ -67,7 +65,7 @@ class CancellableGoal(GoalRecord):
         effects: list[fx.Effect] = [self._enter(GoalState.LOST, reason)]
         return effects + self._settle(fx.End.LOST, error=error) + self._release()
 
-    def _give_up(self, why: CancelReason, now: float) -> list[fx.Effect]:
+    def _cancel(self, why: CancelReason, now: float) -> list[fx.Effect]:
         self._phase = PHASE[self.stage]
         self.cancel_reason, self.cancelled_at = why, now
         self.facts.given_up = True
@@ -124,12 +122,8 @@ class CancellableGoal(GoalRecord):
         self._refusal_told = self.facts.refused = True
         if self.settled or self.cancel_reason not in _CALLER_MAY_WAIT:
             return [*told]  # it may still succeed in the time that is left (C2.3)
-        if self._deadline is not None and now >= self._deadline:
-            self.cancel_reason = CancelReason.DEADLINE
-            self._phase = self._phase or "execute"
-            return [*told]
-        if self.closing is not None:
-            self.cancel_reason = CancelReason.CLOSED  # nobody will wait for it
+        if self._final_reason is not None:
+            self.cancel_reason = self._final_reason
             return [*told]
         # The goal runs on although the caller cancelled it, so the caller's future stays pending.
         self._refused_reason, self.cancel_reason = self.cancel_reason, None
@@ -181,6 +175,6 @@ class CancellableGoal(GoalRecord):
         facts.ended, facts.ends = True, max(facts.yeses, 1)
         effects: list[fx.Effect] = [self._enter(GoalState.LOST, "the result cannot be had")]
         end = fx.End.RESULT_LOST
-        if self.cancel_reason in (CancelReason.DEADLINE, CancelReason.CLOSED):
+        if self.cancel_reason in FINAL:
             end, why = END_AFTER[self.cancel_reason], ""
         return effects + self._end_here(end, now, lost_because=why)

@@ -16,6 +16,7 @@ from actionkit._goal.cancelling import CancellableGoal
 from actionkit._goal.stages import (
     DOUBT,
     END_AFTER,
+    FINAL,
     FIRST_REASK,
     LAST_RESULT_PAUSE,
     LAST_UNKNOWN_PAUSE,
@@ -351,7 +352,7 @@ class Goal(CancellableGoal):
         if self.settled:
             return effects
         effects.append(self._enter(GoalState.LOST, reason))
-        if self.cancel_reason in (CancelReason.DEADLINE, CancelReason.CLOSED):
+        if self.cancel_reason in FINAL:
             return effects + self._settle_given_up()
         return effects + self._settle(fx.End.LOST, lost_because=reason)
 
@@ -365,15 +366,14 @@ class Goal(CancellableGoal):
             return []
         if timer is fx.Timer.RESULT and self._terminal_seen is not None:
             return self._result_lost(f"it did not come within {self._timeouts.result:g} s", now)
-        if self.cancel_reason is not None:
-            cancel = timer is fx.Timer.CANCEL
-            return self._cancel_timed_out(now, others_confirmed_at) if cancel else []
+        if timer is fx.Timer.CANCEL and self.cancel_reason is not None:
+            return self._cancel_timed_out(now, others_confirmed_at)
         if timer is fx.Timer.DEADLINE:
-            return self._give_up(CancelReason.DEADLINE, now)
+            return self.give_up(CancelReason.DEADLINE, now)
         if timer is fx.Timer.ACCEPT and self.stage is Stage.SENT:
-            return self._give_up(CancelReason.UNANSWERED, now)
+            return self.give_up(CancelReason.UNANSWERED, now)
         if timer is fx.Timer.STALL and self.stage is Stage.ACCEPTED:
-            return self._give_up(CancelReason.STALLED, now)
+            return self.give_up(CancelReason.STALLED, now)
         return []
 
     def _reask(self, now: float) -> list[fx.Effect]:

@@ -33,6 +33,7 @@ class GoalRecord:
         self.state = GoalState.SENDING
         self.settled = False
         self.cancel_reason: CancelReason | None = None
+        self._final_reason: CancelReason | None = None  # the first one that is in `FINAL`
         self.closing: Closing | None = None
         self._timeouts = timeouts
         self._deadline = deadline

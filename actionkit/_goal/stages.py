@@ -69,8 +69,6 @@ class CancelReply(Enum):
 class Closing(Enum):
     """Why we stop handling the goal, if we do."""
 
-    CANCELLING = auto()
-    """The client closes, and cancels all goals in flight."""
     ABANDONED = auto()
     """The client closed and let the goal run, as the user chose."""
     BROKEN = auto()
@@ -94,6 +92,8 @@ END_AFTER = {
     CancelReason.CLOSED: End.CLOSED,
 }
 """How an attempt ends if its caller gave up before its goal ended."""
+FINAL = (CancelReason.DEADLINE, CancelReason.CLOSED)
+"""The reasons after which nobody waits for the goal, even if the server refuses to cancel it."""
 WITH_END = {End.SUCCEEDED, End.ABORTED, End.CANCELED_BY_OTHER, End.RESULT_LOST}
 """The endings of attempts with a goal that ended by itself."""
 RANK = {GoalState.ACCEPTED: 1, GoalState.EXECUTING: 2, GoalState.CANCELING: 3}

@@ -20,7 +20,7 @@ from actionkit._calls.machine import CallMachine, Phase
 from actionkit._calls.retry import GiveUp, Retry, may_try_again
 from actionkit._goal import effects as fx
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import Stage
+from actionkit._goal.stages import CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.values import GoalState, Verdict
 
@@ -323,19 +323,11 @@ class World:
             m.unwanted = self.hurried = True  # the thread will come to it
         elif event == "cancel":
             m.unwanted, self.hurried = True, False
-            current = m.attempt
-            if current is not None:
-                self.apply(current, current.goal.cancel(self.now))
-            else:
-                self.do(m.stop(fx.End.CANCELLED_BY_CALLER, "why"))
+            self.give_up(CancelReason.CANCELLED)
         elif event == "close":
             self.closed, m.closing = True, "closed"
             self.waited |= arg
-            current = m.attempt
-            if current is not None:
-                self.apply(current, current.goal.close(self.now, abandon=arg))
-            else:
-                self.do(m.stop(fx.End.CLOSED, "why"))
+            self.give_up(CancelReason.CLOSED, abandon=arg)
         elif event in ("end grace", "grace"):
             self.waited = True
             current = m.attempt
@@ -364,6 +356,12 @@ class World:
             self.at_graph(event, arg)
         else:
             self.at(event, *arg)
+
+    def give_up(self, why: CancelReason, *, abandon: bool = False) -> None:
+        if (current := self.m.attempt) is not None:
+            self.apply(current, current.goal.give_up(why, self.now, abandon=abandon))
+        else:
+            self.do(self.m.give_up(why))
 
     def verdict(self, verdict: Verdict) -> None:
         ending, self.asked = self.asked, None

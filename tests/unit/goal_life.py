@@ -28,13 +28,14 @@ from actionkit._goal.effects import (
     Timer,
 )
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import DOUBT
+from actionkit._goal.stages import DOUBT, CancelReason
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState
 
 UNTIL_SENT = ("sent",)
 UNTIL_ACCEPTED = (*UNTIL_SENT, "accepted")
+GIVING_UP = {"cancel": CancelReason.CANCELLED, "close": CancelReason.CLOSED}
 
 
 class Broken(AssertionError):
@@ -158,8 +159,10 @@ class Life:
         if event in ("result", "cancel_answered"):
             options.setdefault("asked_at", self.now)
         self._note(event, args, options)
+        given = (GIVING_UP[event],) if event in GIVING_UP else args
+        happens = getattr(self.goal, "give_up" if event in GIVING_UP else event)
         try:
-            effects: list[Effect] = getattr(self.goal, event)(*args, self.now, **options)
+            effects: list[Effect] = happens(*given, self.now, **options)
         except AssertionError as error:
             raise Broken(f"the machine takes every event: {self.told}") from error
         self.all += effects

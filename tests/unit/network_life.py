@@ -21,6 +21,7 @@ from test_msgs.action import Fibonacci
 from actionkit import Timeouts
 from actionkit._calls.attempt import Attempt
 from actionkit._goal.effects import Ending, Record
+from actionkit._goal.stages import CancelReason
 from actionkit._ros import link as link_module
 from actionkit._ros.names import ActionNames
 from tests.unit.clock import CommunicationThread
@@ -119,7 +120,7 @@ class Waiter:
 
     def cancel(self) -> None:
         if self._sent:
-            self._attempt.cancel()
+            self._attempt.give_up(CancelReason.CANCELLED)
         else:
             self._link.dequeue(self, self._goal_id)
 

@@ -196,7 +196,7 @@ MUTANTS = {
     ),
     "giving up asks for no cancel": (
         Goal,
-        "_give_up",
+        "_cancel",
         "else fx.AskCancel()",
         "else fx.AskResult()",
     ),
@@ -244,7 +244,7 @@ MUTANTS = {
     ),
     "an abandoned goal is not known to be left": (
         Goal,
-        "close",
+        "give_up",
         "self.lose_touch()",
         "pass",
     ),

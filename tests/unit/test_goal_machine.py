@@ -23,7 +23,7 @@ from actionkit._goal.effects import (
     WatchStatus,
 )
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import DOUBT, LONGEST_RESULT_PAUSE, Stage
+from actionkit._goal.stages import DOUBT, LONGEST_RESULT_PAUSE, CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState
@@ -334,7 +334,7 @@ def test_what_one_of_two_servers_has_ended_is_not_asked_for_by_each_answer_again
     goal = Goal(uuid.uuid4(), Timeouts(), None)
     goal.sent(0.0, servers=2)
     goal.accepted(0.0)
-    goal.cancel(0.0)
+    goal.give_up(CancelReason.CANCELLED, 0.0)
     asked = {"asked_at": 0.0, "everybody": False}
     assert AskResult(anew=True) in goal.result(GoalState.SUCCEEDED, 1, 1.0, **asked)
     assert goal.result(GoalState.SUCCEEDED, 1, 1.0, **asked) == []

@@ -11,6 +11,7 @@ from actionkit import GoalFate, GoalState, Timeouts
 from actionkit._calls.call_view import GoalsOfCall
 from actionkit._goal.effects import Timer
 from actionkit._goal.machine import Goal
+from actionkit._goal.stages import CancelReason
 from actionkit._model.cancel_answer import CancelAnswer
 
 
@@ -35,7 +36,7 @@ def test_one_that_was_sent_may_run_until_its_server_says_so() -> None:
 
 def test_a_caller_who_gives_up_changes_nothing() -> None:
     goal = accepted()
-    goal.cancel(2.0)
+    goal.give_up(CancelReason.CANCELLED, 2.0)
     assert goal.facts.known_to_run is True
     goal.cancel_answered(CancelAnswer.ACCEPTED, 2.1, asked_at=2.0)
     assert goal.facts.known_to_run is True
@@ -65,7 +66,7 @@ def test_of_one_whose_server_is_gone_nothing_is_known_until_that_denies_it() -> 
 
 def test_a_server_that_does_not_know_it_so_far_may_take_it_yet() -> None:
     goal = sent()
-    goal.cancel(1.0)
+    goal.give_up(CancelReason.CANCELLED, 1.0)
     goal.cancel_answered(CancelAnswer.UNKNOWN_GOAL, 2.0, asked_at=1.0)
     goal.result(None, None, 100.0, asked_at=2.0)
     assert goal.facts.known_to_run is None  # its callback may decide yet
@@ -80,10 +81,10 @@ def test_of_one_that_nobody_looks_after_any_more_nothing_is_known(make: Any, how
     goal = make()
     goals = GoalsOfCall([goal.facts])
     if how.startswith("given up"):
-        goal.cancel(2.0)
+        goal.give_up(CancelReason.CANCELLED, 2.0)
         goal.timer(Timer.CANCEL, 5.0, others_confirmed_at=0.0)
     if how == "abandoned":
-        goal.close(2.0, abandon=True)
+        goal.give_up(CancelReason.CLOSED, 2.0, abandon=True)
     elif how == "out of reach":
         goal.lose_touch()
     else:
