@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic
 
@@ -106,6 +107,7 @@ class Client(Generic[ActionT_co]):
             raise ValueError(f"on_close={on_close!r} must be 'cancel' or 'abandon'")
         port, session = transport()
         self._timeouts = timeouts
+        self._with_deadline = replace(timeouts, result=None)
         self._retry = retry
         self._classify = classify
         self._budget = RetryBudget() if retry_budget is None else retry_budget
@@ -266,7 +268,7 @@ class Client(Generic[ActionT_co]):
                 goal=message,
                 invalid=invalid,
                 timeout=seconds,
-                timeouts=self._timeouts,
+                timeouts=self._timeouts if seconds is None else self._with_deadline,
                 retry=retry or self._retry,
                 budget=self._budget,
                 classify=self._classify if classify is None else classify,

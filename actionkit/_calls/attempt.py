@@ -69,7 +69,6 @@ class Attempt:
         link: AttemptLink,
         goal_id: uuid.UUID,
         timeouts: Timeouts,
-        deadline: float | None,
         owner: AttemptOwner,
         *,
         on_out_of_sight: Callable[[Attempt], None],
@@ -77,14 +76,14 @@ class Attempt:
         """Make an attempt; the caller sends its goal next.
 
         We choose `goal_id` ourselves, so the goal can be cancelled before the server has
-        acknowledged it (R5). `deadline` is the monotonic time of the end of the call, or `None`.
-        `on_out_of_sight` is called when nothing is left to watch (`goal.stage` is OVER), or when
-        nothing can be watched for now because the server is gone (LOST).
+        acknowledged it (R5). `on_out_of_sight` is called when nothing is left to watch
+        (`goal.stage` is OVER), or when nothing can be watched for now because the server is gone
+        (LOST).
         """
         self.goal_id = goal_id
         self.number = 1
         """Its number among the call's attempts; the owner sets it."""
-        self.goal = Goal(goal_id, timeouts, deadline)
+        self.goal = Goal(goal_id, timeouts)
         self._link = link
         self._liveness = timeouts.liveness
         self._now = link.runtime.now

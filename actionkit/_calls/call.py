@@ -46,14 +46,7 @@ class CallSession(ActionView, Clock, Protocol):
 
     @property
     def link(self) -> CallLink: ...
-    def send(
-        self,
-        goal_id: uuid.UUID,
-        goal: Any,
-        timeouts: Timeouts,
-        deadline: float | None,
-        owner: Call,
-    ) -> Attempt: ...
+    def send(self, goal_id: uuid.UUID, goal: Any, timeouts: Timeouts, owner: Call) -> Attempt: ...
     def server_is_ready(self) -> bool: ...
     def finished(self, call: Call) -> None: ...
 
@@ -79,7 +72,8 @@ class Call:
         self._retrying = RetryRunner(session, threads, request.retry, request.budget, began)
         self._judging = ClassifyRunner(session, threads, request.classify)
         self.future: GoalFuture[Any, Any] = GoalFuture(self, tape, request.pool, session)
-        self._wait: TimerHandle | None = None  # ends the pause, or the wait for a server or a turn
+        self._wait: TimerHandle | None = None  # ends the pause, or the wait for a server
+        self._deadline_timer: TimerHandle | None = None
         self._given_up_at: float | None = None
         self._grace: TimerHandle | None = None  # ends the wait for confirmations of earlier goals
         self._settled = False
@@ -110,6 +104,9 @@ class Call:
 
     def start(self) -> None:
         """Begin the first attempt. Called by the session."""
+        if self._deadline is not None:
+            deadline_passed = partial(self._give_up, CancelReason.DEADLINE)
+            self._deadline_timer = self._session.call_at(self._deadline, deadline_passed)
         if self.unwanted:
             self.cancel()
         self._do(self.machine.begin(self._request.invalid, time.monotonic()))
@@ -127,6 +124,8 @@ class Call:
         self._given_up_at = self._given_up_at or time.monotonic()
         if (attempt := self.machine.attempt) is not None:
             attempt.give_up(why, abandon=abandon)
+        elif why is CancelReason.DEADLINE:
+            self._waited()
         else:
             self._do(self.machine.give_up(why))
 
@@ -209,20 +208,15 @@ class Call:
         link = self._session.link
         self._stop_waiting()
         (link.await_next_ready if effect.another else link.await_server)(self)
-        self._limit_wait(effect.until, Phase.WAITING)
+        # Mostly the wait is over already: a server was ready, and the goal was sent.
+        if effect.until is not None and self._wait is None and self.machine.phase is Phase.WAITING:
+            self._wait = self._session.call_at(effect.until, self._waited)
 
-    def _queue(self, effect: mx.Queue) -> None:
+    def _queue(self, _: mx.Queue) -> None:
         self._end_wait()
         self._session.link.enqueue(self, self.machine.latest_id)
-        self._limit_wait(effect.until, Phase.QUEUED)
-
-    def _limit_wait(self, until: float | None, phase: Phase) -> None:
-        # Mostly the wait is over already: a server was ready, and the goal was sent.
-        if until is not None and self._wait is None and self.machine.phase is phase:
-            self._wait = self._session.call_at(until, self._waited)
 
     def _waited(self) -> None:
-        self._wait = None
         if self.machine.phase is Phase.WAITING:
             # A server of another type may have become visible only now (R21).
             self._session.link.look_again()
@@ -242,9 +236,7 @@ class Call:
         self._end_wait()
         request = self._request
         try:
-            attempt = self._session.send(
-                self.goal_id, request.goal, request.timeouts, self._deadline, self
-            )
+            attempt = self._session.send(self.goal_id, request.goal, request.timeouts, self)
         except Exception as error:  # noqa: BLE001  rclpy raises what its converters raise
             self._do(self.machine.send_failed(error))
             return
@@ -310,6 +302,8 @@ class Call:
         self._grace = None
 
     def _finish(self, effect: mx.Finish) -> None:
+        if self._deadline_timer is not None:
+            self._session.cancel_timer(self._deadline_timer)
         self._record.await_callbacks(effect.ending, self._session, self._settle)
 
     _CARRY_OUT: ClassVar[dict[type[mx.Effect], Any]] = {

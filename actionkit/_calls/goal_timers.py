@@ -1,6 +1,6 @@
 """Keeps the timers of one goal, with only one timer on the communication thread.
 
-A call of a few milliseconds arms and disarms about six timers of seconds; most of them never fire.
+A call of a few milliseconds arms and disarms about five timers of seconds; most of them never fire.
 Here these are entries in a table. The thread gets a new timer only if the earliest entry is sooner
 than the timer that it has.
 """

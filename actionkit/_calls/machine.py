@@ -61,15 +61,13 @@ class AttemptView(Protocol):
 class AwaitServer:
     """Report when a server is ready, or serves another type; take the goal out of the queue."""
 
-    until: float | None  # when the wait ends
+    until: float | None  # when the wait ends, if before the deadline
     another: bool = False  # whether to report only a new server, and not one that is there
 
 
 @dataclass(slots=True)
 class Queue:
-    """Queue the goal, and report when its turn comes; wait for that until `until`."""
-
-    until: float | None
+    """Queue the goal, and report when its turn comes."""
 
 
 @dataclass(slots=True)
@@ -259,9 +257,7 @@ class CallMachine:
 
     def _await_server(self, now: float) -> list[Effect]:
         self.phase = Phase.WAITING
-        until = None if self._server_limit is None else now + self._server_limit
-        limits = [limit for limit in (until, self._deadline) if limit is not None]
-        self._wait_until = min(limits, default=None)
+        self._wait_until = None if self._server_limit is None else now + self._server_limit
         return [AwaitServer(self._wait_until)]
 
     def server_ready(self) -> list[Effect]:
@@ -269,7 +265,7 @@ class CallMachine:
         if self.phase is not Phase.WAITING:
             return []
         self.phase = Phase.QUEUED
-        return [Queue(self._deadline)]
+        return [Queue()]
 
     def server_lost(self, now: float) -> list[Effect]:
         """No server is ready any more; the goal may be in the queue."""
@@ -294,13 +290,15 @@ class CallMachine:
         return [Send()]
 
     def waited(self, now: float, *, ready: bool) -> list[Effect]:
-        """The time to wait for a server, or for the goal's turn, is over.
+        """The time to wait for a server is over, or the deadline has passed.
 
         `ready` means that a server is ready now.
         """
         if self.phase is Phase.QUEUED:
             ending = fx.Ending(fx.End.DEADLINE, GoalState.TIMED_OUT, phase="accept", given_up=True)
             return [fx.Record(GoalState.TIMED_OUT, "waiting to be sent"), *self._end(ending)]
+        if self.phase is Phase.PAUSING and self._last is not None:
+            return self._end(replace(self._last, not_retried="the pause reached the deadline"))
         if self.phase is not Phase.WAITING:
             return []
         waited = fx.Record(GoalState.TIMED_OUT, "waiting for a server")

@@ -222,17 +222,10 @@ class Session:
             if self.port.has_node and self._node_timer is None:
                 self._arm_node_timer()
 
-    def send(
-        self,
-        goal_id: uuid.UUID,
-        goal: Any,
-        timeouts: Timeouts,
-        deadline: float | None,
-        owner: Call,
-    ) -> Attempt:
+    def send(self, goal_id: uuid.UUID, goal: Any, timeouts: Timeouts, owner: Call) -> Attempt:
         """Send a goal, and watch it until it is over. Raises the errors of rclpy's converters."""
         forget = self._out_of_sight
-        made = Attempt(self.link, goal_id, timeouts, deadline, owner, on_out_of_sight=forget)
+        made = Attempt(self.link, goal_id, timeouts, owner, on_out_of_sight=forget)
         made.send(goal)
         self._attempts[made] = None
         return made

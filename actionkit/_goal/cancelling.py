@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from actionkit._goal import effects as fx
 from actionkit._goal.record import GoalRecord
 from actionkit._goal.stages import (
@@ -40,6 +38,8 @@ class CancellableGoal(GoalRecord):
         """The caller no longer wants the goal; with `abandon`, it runs on, as the user chose."""
         if why in FINAL:
             self._final_reason = self._final_reason or why
+        if why is CancelReason.DEADLINE:
+            self._latest = now + self._timeouts.cancel
         if self._unwanted:
             return []
         if abandon:
@@ -146,10 +146,10 @@ class CancellableGoal(GoalRecord):
         later = min(
             others_confirmed_at + self._timeouts.cancel,
             self.cancelled_at + self._timeouts.cancel + LONGEST_GRACE,
-            math.inf if self._deadline is None else self._deadline + self._timeouts.cancel,
+            self._latest,
         )
         answered = self._unknown_to_server  # the server has answered: waiting longer is useless
-        if later > now and self.cancel_reason is not CancelReason.DEADLINE and not answered:
+        if later > now and not answered:
             return [fx.Arm(fx.Timer.CANCEL, later)]
         if self._held is not None:
             return self._settle_held()

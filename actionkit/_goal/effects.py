@@ -18,7 +18,6 @@ class Timer(IntEnum):
     """The timers of one goal. Arming an armed timer moves it."""
 
     ACCEPT = auto()
-    DEADLINE = auto()
     STALL = auto()
     CANCEL = auto()
     """The end of the wait for the confirmation of a cancellation."""

@@ -41,8 +41,6 @@ class Goal(CancellableGoal):
         """The middleware has just got the goal's request; so many servers may receive it."""
         self.facts.servers = max(1, servers)
         effects: list[fx.Effect] = [self._enter(GoalState.SENT)]
-        if self._deadline is not None:
-            effects.append(fx.Arm(fx.Timer.DEADLINE, self._deadline))
         if self._timeouts.accept is not None:
             effects.append(fx.Arm(fx.Timer.ACCEPT, now + self._timeouts.accept))
         return [*effects, self._arm_reask(now)]
@@ -164,7 +162,7 @@ class Goal(CancellableGoal):
             # A goal that has ended sends no feedback, so its silence means nothing.
             effects += [fx.Disarm(fx.Timer.STALL), self._arm_reask(now)]
             limit = self._timeouts.result
-            if self._deadline is None and limit is not None and not self.settled:
+            if limit is not None and not self.settled:
                 effects.append(fx.Arm(fx.Timer.RESULT, now + limit))
         return effects
 
@@ -368,8 +366,6 @@ class Goal(CancellableGoal):
             return self._result_lost(f"it did not come within {self._timeouts.result:g} s", now)
         if timer is fx.Timer.CANCEL and self.cancel_reason is not None:
             return self._cancel_timed_out(now, others_confirmed_at)
-        if timer is fx.Timer.DEADLINE:
-            return self.give_up(CancelReason.DEADLINE, now)
         if timer is fx.Timer.ACCEPT and self.stage is Stage.SENT:
             return self.give_up(CancelReason.UNANSWERED, now)
         if timer is fx.Timer.STALL and self.stage is Stage.ACCEPTED:

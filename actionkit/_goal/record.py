@@ -27,8 +27,8 @@ _LEFT_ALONE = {Closing.ABANDONED, Closing.BROKEN}
 class GoalRecord:
     """The lowest layer of the state machine: the facts, and the endings that follow from them."""
 
-    def __init__(self, goal_id: uuid.UUID, timeouts: Timeouts, deadline: float | None) -> None:
-        """Make a goal that was just sent; `deadline` is the monotonic end of the whole call."""
+    def __init__(self, goal_id: uuid.UUID, timeouts: Timeouts) -> None:
+        """Make a goal that was just sent."""
         self.stage = Stage.SENT
         self.state = GoalState.SENDING
         self.settled = False
@@ -36,7 +36,6 @@ class GoalRecord:
         self._final_reason: CancelReason | None = None  # the first one that is in `FINAL`
         self.closing: Closing | None = None
         self._timeouts = timeouts
-        self._deadline = deadline
         self.facts = GoalFacts(goal_id)
         self._unknown_to_server = False
         self._denied_lately = False  # "unknown goal" was answered since the last request
@@ -45,6 +44,7 @@ class GoalRecord:
         self._ended_first = False  # before the caller gave up
         self._reask_after = FIRST_REASK
         self.cancelled_at = 0.0
+        self._latest = math.inf  # the end of the wait for its cancellation, after a deadline
         self._cancel_reply = CancelReply.NONE
         self._refusal_told = False
         self._refused_at = 0.0  # when it refused the first time

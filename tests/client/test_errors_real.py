@@ -135,6 +135,16 @@ SCENARIOS = {
         status=GoalState.LOST,
         code=Exit.RESULT_LOST,
     ),
+    "no result until the deadline": Scenario(  # the limit is for calls without one
+        "no_result",
+        ak.DeadlineExceededError,
+        "ended as SUCCEEDED",
+        timeouts=Timeouts(result=0.1, cancel=0.5),
+        timeout=3.0,
+        status=GoalState.TIMED_OUT,
+        cancel=CancelReport.CONFIRMED,
+        code=Exit.RESULT_LOST,
+    ),
     "deadline while executing": Scenario(
         "never_finishes",
         ak.DeadlineExceededError,

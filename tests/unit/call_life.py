@@ -186,6 +186,8 @@ class CallLife:
         self.had_server = False
         self.began = self.clock
         self.retry = retry
+        if timeout is not None:
+            timeouts["result"] = None
         self.timeouts = Timeouts(**timeouts)  # type: ignore[arg-type]
         self.settled = self.finishes = self.servers = 0
         self.wanted, self.closed, self.abandon, self.broke = True, False, False, False
@@ -237,17 +239,8 @@ class CallLife:
 
     # --- the session, and the thread's clock -----------------------------------------------
 
-    def send(
-        self,
-        goal_id: uuid.UUID,
-        goal: Any,
-        timeouts: Timeouts,
-        deadline: float | None,
-        owner: Call,
-    ) -> Attempt:
-        attempt = Attempt(
-            self.link, goal_id, timeouts, deadline, owner, on_out_of_sight=lambda _: None
-        )
+    def send(self, goal_id: uuid.UUID, goal: Any, timeouts: Timeouts, owner: Call) -> Attempt:
+        attempt = Attempt(self.link, goal_id, timeouts, owner, on_out_of_sight=lambda _: None)
         attempt.send(goal)
         return attempt
 
@@ -561,6 +554,9 @@ class CallLife:
     def check(self) -> None:
         self.require(self.finishes == self.settled, "it is counted out when it ends")
         self.require(self.done == (self.settled == 1), "it is done when it ends")
+        timer = self.call._deadline_timer
+        armed = timer is not None and timer.callback is not None
+        self.require(not (self.done and armed), "no timer keeps a call that is over (C7.5)")
         if self.abandon or self.broke:
             return
         if self.done:

@@ -36,7 +36,7 @@ TRANSIENT = (fx.End.NO_ACCEPTANCE, fx.End.LOST, fx.End.STALLED)
 
 UNIMPORTANT = (
     "_timeouts",
-    "_deadline",
+    "_latest",
     "_reask_after",
     "facts",
     "state",
@@ -104,6 +104,7 @@ class World:
         self.fails = self.hurried = False  # the next to be sent; to cancel, and was not told so far
         self.had_server = False
         self.grace = self.closed = self.late = False
+        self.expired = False  # the timer of the deadline has fired
         self.settled, self.returns = 0, returns
         self.told_success = False  # a success was told, and nobody has judged it so far
         self.ended_well = False
@@ -143,7 +144,8 @@ class World:
         ended = m.ending and (m.ending.end, m.ending.may_run != ())
         last = m._last and m._last.end
         asked = self.asked and (self.asked.end, self.asked.rejected, self.asked.news)
-        flags = (self.grace, self.closed, self.late, m.unwanted, bool(m.closing), self.told_success)
+        time = (self.grace, self.late, self.expired)
+        flags = (time, self.closed, m.unwanted, bool(m.closing), self.told_success)
         waits = (self.pause, self.awaiting, self.queued, m._wait_until, self.hurried)
         told = (self.settled, self.returns, self.ended_well, self.waited, self.had_server)
         rest = (m.attempts, waits, told)
@@ -233,11 +235,11 @@ class World:
             if not m.unwanted:
                 yield "hurries", None
         if self.awaiting:
-            yield "waited", self.late
+            yield "waited", None
             yield "other type", None
-        if self.awaiting or self.queued:
-            yield "waited", True
         if not over:
+            if not self.expired:
+                yield "deadline", None
             if not m.unwanted or self.hurried:
                 yield "cancel", None
             if not self.closed:
@@ -305,12 +307,13 @@ class World:
         if event == "timer":
             attempt, timer = self.number(arg[0]), arg[1]
             attempt.timers -= {timer}
-            self.late |= timer is fx.Timer.DEADLINE
             self.waited |= timer is fx.Timer.CANCEL
             self.apply(attempt, attempt.goal.timer(timer, self.now))
         elif event == "waited":
-            self.late |= arg
             self.do(m.waited(self.now, ready=bool(self.up)))
+        elif event == "deadline":
+            self.late = self.expired = True
+            self.give_up(CancelReason.DEADLINE)
         elif event == "other type":
             self.do(m.type_mismatch(("a/action/B",)))
             if m.phase is not Phase.ENDED:
@@ -360,6 +363,8 @@ class World:
     def give_up(self, why: CancelReason, *, abandon: bool = False) -> None:
         if (current := self.m.attempt) is not None:
             self.apply(current, current.goal.give_up(why, self.now, abandon=abandon))
+        elif why is CancelReason.DEADLINE:
+            self.do(self.m.waited(self.now, ready=bool(self.up)))
         else:
             self.do(self.m.give_up(why))
 
@@ -393,7 +398,7 @@ class World:
         truth = self.truth[m.goal_id] = [[0, NO] for _ in self.servers]
         for s in self.up:
             truth[s][0] += 1
-        goal = Goal(m.goal_id, Timeouts(feedback=3.0), DEADLINE)
+        goal = Goal(m.goal_id, Timeouts(feedback=3.0, result=None))
         made = Attempt(m.goal_id, goal, m.attempts)
         made.in_sight = made.sent_to = self.up
         self.attempts.append(made)
@@ -551,6 +556,8 @@ class World:
         m = self.m
         if (self.awaiting, self.queued) != (m.phase is Phase.WAITING, m.phase is Phase.QUEUED):
             raise Broken("a wait is forgotten")
+        if self.expired and m.attempt and m.attempt.goal.cancel_reason is None:
+            raise Broken("the deadline has passed, and the goal is still wanted (C2.3)")
         if self.queued and not self.up:
             raise Broken("it waits for its turn, and no server is there")
         if self.awaiting and self.up and m.may_send() and not (self.hurried or self.late):
@@ -573,13 +580,12 @@ class World:
                 world.happens("plan", None)
             elif world.pause:
                 world.happens("resume", None)
-            elif world.awaiting or world.queued:
-                world.happens("waited", True)
+            elif not world.expired:
+                world.happens("deadline", None)
             elif world.grace:
                 world.happens("grace", None)
             elif timers:
-                wanted = (fx.Timer.DEADLINE, fx.Timer.CANCEL)
-                timer = next((each for each in timers if each[1] in wanted), timers[0])
+                timer = next((t for t in timers if t[1] is fx.Timer.CANCEL), timers[0])
                 world.happens("timer", timer)
             else:
                 break
@@ -620,8 +626,8 @@ def _weight(event: tuple[str, Any]) -> float:
     """Let a walk be long: what ends a call comes seldom."""
     name, arg = event
     if name == "timer":
-        return 0.01 if arg[1] is fx.Timer.DEADLINE else 0.3
-    if name in ("waited", "other type", "hurries") or arg in ("fails", "late"):
+        return 0.3
+    if name in ("waited", "deadline", "other type", "hurries") or arg in ("fails", "late"):
         return 0.01
     if name in ("turn", "plan", "resume") or arg is Verdict.TRANSIENT:
         return 4.0  # the goals of one call meet

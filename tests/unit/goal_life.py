@@ -35,7 +35,11 @@ from actionkit._model.values import CancelReport, GoalState
 
 UNTIL_SENT = ("sent",)
 UNTIL_ACCEPTED = (*UNTIL_SENT, "accepted")
-GIVING_UP = {"cancel": CancelReason.CANCELLED, "close": CancelReason.CLOSED}
+GIVING_UP = {
+    "cancel": CancelReason.CANCELLED,
+    "close": CancelReason.CLOSED,
+    "deadline": CancelReason.DEADLINE,
+}
 
 
 class Broken(AssertionError):
@@ -132,9 +136,12 @@ class Life:
         self.now = 0.0
         self.others_confirmed_at = -math.inf
         self.deadline = deadline
+        if deadline is not None:
+            timeouts["result"] = None
         self.timeouts = Timeouts(**timeouts)  # type: ignore[arg-type]
-        self.goal = Goal(uuid.uuid4(), self.timeouts, deadline)
-        self.timers: dict[Timer, float] = {}
+        self.goal = Goal(uuid.uuid4(), self.timeouts)
+        self.timers: dict[Timer | str, float] = {}
+        """Those of the goal, and the deadline, which its call tells it of."""
         self.all: list[Effect] = []
         self.told: list[tuple[Any, ...]] = []
         self.ending: Ending | None = None
@@ -178,9 +185,11 @@ class Life:
         self._check(event, before, effects)
         return effects
 
-    def fire(self, timer: Timer) -> list[Effect]:
+    def fire(self, timer: Timer | str) -> list[Effect]:
         """Let an armed timer fire, at its time."""
         self.now = max(self.now, self.timers.pop(timer))
+        if isinstance(timer, str):
+            return self.tell(timer)
         # What was confirmed is known up to now, and not from the future.
         confirmed_at = min(self.others_confirmed_at, self.now)
         return self.tell("timer", timer, others_confirmed_at=confirmed_at)
@@ -225,6 +234,8 @@ class Life:
         self.told.append((event, *args, *given))
         in_flight, ended = self.in_flight, self.ending is not None
         self.started |= event == "sent"
+        if event == "sent" and self.deadline is not None:
+            self.timers["deadline"] = self.deadline
         if in_flight:
             if event == "cancel_answered":
                 self.cancel_accepted |= args[0] is CancelAnswer.ACCEPTED
@@ -359,14 +370,13 @@ class Life:
         """Whether the goal had not been released, nor left alone, before these effects."""
         return Release in map(type, effects) or self.in_flight
 
-    def _check_limits(self, armed: set[Timer]) -> None:
+    def _check_limits(self, armed: set[Timer | str]) -> None:
         """An open goal has every timer that the user's limits ask for in its phase."""
         server, limits = self.server, self.timeouts
         if not self.cancelling:
             unanswered = server.has_it and not server.accepted
             runs = server.accepted and not server.ended
             needed = {
-                Timer.DEADLINE: self.deadline is not None,
                 Timer.ACCEPT: unanswered and limits.accept is not None,
                 Timer.STALL: runs and limits.feedback is not None,
             }
@@ -376,7 +386,7 @@ class Life:
             latest = max(self.deadline, 0.0) + limits.cancel
             self._require(self.now < latest or bool(self._due()), "the deadline is kept (C2.3)")
 
-    def _due(self) -> list[Timer]:
+    def _due(self) -> list[Timer | str]:
         return [timer for timer, at in self.timers.items() if at <= self.now]
 
     def copy(self) -> Life:
@@ -391,13 +401,13 @@ class Life:
         """Return what the future depends on: alike for two lives that differ in the time only."""
         fields = [*vars(self.goal).items(), *vars(self.server).items()]
         fields.append(("facts", astuple(self.goal.facts)))
-        same = ("_timeouts", "_deadline")
+        same = ("_timeouts", "_latest")  # it follows from the deadline
         facts = [
             self._age(*each)
             for each in fields
             if each[0] not in same and each[1] is not self.goal.facts
         ]
-        armed = sorted((t.value, max(at - self.now, 0.0)) for t, at in self.timers.items())
+        armed = sorted((str(t), max(at - self.now, 0.0)) for t, at in self.timers.items())
         left = None if self.deadline is None else max(self.deadline - self.now, 0.0)
         flags = [v for v in vars(self).values() if isinstance(v, bool)]
         return (*facts, self._age("refused_at", self.refused_at), *armed, left, *flags)

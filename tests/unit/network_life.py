@@ -118,9 +118,9 @@ class Waiter:
         self._attempt.send(Fibonacci.Goal())
         self._attempt.start()
 
-    def cancel(self) -> None:
+    def give_up(self, why: CancelReason) -> None:
         if self._sent:
-            self._attempt.give_up(CancelReason.CANCELLED)
+            self._attempt.give_up(why)
         else:
             self._link.dequeue(self, self._goal_id)
 
@@ -165,16 +165,18 @@ class NetworkLife(CommunicationThread):
                 self.link,
                 uuid.UUID(int=self.chance.getrandbits(128)),
                 timeouts,
-                self.chance.choice([None, deadline]),
                 self,
                 on_out_of_sight=lambda _: None,
             )
             waiter = Waiter(self.link, attempt)
+            if self.chance.random() < 0.5:
+                self.call_at(deadline, partial(waiter.give_up, CancelReason.DEADLINE))
             self.call_at(self.now() + begins, partial(self.link.await_server, waiter))
             self.attempts.append(attempt)
             if self.chance.random() < 0.7:
                 wait = 3.0 * self.chance.random() ** 2
-                self.call_at(self.now() + begins + wait, waiter.cancel)
+                cancel = partial(waiter.give_up, CancelReason.CANCELLED)
+                self.call_at(self.now() + begins + wait, cancel)
         self.advance(90.0)
 
     # -- the thread ----------------------------------------------------------------------------

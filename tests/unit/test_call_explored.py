@@ -248,6 +248,24 @@ MUTANTS = {
         "self.lose_touch()",
         "pass",
     ),
+    "the deadline does not end a pause": (
+        CallMachine,
+        "waited",
+        "if self.phase is Phase.PAUSING",
+        "if False",
+    ),
+    "the deadline does not reach a goal that is being cancelled": (
+        Goal,
+        "give_up",
+        "if why in FINAL:",
+        "if why is CancelReason.CLOSED:",
+    ),
+    "a goal that nobody waits for is waited for, as its cancel was refused": (
+        Goal,
+        "_believe_refusal",
+        "if self._final_reason is not None:",
+        "if False:",
+    ),
 }
 
 

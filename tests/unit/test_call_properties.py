@@ -287,6 +287,14 @@ def test_a_cancel_that_was_repeated_is_ours() -> None:
     assert life.call.future.cancelled()
 
 
+def test_a_call_that_nobody_wants_when_it_begins_leaves_no_timer() -> None:
+    life = CallLife(60.0, begin=False)
+    life.call.unwanted = True
+    life.does(life.call.start)
+    assert life.done
+    assert life.timers.next_due() is None
+
+
 @pytest.mark.parametrize("end", ["cancel", "close"])
 def test_a_pause_ends_at_once(end: str) -> None:
     life = lived([*LOST])

@@ -261,19 +261,6 @@ def test_a_result_that_does_not_follow_its_status_is_asked_for_and_lost_in_the_e
     assert "within 60 s" in life.ending.lost_because
 
 
-def test_a_result_is_asked_for_until_the_deadline() -> None:
-    life = Life(200.0, result=1.0)  # the limit is for calls that have no deadline
-    life.see(*UNTIL_ACCEPTED)
-    life.tell("status", GoalState.SUCCEEDED)
-    life.wait_until(199.9)
-    assert life.ending is None
-    life.wait_until(201.0)
-    life.tell("result", GoalState.SUCCEEDED, 1)
-    assert (life.end, life.report) == (End.DEADLINE, CancelReport.CONFIRMED)
-    assert life.ending is not None
-    assert life.ending.result == 1
-
-
 def test_nobody_asks_for_ever_for_the_result_of_a_goal_whose_caller_is_gone() -> None:
     life = Life(3.0)
     life.see(*UNTIL_ACCEPTED)
@@ -331,7 +318,7 @@ def test_a_goal_not_known_so_far_was_not_rejected() -> None:
 
 
 def test_what_one_of_two_servers_has_ended_is_not_asked_for_by_each_answer_again() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts(), None)
+    goal = Goal(uuid.uuid4(), Timeouts())
     goal.sent(0.0, servers=2)
     goal.accepted(0.0)
     goal.give_up(CancelReason.CANCELLED, 0.0)
@@ -343,7 +330,7 @@ def test_what_one_of_two_servers_has_ended_is_not_asked_for_by_each_answer_again
 
 
 def test_a_second_server_that_accepts_what_one_has_ended_may_run_it() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts(), None)
+    goal = Goal(uuid.uuid4(), Timeouts())
     goal.sent(0.0)  # for one server: the other is not in sight so far
     goal.accepted(0.0)
     goal.status(GoalState.SUCCEEDED, 1.0)
@@ -357,7 +344,7 @@ def test_a_second_server_that_accepts_what_one_has_ended_may_run_it() -> None:
 
 
 def test_what_one_of_two_servers_rejects_may_run_on_the_one_that_has_gone() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts(), None)
+    goal = Goal(uuid.uuid4(), Timeouts())
     goal.sent(0.0, servers=2)
     goal.servers_changed(2, 1)
     (settle,) = (each for each in goal.rejected(1.0) if isinstance(each, Settle))
@@ -366,7 +353,7 @@ def test_what_one_of_two_servers_rejects_may_run_on_the_one_that_has_gone() -> N
 
 
 def test_what_one_of_two_servers_rejects_after_both_were_lost_is_still_followed() -> None:
-    goal = Goal(uuid.uuid4(), Timeouts(), None)
+    goal = Goal(uuid.uuid4(), Timeouts())
     goal.sent(0.0, servers=2)
     goal.server_lost("it is gone", 1.0)
     assert goal.rejected(2.0) == []

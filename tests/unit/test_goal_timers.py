@@ -61,34 +61,34 @@ def timers(clock: Counted, fired: list[tuple[Timer, float]]) -> Goal:
 
 
 def test_each_fires_once_at_its_time(timers, clock, fired):
-    for timer, at in ((Timer.DEADLINE, 103.0), (Timer.ACCEPT, 101.0), (Timer.REASK, 102.0)):
+    for timer, at in ((Timer.RESULT, 103.0), (Timer.ACCEPT, 101.0), (Timer.REASK, 102.0)):
         timers.arm(timer, at)
     timers.told()
     assert clock.asked == 1
     clock.advance(10.0)
-    assert fired == [(Timer.ACCEPT, 101.0), (Timer.REASK, 102.0), (Timer.DEADLINE, 103.0)]
+    assert fired == [(Timer.ACCEPT, 101.0), (Timer.REASK, 102.0), (Timer.RESULT, 103.0)]
     assert len(timers) == len(clock.queue) == 0
 
 
 def test_of_two_at_the_same_time_the_one_armed_first(timers, clock, fired):
-    for timer in (Timer.REASK, Timer.DEADLINE, Timer.ACCEPT, Timer.REASK):  # that one again
+    for timer in (Timer.REASK, Timer.RESULT, Timer.ACCEPT, Timer.REASK):  # that one again
         timers.arm(timer, 101.0)
     timers.told()
     clock.advance(1.0)
-    assert [timer for timer, _ in fired] == [Timer.DEADLINE, Timer.ACCEPT, Timer.REASK]
+    assert [timer for timer, _ in fired] == [Timer.RESULT, Timer.ACCEPT, Timer.REASK]
 
 
 def test_one_that_is_moved_to_later_asks_nothing_of_the_thread(timers, clock, fired):
     timers.arm(Timer.REASK, 101.0)
     timers.told()
     timers.arm(Timer.REASK, 105.0)
-    timers.arm(Timer.DEADLINE, 110.0)
+    timers.arm(Timer.RESULT, 110.0)
     timers.told()
     assert clock.asked == 1
     clock.advance(4.0)
     assert fired == []
     clock.advance(20.0)
-    assert fired == [(Timer.REASK, 105.0), (Timer.DEADLINE, 110.0)]
+    assert fired == [(Timer.REASK, 105.0), (Timer.RESULT, 110.0)]
 
 
 def test_one_that_is_moved_to_sooner_fires_then(timers, clock, fired):
@@ -138,7 +138,7 @@ def test_what_a_timer_does_counts_for_the_others(timers, clock, fired):
 def test_a_goal_that_is_over_leaves_no_circle(clock):
     timers = Goal(clock, [])
     timers.arm(Timer.REASK, 101.0)
-    timers.arm(Timer.DEADLINE, 105.0)
+    timers.arm(Timer.RESULT, 105.0)
     timers.told()
     clock.advance(2.0)
     timers.keep_only()

@@ -16,7 +16,7 @@ from actionkit._model.cancel_answer import CancelAnswer
 
 
 def sent() -> Goal:
-    goal = Goal(uuid.uuid4(), Timeouts(), None)
+    goal = Goal(uuid.uuid4(), Timeouts())
     goal.sent(0.0)
     return goal
 
