@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Protocol
 from actionkit._calls.goal_timers import Clock, GoalTimers
 from actionkit._goal import effects as fx
 from actionkit._goal.machine import Goal
-from actionkit._goal.stages import CancelReason, Closing, Stage
+from actionkit._goal.stages import CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState
@@ -283,8 +283,7 @@ class Attempt:
 
     def _release(self, _: fx.Release) -> None:
         self._timers.keep_only()
-        abandoned = self.goal.closing is Closing.ABANDONED
-        self._link.forget(self, abandoned=abandoned, finished=self._has_result)
+        self._link.forget(self, abandoned=self.goal.abandoned, finished=self._has_result)
         self._on_out_of_sight(self)
         self._owner.on_over(self)
 

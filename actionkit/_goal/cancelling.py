@@ -9,11 +9,9 @@ from actionkit._goal.stages import (
     END_AFTER,
     FINAL,
     FIRST_REASK,
-    PHASE,
     WAITED_FOR,
     CancelReason,
     CancelReply,
-    Closing,
     Stage,
 )
 from actionkit._model.settings import LONGEST_GRACE
@@ -45,7 +43,7 @@ class CancellableGoal(GoalRecord):
         if abandon:
             self.lose_touch()
             self.stage = Stage.OVER
-            self.closing = Closing.ABANDONED
+            self.abandoned = True
             return self._settle(fx.End.CLOSED) + self._release()
         return self._cancel(why, now)
 
@@ -61,12 +59,11 @@ class CancellableGoal(GoalRecord):
         if self.settled:
             return []
         self.stage = Stage.OVER
-        self.closing = Closing.BROKEN
         effects: list[fx.Effect] = [self._enter(GoalState.LOST, reason)]
         return effects + self._settle(fx.End.LOST, error=error) + self._release()
 
     def _cancel(self, why: CancelReason, now: float) -> list[fx.Effect]:
-        self._phase = PHASE[self.stage]
+        self._phase = "accept" if self.stage is Stage.SENT else "execute"
         self.cancel_reason, self.cancelled_at = why, now
         self.facts.given_up = True
         effects: list[fx.Effect] = []

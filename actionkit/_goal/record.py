@@ -13,7 +13,6 @@ from actionkit._goal.stages import (
     WITH_END,
     CancelReason,
     CancelReply,
-    Closing,
     Stage,
 )
 from actionkit._model.settings import Timeouts
@@ -21,7 +20,6 @@ from actionkit._model.values import GoalState
 
 _TIMED_OUT = {fx.End.DEADLINE, fx.End.NO_ACCEPTANCE, fx.End.STALLED}
 _REFUSALS = {CancelReply.REFUSED_ONCE, CancelReply.REFUSED}
-_LEFT_ALONE = {Closing.ABANDONED, Closing.BROKEN}
 
 
 class GoalRecord:
@@ -34,7 +32,7 @@ class GoalRecord:
         self.settled = False
         self.cancel_reason: CancelReason | None = None
         self._final_reason: CancelReason | None = None  # the first one that is in `FINAL`
-        self.closing: Closing | None = None
+        self.abandoned = False  # the client closed and let it run, as the user chose
         self._timeouts = timeouts
         self.facts = GoalFacts(goal_id)
         self._unknown_to_server = False
@@ -49,7 +47,7 @@ class GoalRecord:
         self._refusal_told = False
         self._refused_at = 0.0  # when it refused the first time
         self._refused_reason: CancelReason | None = None  # why we cancelled, until the refusal
-        self._phase = ""
+        self._phase = ""  # what the call waited for, as in `DeadlineExceededError.phase`
         self._shown_at = -math.inf  # when a server last showed that it has the goal
         # How it ends for its caller, after other servers have stopped it, too.
         self._held: tuple[fx.End, Any, str] | None = None
@@ -156,11 +154,11 @@ class GoalRecord:
             phase=self._phase if end is fx.End.DEADLINE else "",
             rejected=not facts.accepted and facts.noes >= facts.servers,
             news=news,
-            given_up=self.cancel_reason is not None or self.closing is Closing.ABANDONED,
+            given_up=self.cancel_reason is not None or self.abandoned,
             ended_as=self._terminal_seen if stopped else None,
             elsewhere=not stopped and (facts.ended or facts.rejected),
             ended_first=self._ended_first,
-            abandoned=self.closing is Closing.ABANDONED,
+            abandoned=self.abandoned,
             refused=refused,
             error=error,
             lost_because=lost_because,
@@ -169,7 +167,7 @@ class GoalRecord:
 
     @property
     def _news(self) -> fx.LastNews:
-        over = self.stage is Stage.OVER and self.closing not in _LEFT_ALONE
+        over = self.stage is Stage.OVER and not self.facts.left
         if (over or self.stage is Stage.ELSEWHERE) and not self.facts.is_over:
             return fx.LastNews.NOTHING  # another server on the name may still run it
         if over or self._terminal_seen is not None:

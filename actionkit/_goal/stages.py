@@ -66,23 +66,6 @@ class CancelReply(Enum):
     """Final: the server cannot refuse any more."""
 
 
-class Closing(Enum):
-    """Why we stop handling the goal, if we do."""
-
-    ABANDONED = auto()
-    """The client closed and let the goal run, as the user chose."""
-    BROKEN = auto()
-    """Our own side failed, and cannot follow the goal any more."""
-
-
-PHASE = {
-    Stage.SENT: "accept",
-    Stage.ACCEPTED: "execute",
-    Stage.ELSEWHERE: "execute",
-    Stage.LOST: "execute",
-    Stage.OVER: "execute",
-}
-"""What the call waits for, in the words of `DeadlineExceededError.phase`."""
 END_AFTER = {
     # After the caller's own cancel: only if it was not confirmed in time.
     CancelReason.CANCELLED: End.DEADLINE,
