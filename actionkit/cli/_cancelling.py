@@ -280,7 +280,7 @@ def cancel_goals(
 
     Args:
         survey: Sees the actions.
-        actions: Those whose goals are cancelled.
+        actions: The goals of these are cancelled.
         over: Asked often, with the time on the monotonic clock.
         look: Seconds to look for servers; one that is not seen at once is seen within 3 s.
         least: The same if each action has a server: there may be a second one. `None` means that

@@ -152,8 +152,6 @@ def _print_tools(file: str) -> None:
     models = {action.name: action.model for action in config.actions}
     for tool in make_tools(config):
         say(f"{tool.name}: {tool.description}")
-        if tool.confirm:
-            say("  A human approves each goal.")
         if (model := models.get(tool.name)) is not None:
             say(f"  Numbers without limits: {', '.join(model.unlimited) or 'none'}")
             say(f"  Not exposed: {', '.join(model.hidden) or 'nothing'}")

@@ -336,7 +336,7 @@ def test_a_file_is_checked_without_serving_it(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0
     for part in (
-        "drive: Drives.\n  A human approves each goal.\n",
+        "drive: Drives. A human is asked to approve each goal.",
         "  Numbers without limits: nested_different_pkg.sec, nested_different_pkg.nanosec\n",
         "  Not exposed: nested_field_no_pkg.duration_value.sec, ",
         '"description": "Metres."',

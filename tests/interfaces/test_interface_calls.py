@@ -296,7 +296,7 @@ def test_nothing_is_sent_to_a_server_with_another_version(
 TOOLS = """
 import json, sys
 from actionkit.agents import Toolbox
-action = {"action": "/go", "type": "actionkit_interfaces/action/NavigateToPose"}
+action = {"action": "/go", "type": "actionkit_interfaces/action/NavigateToPose", "expose": "all"}
 toolbox = Toolbox.from_config({"tools": {"go": action}})
 tool = next(tool for tool in toolbox.tools if tool.name == "go")
 print(json.dumps([tool.input_schema, tool.output_schema["properties"]["feedback"]]))

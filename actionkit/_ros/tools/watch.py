@@ -92,7 +92,7 @@ class StatusReader:
         messages = self._source.take()
         if len(self._servers) == 1:
             # Only the newest array: another client may cause hundreds in a second, of thousands of
-            # goals each. Of several servers, an array does not say whose it is.
+            # goals each. An array does not say which of several servers has sent it.
             messages = messages[-1:]
         listed = [goal for message in messages for goal in goals(message)]
         before, self._codes = self._codes, {goal_id: code for goal_id, _, _, code in listed}

@@ -138,7 +138,7 @@ class _Connection(H11Protocol):
         if len(self.connections) > min(_MOST_CONNECTIONS, descriptors // 4):
             every = [one for one in self.connections if isinstance(one, _Connection)]
             waiting = [one for one in every if one._waits]
-            # Those that had the token come last, but for this one: it goes if all others serve.
+            # Those that had the token come last; this new one, if all others serve a request.
             min(waiting, key=lambda one: (one is self, one._let_in, one._timer.when()))._give_up()
 
     @property

@@ -101,7 +101,7 @@ async def sessions_until_refused(serving: HttpServing) -> int:
     raise AssertionError("every session was opened")
 
 
-@pytest.mark.parametrize("times", [1, pytest.param(20, marks=pytest.mark.long)])
+@pytest.mark.parametrize("times", [1, pytest.param(4, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     ("token", "floods"),
     [(TOKEN, [SILENT, WITHOUT_TOKEN]), ("", [SESSIONS])],
