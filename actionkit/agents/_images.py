@@ -67,7 +67,7 @@ def to_image(message: Any, longest: int) -> tuple[Image, str]:
     except ImageError:
         raise
     except Exception as error:  # Pillow raises many kinds for bytes from anywhere
-        raise ImageError("this is no image that can be read") from error
+        raise ImageError("the image cannot be read") from error
     width, height = picture.size
     scaled = "" if picture.size == size else f", scaled from {size[0]} x {size[1]}"
     text = f"{width} x {height} pixels{scaled}{note}"

@@ -17,9 +17,9 @@ from actionkit.agents._output import (
 from actionkit.agents._values import Tool
 
 _GOALS_TEXT = (
-    "Tells which goals this toolbox has sent, what became of each, and which may still be running;"
-    " those that were cancelled, too. Also tells of goals that other programs have sent to the same"
-    " actions and that run now."
+    "Tells which goals this toolbox has sent, what happened to each, and which may still be"
+    " running; also those that were cancelled. Also tells of goals that other programs have sent to"
+    " the same actions and that run now."
 )
 
 

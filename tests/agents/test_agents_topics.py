@@ -199,8 +199,8 @@ def test_compressed() -> None:
         (Image(width=2, height=2, step=6, encoding="rgb8", data=b"x"), "too few"),
         (Image(width=2**32 - 1, height=2**32 - 1, step=9, encoding="rgb8", data=b"x"), "too few"),
         (Image(encoding="rgb8"), "empty"),
-        (CompressedImage(data=b"nonsense"), "no image that can be read"),
-        (CompressedImage(), "no image that can be read"),
+        (CompressedImage(data=b"nonsense"), "the image cannot be read"),
+        (CompressedImage(), "the image cannot be read"),
     ],
 )
 def test_images_that_cannot_be_shown(message: Any, part: str) -> None:

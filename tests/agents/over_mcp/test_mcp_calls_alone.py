@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 import mcp.types as t
@@ -27,6 +28,24 @@ class Box:
         return ()
 
 
+def asked_by(elicit: Callable[[], Awaitable[t.ElicitResult]]) -> Asked:
+    """Return what asks a human over a connection, where `elicit` is the client's answer."""
+
+    class Session:
+        async def elicit_form(self, *args: Any) -> t.ElicitResult:
+            return await elicit()
+
+    class Context:
+        session = Session()
+        request_id = 1
+
+    async def send(*args: Any) -> None:
+        pass
+
+    context: Any = Context()
+    return Asked(context, Reporter(send))
+
+
 def test_a_call_whose_task_begins_when_the_process_ends_sends_nothing() -> None:
     async def scenario() -> None:
         box: Any = Box()
@@ -46,20 +65,11 @@ def test_a_request_cancelled_as_the_human_answers_is_cancelled() -> None:
         answer: asyncio.Future[t.ElicitResult] = asyncio.get_running_loop().create_future()
         asked = asyncio.Event()
 
-        class Session:
-            async def elicit_form(self, *args: Any) -> t.ElicitResult:
-                asked.set()
-                return await answer
+        async def elicit() -> t.ElicitResult:
+            asked.set()
+            return await answer
 
-        class Context:
-            session = Session()
-            request_id = 1
-
-        async def send(*args: Any) -> None:
-            pass
-
-        context: Any = Context()
-        asking = Asked(context, Reporter(send))
+        asking = asked_by(elicit)
         task = asyncio.ensure_future(asking(ApprovalRequest("patrol", {}, "?")))
         await asked.wait()
         answer.set_result(t.ElicitResult(action="accept", content={"approve": True}))
@@ -75,19 +85,10 @@ def test_a_request_cancelled_as_the_human_answers_is_cancelled() -> None:
 
 def test_an_answer_that_cannot_be_understood_is_a_refusal_in_plain_words() -> None:
     async def scenario() -> None:
-        class Session:
-            async def elicit_form(self, *args: Any) -> t.ElicitResult:
-                return t.ElicitResult.model_validate({"action": "go on", "content": 3})
+        async def elicit() -> t.ElicitResult:
+            return t.ElicitResult.model_validate({"action": "go on", "content": 3})
 
-        class Context:
-            session = Session()
-            request_id = 1
-
-        async def send(*args: Any) -> None:
-            pass
-
-        context: Any = Context()
-        asking = Asked(context, Reporter(send))
+        asking = asked_by(elicit)
         with pytest.raises(CannotAskError, match=r"^the client's answer to the question cannot be"):
             await asking(ApprovalRequest("patrol", {}, "?"))
 
