@@ -37,6 +37,7 @@ __all__ = [
     "log_own_error",
     "mute",
     "prepare_call",
+    "status_topic",
     "type_of",
     "unless_by_anyio",
 ]
@@ -55,6 +56,11 @@ def client_in_domain(
 def type_of(client: Client[Any]) -> Any:
     """Return the action type of a client."""
     return client._action_type
+
+
+def status_topic(client: Client[Any]) -> str:
+    """Return the full name of the topic on which a client's servers tell the states of goals."""
+    return client._session.port.names.status
 
 
 def prepare_call(

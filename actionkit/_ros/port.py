@@ -65,9 +65,9 @@ class Port:
         with _told_if_down(context):
             self.runtime = runtimes.acquire(domain.id if domain else context, self)
             try:
-                self._names = names or self._resolve(name)
+                self.names = names or self._resolve(name)
                 self.identity = Identity(
-                    action_name=self._names.action,
+                    action_name=self.names.action,
                     type_name=type_name,
                     domain_id=domain_of(self.runtime.context),
                     label="" if node is None else node.get_fully_qualified_name(),
@@ -154,7 +154,7 @@ class Port:
             error.expected, error.served = type_name, (str(used),)
             raise error
         self.runtime.expect_client()
-        self.link = Link(self.runtime, action_type, type_name, self._names)
+        self.link = Link(self.runtime, action_type, type_name, self.names)
         self.runtime.names_in_use.append((name, type_name))
 
     def _resolve(self, action_name: str) -> ActionNames:
@@ -179,7 +179,7 @@ class Port:
     def best_effort(self) -> tuple[str, ...]:
         """Return which of the action's services and topics are offered best-effort."""
         try:
-            return graph.best_effort(self.runtime.node, self._names)
+            return graph.best_effort(self.runtime.node, self.names)
         except (RCLError, InvalidHandle):
             return ()
 

@@ -8,7 +8,7 @@ import logging
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from actionkit._internal_api import in_thread, unless_by_anyio
+from actionkit._internal_api import in_thread, status_topic, unless_by_anyio
 from actionkit._messages.convert import from_plain, to_plain
 from actionkit._messages.json_text import to_json
 from actionkit._model.field_errors import FieldProblem
@@ -72,21 +72,18 @@ class GoalCalls:
         if isinstance(hold, ToolResult):
             return hold
         if tool.confirm:
-            others = await self._room_beside(tool)  # no human is asked for nothing
-            if isinstance(others, ToolResult):
-                return others
+            room = await self._room(tool)  # no human is asked for nothing
+            if isinstance(room, ToolResult):
+                return room
             if (refused := await _ask(tool, goal, approve)) is not None:
                 return refused
-        try:
-            client = await in_thread(lambda: self._clients.client(tool))
-        except Exception as error:  # noqa: BLE001  also what the middleware raises
-            return _closed(tool) if self._clients.closed else _failed(tool, error)
+        room = await self._room(tool)
+        if isinstance(room, ToolResult):
+            return room
+        client, others = room
         hold = await self._ready(tool)
         if isinstance(hold, ToolResult):
             return hold
-        others = await self._room_beside(tool)
-        if isinstance(others, ToolResult):
-            return others
         return await self._send(tool, goal, client, hold, stops, others, on_progress)
 
     async def start(self) -> HoldListener:
@@ -98,36 +95,46 @@ class GoalCalls:
         """
         return await in_thread(lambda: self._clients.hold(self.on_hold))
 
-    async def _of_others(self, tool: ActionConfig) -> list[GoalThere]:
-        """Return the goals of other programs that the servers of a tool's action have now."""
-        future = await in_thread(lambda: self._clients.node.goals(_full_name(tool.action)))
+    async def _of_others(self, client: Any) -> list[GoalThere]:
+        """Return the goals of other programs that the servers of a client have now."""
+        future = await in_thread(lambda: self._clients.node.goals(status_topic(client)))
         there = await asyncio.wrap_future(future)
         return self._goals.of_others(there)
 
-    async def _room_beside(self, tool: ActionConfig) -> list[GoalThere] | ToolResult:
-        """Return the goals of other programs, or why there is no room for another one."""
+    async def _room(self, tool: ActionConfig) -> tuple[Any, list[GoalThere]] | ToolResult:
+        """Return the client, and the goals of other programs; or a refusal if there are too many.
+
+        Where the goals are is known only to the client: ROS arguments of the process, such as a
+        namespace, change the action's name.
+        """
+        others: list[GoalThere] = []
         try:
-            others = await self._of_others(tool)
+            client = await in_thread(lambda: self._clients.client(tool))
+            running = self._goals.counting(client.action_name)
+            if len(running) < tool.concurrent:
+                others = await self._of_others(client)
         except Exception as error:  # noqa: BLE001  also what the middleware raises
             return _closed(tool) if self._clients.closed else _failed(tool, error)
-        running = self._goals.counting(_full_name(tool.action))
         full = len(running) + len(others) >= tool.concurrent
-        return _too_many(tool, running, others) if full else others
+        return _too_many(tool, running, others) if full else (client, others)
 
     async def others(self, tools: Iterable[ActionConfig]) -> list[tuple[ActionConfig, GoalThere]]:
         """Return the goals of other programs on the actions of tools, where that is known."""
         if self._clients.closed or self._clients.listening is None:
             return []
-        by_action = {_full_name(tool.action): tool for tool in reversed(list(tools))}
-        looks = [self._of_others(tool) for tool in by_action.values()]
-        found = await asyncio.gather(*looks, return_exceptions=True)
-        told = []
-        for tool, there in zip(by_action.values(), found, strict=True):
-            if isinstance(there, BaseException):
-                _log.warning("the goals of %s are not known: %s", tool.action, there)
-            else:
-                told += [(tool, goal) for goal in there]
-        return told
+        found: dict[str, tuple[ActionConfig, GoalThere]] = {}
+        for told in await asyncio.gather(*(self._others_on(tool) for tool in tools)):
+            for tool, goal in told:
+                found.setdefault(goal.goal_id, (tool, goal))
+        return list(found.values())
+
+    async def _others_on(self, tool: ActionConfig) -> list[tuple[ActionConfig, GoalThere]]:
+        try:
+            client = await in_thread(lambda: self._clients.client(tool))
+            return [(tool, goal) for goal in await self._of_others(client)]
+        except Exception as error:  # noqa: BLE001  also what the middleware raises
+            _log.warning("the goals of %s are not known: %s", tool.action, error)
+            return []
 
     async def _ready(self, tool: ActionConfig) -> HoldListener | ToolResult:
         """Return the human's stop, or why no goal of a tool may be sent now."""
@@ -139,10 +146,8 @@ class GoalCalls:
             await hold.until_known(_UNTIL_KNOWN)
             if self._clients.closed:
                 return _closed(tool)
-        if (why := hold.why_held()) is not None:
-            return _held(tool, why, known=hold.is_known)
-        running = self._goals.counting(_full_name(tool.action))
-        return _too_many(tool, running, []) if len(running) >= tool.concurrent else hold
+        why = hold.why_held()
+        return hold if why is None else _held(tool, why, known=hold.is_known)
 
     async def _send(
         self,
@@ -155,7 +160,7 @@ class GoalCalls:
         on_progress: OnProgress | None,
     ) -> ToolResult:
         """Send the goal and wait for its end. Nothing is awaited before it is in good hands."""
-        record = GoalRecord(tool.name, _full_name(tool.action))
+        record = GoalRecord(tool.name, client.action_name)
         # Counted in before the last look at what may forbid it: what forbids it later finds it.
         if not self._goals.add(record, tool.concurrent - len(others)):
             return _too_many(tool, self._goals.counting(record.action), others)
@@ -275,10 +280,6 @@ def _too_many(tool: ActionConfig, running: list[GoalRecord], others: list[GoalTh
         advice += " A goal of another program can also be stopped by a human, or by that program."
     told = f"{text}: {', '.join(ids[:5])}"
     return refusal(tool.name, "too_many_goals", told, retry=True, advice=advice)
-
-
-def _full_name(action: str) -> str:
-    return f"/{action.lstrip('/')}"
 
 
 def _closed(tool: ActionConfig) -> ToolResult:

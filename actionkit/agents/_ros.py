@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from typing import Any
 from weakref import WeakSet
 
+from actionkit._ros import wire
+
 _PERIOD = 0.05
 """Seconds between two looks for publishers, while something is being read."""
 _SETTLE = 0.1
@@ -132,7 +134,7 @@ class RosNode:
             self._thread.start()
         return request.future
 
-    def goals(self, action: str) -> Future[tuple[GoalThere, ...]]:
+    def goals(self, status_topic: str) -> Future[tuple[GoalThere, ...]]:
         """Ask the servers of an action which goals they have now, of any program.
 
         Their status topic tells. A server that never had a goal has nothing to tell. Blocks for no
@@ -140,7 +142,7 @@ class RosNode:
         """
         with self._lock:
             self._open()
-            return self._begin(_StatusRequest(action, self._opened))
+            return self._begin(_StatusRequest(status_topic, self._opened))
 
     def _run(self, context: Any, node: Any) -> None:
         """Serve the requests until there are none. All that is done to subscriptions is here."""
@@ -297,10 +299,10 @@ class _StatusRequest(_Request):
 
     _depth = 100  # there may be several servers, and each has a message of its own
 
-    def __init__(self, action: str, opened: float) -> None:
+    def __init__(self, status_topic: str, opened: float) -> None:
         cls: Any = importlib.import_module("action_msgs.msg").GoalStatusArray
         ros_type = "action_msgs/msg/GoalStatusArray"
-        super().__init__(f"{action}/_action/status", ros_type, cls, _STATUS_WAIT, None)
+        super().__init__(status_topic, ros_type, cls, _STATUS_WAIT, None)
         self._all: list[tuple[int, bytes]] = []
         self._found_by = opened + _DISCOVERY
         self._until = max(self._until, self._found_by)
@@ -322,22 +324,13 @@ class _StatusRequest(_Request):
         self._all.append((int(info["source_timestamp"]), bytes(message)))
 
     def _finish(self) -> None:
-        try:
-            decode: Any = importlib.import_module("rclpy.serialization").deserialize_message
-            entries = [
-                entry
-                for _, raw in sorted(self._all)
-                for entry in decode(raw, self._cls).status_list
-            ]
-            latest = {bytes(entry.goal_info.goal_id.uuid): entry for entry in entries}
-            there = (_there(key, entry) for key, entry in latest.items() if entry.status in _STATES)
-            with suppress(InvalidStateError):
-                self.future.set_result(tuple(there))
-        except Exception as error:  # noqa: BLE001  bytes that are not of the type
-            self.fail(error)
-
-
-def _there(key: bytes, entry: Any) -> GoalThere:
-    accepted = entry.goal_info.stamp.sec + entry.goal_info.stamp.nanosec * 1e-9
-    age = round(max(0.0, time.time() - accepted), 3)
-    return GoalThere(str(uuid.UUID(bytes=key)), _STATES[entry.status], age)
+        there: dict[bytes, GoalThere] = {}
+        for _, message in sorted(self._all):
+            for goal_id, seconds, nanoseconds, code in wire.goals(message):
+                there.pop(goal_id, None)
+                if code in _STATES:
+                    age = max(0.0, time.time() - seconds - nanoseconds * 1e-9)
+                    text = str(uuid.UUID(bytes=goal_id))
+                    there[goal_id] = GoalThere(text, _STATES[code], round(age, 3))
+        with suppress(InvalidStateError):  # cancelled meanwhile
+            self.future.set_result(tuple(there.values()))

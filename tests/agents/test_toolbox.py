@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import json
+import sys
 import threading
 from typing import Any
 
 import pytest
 import rclpy
+from test_msgs.action import Fibonacci
 
+from actionkit import Client
 from actionkit.agents import Progress, Toolbox
 from actionkit.agents._mcp.left_behind import go_on_cancelling
 from actionkit.testing import isolated_domain
@@ -157,6 +160,33 @@ def test_the_tools_of_one_action_share_its_limit(
     asyncio.run(main())
     server.sync()
     assert server.count("goal_received") == 3
+
+
+def test_the_limit_counts_where_the_goals_are_sent(
+    make_toolbox: Make, action_server: ActionServerFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The names of a process with ROS arguments are those that its clients use."""
+    server = action_server("fibonacci", gate=1, action_name="robot1/fibonacci")
+    other = action_server("fibonacci", gate=1, action_name="fibonacci")
+    monkeypatch.setattr(sys, "argv", ["agent", "--ros-args", "-r", "__ns:=/robot1"])
+
+    async def main() -> None:
+        async with Client(Fibonacci, "/robot1/fibonacci") as program:
+            goal = program.call_async({"order": 1}, timeout=60.0)
+            await seen(server, "accepted")
+            async with make_toolbox({"fib": {**FIBONACCI, "action": "fibonacci"}}) as toolbox:
+                refused = told(toolbox, await toolbox.call("fib", {"order": 1}))
+                assert refused["error"]["type"] == "too_many_goals"
+                assert str(goal.goal_id) in refused["error"]["message"]
+                (listed,) = (await toolbox.call("goals")).value["goals"]
+                assert listed["goal_id"] == str(goal.goal_id)
+            server.release()
+            await goal
+
+    asyncio.run(main())
+    for one, count in ((server, 1), (other, 0)):
+        one.sync()
+        assert one.count("goal_received") == count
 
 
 # --- what else ---------------------------------------------------------------------------------
