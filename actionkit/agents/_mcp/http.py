@@ -148,8 +148,13 @@ class _Connection(H11Protocol):
 
     @property
     def _waits(self) -> bool:
-        """Whether no whole request is being served, of one that was let in."""
-        return not self._let_in or self.cycle.response_complete or self.cycle.more_body
+        """Whether no whole request is being served, of one that was let in.
+
+        The client may still be reading the answer: it says what happened to a goal.
+        """
+        answered = self.cycle is not None and self.cycle.response_complete
+        read = answered and not self.transport.get_write_buffer_size()
+        return not self._let_in or read or self.cycle.more_body
 
     def _wait(self) -> None:
         self._timer = self.loop.call_later(_REQUEST_WITHIN, self._give_up)
@@ -158,6 +163,8 @@ class _Connection(H11Protocol):
         if self._waits:
             self.connections.discard(self)
             self.transport.abort()
+        elif self.cycle.response_complete:
+            self._wait()  # the client is still reading
 
     def on_response_complete(self) -> None:
         self._timer.cancel()
@@ -181,7 +188,8 @@ class _Few(logging.Filter):
         self._count = self._count + 1 if minute == self._minute else 1
         self._minute = minute
         more = " (no more in this minute)" if self._count == _RECORDS_A_MINUTE else ""
-        record.msg, record.args = f"{record.getMessage()[:_LONGEST_RECORD]}{more}", ()
+        with contextlib.suppress(Exception):  # wrong arguments: `logging` reports that itself
+            record.msg, record.args = f"{record.getMessage()[:_LONGEST_RECORD]}{more}", ()
         return self._count <= _RECORDS_A_MINUTE
 
 

@@ -46,14 +46,16 @@ limits._MOST_CONNECTIONS = 2
 """
 
 
-def raw_call(way: Way, number: int, session: str, host: str) -> bytes:
+def raw_call(
+    way: Way, number: int | str, session: str, host: str, tool: str = "patrol", **arguments: int
+) -> bytes:
     """Return a whole HTTP request that calls a tool."""
-    params: dict[str, object] = {"name": "patrol", "arguments": {}}
+    params: dict[str, object] = {"name": tool, "arguments": arguments}
     headers = {**HEADERS, "Host": host, "MCP-Protocol-Version": way.era}
     if way.mode == "legacy":
         headers["Mcp-Session-Id"] = session
     else:
-        headers |= {"Mcp-Method": "tools/call", "Mcp-Name": "patrol"}
+        headers |= {"Mcp-Method": "tools/call", "Mcp-Name": tool}
         key = "io.modelcontextprotocol/"
         params["_meta"] = {
             f"{key}protocolVersion": way.era,
@@ -202,6 +204,30 @@ def test_limits_of_time_are_not_for_calls(robot: Robot, way: Way) -> None:
             await asyncio.to_thread(watch.server.sync)
             assert not any(e.event == "canceled" for e in watch.events)
         assert await watch.summary() == "a goal, canceled"
+
+    with contextlib.closing(HttpServing(robot, before=SHORT_LIMITS)) as serving:
+        asyncio.run(scenario(serving))
+
+
+def test_an_answer_is_kept_for_a_client_that_reads_slowly(robot: Robot) -> None:
+    watch = Watch(robot.server("fibonacci", period=0.02))
+    long = "x" * 3_900_000  # more than the kernel keeps
+
+    async def scenario(serving: HttpServing) -> None:
+        with socket.socket() as slow:
+            slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            slow.connect(address_of(serving))
+            slow.settimeout(PATIENCE)
+            place = urlsplit(serving.url).netloc
+            request = raw_call(HTTP[1], long, "", place, "count", order=1)
+            await asyncio.to_thread(slow.sendall, request)
+            await watch.until("succeeded")
+            for _ in range(2):  # each takes as long as the limit
+                assert await asyncio.to_thread(first_answer, serving, b"") == b""
+            parts: list[bytes] = []
+            while sum(map(len, parts)) < len(long) or b"succeeded" not in b"".join(parts):
+                parts.append(await asyncio.to_thread(slow.recv, 1_000_000))
+                assert parts[-1], "the connection was closed"
 
     with contextlib.closing(HttpServing(robot, before=SHORT_LIMITS)) as serving:
         asyncio.run(scenario(serving))
