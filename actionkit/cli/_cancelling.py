@@ -79,6 +79,8 @@ class Cancelling:
         self.board = Board(most=math.inf)  # a goal that is left out would have no known end
         self.servers: tuple[str, ...] = ()
         """The nodes of all servers that were seen."""
+        self._most = 0
+        """The most servers that were seen at a time; several may be on one node."""
         self.answers = 0
         """How many answers have come."""
         self.every = goal_ids is None
@@ -99,8 +101,9 @@ class Cancelling:
     def seen(self, servers: Sequence[str]) -> None:
         """Record the servers of the action; servers that have gone are remembered."""
         new = {name for name in servers if name} - set(self.servers)
-        if new or len(servers) > len(self.servers):
+        if new or len(servers) > self._most:
             self.once_more()  # a new one has had no request
+        self._most = max(self._most, len(servers))
         self.servers = tuple(sorted(new | set(self.servers)))
 
     def take_news(self, news: Any, wall: float) -> None:
@@ -148,11 +151,15 @@ class Cancelling:
     def _running(self) -> set[str]:
         return {goal.goal_id for goal in self.board.goals.values() if not goal.ended}
 
-    def to_ask_singly(self, now: float) -> list[str]:
-        """Return the goals to cancel by their ids now, each once."""
+    def has_looked(self, now: float) -> bool:
+        """Return whether the status has come, or had a second to come since the first call."""
         if self._looks_since is None:
             self._looks_since = now
-        if not self.every and not self.board.goals and now - self._looks_since < FIRST:
+        return bool(self.board.goals) or now - self._looks_since >= FIRST
+
+    def to_ask_singly(self, now: float) -> list[str]:
+        """Return the goals to cancel by their ids now, each once."""
+        if not self.has_looked(now) and not self.every:
             return []
         new = []
         for goal_id, target in self._targets.items():
@@ -259,6 +266,8 @@ def _running(
         return "NO_SUCH_GOAL", "No server in sight knows it: it ended long ago, or never was here."
     if not over:
         return None
+    if target.asked is None:
+        return "UNKNOWN", "No request to cancel it was sent. IT MAY STILL BE RUNNING."
     if target.answer in (CancelAnswer.ACCEPTED, CancelAnswer.TERMINATED) or canceling:
         return (
             "UNKNOWN",
@@ -283,8 +292,8 @@ def cancel_goals(
         actions: The goals of these are cancelled.
         over: Asked often, with the time on the monotonic clock.
         look: Seconds to look for servers; one that is not seen at once is seen within 3 s.
-        least: The same if each action has a server: there may be a second one. `None` means that
-            all actions that come into sight are added.
+        least: The same, from when each action has a server: there may be a second one, and the
+            status may come later. `None` means that all actions that come into sight are added.
         on_fate: Gets each fate when it is known.
     """
     from actionkit._ros.tools.cancel import AllSaid, CancelSaid, GoalCanceller
@@ -294,6 +303,8 @@ def cancel_goals(
     cancellers: dict[str, GoalCanceller] = {}
     by_name = {action.name: action for action in actions}
     began = time.monotonic()
+    complete: float | None = None
+    """Since when each action has a server."""
     again = False
     broken: set[str] = set()
     """Names that rclpy refuses; the program that made them does not use rclpy."""
@@ -325,8 +336,12 @@ def cancel_goals(
                 else:
                     action.take_news(news, time.time())
             now = time.monotonic()
-            every = least is not None and all(action.servers for action in actions)
-            looked = now - began >= (least if every and least is not None else look)
+            if complete is None and all(action.servers for action in actions):
+                complete = now
+            if least is None or complete is None:
+                looked = now - began >= look
+            else:
+                looked = now - complete >= least
             if looked and not again:
                 again = True
                 for action in actions:

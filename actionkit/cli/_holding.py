@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import select
 import subprocess
 import sys
 import threading
@@ -48,6 +47,8 @@ class Keeper:
             assert self._process.stdin is not None
             self._process.stdin.write(encode(state).encode())
             self._process.stdin.close()
+            assert self._process.stdout is not None
+            os.set_blocking(self._process.stdout.fileno(), False)  # two threads ask `is_ready`
 
     @property
     def pid(self) -> int | None:
@@ -62,8 +63,9 @@ class Keeper:
             return False
         assert self._process.stdout is not None
         descriptor = self._process.stdout.fileno()
-        while select.select([descriptor], [], [], 0)[0] and (more := os.read(descriptor, 4096)):
-            self._text += more
+        with contextlib.suppress(BlockingIOError):  # there is nothing more yet
+            while more := os.read(descriptor, 4096):
+                self._text += more
         return READY.encode() in self._text.split() and self._process.poll() is None
 
 

@@ -150,7 +150,7 @@ def _cancel(
 
     def over(now: float) -> bool:
         nonlocal began, progressed
-        if not cancelling.servers:
+        if not cancelling.servers or not cancelling.has_looked(now):
             began = progressed = now
             return False
         # Each of many goals has its time; but new goals might come for ever.
@@ -161,7 +161,7 @@ def _cancel(
         progressed = time.monotonic()
         show(fate)
 
-    least = min(FIRST, timeout) if cancelling.every else 0.0
+    least = FIRST if cancelling.every else 0.0
     cancel_goals(survey, [cancelling], over=over, look=server_timeout, least=least, on_fate=on_fate)
 
 

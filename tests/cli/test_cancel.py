@@ -63,6 +63,12 @@ def test_goals_are_listed_and_canceled_by_id_and_all_at_once(world: World) -> No
     assert world.run("cancel", "never_finishes", "--all").out == "No goal is running.\n"
 
 
+def test_the_time_begins_when_a_goal_is_asked_for(world: World) -> None:
+    world.server("countdown")  # without goals, so it has no status to send
+    done = world.run("cancel", "countdown", str(uuid.uuid4()), "--timeout", "0.8")
+    assert (done.code, done.err) == (Exit.NO_SUCH_GOAL, "")
+
+
 def test_a_refusal_is_told(world: World) -> None:
     server = world.server("refuses_cancel")
     (goal,) = goals_of_others(world, "refuses_cancel", 1)
@@ -90,6 +96,35 @@ def test_an_accepted_cancellation_is_no_canceled_goal(world: World) -> None:
     assert again.text == f"waiting\n{done.out}\n\nInterrupted.\n"
     server.release(1)
     assert call.finish() == Exit.CANCELED
+
+
+def test_a_goal_of_a_server_that_is_seen_late_is_told_of(world: World) -> None:
+    server = world.server("slow_cancel", gate=1)
+    ((goal, call),) = goals_of_others(world, "slow_cancel", 1).items()
+    assert world.run("cancel", "slow_cancel", goal, "--timeout", "0.5").code == Exit.CANCEL_UNKNOWN
+    late = world.start("cancel", "slow_cancel", "--all", "--timeout", "1.5", before=LATE)
+    assert late.finish() == Exit.CANCEL_UNKNOWN
+    assert f"{goal}  UNKNOWN" in late.text
+    server.release(1)
+    assert call.finish() == Exit.CANCELED
+
+
+LATE = """
+import threading, time
+import actionkit.cli._cancelling as c
+from actionkit._ros.tools.survey import Survey
+see, put_into, began = Survey.actions, c._putter, []
+def actions(self):
+    began.append(time.monotonic())
+    return see(self) if began[-1] - began[0] > 1.2 else {}
+def putter(inbox, action):
+    put = put_into(inbox, action)
+    def later(news):
+        threading.Timer(0.6 if isinstance(news, list) else 0.0, put, [news]).start()
+    return later
+Survey.actions, c._putter = actions, putter
+"""
+"""The server is seen late, and its status comes after its answer."""
 
 
 AWAKE = """

@@ -120,6 +120,18 @@ def test_a_server_that_comes_later_is_asked() -> None:
     assert action.servers == ("/server", "/third")
 
 
+def test_two_servers_of_one_node_are_asked_once() -> None:
+    action = Cancelling("/a")
+    for now in (0.0, 0.1):
+        action.seen(["/server", "/server"])
+        action.take_news(("/server", "/server"), 0.0)
+        assert action.to_ask(now) == (None if now else 1)
+    for _ in range(2):
+        assert not action.done
+        action.take_all(AllSaid(1, ()), 0.2)
+    assert action.done
+
+
 def test_it_is_known_whether_goals_are_still_being_sent() -> None:
     action = stopping("EXECUTING")
     action.to_ask(0.0)

@@ -54,7 +54,7 @@ class StatusReader:
         self._on_servers = on_servers
         self._servers: tuple[str, ...] = ()
         self._codes: dict[bytes, int] = {}
-        """The status codes of the goals in the latest arrays."""
+        """The status codes of the goals in the latest arrays, so that goals do not pile up here."""
         self._timer: TimerHandle | None = None
         self._runtime = runtimes.acquire(None, self)
         self._runtime.run(self._begin)
@@ -89,14 +89,21 @@ class StatusReader:
         self._runtime.node.destroy_subscription(self._subscription)
 
     def _take(self) -> None:
+        # Every array counts: a server that forgets goals at once shows an end in one array only.
+        # But another client may cause hundreds of arrays in a second, of thousands of goals each.
+        # So they are not decoded, and only changes are told.
         messages = self._source.take()
-        if len(self._servers) == 1:
-            # Only the newest array: another client may cause hundreds in a second, of thousands of
-            # goals each. An array does not say which of several servers has sent it.
-            messages = messages[-1:]
-        listed = [goal for message in messages for goal in goals(message)]
-        before, self._codes = self._codes, {goal_id: code for goal_id, _, _, code in listed}
-        changed = [goal for goal in listed if before.get(goal[0]) != goal[3]]
+        if not messages:
+            return
+        before, self._codes = self._codes, {}
+        changed = []
+        for message in messages:
+            for goal in goals(message):
+                goal_id, _, _, code = goal
+                if before.get(goal_id) != code:
+                    before[goal_id] = code
+                    changed.append(goal)
+                self._codes[goal_id] = code
         if changed:
             self._on_goals([_seen(*goal) for goal in changed])
 
