@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 from contextlib import suppress
 from pathlib import Path
+
+from actionkit.agents._hold import HoldListener
+
+
+def known(listener: HoldListener, seconds: float) -> bool:
+    """Wait until a listener knows whether there is a hold; return whether it does."""
+    return asyncio.run(listener.until_known(seconds))
 
 
 def keepers(domain: int) -> list[int]:
@@ -31,17 +39,17 @@ def end_keepers(domain: int) -> None:
 
 
 AGENT = """
+import asyncio
 import sys
 from actionkit.agents._hold import HoldListener
 listener = HoldListener()
-listener.start()
-print("known", listener.wait_until_known(30), flush=True)
+print("known", asyncio.run(listener.until_known(30)), flush=True)
 for line in sys.stdin:
     wait = line.strip()
     if wait == "now":
         print(listener.why_held() or "FREE", flush=True)
     elif wait == "known":
-        print(listener.wait_until_known(30), flush=True)
+        print(asyncio.run(listener.until_known(30)), flush=True)
 listener.close()
 """
 """Prints why it is held, whenever it is asked."""

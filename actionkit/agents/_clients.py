@@ -50,10 +50,7 @@ class Clients:
         with self._lock:
             self._check()
             if self._hold is None:
-                hold = HoldListener(self._domain_id)
-                hold.on_hold(on_hold)
-                hold.start()
-                self._hold = hold
+                self._hold = HoldListener(self._domain_id, on_hold)
                 self.node.open()  # so that it has found servers and publishers when it is asked
             return self._hold
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Iterable
 from typing import Any
 
 from actionkit import CallInfo, GoalEvent, GoalFuture, GoalState
+from actionkit.agents._changes import Changes
 from actionkit.agents._results import error_value, goal_value, may_still_run, refusal
 from actionkit.agents._ros import GoalThere
 
@@ -38,7 +37,7 @@ class GoalRecord:
         self.call_id: uuid.UUID | None = None
         self.value: dict[str, Any] | None = None
         self.why_cancelled = ""
-        self._waiters: list[Callable[[], object]] = []
+        self._changes = Changes()
         self._future: Future | None = None
         self._began = time.monotonic()
         self._ended = 0.0
@@ -104,29 +103,11 @@ class GoalRecord:
         self._ended = time.monotonic()
         self.value = value
         self._future = None  # and with it the messages
-        for waiter in list(self._waiters):
-            waiter()
+        self._changes.tell()
 
     async def over(self, seconds: float | None = None) -> bool:
         """Wait until the call is over, for so long at most; return whether it is."""
-        # No `asyncio.wait_for`: before Python 3.12 it may swallow the cancellation of the task.
-        loop = asyncio.get_running_loop()
-        event = asyncio.Event()
-
-        def wake() -> None:
-            with suppress(RuntimeError):  # the loop was closed
-                loop.call_soon_threadsafe(event.set)
-
-        timer = None if seconds is None else loop.call_later(seconds, event.set)
-        self._waiters.append(wake)
-        try:
-            if self.value is None:  # or it may have ended before `wake` could be seen
-                await event.wait()
-        finally:
-            self._waiters.remove(wake)
-            if timer is not None:
-                timer.cancel()
-        return self.value is not None
+        return await self._changes.until(lambda: self.value is not None, seconds)
 
     @property
     def _late_state(self) -> GoalState | None:

@@ -30,10 +30,7 @@ class FakeHold:
         self.is_known = True
         self.asked = 0
         self.stop_when_asked: int | None = None
-        self._callbacks: list[Callable[[str], object]] = []
-
-    def start(self) -> None:
-        pass
+        self.callbacks: list[Callable[[str], object]] = []
 
     def close(self) -> None:
         pass
@@ -49,13 +46,10 @@ class FakeHold:
     async def until_known(self, timeout: float) -> bool:
         return self.is_known
 
-    def on_hold(self, callback: Callable[[str], object]) -> None:
-        self._callbacks.append(callback)
-
     def stop(self, reason: str = "held by ann@desk") -> None:
         """Be the human; on a thread of its own, as the real one."""
         self.reason = reason
-        for callback in self._callbacks:
+        for callback in self.callbacks:
             thread = threading.Thread(target=callback, args=(reason,))
             thread.start()
             thread.join()
@@ -65,7 +59,12 @@ class FakeHold:
 def hold(monkeypatch: pytest.MonkeyPatch) -> FakeHold:
     """Return the human's stop of all toolboxes of the test."""
     fake = FakeHold()
-    monkeypatch.setattr("actionkit.agents._clients.HoldListener", lambda domain_id: fake)
+
+    def listen(_: int | None, on_hold: Callable[[str], object]) -> FakeHold:
+        fake.callbacks.append(on_hold)
+        return fake
+
+    monkeypatch.setattr("actionkit.agents._clients.HoldListener", listen)
     return fake
 
 

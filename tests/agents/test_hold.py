@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import signal
 import threading
@@ -23,7 +22,7 @@ from actionkit.agents import _goal_call
 from actionkit.agents._hold import HoldListener
 from actionkit.testing import isolated_domain
 from tests.conftest import Script
-from tests.holding import AGENT
+from tests.holding import AGENT, known
 from tests.waiting import until
 
 LONG = 30.0
@@ -43,9 +42,10 @@ def apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]
 
 
 @contextmanager
-def listening(domain: int | None = None) -> Iterator[HoldListener]:
-    listener = HoldListener(domain)
-    listener.start()
+def listening(
+    domain: int | None = None, on_hold: Callable[[str], object] = lambda _: None
+) -> Iterator[HoldListener]:
+    listener = HoldListener(domain, on_hold)
     try:
         yield listener
     finally:
@@ -67,17 +67,15 @@ def telling(*holds: Hold) -> Iterator[HoldView]:
 def test_free_only_when_that_is_known(
     ros_domain: int, apart: Callable[[], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    listener = HoldListener()
-    assert "was not started" in (listener.why_held() or "")
     began = time.monotonic()
     with listening() as listener:
         assert "not known yet" in (listener.why_held() or "")
         assert not listener.is_known
-        assert not listener.wait_until_known(0.1)
-        assert asyncio.run(listener.until_known(LONG))
+        assert not known(listener, 0.1)
+        assert known(listener, LONG)
         assert time.monotonic() - began >= views.SETTLE
         assert listener.why_held() is None
-        assert listener.wait_until_known(0)
+        assert known(listener, 0)
         # The process, or the whole computer, was away for a while: the first question comes before
         # its thread has noticed.
         uptime = views._uptime
@@ -92,9 +90,8 @@ def test_held_by_the_topic_released_by_another_and_kept_by_who_knows(
 ) -> None:
     hold = Hold(1.0, "one", "ann@laptop")  # whose clock is decades off
     told: list[str] = []
-    with listening() as agent:
-        agent.on_hold(told.append)
-        assert agent.wait_until_known(LONG)
+    with listening(on_hold=told.append) as agent:
+        assert known(agent, LONG)
         assert agent.why_held() is None
         apart()
         with telling(hold) as keeper:
@@ -172,7 +169,7 @@ def test_a_file_is_obeyed_before_anybody_is_discovered(
     ros_domain: int, apart: Callable[[], None]
 ) -> None:
     with listening() as agent:
-        assert agent.wait_until_known(LONG)
+        assert known(agent, LONG)
         hold = new_hold()
         files = views.HoldFiles(ros_domain)
         files.write(HoldState({hold.hold_id: hold}))
@@ -190,14 +187,15 @@ def test_a_file_is_obeyed_before_anybody_is_discovered(
     files.write(HoldState({(other := new_hold()).hold_id: other}))
     with listening() as agent:
         assert "A human has stopped" in (agent.why_held() or "")
-        assert agent.wait_until_known(0)
+        assert known(agent, 0)
 
 
 def test_a_disk_that_hangs_lets_no_goal_through(
     ros_domain: int, apart: Callable[[], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with listening() as agent, ExitStack() as stack:
-        assert agent.wait_until_known(LONG)
+    told = threading.Event()
+    with listening(on_hold=lambda _: told.set()) as agent, ExitStack() as stack:
+        assert known(agent, LONG)
         apart()
         keeper = stack.enter_context(telling())
         until(lambda: keeper.others)
@@ -210,8 +208,6 @@ def test_a_disk_that_hangs_lets_no_goal_through(
                 go_on.wait(LONG)
 
         monkeypatch.setattr(views.HoldFiles, "write", write)
-        told = threading.Event()
-        agent.on_hold(lambda _: told.set())
         keeper.add(HoldState({(hold := new_hold()).hold_id: hold}))
         assert told.wait(LONG)
         assert "A human has stopped" in (agent.why_held() or "")
@@ -222,7 +218,7 @@ def test_garbage_on_the_topic_holds(ros_domain: int, apart: Callable[[], None]) 
     from rcl_interfaces.msg import Log
 
     with listening() as agent:
-        assert agent.wait_until_known(LONG)
+        assert known(agent, LONG)
         with telling() as human:
             until(lambda: human.has_told)
             topic = human._topic
@@ -243,12 +239,12 @@ def test_whoever_is_in_sight_and_silent_makes_it_unknown(
         monkeypatch.setattr(HoldView, "_tell", lambda self: None)
         until(lambda: human._topic is not None)
         with listening() as agent:
-            until(lambda: agent._view is not None and agent._view._speakers)
-            assert not agent.wait_until_known(1.5)
+            until(lambda: agent._view._speakers)
+            assert not known(agent, 1.5)
             assert "not all been heard" in (agent.why_held() or "")
             # One on the same computer has a file, too. (Two users' agents never hear each other.)
             monkeypatch.setattr(views, "_FILES_DO", 2.0)
-            assert agent.wait_until_known(LONG)
+            assert known(agent, LONG)
             monkeypatch.setattr(topics.Speaker, "computer", property(lambda self: self.gid))
             until(lambda: not agent.is_known)
 
@@ -261,10 +257,10 @@ def test_a_middleware_that_cannot_be_joined_makes_it_unknown(
 
     monkeypatch.setattr(views, "HoldTopic", refuse)
     with isolated_domain() as domain, listening(domain) as agent:
-        assert not agent.wait_until_known(0.2)
+        assert not known(agent, 0.2)
         until(lambda: "no middleware" in (agent.why_held() or ""))
         monkeypatch.undo()
-        assert agent.wait_until_known(LONG)
+        assert known(agent, LONG)
 
 
 def test_a_callback_that_raises_is_told_of_and_harms_nobody(
@@ -272,16 +268,16 @@ def test_a_callback_that_raises_is_told_of_and_harms_nobody(
 ) -> None:
     told: list[str] = []
 
-    def broken(_: str) -> None:
+    def broken(sentence: str) -> None:
+        told.append(sentence)
         raise ValueError("mine")
 
-    with listening() as agent:
-        agent.on_hold(broken)
-        agent.on_hold(told.append)
+    with listening(on_hold=broken) as agent:
         hold = new_hold()
         views.HoldFiles(ros_domain).write(HoldState({hold.hold_id: hold}))
         until(lambda: told)
         assert agent.why_held() == told[0]
+        assert known(agent, LONG)
 
 
 def test_a_call_waits_for_what_a_killed_agent_cannot_tell() -> None:

@@ -21,7 +21,7 @@ from actionkit import Client, GoalState
 from actionkit.agents._hold import HoldListener
 from actionkit.cli._exits import Exit
 from tests.cli.conftest import Running, World
-from tests.holding import AGENT, end_keepers, keepers
+from tests.holding import AGENT, end_keepers, keepers, known
 from tests.waiting import until
 
 LONG = 30.0
@@ -84,13 +84,12 @@ def test_the_stop_of_another_user_stops_and_holds(
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     server = world.server("never_finishes")
     agent = HoldListener()
-    agent.start()
     try:
         with Client(Fibonacci, "never_finishes", on_close="abandon") as client:
             assert client.wait_for_server(LONG)
             future = client.call_async(Fibonacci.Goal(order=900))
             server.wait_for("executing")
-            assert agent.wait_until_known(LONG)
+            assert known(agent, LONG)
             assert agent.why_held() is None
 
             # Two agents of two users never hear each other, and yet neither waits for ever.
@@ -106,7 +105,7 @@ def test_the_stop_of_another_user_stops_and_holds(
             )
             world.stack.callback(theirs.process.kill)
             theirs.until("known True")
-            assert agent.wait_until_known(LONG)
+            assert known(agent, LONG)
 
             code, text = other_user.run("stop")
             assert code == Exit.OK, text

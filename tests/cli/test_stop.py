@@ -21,7 +21,7 @@ from actionkit.agents._hold import HoldListener
 from actionkit.cli._exits import Exit
 from actionkit.servers import Server
 from tests.cli.conftest import World
-from tests.holding import AGENT, end_keepers, keepers
+from tests.holding import AGENT, end_keepers, keepers, known
 from tests.waiting import until
 
 LONG = 30.0
@@ -60,8 +60,7 @@ def goals(
 def agent(world: World, monkeypatch: pytest.MonkeyPatch) -> Iterator[HoldListener]:
     monkeypatch.setattr(view, "SETTLE", 0.5)  # nobody holds the domain before the test
     listener = HoldListener(world.domain)
-    listener.start()
-    assert listener.wait_until_known(LONG)
+    assert known(listener, LONG)
     yield listener
     listener.close()
 
