@@ -266,7 +266,7 @@ def _running(
         return "NO_SUCH_GOAL", "No server in sight knows it: it ended long ago, or never was here."
     if not over:
         return None
-    if target.asked is None:
+    if target.asked is None and not canceling:
         return "UNKNOWN", "No request to cancel it was sent. IT MAY STILL BE RUNNING."
     if target.answer in (CancelAnswer.ACCEPTED, CancelAnswer.TERMINATED) or canceling:
         return (

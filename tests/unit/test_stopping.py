@@ -132,6 +132,18 @@ def test_two_servers_of_one_node_are_asked_once() -> None:
     assert action.done
 
 
+@pytest.mark.parametrize(
+    ("state", "why"), [("EXECUTING", "No request"), ("CANCELING", "The server is cancelling it")]
+)
+def test_a_goal_that_was_not_asked_for_in_time_may_run(state: str, why: str) -> None:
+    action = stopping(state)
+    action.settle(0.0, over=True)
+    (fate,) = action.fates
+    assert fate.cancel == "UNKNOWN"
+    assert fate.text.startswith(why)
+    assert fate.text.endswith("MAY STILL BE RUNNING.")
+
+
 def test_it_is_known_whether_goals_are_still_being_sent() -> None:
     action = stopping("EXECUTING")
     action.to_ask(0.0)
