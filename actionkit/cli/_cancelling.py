@@ -78,7 +78,7 @@ class Cancelling:
         self.name = name
         self.board = Board(most=math.inf)  # a goal that is left out would have no known end
         self.servers: tuple[str, ...] = ()
-        """The nodes of all servers that were seen."""
+        """The nodes of all servers that were seen, where their names are known yet."""
         self._most = 0
         """The most servers that were seen at a time; several may be on one node."""
         self.answers = 0
@@ -105,6 +105,11 @@ class Cancelling:
             self.once_more()  # a new one has had no request
         self._most = max(self._most, len(servers))
         self.servers = tuple(sorted(new | set(self.servers)))
+
+    @property
+    def has_server(self) -> bool:
+        """Whether a server was seen, also one with a node that is not known yet."""
+        return self._most > 0
 
     def take_news(self, news: Any, wall: float) -> None:
         """Record news from a `StatusReader`."""
@@ -336,7 +341,7 @@ def cancel_goals(
                 else:
                     action.take_news(news, time.time())
             now = time.monotonic()
-            if complete is None and all(action.servers for action in actions):
+            if complete is None and all(action.has_server for action in actions):
                 complete = now
             if least is None or complete is None:
                 looked = now - began >= look

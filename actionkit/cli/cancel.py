@@ -93,10 +93,10 @@ def command(
         try:
             _cancel(survey, cancelling, timeout, server_timeout, partial(_show, full, as_json))
         finally:  # also after Ctrl-C
-            if cancelling.servers:
+            if cancelling.has_server:
                 for fate in cancelling.settle(time.monotonic(), over=True):
                     _show(full, as_json, fate)
-    if not cancelling.servers:
+    if not cancelling.has_server:
         return _no_server(full)
     if cancelling.unheard:
         say(cancelling.unheard, err=True)
@@ -150,7 +150,7 @@ def _cancel(
 
     def over(now: float) -> bool:
         nonlocal began, progressed
-        if not cancelling.servers or not cancelling.has_looked(now):
+        if not cancelling.has_server or not cancelling.has_looked(now):
             began = progressed = now
             return False
         # Each of many goals has its time; but new goals might come for ever.

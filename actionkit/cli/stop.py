@@ -120,10 +120,10 @@ def _stop_named(names: tuple[str, ...], timeout: float, as_json: bool) -> int:
         stopped = [Cancelling(name) for name in full]
         with _shown(stopped, as_json):
             cancel_goals(survey, stopped, over=_passed(timeout), look=_LOOK, least=_NAMED)
-        missing = [action.name for action in stopped if not action.servers]
+        missing = [action.name for action in stopped if not action.has_server]
         for name in missing:
             say(f"Error: Action {name!r} has no server in sight.", err=True)
-        codes = [action.exit if action.servers else Exit.NO_SERVER for action in stopped]
+        codes = [action.exit if action.has_server else Exit.NO_SERVER for action in stopped]
     say("Agents are not held: `actionkit stop` without names does that, too.", err=True)
     return worst(codes)
 

@@ -127,6 +127,25 @@ Survey.actions, c._putter = actions, putter
 """The server is seen late, and its status comes after its answer."""
 
 
+def test_a_goal_of_a_server_whose_node_is_not_known_yet_is_told_of(world: World) -> None:
+    server = world.server("slow_cancel", gate=1)
+    ((goal, call),) = goals_of_others(world, "slow_cancel", 1).items()
+    done = world.start("cancel", "slow_cancel", "--all", "--timeout", "1.5", before=NAMELESS)
+    assert done.finish() == Exit.CANCEL_UNKNOWN
+    assert f"{goal}  UNKNOWN" in done.text
+    server.release(1)
+    assert call.finish() == Exit.CANCELED
+
+
+NAMELESS = """
+import actionkit._ros.tools.survey as s
+from dataclasses import replace
+endpoints = s._endpoints
+s._endpoints = lambda infos: tuple(replace(end, node="") for end in endpoints(infos))
+"""
+"""The middleware tells of the names of nodes later than of what they have."""
+
+
 AWAKE = """
 import actionkit.cli._cancelling as c
 real = c.Cancelling.take_news
