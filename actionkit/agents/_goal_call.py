@@ -77,13 +77,13 @@ class GoalCalls:
                 return room
             if (refused := await _ask(tool, goal, approve)) is not None:
                 return refused
-        room = await self._room(tool)
-        if isinstance(room, ToolResult):
-            return room
-        client, others = room
         hold = await self._ready(tool)
         if isinstance(hold, ToolResult):
             return hold
+        room = await self._room(tool)  # last: another program may send while this waits
+        if isinstance(room, ToolResult):
+            return room
+        client, others = room
         return await self._send(tool, goal, client, hold, stops, others, on_progress)
 
     async def start(self) -> HoldListener:

@@ -6,7 +6,9 @@ import asyncio
 from typing import Any
 
 import pytest
+from test_msgs.action import Fibonacci
 
+from actionkit import Client
 from actionkit.agents import ApprovalRequest
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import FIBONACCI, FakeHold, Make, seen, told
@@ -216,3 +218,40 @@ def test_no_human_is_asked_while_another_program_has_a_goal(
             assert len(asked) == 1
 
     asyncio.run(main())
+
+
+def test_a_goal_that_others_sent_while_the_stop_was_not_known_counts(
+    make_toolbox: Make,
+    action_server: ActionServerFactory,
+    hold: FakeHold,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The process stood still while a human was asked; the goals are looked for after that."""
+    server = action_server("fibonacci", gate=1)
+
+    async def main() -> None:
+        async with (
+            Client(Fibonacci, "/fibonacci") as program,
+            make_toolbox({"fib": {**FIBONACCI, "confirm": "always"}}) as toolbox,
+        ):
+            sent = []
+
+            async def approve(request: ApprovalRequest) -> bool:
+                hold.is_known = False
+                return True
+
+            async def known(timeout: float) -> bool:
+                sent.append(program.call_async({"order": 1}, timeout=60.0))
+                await seen(server, "accepted")
+                hold.is_known = True
+                return True
+
+            monkeypatch.setattr(hold, "until_known", known)
+            value = told(toolbox, await toolbox.call("fib", {"order": 1}, approve=approve))
+            assert value["error"]["type"] == "too_many_goals"
+            server.release()
+            await sent[0]
+
+    asyncio.run(main())
+    server.sync()
+    assert server.count("goal_received") == 1
