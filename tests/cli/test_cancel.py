@@ -98,17 +98,6 @@ def test_an_accepted_cancellation_is_no_canceled_goal(world: World) -> None:
     assert call.finish() == Exit.CANCELED
 
 
-def test_a_goal_of_a_server_that_is_seen_late_is_told_of(world: World) -> None:
-    server = world.server("slow_cancel", gate=1)
-    ((goal, call),) = goals_of_others(world, "slow_cancel", 1).items()
-    assert world.run("cancel", "slow_cancel", goal, "--timeout", "0.5").code == Exit.CANCEL_UNKNOWN
-    late = world.start("cancel", "slow_cancel", "--all", "--timeout", "1.5", before=LATE)
-    assert late.finish() == Exit.CANCEL_UNKNOWN
-    assert f"{goal}  UNKNOWN" in late.text
-    server.release(1)
-    assert call.finish() == Exit.CANCELED
-
-
 LATE = """
 import threading, time
 import actionkit.cli._cancelling as c
@@ -127,16 +116,6 @@ Survey.actions, c._putter = actions, putter
 """The server is seen late, and its status comes after its answer."""
 
 
-def test_a_goal_of_a_server_whose_node_is_not_known_yet_is_told_of(world: World) -> None:
-    server = world.server("slow_cancel", gate=1)
-    ((goal, call),) = goals_of_others(world, "slow_cancel", 1).items()
-    done = world.start("cancel", "slow_cancel", "--all", "--timeout", "1.5", before=NAMELESS)
-    assert done.finish() == Exit.CANCEL_UNKNOWN
-    assert f"{goal}  UNKNOWN" in done.text
-    server.release(1)
-    assert call.finish() == Exit.CANCELED
-
-
 NAMELESS = """
 import actionkit._ros.tools.survey as s
 from dataclasses import replace
@@ -144,6 +123,20 @@ endpoints = s._endpoints
 s._endpoints = lambda infos: tuple(replace(end, node="") for end in endpoints(infos))
 """
 """The middleware tells of the names of nodes later than of what they have."""
+
+
+@pytest.mark.parametrize("before", [LATE, NAMELESS], ids=["late", "nameless"])
+def test_a_goal_of_a_server_that_comes_into_sight_slowly_is_told_of(
+    world: World, before: str
+) -> None:
+    server = world.server("slow_cancel", gate=1)
+    ((goal, call),) = goals_of_others(world, "slow_cancel", 1).items()
+    assert world.run("cancel", "slow_cancel", goal, "--timeout", "0.5").code == Exit.CANCEL_UNKNOWN
+    late = world.start("cancel", "slow_cancel", "--all", "--timeout", "1.5", before=before)
+    assert late.finish() == Exit.CANCEL_UNKNOWN
+    assert f"{goal}  UNKNOWN" in late.text
+    server.release(1)
+    assert call.finish() == Exit.CANCELED
 
 
 AWAKE = """
