@@ -35,6 +35,11 @@ A host, the program that the language model runs in, starts the first by itself;
 It ends when the host closes its input, by SIGTERM or by Ctrl-C, within 4 seconds; all goals are
 cancelled then. The exit code is 23 where one may still be running."""
 
+_FOR_PROGRAMS = (
+    "Serving MCP on standard input and output, which is for programs: a host starts this command by"
+    " itself. `actionkit mcp --help` tells how. Ctrl-C ends it."
+)
+
 
 @click.command("mcp", context_settings=HELP, epilog=_EPILOG)
 @click.argument("file", metavar="FILE", type=click.Path(exists=True, dir_okay=False))
@@ -72,24 +77,24 @@ def command(
         _print_tools(file)
         return
     # Before importing anything that may write to standard output, which is for the protocol.
-    from actionkit.agents._mcp.wire import Wire, warn_people
+    from actionkit.agents._mcp.stdio import Stdio
 
     if where is not None:
         _serve_http(file, where, names, domain_id)
     if names:
         raise click.UsageError("--allow-host is for --http")
+    if os.isatty(0):
+        say(_FOR_PROGRAMS, err=True)
     try:
-        wire = Wire()
+        stdio = Stdio()
     except OSError as error:
         raise Problem(
             Exit.FAILED, f"standard input or output is closed ({error}); a host has to open them"
         ) from error
-    if wire.is_terminal:
-        warn_people()
     toolbox = _toolbox(file, domain_id)
     from actionkit.agents._mcp.serving import serve_stdio
 
-    serve_stdio(toolbox, wire, _version())
+    serve_stdio(toolbox, stdio, _version())
 
 
 def _serve_http(file: str, where: str, names: tuple[str, ...], domain_id: int | None) -> None:

@@ -25,7 +25,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from actionkit.agents._mcp.address import Address
 from actionkit.agents._mcp.session import GONE
-from actionkit.agents._mcp.wire import MOST_BYTES
+from actionkit.agents._mcp.stdio import MOST_BYTES
 
 PATH = "/mcp"
 _MOST_CONNECTIONS = 256

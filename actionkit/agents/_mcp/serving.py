@@ -11,13 +11,13 @@ from typing import Any, NoReturn
 
 from mcp.server import Server
 
-from actionkit.agents._mcp import http, stdio
+from actionkit.agents._mcp import http
 from actionkit.agents._mcp.address import Address
 from actionkit.agents._mcp.calls import Calls
 from actionkit.agents._mcp.ending import PATIENCE, Ending, leave, say
 from actionkit.agents._mcp.left_behind import go_on_cancelling
 from actionkit.agents._mcp.session import make_server
-from actionkit.agents._mcp.wire import Wire
+from actionkit.agents._mcp.stdio import Stdio
 from actionkit.agents._toolbox import Toolbox
 
 _LAST_WRITES = 0.3
@@ -32,14 +32,13 @@ BROKEN = 1
 Serve = Callable[[Server[Any], Ending], Coroutine[Any, Any, None]]
 
 
-def serve_stdio(toolbox: Toolbox, wire: Wire, version: str) -> NoReturn:
+def serve_stdio(toolbox: Toolbox, stdio: Stdio, version: str) -> NoReturn:
     """Serve the host at the other end of standard input and output. Ends the process."""
 
     async def serve(server: Server[Any], ending: Ending) -> None:
-        wire.open(lambda: ending.ask(0, "the host closed its end"))
-        await stdio.serve(server, wire)
+        await stdio.serve(server, lambda: ending.ask(0, "the host closed its end"))
 
-    _run(toolbox, version, serve, wire.flush)
+    _run(toolbox, version, serve, stdio.flush)
 
 
 def serve_http(

@@ -1,100 +1,137 @@
-"""MCP over standard input and output."""
+"""MCP over standard input and output, which are taken away from everything else in the process.
+
+Imports nothing heavy: they are taken before libraries, which may print, are imported. All that is
+written to standard output afterwards, in Python or in C, goes to standard error.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import fcntl
+import io
 import json
-from typing import Any
+import os
+import select
+import sys
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
-import mcp.types as t
-from mcp.server import Server
-from mcp.server.stdio import stdio_server
-from pydantic import ValidationError
+if TYPE_CHECKING:
+    from mcp.server import Server
 
-from actionkit.agents._mcp.wire import MOST_BYTES, TooLong, Wire
-
-
-async def serve(server: Server[Any], wire: Wire) -> None:
-    """Serve the host until it closes its end."""
-    # They are what the transport needs of anyio's files: lines to iterate over, and `write`.
-    lines: Any = _Lines(wire)
-    output: Any = _Output(wire)
-    async with stdio_server(lines, output) as (reads, writes):
-        await server.run(reads, writes, server.create_initialization_options())
+MOST_BYTES = 4 * 1024 * 1024
+"""The longest message that is read, as for the body of an HTTP request."""
+_HEAD = 200
+"""Bytes in which the id of a request is looked for; no more levels fit in than can be read."""
 
 
-class _Output:
-    def __init__(self, wire: Wire) -> None:
-        self._wire = wire
+class Stdio:
+    """The host's end of the two pipes, as the files that the SDK's transport takes."""
+
+    def __init__(self) -> None:
+        """Take descriptors 0 and 1.
+
+        Raises:
+            OSError: One of them is closed.
+        """
+        reads, writes = (fcntl.fcntl(number, fcntl.F_DUPFD_CLOEXEC, 3) for number in (0, 1))
+        for number in (reads, writes):
+            os.set_blocking(number, True)  # each blocks only a thread
+        self._input, self._output = os.fdopen(reads, "rb"), os.fdopen(writes, "wb")
+        nothing = os.open(os.devnull, os.O_RDWR)
+        os.dup2(nothing, 0)
+        try:
+            os.dup2(2, 1)
+        except OSError:  # standard error is closed
+            os.dup2(nothing, 1)
+        os.close(nothing)
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(line_buffering=True)  # as it is where people read it
+
+    async def serve(self, server: Server[Any], gone: Callable[[], object]) -> None:
+        """Serve the host. `gone` is called, from a thread, when it has closed either pipe."""
+        from mcp.server.stdio import stdio_server
+
+        self._gone = gone
+        threading.Thread(target=self._watch, name="mcp-host", daemon=True).start()
+        files: Any = self  # it has what the transport uses of anyio's files
+        async with stdio_server(files, files) as (reads, writes):
+            await server.run(reads, writes, server.create_initialization_options())
 
     async def write(self, text: str) -> None:
-        await self._wire.write(text.encode(errors="replace"))
+        """Write, and return when it is written; cancelling gives up the waiting alone."""
+        await asyncio.to_thread(self._write, text.encode(errors="replace"))
 
     async def flush(self) -> None:
-        """Do nothing: what is written is not held back."""
+        """Return when everything that was given to `write` is written."""
+        await self.write("")
 
-
-class _Lines:
-    """The messages that can be read; what cannot be is answered here.
-
-    The SDK passes over such lines, and the host would wait for an answer for ever.
-    """
-
-    def __init__(self, wire: Wire) -> None:
-        self._wire = wire
-
-    def __aiter__(self) -> _Lines:
+    def __aiter__(self) -> Stdio:
         return self
 
     async def __anext__(self) -> str:
-        while line := await self._wire.line():
+        """Return the next message. What cannot be read is answered: the SDK passes over it."""
+        while line := await asyncio.to_thread(self._read):
             problem = _problem(line)
             if not problem:
                 return line.decode(errors="replace")
             if line.strip():
-                answer = {
-                    "jsonrpc": "2.0",
-                    "id": _id_of(line.decode(errors="replace")),
-                    "error": {"code": t.PARSE_ERROR, "message": problem},
-                }
-                await self._wire.write(json.dumps(answer).encode() + b"\n")
+                error = {"code": -32700, "message": f"{problem}; nothing was done"}
+                answer = {"jsonrpc": "2.0", "id": _id_of(line), "error": error}
+                await self.write(json.dumps(answer) + "\n")
         raise StopAsyncIteration
+
+    # -- in threads ------------------------------------------------------------------------
+
+    def _read(self) -> bytes:
+        """Return a line, without its end if it is too long; `b""` when the host is gone."""
+        line = rest = b""
+        with contextlib.suppress(OSError):
+            line = rest = self._input.readline(MOST_BYTES)
+            while rest and not rest.endswith(b"\n"):
+                rest = self._input.readline(MOST_BYTES)
+        if not rest:
+            self._gone()
+        return line if rest else b""
+
+    def _write(self, data: bytes) -> None:
+        try:
+            self._output.write(data)
+            self._output.flush()
+        except OSError:
+            self._gone()
+
+    def _watch(self) -> None:
+        # A host that was killed may have left its end of our input to a child of its own.
+        poll = select.poll()
+        poll.register(self._output, 0)  # errors are always reported
+        poll.poll()
+        self._gone()
 
 
 def _problem(line: bytes) -> str:
-    if isinstance(line, TooLong):
-        return f"the message is longer than {MOST_BYTES} bytes; nothing was done"
+    from mcp.types import jsonrpc_message_adapter
+    from pydantic import ValidationError
+
+    if not line.endswith(b"\n"):
+        return f"the message is longer than {MOST_BYTES} bytes"
     try:
-        t.jsonrpc_message_adapter.validate_json(line, by_name=False)
+        jsonrpc_message_adapter.validate_json(line[:-1], by_name=False)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        return f"the message cannot be read ({first['msg'][:200]}); nothing was done"
+        return f"the message cannot be read ({first['msg'][:200]})"
     return ""
 
 
-def _id_of(line: str) -> str | int | None:
-    """Return the id of a request that cannot be read, so that its sender can be told.
+def _id_of(line: bytes) -> str | int | None:
+    """Return the id of a request that cannot be read, if its beginning says it."""
+    from pydantic_core import from_json
 
-    Only what is outside of all inner objects and arrays is looked at: what is wrong is mostly
-    how deep these are.
-    """
-    kept: list[str] = []
-    depth, in_text, escaped = 0, False, False
-    for character in line:
-        if in_text:
-            in_text = escaped or character != '"'
-            escaped = character == "\\" and not escaped
-        elif character == '"':
-            in_text = True
-        elif character in "{[":
-            depth += 1
-            if depth == 2:
-                kept.append("null")
-        if depth == 1:
-            kept.append(character)
-        if not in_text and character in "}]":
-            depth -= 1
     try:
-        found = json.loads("".join(kept) + ("}" if depth else ""))["id"]
-    except (ValueError, KeyError, TypeError, RecursionError):
+        # Up to a comma: half a number would look like a whole one.
+        found = from_json(line[:_HEAD].rpartition(b",")[0], allow_partial=True)["id"]
+    except (ValueError, KeyError, TypeError):
         return None
     return found if isinstance(found, (str, int)) and not isinstance(found, bool) else None

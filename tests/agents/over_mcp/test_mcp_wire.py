@@ -5,14 +5,13 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import pty
 import subprocess
 import sys
 
 import httpx2
-import pytest
 
-from actionkit.agents._mcp.stdio import _id_of
-from actionkit.agents._mcp.wire import MOST_BYTES
+from actionkit.agents._mcp.stdio import MOST_BYTES
 from tests.agents.over_mcp import page
 from tests.agents.over_mcp.host import Host
 from tests.agents.over_mcp.lab import WAYS, HttpServing, Robot, Watch, agent
@@ -94,24 +93,6 @@ def test_messages_over_http_that_cannot_be_read(robot: Robot, http: HttpServing)
     asyncio.run(scenario())
 
 
-@pytest.mark.parametrize(
-    ("line", "found"),
-    [
-        ('{"id": 7, "params": {"id": 8, "a": [{}, "}"]}, "method": "x"}', 7),
-        ('{"params": {"a": "\\"}{"}, "id": "seven"}', "seven"),
-        (call(DEEP), 90),
-        (call(LARGE)[:1000], 90),
-        ('{"id": true}', None),
-        ('{"id": {"id": 1}}', None),
-        ("[]", None),
-        ("", None),
-        ("}{", None),
-    ],
-)
-def test_whose_request_it_was(line: str, found: object) -> None:
-    assert _id_of(line) == found
-
-
 def test_the_longest_line_is_that_of_http() -> None:
     from mcp.server.transport_security import DEFAULT_MAX_REQUEST_BODY_SIZE
 
@@ -130,6 +111,20 @@ def run(robot: Robot, *words: str, before: str = "", **environment: str) -> tupl
         check=False,
     )
     return done.returncode, done.stdout, done.stderr
+
+
+def test_a_person_in_a_terminal_is_told_what_this_is(robot: Robot) -> None:
+    master, slave = pty.openpty()
+    with open(master, "wb"), open(slave, "rb") as terminal:
+        done = subprocess.Popen(
+            robot.words(), stdin=terminal, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        assert done.stderr is not None
+        told = done.stderr.readline()
+        os.write(master, b"\4")  # Ctrl-D
+        out, errors = done.communicate(timeout=60)
+    assert b"a host starts this command by itself" in told
+    assert (done.returncode, out) == (0, b""), errors
 
 
 def test_half_of_an_environment_is_made_whole(robot: Robot) -> None:
