@@ -92,7 +92,7 @@ def command(
             Exit.FAILED, f"standard input or output is closed ({error}); a host has to open them"
         ) from error
     toolbox = _toolbox(file, domain_id)
-    from actionkit.agents._mcp.serving import serve_stdio
+    from actionkit.agents._mcp.process import serve_stdio
 
     serve_stdio(toolbox, stdio, _version())
 
@@ -108,7 +108,7 @@ def _serve_http(file: str, where: str, names: tuple[str, ...], domain_id: int | 
         raise click.BadParameter(str(error), param_hint="--http") from error
     toolbox = _toolbox(file, domain_id)
     from actionkit.agents._mcp.http import PATH
-    from actionkit.agents._mcp.serving import serve_http
+    from actionkit.agents._mcp.process import serve_http
 
     try:
         listening = listen(checked)

@@ -14,7 +14,7 @@ from test_msgs.action import Fibonacci
 
 from actionkit import Client
 from actionkit.agents import Progress, Toolbox
-from actionkit.agents._mcp.left_behind import go_on_cancelling
+from actionkit.agents._mcp.process import go_on_cancelling
 from actionkit.testing import isolated_domain
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import FIBONACCI, FakeHold, Make, seen, told

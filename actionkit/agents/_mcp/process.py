@@ -1,0 +1,220 @@
+"""A process that serves a toolbox: from its beginning to its end, with any reason to end.
+
+Hosts close standard input, send SIGTERM 2 seconds later and SIGKILL 2 seconds after that. A part
+that hangs by then, even the event loop, does not hold up the cancelling or the end.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import traceback
+from collections import defaultdict
+from collections.abc import Awaitable, Callable, Coroutine
+from types import FrameType
+from typing import Any, NoReturn
+
+from mcp.server import Server
+
+from actionkit.agents._mcp import http
+from actionkit.agents._mcp.address import Address
+from actionkit.agents._mcp.calls import Calls
+from actionkit.agents._mcp.session import make_server
+from actionkit.agents._mcp.stdio import Stdio
+from actionkit.agents._toolbox import Toolbox
+
+_PATIENCE = 2.5
+"""Seconds for the servers to confirm that the goals are cancelled."""
+_LAST_WRITES = 0.3
+"""Seconds to write the last answers."""
+_FREEING = 0.7
+"""Seconds to leave the ROS graph as it should be done."""
+_LAST = 3.7
+"""Seconds after which the process ends, even if it waits for something."""
+_GOES_ON = "60"
+"""Seconds for which another process goes on cancelling."""
+_UNKNOWN = 23
+"""The exit code where a goal may still be running; as `actionkit cancel` has it."""
+_BROKEN = 1
+"""The exit code where serving ended by itself."""
+_EXITS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
+
+Serve = Callable[[Server[Any], "Ending"], Coroutine[Any, Any, None]]
+
+
+def serve_stdio(toolbox: Toolbox, stdio: Stdio, version: str) -> NoReturn:
+    """Serve the host at the other end of standard input and output. Ends the process."""
+
+    async def serve(server: Server[Any], ending: Ending) -> None:
+        await stdio.serve(server, lambda: ending.ask(0, "the host closed its end"))
+
+    _run(toolbox, version, serve, stdio.flush)
+
+
+def serve_http(
+    toolbox: Toolbox, where: Address, listening: socket.socket, version: str
+) -> NoReturn:
+    """Serve clients over HTTP. Ends the process."""
+    enough, over = asyncio.Event(), asyncio.Event()
+
+    async def serve(server: Server[Any], ending: Ending) -> None:
+        try:
+            await http.serve(http.make_app(server, where), listening, enough)
+        finally:
+            over.set()
+
+    async def answer_the_last() -> None:
+        enough.set()
+        await over.wait()
+
+    _run(toolbox, version, serve, answer_the_last)
+
+
+def _run(
+    toolbox: Toolbox, version: str, serve: Serve, flush: Callable[[], Awaitable[None]]
+) -> NoReturn:
+    try:
+        asyncio.run(_serve(toolbox, version, serve, flush))
+    except BaseException:  # noqa: BLE001  the process ends with it
+        traceback.print_exc()
+    os._exit(_BROKEN)
+
+
+async def _serve(
+    toolbox: Toolbox, version: str, serve: Serve, flush: Callable[[], Awaitable[None]]
+) -> None:
+    ending = Ending(toolbox)
+    calls = Calls(toolbox)
+    # Beside serving, as it takes a second, and hosts wait for their first answer.
+    opening = asyncio.ensure_future(toolbox.__aenter__())
+    opening.add_done_callback(_tell_why)
+    serving = asyncio.ensure_future(serve(make_server(toolbox, calls, version), ending))
+    serving.add_done_callback(lambda _: ending.ask(_BROKEN, "serving has ended by itself"))
+    await ending.asked.wait()
+    await calls.end(_PATIENCE)
+    with contextlib.suppress(asyncio.TimeoutError):
+        await asyncio.wait_for(flush(), _LAST_WRITES)
+    left = ending.leave_behind()
+    with contextlib.suppress(asyncio.TimeoutError):
+        await asyncio.wait_for(toolbox.aclose(), _FREEING)
+    if serving.done() and not serving.cancelled() and serving.exception() is not None:
+        _say(f"ended ({ending.why}): {serving.exception()!r}")
+    # Python would wait for what is written to a host that reads nothing (C10.3).
+    os._exit(ending.code or (_UNKNOWN if left else 0))
+
+
+def _tell_why(opening: asyncio.Future[Any]) -> None:
+    if not opening.cancelled() and opening.exception() is not None:
+        _say(f"the toolbox cannot be opened: {opening.exception()}")
+
+
+class Ending:
+    """Waits for the reason to end; the first counts. Made on the event loop, in the main thread.
+
+    Attributes:
+        asked: Set on the event loop when the process is to end.
+        why: The reason, for people.
+        code: The exit code.
+    """
+
+    def __init__(self, toolbox: Toolbox) -> None:
+        self.asked = asyncio.Event()
+        self.why = ""
+        self.code = 0
+        self._toolbox = toolbox
+        self._left: list[str] | None = None
+        self._loop = asyncio.get_running_loop()
+        self._first = threading.Lock()
+        self._reads, writes = os.pipe()
+        os.set_blocking(writes, False)
+        for number in _EXITS:
+            # Ignored before, as under `nohup` and in a script's background: stays so.
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, _heard_elsewhere)
+        signal.set_wakeup_fd(writes, warn_on_full_buffer=False)
+        # Not the loop's `add_signal_handler`: that hears of nothing while the loop hangs.
+        threading.Thread(target=self._hear, name="mcp-signals", daemon=True).start()
+
+    def ask(self, code: int, why: str) -> None:
+        """Have the process end; only the first reason counts. From any thread."""
+        if not self._first.acquire(blocking=False):
+            return
+        self.why, self.code = why, code
+        timer = threading.Timer(_LAST, self._end_late)
+        timer.daemon = True
+        timer.start()
+        self._loop.call_soon_threadsafe(self.asked.set)
+        self._toolbox._calls.cancel_all("all goals were cancelled")  # here, as the loop may hang
+
+    def leave_behind(self) -> bool:
+        """See to the goals that may outlive the process, once; return whether there are any."""
+        if self._left is None:
+            self._left = go_on_cancelling(self._toolbox)
+            for line in self._left:
+                _say(line)
+        return bool(self._left)
+
+    def _hear(self) -> None:
+        while True:
+            for number in os.read(self._reads, 16):
+                # The wakeup descriptor tells of every signal that has a handler in Python.
+                if number in _EXITS and signal.getsignal(number) is _heard_elsewhere:
+                    self.ask(_EXITS[signal.Signals(number)], signal.Signals(number).name)
+
+    def _end_late(self) -> None:
+        try:
+            self.leave_behind()
+            _say("the end took too long")
+        finally:
+            os._exit(self.code)
+
+
+def _heard_elsewhere(number: int, frame: FrameType | None) -> None:
+    """Do nothing: the signal is heard by its wakeup descriptor."""
+
+
+def go_on_cancelling(toolbox: Toolbox) -> list[str]:
+    """Have the goals cancelled that may still run, by a process of its own that outlives this.
+
+    A server that hangs for longer, or stands still in a debugger, has not heard by then; and what
+    it was sent is gone with the sender, where both share memory. Returns a line for people on each.
+    """
+    by_action: dict[str, list[str]] = defaultdict(list)
+    for goal in toolbox.goals():
+        if goal["may_still_run"] and goal["goal_id"] is not None:
+            by_action[toolbox.action_of(goal["tool"])].append(goal["goal_id"])
+    for action, ids in by_action.items():
+        subprocess.Popen(
+            [
+                *(sys.executable, "-m", "actionkit", "cancel", action, *ids),
+                *("--timeout", _GOES_ON, "--server-timeout", _GOES_ON),
+            ],
+            # The host may wait for the end of all who have its pipes, or kill our whole group.
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+    return [
+        f"goal {goal_id} of {action} may still be running; another process goes on cancelling it"
+        f" for {_GOES_ON} seconds"
+        for action, ids in by_action.items()
+        for goal_id in ids
+    ]
+
+
+def _say(words: str) -> None:
+    """Tell people something, on standard error, which hosts keep in their logs."""
+    text = f"actionkit mcp: {words}\n".encode(errors="replace")
+    with contextlib.suppress(OSError, ValueError):  # nobody is there to read it
+        # A host that reads nothing must not hold up the end: a pipe that can be written to at all
+        # takes so many bytes without waiting.
+        if select.select([], [2], [], 0)[1]:
+            os.write(2, text[: select.PIPE_BUF])

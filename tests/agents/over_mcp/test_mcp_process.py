@@ -1,0 +1,85 @@
+"""Signals, in a process that only waits for its end. No ROS."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from tests.agents.over_mcp.lab import PATIENCE
+
+_PROGRAM = """
+import asyncio, os, signal, sys, time
+from actionkit.agents._mcp.process import Ending
+
+hang, ignored = sys.argv[1:]
+
+class Calls:
+    def cancel_all(self, why):
+        print("cancelled", flush=True)
+
+class Toolbox:
+    _calls = Calls()
+
+    def goals(self):
+        return ()
+
+async def main():
+    if int(ignored):
+        signal.signal(int(ignored), signal.SIG_IGN)
+    ending = Ending(Toolbox())
+    if int(ignored):
+        os.kill(os.getpid(), int(ignored))
+    print("waits", flush=True)
+    if hang:
+        time.sleep(60)
+    await ending.asked.wait()
+    os._exit(ending.code)
+
+asyncio.run(main())
+"""
+
+
+def ended(*numbers: int, hang: bool = False, ignored: int = 0) -> tuple[int, float]:
+    """Send signals; return the exit code, and how many seconds the end took after the last."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", _PROGRAM, "yes" if hang else "", f"{ignored:d}"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    try:
+        assert process.stdout.readline() == "waits\n"
+        for number in numbers:
+            process.send_signal(number)
+        began = time.monotonic()
+        if hang:  # else the event loop does it
+            assert process.stdout.readline() == "cancelled\n"
+            assert process.poll() is None  # not only at the end
+        return process.wait(PATIENCE), time.monotonic() - began
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+@pytest.mark.parametrize(("number", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+@pytest.mark.parametrize("hang", [False, True])
+def test_a_signal_cancels_and_ends_in_time(number: str, code: int, hang: bool) -> None:
+    ended_with, seconds = ended(signal.Signals[number], hang=hang)
+    assert ended_with == code
+    assert seconds < 8.0  # 4 is promised; what is measured here also counts a busy machine
+
+
+def test_a_signal_that_was_ignored_stays_ignored() -> None:
+    """As SIGHUP is under `nohup`."""
+    code, _ = ended(signal.SIGTERM, ignored=signal.SIGHUP)
+    assert code == 143
+
+
+def test_the_first_reason_counts() -> None:
+    code, _ = ended(signal.SIGTERM, signal.SIGINT, hang=True)
+    assert code == 143
