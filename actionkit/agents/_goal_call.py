@@ -18,7 +18,7 @@ from actionkit.agents._config import ActionConfig
 from actionkit.agents._goals import GoalRecord, Goals
 from actionkit.agents._hold import HoldListener
 from actionkit.agents._plain import plain_json
-from actionkit.agents._progress import ProgressTeller
+from actionkit.agents._progress import telling
 from actionkit.agents._results import refusal
 from actionkit.agents._ros import GoalThere
 from actionkit.agents._values import ApprovalRequest, Approve, OnProgress, ToolResult
@@ -75,7 +75,9 @@ class GoalCalls:
             room = await self._room(tool)  # no human is asked for nothing
             if isinstance(room, ToolResult):
                 return room
-            if (refused := await _ask(tool, goal, approve)) is not None:
+            with telling(on_progress, lambda: "waiting for a human to approve this"):
+                refused = await _ask(tool, goal, approve)
+            if refused is not None:
                 return refused
         hold = await self._ready(tool)
         if isinstance(hold, ToolResult):
@@ -164,19 +166,15 @@ class GoalCalls:
         # Counted in before the last look at what may forbid it: what forbids it later finds it.
         if not self._goals.add(record, tool.concurrent - len(others)):
             return _too_many(tool, self._goals.counting(record.action), others)
-        teller = None if on_progress is None else ProgressTeller(record, on_progress)
-        telling: asyncio.Task[None] | None = None
         sent = False
         try:
             if (refused := self._last_look(tool, hold, stops)) is not None:
                 return refused
-            on_feedback = None if teller is None else teller.on_feedback
-            future = client.call_async(goal, on_feedback, tool.timeout)
-            sent = True
-            record.follow(future)
-            if teller is not None:
-                telling = asyncio.ensure_future(teller.run())
-            await record.over()
+            with telling(on_progress, lambda: record.state) as on_feedback:
+                future = client.call_async(goal, on_feedback, tool.timeout)
+                sent = True
+                record.follow(future)
+                await record.over()
         except BaseException as error:
             if not sent and isinstance(error, Exception):
                 return _failed(tool, error)
@@ -186,8 +184,6 @@ class GoalCalls:
                     await record.over(client.timeouts.cancel + _CANCEL_GRACE)
             raise
         finally:
-            if telling is not None:
-                telling.cancel()
             if not sent:
                 self._goals.remove(record)
         assert record.value is not None

@@ -7,11 +7,11 @@ import inspect
 import json
 import logging
 import time
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from actionkit._messages import progress
-from actionkit.agents._goals import GoalRecord
 from actionkit.agents._plain import plain_json
 from actionkit.agents._values import OnProgress, Progress
 
@@ -25,12 +25,28 @@ _MOST_ITEMS = 8
 _log = logging.getLogger("actionkit")
 
 
-class ProgressTeller:
-    """Tells of the progress of one goal, on the event loop that it was made on."""
+@contextmanager
+def telling(
+    on_progress: OnProgress | None, state: Callable[[], str]
+) -> Iterator[Callable[[object], None] | None]:
+    """Tell of progress as long as the block lasts; what it yields is given the feedback."""
+    if on_progress is None:
+        yield None
+        return
+    teller = _ProgressTeller(on_progress, state)
+    task = asyncio.ensure_future(teller.run())
+    try:
+        yield teller.on_feedback
+    finally:
+        task.cancel()
 
-    def __init__(self, record: GoalRecord, on_progress: OnProgress) -> None:
-        self._record = record
+
+class _ProgressTeller:
+    """Tells the newest, and waits for whoever is told. On the event loop that it was made on."""
+
+    def __init__(self, on_progress: OnProgress, state: Callable[[], str]) -> None:
         self._on_progress: Any = on_progress
+        self._state = state
         self._loop = asyncio.get_running_loop()
         self._changed = asyncio.Event()
         self._latest: Any = None
@@ -74,7 +90,7 @@ class ProgressTeller:
             await asyncio.sleep(_LEAST_GAP)
 
     def _progress(self) -> Progress:
-        message = self._record.state
+        message = self._state()
         if self._latest is not None:
             plain = plain_json(self._latest, _MOST_ITEMS)
             text = json.dumps(plain, ensure_ascii=False)

@@ -112,7 +112,8 @@ class Toolbox:
         Args:
             name: The tool.
             arguments: A JSON object, checked against the tool's limits before anything is sent.
-            on_progress: Told of feedback, and every 5 seconds while nothing changes.
+            on_progress: Told of feedback, and every 5 seconds while nothing changes, also while a
+                human is asked.
             approve: Asks a human, for tools that need it. Without it these are refused. What it
                 raises goes through to the caller of this, and nothing is sent.
 

@@ -85,7 +85,7 @@ class Progress:
     """How far a call of an action's tool is.
 
     Attributes:
-        elapsed: Seconds since the goal was sent.
+        elapsed: Seconds since the goal was sent; before that, since a human was asked.
         feedback_count: How many feedback messages have come.
         message: One line for people: the state, and the latest feedback in short.
         percent: 0 to 100, where the feedback has such a field, else `None`.

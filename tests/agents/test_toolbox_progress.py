@@ -9,9 +9,8 @@ import pytest
 from geometry_msgs.msg import Point
 from sensor_msgs.msg import BatteryState
 
-from actionkit.agents import Progress
-from actionkit.agents._goals import GoalRecord
-from actionkit.agents._progress import ProgressTeller
+from actionkit.agents import ApprovalRequest, Progress
+from actionkit.agents._progress import telling
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import BOUND, FIBONACCI, Make, told
 
@@ -42,6 +41,34 @@ def test_progress_comes_also_while_nothing_changes(
     assert elapsed == sorted(elapsed)
 
 
+def test_progress_comes_also_while_a_human_is_asked(
+    make_toolbox: Make, action_server: ActionServerFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("actionkit.agents._progress._EVERY", 0.02)
+    server = action_server("fibonacci", period=0.01)
+
+    async def main() -> list[str]:
+        async with make_toolbox({"fib": {**FIBONACCI, "confirm": "always"}}) as toolbox:
+            told_of: list[str] = []
+            twice = asyncio.Event()
+
+            def on_progress(progress: Progress) -> None:
+                told_of.append(progress.message)
+                if len(told_of) == 2:
+                    twice.set()
+
+            async def approve(request: ApprovalRequest) -> bool:
+                await asyncio.wait_for(twice.wait(), BOUND)
+                return False
+
+            await toolbox.call("fib", {"order": 3}, on_progress=on_progress, approve=approve)
+            return told_of
+
+    assert set(asyncio.run(main())) == {"waiting for a human to approve this"}
+    server.sync()
+    assert server.count("goal_received") == 0
+
+
 def test_progress_that_raises_harms_nobody(
     make_toolbox: Make, action_server: ActionServerFactory, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -62,14 +89,11 @@ def test_progress_that_raises_harms_nobody(
 def test_percent_is_read_as_the_command_line_reads_it() -> None:
     async def told_of(*messages: object) -> Progress:
         told: asyncio.Future[Progress] = asyncio.get_running_loop().create_future()
-        teller = ProgressTeller(GoalRecord("dock"), told.set_result)
-        for message in messages:
-            teller.on_feedback(message)
-        telling = asyncio.ensure_future(teller.run())
-        try:
+        with telling(told.set_result, lambda: "EXECUTING") as on_feedback:
+            assert on_feedback is not None
+            for message in messages:
+                on_feedback(message)
             return await asyncio.wait_for(told, BOUND)
-        finally:
-            telling.cancel()
 
     assert asyncio.run(told_of(BatteryState(percentage=40.0))).percent == 40.0
     assert asyncio.run(told_of(BatteryState(percentage=140.0))).percent == 100.0

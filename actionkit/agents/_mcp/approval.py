@@ -18,7 +18,6 @@ from mcp.server import ServerRequestContext
 from mcp.shared.exceptions import MCPError
 from pydantic import ValidationError
 
-from actionkit.agents._mcp.progress import Reporter
 from actionkit.agents._values import ApprovalRequest
 
 PATIENCE = 600.0
@@ -56,9 +55,8 @@ def _agreed(action: str, content: Mapping[str, Any] | None) -> bool:
 class Asked:
     """Asks by a request to the client, and waits for its answer."""
 
-    def __init__(self, ctx: ServerRequestContext[Any, Any], reporter: Reporter) -> None:
+    def __init__(self, ctx: ServerRequestContext[Any, Any]) -> None:
         self._ctx = ctx
-        self._reporter = reporter
 
     async def __call__(self, request: ApprovalRequest) -> bool:
         """Return whether the human agrees.
@@ -69,21 +67,20 @@ class Asked:
         asking = asyncio.ensure_future(
             self._ctx.session.elicit_form(request.text, _SCHEMA, self._ctx.request_id)
         )
-        async with self._reporter.saying("waiting for a human to approve this"):
-            try:
-                # No `asyncio.wait_for`: before Python 3.12 it may swallow the cancellation of the
-                # task, and the goal of a client that has given up would be sent.
-                await asyncio.wait([asking], timeout=PATIENCE)
-            finally:
-                answered = not asking.cancel()
-            if not answered:
-                raise CannotAskError(f"nobody answered within {PATIENCE:g} seconds")
-            try:
-                answer = asking.result()
-            except MCPError as error:
-                raise CannotAskError(f"the client could not ask ({error})") from error
-            except ValidationError as error:
-                raise CannotAskError(_MALFORMED) from error
+        try:
+            # No `asyncio.wait_for`: before Python 3.12 it may swallow the cancellation of the
+            # task, and the goal of a client that has given up would be sent.
+            await asyncio.wait([asking], timeout=PATIENCE)
+        finally:
+            answered = not asking.cancel()
+        if not answered:
+            raise CannotAskError(f"nobody answered within {PATIENCE:g} seconds")
+        try:
+            answer = asking.result()
+        except MCPError as error:
+            raise CannotAskError(f"the client could not ask ({error})") from error
+        except ValidationError as error:
+            raise CannotAskError(_MALFORMED) from error
         return _agreed(answer.action, answer.content)
 
 

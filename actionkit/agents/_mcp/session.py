@@ -6,8 +6,8 @@ import asyncio
 import base64
 import json
 import logging
-from collections.abc import Mapping
-from contextlib import AsyncExitStack
+import time
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
 import mcp.types as t
@@ -25,15 +25,15 @@ from actionkit.agents._mcp.approval import (
     can_ask,
 )
 from actionkit.agents._mcp.calls import Calls, EndingError, GoneError
-from actionkit.agents._mcp.progress import Reporter
 from actionkit.agents._results import refusal
 from actionkit.agents._toolbox import Toolbox
-from actionkit.agents._values import Tool, ToolResult
+from actionkit.agents._values import OnProgress, Progress, Tool, ToolResult
 
 _log = logging.getLogger("actionkit.mcp")
 GONE = "actionkit.gone"
 """Where the ASGI scope of a request has the event that its connection is dead."""
 _NAME = "actionkit"
+_LEAST_STEP = 0.001
 _INSTRUCTIONS = (
     "These tools move a real robot, or read what it senses. Every call of a tool that moves it"
     " returns when the robot is done; the result says what happened, whether anything may still be"
@@ -67,39 +67,35 @@ def make_server(toolbox: Toolbox, calls: Calls, version: str) -> Server[Any]:
     async def _call(
         ctx: ServerRequestContext[Any], params: t.CallToolRequestParams, tool: Tool
     ) -> t.CallToolResult | t.InputRequiredResult:
-        reporter = Reporter(ctx.session.report_progress)
         returned = Returned(params, questions)
         approve: Asked | Returned | None = None
         if tool.confirm and can_ask(ctx):
             modern = ctx.session.protocol_version >= MODERN
-            approve = returned if modern else Asked(ctx, reporter)
+            approve = returned if modern else Asked(ctx)
         wants_progress = ctx.meta is not None and ctx.meta.get("progress_token") is not None
-        async with AsyncExitStack() as stack:
-            if wants_progress:
-                await stack.enter_async_context(reporter.reporting())
-            try:
-                result = await calls.run(
-                    tool.name,
-                    params.arguments or {},
-                    gone=_connection(ctx),
-                    on_progress=reporter if wants_progress else None,
-                    approve=approve,
-                )
-            except GoneError:
-                raise MCPError(code=t.CONNECTION_CLOSED, message="the client is gone") from None
-            except CannotAskError as error:
-                advice = "Do without it, or ask the human in another way."
-                return _refused(tool, "nobody_to_ask", str(error), advice)
-            except EndingError as error:
-                return _refused(tool, "server_ending", str(error), "Nothing can be done here now.")
-            except Exception:  # noqa: BLE001  a bug of ours, and a goal may run on
-                _log.exception("the tool %s failed", tool.name)
-                text = (
-                    "this server has failed, and its log says why; the tool `goals` tells whether"
-                    " something was sent and still runs"
-                )
-                content: list[t.ContentBlock] = [t.TextContent(type="text", text=text)]
-                return t.CallToolResult(content=content, is_error=True)
+        try:
+            result = await calls.run(
+                tool.name,
+                params.arguments or {},
+                gone=_connection(ctx),
+                on_progress=_reporting(ctx.session.report_progress) if wants_progress else None,
+                approve=approve,
+            )
+        except GoneError:
+            raise MCPError(code=t.CONNECTION_CLOSED, message="the client is gone") from None
+        except CannotAskError as error:
+            advice = "Do without it, or ask the human in another way."
+            return _refused(tool, "nobody_to_ask", str(error), advice)
+        except EndingError as error:
+            return _refused(tool, "server_ending", str(error), "Nothing can be done here now.")
+        except Exception:  # noqa: BLE001  a bug of ours, and a goal may run on
+            _log.exception("the tool %s failed", tool.name)
+            text = (
+                "this server has failed, and its log says why; the tool `goals` tells whether"
+                " something was sent and still runs"
+            )
+            content: list[t.ContentBlock] = [t.TextContent(type="text", text=text)]
+            return t.CallToolResult(content=content, is_error=True)
         return returned.question or _answered(result)
 
     server: Server[Any] = Server(
@@ -113,6 +109,19 @@ def make_server(toolbox: Toolbox, calls: Calls, version: str) -> Server[Any]:
     security = RequestStateSecurity.ephemeral(ttl=PATIENCE)
     server.middleware.append(RequestStateBoundary(security, default_audience=_NAME))
     return server
+
+
+def _reporting(send: Callable[[float, None, str], Awaitable[None]]) -> OnProgress:
+    """Return what tells a client of progress, by `send`."""
+    began, told = time.monotonic(), 0.0
+
+    async def report(progress: Progress) -> None:
+        nonlocal told
+        # The protocol asks for numbers that grow; seconds do, with any feedback.
+        told = max(round(time.monotonic() - began, 3), told + _LEAST_STEP)
+        await send(told, None, progress.message)
+
+    return report
 
 
 def _connection(ctx: ServerRequestContext[Any]) -> asyncio.Event | None:

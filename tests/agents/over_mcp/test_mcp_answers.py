@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import base64
+from typing import Any
 
 import mcp.types as t
+from geometry_msgs.msg import Point
 
-from actionkit.agents import Image, ToolResult
+from actionkit.agents import Image, Progress, ToolResult
 from actionkit.agents._mcp.approval import Questions
-from actionkit.agents._mcp.progress import Reporter
-from actionkit.agents._mcp.session import _answered
+from actionkit.agents._mcp.session import _answered, _reporting
+from actionkit.agents._progress import telling
 from tests.agents.over_mcp.lab import WAYS, HttpServing, Robot, Watch, agent
 from tests.waiting import until_in_loop
 
@@ -41,30 +43,47 @@ def test_a_question_is_good_for_one_goal() -> None:
     assert questions.answered(first)
 
 
-def test_a_client_that_does_not_read_holds_up_no_one_and_numbers_grow() -> None:
+def test_a_client_that_does_not_read_is_told_the_newest_and_numbers_grow() -> None:
     async def scenario() -> None:
         told: list[tuple[float, str]] = []
-        reading, told_twice = asyncio.Event(), asyncio.Event()
+        asked, reading, told_twice = asyncio.Event(), asyncio.Event(), asyncio.Event()
 
         async def send(progress: float, total: None, message: str) -> None:
+            asked.set()
             await reading.wait()
             told.append((progress, message))
             if len(told) == 2:
                 told_twice.set()
 
-        reporter = Reporter(send)
-        async with reporter.reporting():
-            reporter.say("first")
-            await asyncio.sleep(0)
-            for number in range(1000):
-                reporter.say(str(number))
+        with telling(_reporting(send), lambda: "EXECUTING") as on_feedback:
+            assert on_feedback is not None
+            on_feedback(Point())
+            await asked.wait()
+            for _ in range(1000):
+                on_feedback(Point())
             reading.set()
             await told_twice.wait()
-        (first, _), (second, newest) = told
+        (first, oldest), (second, newest) = told
         assert first < second
-        assert newest == "999"
+        assert oldest.startswith("EXECUTING, feedback 1: ")
+        assert newest.startswith("EXECUTING, feedback 1001: ")
 
     asyncio.run(asyncio.wait_for(scenario(), 30))
+
+
+def test_numbers_grow_however_fast_they_come() -> None:
+    async def scenario() -> None:
+        told: list[float] = []
+
+        async def send(progress: float, total: None, message: str) -> None:
+            told.append(progress)
+
+        report: Any = _reporting(send)
+        for _ in range(100):
+            await report(Progress(0.0, 0, "", None))
+        assert told == sorted(set(told))
+
+    asyncio.run(scenario())
 
 
 def test_progress_comes_where_nothing_changes(robot: Robot, http: HttpServing) -> None:

@@ -12,7 +12,6 @@ import pytest
 from actionkit.agents import ApprovalRequest
 from actionkit.agents._mcp.approval import Asked, CannotAskError
 from actionkit.agents._mcp.calls import Calls, EndingError
-from actionkit.agents._mcp.progress import Reporter
 
 
 class Box:
@@ -39,11 +38,8 @@ def asked_by(elicit: Callable[[], Awaitable[t.ElicitResult]]) -> Asked:
         session = Session()
         request_id = 1
 
-    async def send(*args: Any) -> None:
-        pass
-
     context: Any = Context()
-    return Asked(context, Reporter(send))
+    return Asked(context)
 
 
 def test_a_call_whose_task_begins_when_the_process_ends_sends_nothing() -> None:
