@@ -290,7 +290,14 @@ HEAVY = (
 
 
 @pytest.mark.parametrize(
-    "module", ["actionkit", "actionkit.agents", "actionkit.cli", "actionkit.testing.plugin"]
+    "module",
+    [
+        "actionkit",
+        "actionkit.agents",
+        "actionkit.agents._mcp.stdio",  # standard output is taken before anything may print
+        "actionkit.cli",
+        "actionkit.testing.plugin",
+    ],
 )
 def test_importing_is_light(module: str) -> None:
     allowed = {"pytest"} if "plugin" in module else set()
