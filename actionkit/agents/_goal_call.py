@@ -19,7 +19,7 @@ from actionkit.agents._goals import GoalRecord, Goals
 from actionkit.agents._hold import HoldListener
 from actionkit.agents._plain import plain_json
 from actionkit.agents._progress import telling
-from actionkit.agents._results import refusal
+from actionkit.agents._results import refusal, tool_result
 from actionkit.agents._ros import GoalThere
 from actionkit.agents._values import ApprovalRequest, Approve, OnProgress, ToolResult
 
@@ -187,7 +187,7 @@ class GoalCalls:
             if not sent:
                 self._goals.remove(record)
         assert record.value is not None
-        return ToolResult(record.value, is_error=record.value["error"] is not None)
+        return tool_result(record.value)
 
     def _last_look(self, tool: ActionConfig, hold: HoldListener, stops: int) -> ToolResult | None:
         """Return what forbids the goal at the last moment; waits for nothing."""

@@ -7,11 +7,12 @@ import threading
 import time
 import uuid
 from collections.abc import Iterable
+from dataclasses import asdict
 from typing import Any
 
 from actionkit import CallInfo, GoalEvent, GoalFuture, GoalState
 from actionkit.agents._changes import Changes
-from actionkit.agents._results import error_value, goal_value, may_still_run, refusal
+from actionkit.agents._results import ActionValue, ErrorValue, GoalValue, goal_value, may_still_run
 from actionkit.agents._ros import GoalThere
 
 _KEPT = 100
@@ -35,7 +36,7 @@ class GoalRecord:
         self.tool = tool
         self.action = action
         self.call_id: uuid.UUID | None = None
-        self.value: dict[str, Any] | None = None
+        self.value: ActionValue | None = None
         self.why_cancelled = ""
         self._changes = Changes()
         self._future: Future | None = None
@@ -95,10 +96,9 @@ class GoalRecord:
             _log.exception("a result could not be told")
             text = f"the goal ended as {outcome.status}, and its result cannot be told"
             advice = "Look at the state of the robot before going on."
-            told = error_value("failed", text, retry=False, advice=advice)
-            blank = refusal(self.tool, "failed", "", retry=False, advice="").value
-            value = {**blank, "status": "failed", "error": told}
-            value["may_still_run"] = may_still_run(outcome)
+            error = ErrorValue("failed", text, False, advice)
+            may_run = may_still_run(outcome)
+            value = ActionValue(self.tool, "failed", error=error, may_still_run=may_run)
         self._goal_id, self._goals = outcome.goal_id, future._call.goals
         self._ended = time.monotonic()
         self.value = value
@@ -130,38 +130,30 @@ class GoalRecord:
 
     def report(self) -> dict[str, Any]:
         """Return what is known of it, for the tool `goals`."""
-        now = time.monotonic()
-        value = self.value
+        now, value, why = time.monotonic(), self.value, self.why_cancelled or None
         if value is None:
             sent = () if self._goals is None else self._goals.reports
-            return {
-                "goal_id": str(sent[-1].goal_id) if sent else None,
-                "tool": self.tool,
-                "status": "canceling" if self.why_cancelled else "running",
-                "state": self.state,
-                "may_still_run": self._may_run,
-                "elapsed": round(now - self._began, 3),
-                "ended_ago": None,
-                "why_cancelled": self.why_cancelled or None,
-                "result": None,
-                "error": None,
-            }
+            goal_id = str(sent[-1].goal_id) if sent else None
+            status, state = "canceling" if why else "running", self.state
+            elapsed = round(now - self._began, 3)
+            told = GoalValue(goal_id, self.tool, status, state, self._may_run, elapsed, None, why)
+            return asdict(told)
         late = self._late_state
-        ended = late is not None and late.is_terminal
-        state = str(late) if late is not None else value["status"].upper()
-        changed = ended and value["may_still_run"]
-        return {
-            "goal_id": value["goal_id"],
-            "tool": self.tool,
-            "status": state.lower() if changed else value["status"],
-            "state": state,
-            "may_still_run": self._may_run,
-            "elapsed": value["elapsed"],
-            "ended_ago": round(now - self._ended, 3),
-            "why_cancelled": self.why_cancelled or None,
-            "result": value["result"],
-            "error": None if changed else value["error"],
-        }
+        state = value.status.upper() if late is None else str(late)
+        changed = late is not None and late.is_terminal and value.may_still_run
+        told = GoalValue(
+            goal_id=value.goal_id,
+            tool=self.tool,
+            status=state.lower() if changed else value.status,
+            state=state,
+            may_still_run=self._may_run,
+            elapsed=value.elapsed,
+            ended_ago=round(now - self._ended, 3),
+            why_cancelled=why,
+            result=value.result,
+            error=None if changed else value.error,
+        )
+        return asdict(told)
 
 
 class Goals:

@@ -10,9 +10,9 @@ from typing import Any
 from actionkit._internal_api import in_thread
 from actionkit._model.field_errors import shown
 from actionkit.agents._clients import Clients
-from actionkit.agents._config import GOALS, ActionConfig, TopicConfig
+from actionkit.agents._config import ActionConfig, TopicConfig
 from actionkit.agents._goals import Goals
-from actionkit.agents._results import DATA, error_value
+from actionkit.agents._results import ErrorValue, GoalsValue, ListedGoal, tool_result
 from actionkit.agents._ros import GoalThere
 from actionkit.agents._topics import WAIT, topic_failure, topic_result
 from actionkit.agents._values import ToolResult
@@ -48,45 +48,27 @@ def goals_result(
     goal_id = arguments.get("goal_id")
     unknown = [name for name in arguments if name != "goal_id"]
     problem = ""
+    found: list[ListedGoal] = []
     if unknown:
         problem = f"there is no argument {shown(unknown[0])}; there is goal_id"
     elif goal_id is not None and not isinstance(goal_id, str):
         problem = f"goal_id {shown(goal_id)} must be a string"
-    found: list[dict[str, Any]] = []
-    if not problem:
-        found += [{**one, "sent_here": True} for one in goal_reports(goals, goal_id)]
-        found += [_report(*one) for one in others if goal_id in (None, one[1].goal_id)]
-    if goal_id is not None and not problem and not found:
-        problem = f"no goal {shown(goal_id)} is known here; without goal_id all are told of"
-    error = None
+    else:
+        found += [ListedGoal(**one) for one in goal_reports(goals, goal_id)]
+        found += [_of_other(*one) for one in others if goal_id in (None, one[1].goal_id)]
+        if goal_id is not None and not found:
+            problem = f"no goal {shown(goal_id)} is known here; without goal_id all are told of"
     if problem:
-        advice = "Change the arguments."
-        error = error_value("invalid_arguments", problem, retry=False, advice=advice)
-    value = {
-        "tool": GOALS,
-        "status": "ok" if error is None else "refused",
-        "goals": found,
-        "error": error,
-        DATA: ["goals[].result"],
-    }
-    return ToolResult(value, is_error=error is not None)
+        error = ErrorValue("invalid_arguments", problem, False, "Change the arguments.")
+        return tool_result(GoalsValue(status="refused", error=error))
+    return tool_result(GoalsValue(goals=found))
 
 
-def _report(tool: ActionConfig, goal: GoalThere) -> dict[str, Any]:
+def _of_other(tool: ActionConfig, goal: GoalThere) -> ListedGoal:
     """Return what is known of a goal that another program has sent."""
-    return {
-        "goal_id": goal.goal_id,
-        "tool": tool.name,
-        "status": "canceling" if goal.state == "CANCELING" else "running",
-        "state": goal.state,
-        "may_still_run": True,
-        "elapsed": goal.age,
-        "ended_ago": None,
-        "why_cancelled": None,
-        "result": None,
-        "error": None,
-        "sent_here": False,
-    }
+    status = "canceling" if goal.state == "CANCELING" else "running"
+    told = (goal.goal_id, tool.name, status, goal.state)
+    return ListedGoal(*told, may_still_run=True, elapsed=goal.age, sent_here=False)
 
 
 def goal_reports(goals: Goals, goal_id: str | None) -> tuple[dict[str, Any], ...]:

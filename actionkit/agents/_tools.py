@@ -7,14 +7,16 @@ from typing import Any
 
 from actionkit._model.printable import full_stop
 from actionkit.agents._config import GOALS, ActionConfig, Config
-from actionkit.agents._output import (
-    GOALS_INPUT,
-    NO_INPUT,
-    action_output,
-    goals_output,
-    topic_output,
-)
-from actionkit.agents._values import Tool
+from actionkit.agents._results import ActionValue, GoalsValue, TopicValue
+from actionkit.agents._values import DIALECT, Tool
+
+_NO_INPUT: dict[str, Any] = {
+    "$schema": DIALECT,
+    "type": "object",
+    "properties": {},
+    "additionalProperties": False,
+}
+_GOAL_ID = {"goal_id": {"type": "string", "description": "Only this one."}}
 
 _GOALS_TEXT = (
     "Tells which goals this toolbox has sent, what happened to each, and which may still be"
@@ -25,22 +27,34 @@ _GOALS_TEXT = (
 
 def make_tools(config: Config) -> tuple[Tool, ...]:
     """Return all tools of a configuration."""
+    from actionkit.agents._output import output_schema  # slow
+
     actions = [
         Tool(
             name=tool.name,
             description=_described(tool),
             input_schema=tool.model.schema,
-            output_schema=action_output(tool),
+            output_schema=output_schema(
+                ActionValue, result=tool.cls.Result, feedback=tool.cls.Feedback
+            ),
             confirm=tool.confirm,
             kind="action",
         )
         for tool in config.actions
     ]
     topics = [
-        Tool(topic.name, topic.description, NO_INPUT, topic_output(topic), False, "topic")
+        Tool(
+            name=topic.name,
+            description=topic.description,
+            input_schema=_NO_INPUT,
+            output_schema=output_schema(TopicValue, message=topic.cls),
+            confirm=False,
+            kind="topic",
+        )
         for topic in config.topics
     ]
-    goals = Tool(GOALS, _GOALS_TEXT, GOALS_INPUT, goals_output(), False, "goals")
+    goals_input = {**_NO_INPUT, "properties": _GOAL_ID}
+    goals = Tool(GOALS, _GOALS_TEXT, goals_input, output_schema(GoalsValue), False, "goals")
     return (*actions, *topics, goals)
 
 

@@ -7,37 +7,19 @@ from typing import Any
 from actionkit.agents._config import TopicConfig
 from actionkit.agents._images import ImageError, is_image, to_image
 from actionkit.agents._plain import plain_json
-from actionkit.agents._results import DATA, error_value
+from actionkit.agents._results import ErrorValue, TopicStatus, TopicValue, tool_result
 from actionkit.agents._ros import Reading
 from actionkit.agents._values import Image, ToolResult
 
 WAIT = 5.0
 """Seconds for a message. A node that has just been made may need three to find publishers."""
-STATUSES = ("received", "no_message", "failed", "refused")
-"""Every `status` of a topic's tool."""
 
 
-def topic_value(topic: TopicConfig, status: str, **more: Any) -> dict[str, Any]:
-    """Return what is told of a topic, with the fields given."""
-    return {
-        "tool": topic.name,
-        "status": status,
-        "topic": topic.topic,
-        "type": topic.ros_type,
-        "age": None,
-        "message": None,
-        "notes": [],
-        "error": None,
-        DATA: ["message", "notes"],
-        **more,
-    }
-
-
-def topic_failure(topic: TopicConfig, status: str, kind: str, message: str) -> ToolResult:
+def topic_failure(topic: TopicConfig, status: TopicStatus, kind: str, message: str) -> ToolResult:
     """Return the result of a reading that came to nothing."""
-    advice = "Do without it, or try again later."
-    error = error_value(kind, message, retry=status != "refused", advice=advice)
-    return ToolResult(topic_value(topic, status, error=error), is_error=True)
+    error = ErrorValue(kind, message, status != "refused", "Do without it, or try again later.")
+    value = TopicValue(topic.name, status, topic.topic, topic.ros_type, error=error)
+    return tool_result(value)
 
 
 def topic_result(topic: TopicConfig, reading: Reading) -> ToolResult:
@@ -60,8 +42,8 @@ def topic_result(topic: TopicConfig, reading: Reading) -> ToolResult:
         if _is_cut(plain):
             notes.append("Some arrays or texts are cut; where they end, it is said how much.")
     age = None if reading.age is None else round(reading.age, 3)
-    value = topic_value(topic, "received", age=age, message=plain, notes=notes)
-    return ToolResult(value, is_error=False, images=images)
+    value = TopicValue(topic.name, "received", topic.topic, topic.ros_type, age, plain, notes)
+    return tool_result(value, images)
 
 
 def _why_none(topic: TopicConfig, reading: Reading) -> str:

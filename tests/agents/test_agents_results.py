@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import uuid
 from concurrent.futures import CancelledError
+from dataclasses import asdict
 from types import SimpleNamespace
 from typing import Any
 
@@ -40,7 +41,7 @@ def value(status: GoalState, error: BaseException, why: str, result: Any) -> dic
         goal_id=uuid.uuid4(),
         cancel=CancelReport.CONFIRMED,
     )
-    return goal_value("count", outcome, None, why)
+    return asdict(goal_value("count", outcome, None, why))
 
 
 @pytest.mark.parametrize("error", [DeadlineExceededError, FeedbackStalledError, CancelledError])
@@ -159,7 +160,7 @@ def test_an_earlier_goal_that_may_run_is_told_of_where_the_last_one_has_ended() 
         cancel=CancelReport.UNKNOWN,
         goals=(earlier, last),
     )
-    told = goal_value("count", outcome, None, "")
+    told = asdict(goal_value("count", outcome, None, ""))
     assert (told["status"], told["may_still_run"]) == ("aborted", True)
     assert not told["error"]["retry"]
 
