@@ -6,14 +6,26 @@ import logging
 import threading
 import time
 import uuid
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import Any
 
 from actionkit import CallInfo, GoalEvent, GoalFuture, GoalState
+from actionkit._model.field_errors import shown
 from actionkit.agents._changes import Changes
-from actionkit.agents._results import ActionValue, ErrorValue, GoalValue, goal_value, may_still_run
+from actionkit.agents._config import ActionConfig
+from actionkit.agents._results import (
+    ActionValue,
+    ErrorValue,
+    GoalsValue,
+    GoalValue,
+    ListedGoal,
+    goal_value,
+    may_still_run,
+    tool_result,
+)
 from actionkit.agents._ros import GoalThere
+from actionkit.agents._values import ToolResult
 
 _KEPT = 100
 """Goals that ended, for the tool `goals`."""
@@ -29,6 +41,7 @@ class GoalRecord:
         action: The full name of the action.
         call_id: The id of the first goal of its call.
         value: What the tool returns, once the call is over.
+        last_states: How each attempt ended, as soon as it was seen; that may be after the call.
         why_cancelled: Why this toolbox cancelled it; `""` where it did not.
     """
 
@@ -45,8 +58,7 @@ class GoalRecord:
         self._goal_id: uuid.UUID | None = None
         self._goals: Any = None
         """What is known of the goals that were sent; stays true to life when the call is over."""
-        self._last_states: dict[uuid.UUID, GoalState] = {}
-        """Of each attempt: how it ended, as soon as that was seen; that may be after the call."""
+        self.last_states: dict[uuid.UUID, GoalState] = {}
 
     def follow(self, future: Future) -> None:
         """Follow a goal that was sent; cancel it where that was asked for meanwhile."""
@@ -82,11 +94,6 @@ class GoalRecord:
         future = self._future
         return str(future.state) if future is not None else "SENDING"
 
-    def note(self, event: GoalEvent) -> None:
-        """Note how one of its attempts ended."""
-        if event.state.is_terminal or event.state is GoalState.LOST:
-            self._last_states[event.goal_id] = event.state
-
     def _done(self, future: Future) -> None:
         """Work out what is told of it. On a thread of ActionKit's."""
         outcome = future.outcome(0)
@@ -112,7 +119,7 @@ class GoalRecord:
     @property
     def _late_state(self) -> GoalState | None:
         """How the goal ended after its call was over, where that was seen."""
-        return None if self._goal_id is None else self._last_states.get(self._goal_id)
+        return None if self._goal_id is None else self.last_states.get(self._goal_id)
 
     @property
     def counts(self) -> bool:
@@ -194,9 +201,43 @@ class Goals:
         with self._lock:
             return self._records[::-1]
 
+    def reports(self, goal_id: str | None = None) -> tuple[dict[str, Any], ...]:
+        """Return what is known of all goals, or of one, the latest first."""
+        return tuple(one.report() for one in self.latest() if goal_id is None or goal_id in one.ids)
+
     def on_event(self, event: GoalEvent, call: CallInfo) -> None:
         """Note how a goal ended; also one that was given up on."""
         if event.state.is_terminal or event.state is GoalState.LOST:
             for record in self.latest():
                 if record.call_id == call.call_id:
-                    record.note(event)
+                    record.last_states[event.goal_id] = event.state
+
+
+def goals_result(
+    goals: Goals, others: list[tuple[ActionConfig, GoalThere]], arguments: Mapping[str, Any]
+) -> ToolResult:
+    """Return what happened to the goals, or to the one asked for; goals of others come last."""
+    goal_id = arguments.get("goal_id")
+    unknown = [name for name in arguments if name != "goal_id"]
+    problem = ""
+    found: list[ListedGoal] = []
+    if unknown:
+        problem = f"there is no argument {shown(unknown[0])}; there is goal_id"
+    elif goal_id is not None and not isinstance(goal_id, str):
+        problem = f"goal_id {shown(goal_id)} must be a string"
+    else:
+        found += [ListedGoal(**one) for one in goals.reports(goal_id)]
+        found += [_of_other(*one) for one in others if goal_id in (None, one[1].goal_id)]
+        if goal_id is not None and not found:
+            problem = f"no goal {shown(goal_id)} is known here; without goal_id all are told of"
+    if problem:
+        error = ErrorValue("invalid_arguments", problem, False, "Change the arguments.")
+        return tool_result(GoalsValue(status="refused", error=error))
+    return tool_result(GoalsValue(goals=found))
+
+
+def _of_other(tool: ActionConfig, goal: GoalThere) -> ListedGoal:
+    """Return what is known of a goal that another program has sent."""
+    status = "canceling" if goal.state == "CANCELING" else "running"
+    told = (goal.goal_id, tool.name, status, goal.state)
+    return ListedGoal(*told, may_still_run=True, elapsed=goal.age, sent_here=False)

@@ -16,10 +16,10 @@ from actionkit._model.field_errors import shown
 from actionkit.agents._clients import Clients
 from actionkit.agents._config import GOALS, Config, check_domain, read_config, read_file
 from actionkit.agents._goal_call import GoalCalls
-from actionkit.agents._goals import Goals
-from actionkit.agents._other_calls import goal_reports, goals_result, read_topic
+from actionkit.agents._goals import Goals, goals_result
 from actionkit.agents._results import refusal
-from actionkit.agents._tools import anthropic_format, make_tools, openai_format
+from actionkit.agents._tools import in_format, make_tools
+from actionkit.agents._topics import read_topic
 from actionkit.agents._values import Approve, Json, OnProgress, Tool, ToolResult
 
 _CANCEL_WAIT = 3.0
@@ -154,15 +154,16 @@ class Toolbox:
         Args:
             goal_id: Only this one.
         """
-        return goal_reports(self._goals, goal_id)
+        return self._goals.reports(goal_id)
 
     def openai_tools(self) -> list[dict[str, Any]]:
         """The tools in the format of OpenAI's API: what its `tools=` takes."""
-        return openai_format(self._tools)
+        functions = in_format(self._tools, "parameters")
+        return [{"type": "function", "function": function} for function in functions]
 
     def anthropic_tools(self) -> list[dict[str, Any]]:
         """The tools in the format of Anthropic's API: what its `tools=` takes."""
-        return anthropic_format(self._tools)
+        return in_format(self._tools, "input_schema")
 
     def close(self) -> None:
         """Cancel the goals in flight, and free all that is held. Blocks; from any thread."""

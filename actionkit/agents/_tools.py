@@ -68,28 +68,9 @@ def _described(tool: ActionConfig) -> str:
     )
 
 
-def openai_format(tools: Iterable[Tool]) -> list[dict[str, Any]]:
-    """Return tools as OpenAI's API takes them."""
+def in_format(tools: Iterable[Tool], schema: str) -> list[dict[str, Any]]:
+    """Return tools as the APIs of models take them; they differ in the key of the schema."""
     return [
-        {
-            "type": "function",
-            "function": {
-                "name": tool.name,
-                "description": tool.description,
-                "parameters": dict(tool.input_schema),
-            },
-        }
-        for tool in tools
-    ]
-
-
-def anthropic_format(tools: Iterable[Tool]) -> list[dict[str, Any]]:
-    """Return tools as Anthropic's API takes them."""
-    return [
-        {
-            "name": tool.name,
-            "description": tool.description,
-            "input_schema": dict(tool.input_schema),
-        }
+        {"name": tool.name, "description": tool.description, schema: dict(tool.input_schema)}
         for tool in tools
     ]

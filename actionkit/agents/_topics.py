@@ -1,9 +1,14 @@
-"""The latest message of a topic, as a result."""
+"""Calls of the tools that read topics: the latest message, as a result."""
 
 from __future__ import annotations
 
+import asyncio
+import logging
+from collections.abc import Mapping
 from typing import Any
 
+from actionkit._internal_api import in_thread
+from actionkit.agents._clients import Clients
 from actionkit.agents._config import TopicConfig
 from actionkit.agents._images import ImageError, is_image, to_image
 from actionkit.agents._plain import plain_json
@@ -11,21 +16,43 @@ from actionkit.agents._results import ErrorValue, TopicStatus, TopicValue, tool_
 from actionkit.agents._ros import Reading
 from actionkit.agents._values import Image, ToolResult
 
-WAIT = 5.0
+_WAIT = 5.0
 """Seconds for a message. A node that has just been made may need three to find publishers."""
+_log = logging.getLogger("actionkit")
 
 
-def topic_failure(topic: TopicConfig, status: TopicStatus, kind: str, message: str) -> ToolResult:
+async def read_topic(
+    clients: Clients, topic: TopicConfig, arguments: Mapping[str, Any]
+) -> ToolResult:
+    """Read the latest message. Cancelling the awaiting task ends the subscription."""
+    if arguments:
+        text = f"{topic.name} takes no arguments"
+        return _failure(topic, "refused", "invalid_arguments", text)
+    try:
+        future = await in_thread(
+            lambda: clients.node.read(topic.topic, topic.ros_type, topic.cls, _WAIT, topic.max_age)
+        )
+        reading = await asyncio.wrap_future(future)
+        return await in_thread(lambda: _result(topic, reading))
+    except Exception as error:  # noqa: BLE001  also what the middleware raises
+        if clients.closed:
+            return _failure(topic, "refused", "closed", "the toolbox was closed")
+        _log.warning("%s: %s", topic.name, error, exc_info=error)
+        text = f"{topic.topic} cannot be read; the toolbox's log says why"
+        return _failure(topic, "failed", "failed", text)
+
+
+def _failure(topic: TopicConfig, status: TopicStatus, kind: str, message: str) -> ToolResult:
     """Return the result of a reading that came to nothing."""
     error = ErrorValue(kind, message, status != "refused", "Do without it, or try again later.")
     value = TopicValue(topic.name, status, topic.topic, topic.ros_type, error=error)
     return tool_result(value)
 
 
-def topic_result(topic: TopicConfig, reading: Reading) -> ToolResult:
+def _result(topic: TopicConfig, reading: Reading) -> ToolResult:
     """Return what was read. Takes a while for a large image."""
     if reading.message is None:
-        return topic_failure(topic, "no_message", "no_message", _why_none(topic, reading))
+        return _failure(topic, "no_message", "no_message", _why_none(topic, reading))
     notes: list[str] = []
     images: tuple[Image, ...] = ()
     if is_image(topic.ros_type):
@@ -53,7 +80,7 @@ def _why_none(topic: TopicConfig, reading: Reading) -> str:
     if not reading.publishers:
         return f"nobody publishes {topic.topic}"
     young = "" if topic.max_age is None else f" of the last {topic.max_age:g} s"
-    return f"no message{young} came on {topic.topic} within {WAIT:g} s, though it has a publisher"
+    return f"no message{young} came on {topic.topic} within {_WAIT:g} s, though it has a publisher"
 
 
 def _is_cut(value: Any) -> bool:

@@ -27,7 +27,6 @@ from actionkit._calls.call_view import GoalsOfCall
 from actionkit._goal.facts import GoalFacts
 from actionkit.agents._goal_call import question_of
 from actionkit.agents._goals import GoalRecord, Goals
-from actionkit.agents._other_calls import goal_reports
 from actionkit.agents._results import goal_value
 
 
@@ -110,9 +109,9 @@ def test_a_goal_is_found_by_the_id_of_every_attempt() -> None:
     goals = Goals()
     assert goals.add(record, 1)
     for goal_id in (first, second):
-        (report,) = goal_reports(goals, str(goal_id))
+        (report,) = goals.reports(str(goal_id))
         assert report["goal_id"] == str(second)
-    assert goal_reports(goals, str(uuid.uuid4())) == ()
+    assert goals.reports(str(uuid.uuid4())) == ()
 
 
 def test_what_was_given_up_before_is_not_told_of_as_cancelled_later() -> None:

@@ -100,7 +100,7 @@ def test_topics(
             assert "nobody publishes" in values["nobody"]["error"]["message"]
             assert "published as std_msgs/msg/String" in values["other"]["error"]["message"]
             assert (await toolbox.call("battery", {"x": 1})).is_error
-            monkeypatch.setattr("actionkit.agents._other_calls.WAIT", 600.0)
+            monkeypatch.setattr("actionkit.agents._topics._WAIT", 600.0)
             # Cancelling ends the subscription, and closing waits for no reading.
             waiting = asyncio.create_task(read("quiet"))
             node = toolbox._clients.node.open()
