@@ -117,11 +117,6 @@ class GoalRecord:
         return await self._changes.until(lambda: self.value is not None, seconds)
 
     @property
-    def _late_state(self) -> GoalState | None:
-        """How the goal ended after its call was over, where that was seen."""
-        return None if self._goal_id is None else self.last_states.get(self._goal_id)
-
-    @property
     def counts(self) -> bool:
         """Whether it counts among the goals of its tool: in flight, or not known to have ended.
 
@@ -130,22 +125,19 @@ class GoalRecord:
         """
         return self.value is None or self._goals is None or not self._goals.gone
 
-    @property
-    def _may_run(self) -> bool:
-        """Whether a goal may run now; what was never sent cannot."""
-        return self._goals is not None and bool(self._goals.may_run)
-
     def report(self) -> dict[str, Any]:
         """Return what is known of it, for the tool `goals`."""
         now, value, why = time.monotonic(), self.value, self.why_cancelled or None
+        may_run = self._goals is not None and bool(self._goals.may_run)
         if value is None:
             sent = () if self._goals is None else self._goals.reports
             goal_id = str(sent[-1].goal_id) if sent else None
             status, state = "canceling" if why else "running", self.state
             elapsed = round(now - self._began, 3)
-            told = GoalValue(goal_id, self.tool, status, state, self._may_run, elapsed, None, why)
+            told = GoalValue(goal_id, self.tool, status, state, may_run, elapsed, None, why)
             return asdict(told)
-        late = self._late_state
+        # How it ended after its call was over, where that was seen.
+        late = None if self._goal_id is None else self.last_states.get(self._goal_id)
         state = value.status.upper() if late is None else str(late)
         changed = late is not None and late.is_terminal and value.may_still_run
         told = GoalValue(
@@ -153,7 +145,7 @@ class GoalRecord:
             tool=self.tool,
             status=state.lower() if changed else value.status,
             state=state,
-            may_still_run=self._may_run,
+            may_still_run=may_run,
             elapsed=value.elapsed,
             ended_ago=round(now - self._ended, 3),
             why_cancelled=why,

@@ -10,12 +10,7 @@ from actionkit.agents._config import GOALS, ActionConfig, Config
 from actionkit.agents._results import ActionValue, GoalsValue, TopicValue
 from actionkit.agents._values import DIALECT, Tool
 
-_NO_INPUT: dict[str, Any] = {
-    "$schema": DIALECT,
-    "type": "object",
-    "properties": {},
-    "additionalProperties": False,
-}
+_NO_INPUT = {"$schema": DIALECT, "type": "object", "properties": {}, "additionalProperties": False}
 _GOAL_ID = {"goal_id": {"type": "string", "description": "Only this one."}}
 
 _GOALS_TEXT = (
