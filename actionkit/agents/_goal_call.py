@@ -52,10 +52,6 @@ class GoalCalls:
             record.cancel(why)
         return records
 
-    def on_hold(self, why: str) -> None:
-        """Cancel everything: also goals that no server knows of, which a human's stop cannot."""
-        self.cancel_all(why)
-
     async def call(
         self,
         tool: ActionConfig,
@@ -65,28 +61,20 @@ class GoalCalls:
     ) -> ToolResult:
         """Call a tool; see `Toolbox.call`."""
         stops = self._stops
-        goal = _goal(tool, arguments)
-        if isinstance(goal, ToolResult):
-            return goal
-        hold = await self._ready(tool)
-        if isinstance(hold, ToolResult):
-            return hold
-        if tool.confirm:
-            room = await self._room(tool)  # no human is asked for nothing
-            if isinstance(room, ToolResult):
-                return room
-            with telling(on_progress, lambda: "waiting for a human to approve this"):
-                refused = await _ask(tool, goal, approve)
-            if refused is not None:
-                return refused
-        hold = await self._ready(tool)
-        if isinstance(hold, ToolResult):
-            return hold
-        room = await self._room(tool)  # last: another program may send while this waits
-        if isinstance(room, ToolResult):
-            return room
-        client, others = room
-        return await self._send(tool, goal, client, hold, stops, others, on_progress)
+        try:
+            goal = _goal(tool, arguments)
+            await self._ready(tool)
+            if tool.confirm:
+                await self._room(tool)  # no human is asked for nothing
+                with telling(on_progress, lambda: "waiting for a human to approve this"):
+                    await _ask(tool, goal, approve)
+            hold = await self._ready(tool)
+            client, others = await self._room(
+                tool
+            )  # last: another program may send while this waits
+            return await self._send(tool, goal, client, hold, stops, others, on_progress)
+        except _Refused as refused:
+            return refused.result
 
     async def start(self) -> HoldListener:
         """Begin to listen for a human's stop.
@@ -95,7 +83,8 @@ class GoalCalls:
             ImportError: rclpy is not there.
             RuntimeError: The toolbox was closed.
         """
-        return await in_thread(lambda: self._clients.hold(self.on_hold))
+        # Also goals that no server knows of are cancelled, which a human's stop cannot do.
+        return await in_thread(lambda: self._clients.hold(self.cancel_all))
 
     async def _of_others(self, client: Any) -> list[GoalThere]:
         """Return the goals of other programs that the servers of a client have now."""
@@ -103,8 +92,8 @@ class GoalCalls:
         there = await asyncio.wrap_future(future)
         return self._goals.of_others(there)
 
-    async def _room(self, tool: ActionConfig) -> tuple[Any, list[GoalThere]] | ToolResult:
-        """Return the client, and the goals of other programs; or a refusal if there are too many.
+    async def _room(self, tool: ActionConfig) -> tuple[Any, list[GoalThere]]:
+        """Return the client, and the goals of other programs, unless there are too many.
 
         Where the goals are is known only to the client: ROS arguments of the process, such as a
         namespace, change the action's name.
@@ -115,10 +104,11 @@ class GoalCalls:
             running = self._goals.counting(client.action_name)
             if len(running) < tool.concurrent:
                 others = await self._of_others(client)
-        except Exception as error:  # noqa: BLE001  also what the middleware raises
-            return _closed(tool) if self._clients.closed else _failed(tool, error)
-        full = len(running) + len(others) >= tool.concurrent
-        return _too_many(tool, running, others) if full else (client, others)
+        except Exception as error:
+            raise self._failed(tool, error) from error
+        if len(running) + len(others) >= tool.concurrent:
+            raise _too_many(tool, running, others)
+        return client, others
 
     async def others(self, tools: Iterable[ActionConfig]) -> list[tuple[ActionConfig, GoalThere]]:
         """Return the goals of other programs on the actions of tools, where that is known."""
@@ -138,18 +128,16 @@ class GoalCalls:
             _log.warning("the goals of %s are not known: %s", tool.action, error)
             return []
 
-    async def _ready(self, tool: ActionConfig) -> HoldListener | ToolResult:
-        """Return the human's stop, or why no goal of a tool may be sent now."""
+    async def _ready(self, tool: ActionConfig) -> HoldListener:
+        """Return the human's stop, unless that forbids to send a goal now."""
         try:
             hold = self._clients.listening or await self.start()
-        except Exception as error:  # noqa: BLE001  also what the middleware raises
-            return _closed(tool) if self._clients.closed else _failed(tool, error)
+        except Exception as error:
+            raise self._failed(tool, error) from error
         if not hold.is_known:
             await hold.until_known(_UNTIL_KNOWN)
-            if self._clients.closed:
-                return _closed(tool)
-        why = hold.why_held()
-        return hold if why is None else _held(tool, why, known=hold.is_known)
+        self._check(tool, hold)
+        return hold
 
     async def _send(
         self,
@@ -165,19 +153,23 @@ class GoalCalls:
         record = GoalRecord(tool.name, client.action_name)
         # Counted in before the last look at what may forbid it: what forbids it later finds it.
         if not self._goals.add(record, tool.concurrent - len(others)):
-            return _too_many(tool, self._goals.counting(record.action), others)
+            raise _too_many(tool, self._goals.counting(record.action), others)
         sent = False
         try:
-            if (refused := self._last_look(tool, hold, stops)) is not None:
-                return refused
+            self._check(tool, hold)
+            if self._stops != stops:
+                text = "everything was cancelled while this waited to be sent"
+                raise _Refused(tool, "cancelled", text, "Ask before going on.")
             with telling(on_progress, lambda: record.state) as on_feedback:
                 future = client.call_async(goal, on_feedback, tool.timeout)
                 sent = True
                 record.follow(future)
                 await record.over()
         except BaseException as error:
+            if not sent and isinstance(error, _Refused):
+                raise
             if not sent and isinstance(error, Exception):
-                return _failed(tool, error)
+                raise self._failed(tool, error) from error
             record.cancel("its caller gave up")
             if sent and isinstance(error, asyncio.CancelledError):
                 with unless_by_anyio():
@@ -189,43 +181,59 @@ class GoalCalls:
         assert record.value is not None
         return tool_result(record.value)
 
-    def _last_look(self, tool: ActionConfig, hold: HoldListener, stops: int) -> ToolResult | None:
-        """Return what forbids the goal at the last moment; waits for nothing."""
+    def _check(self, tool: ActionConfig, hold: HoldListener) -> None:
+        """Refuse where the toolbox was closed, or a human has stopped the robot."""
+        if self._clients.closed:
+            raise _closed(tool)
+        if (why := hold.why_held()) is None:
+            return
+        if hold.is_known:
+            advice = "Send nothing until a human has released the robot; ask them."
+            raise _Refused(tool, "held", why, advice)
+        raise _Refused(tool, "hold_unknown", why, "Try again in a few seconds.", retry=True)
+
+    def _failed(self, tool: ActionConfig, error: Exception) -> _Refused:
         if self._clients.closed:
             return _closed(tool)
-        if (why := hold.why_held()) is not None:
-            return _held(tool, why, known=hold.is_known)
-        if self._stops != stops:
-            text = "everything was cancelled while this waited to be sent"
-            return refusal(tool.name, "cancelled", text, retry=False, advice="Ask before going on.")
-        return None
+        _log.warning("%s: nothing was sent: %s", tool.name, error, exc_info=error)
+        text = f"the toolbox cannot send goals to the action {tool.action}; its log says why"
+        advice = "Nothing was sent; ask a human to look at the toolbox."
+        return _Refused(tool, "failed", text, advice)
+
+
+class _Refused(Exception):
+    """Nothing is sent."""
+
+    def __init__(
+        self, tool: ActionConfig, kind: str, text: str, advice: str, *, retry: bool = False
+    ) -> None:
+        super().__init__(text)
+        self.result = refusal(tool.name, kind, text, retry=retry, advice=advice)
 
 
 def _goal(tool: ActionConfig, arguments: Mapping[str, Any]) -> Any:
-    """Return the goal message, or the refusal."""
+    """Return the goal message."""
     fields, problems = tool.model.check(arguments)
     if not problems:
         try:
             return from_plain(tool.cls.Goal, fields)
         except FieldProblem as problem:
             problems = [str(problem)]
-    text = "; ".join(problems)
-    return refusal(tool.name, "invalid_arguments", text, retry=False, advice=_CHANGE)
+    raise _Refused(tool, "invalid_arguments", "; ".join(problems), _CHANGE)
 
 
-async def _ask(tool: ActionConfig, goal: Any, approve: Approve | None) -> ToolResult | None:
-    """Have a human approve the goal; return the refusal where nobody did."""
+async def _ask(tool: ActionConfig, goal: Any, approve: Approve | None) -> None:
+    """Have a human approve the goal."""
     if approve is None:
         text = f"{tool.name} needs a human's approval, and nobody can be asked"
         advice = "Do without it, or use a program that can ask a human."
-        return refusal(tool.name, "nobody_to_ask", text, retry=False, advice=advice)
+        raise _Refused(tool, "nobody_to_ask", text, advice)
     whole = json.loads(to_json(to_plain(goal)))
     question = f"May {tool.name} send this goal to the action {tool.action}?\n{question_of(goal)}"
-    if await _answer(approve, ApprovalRequest(tool.name, whole, question)) is True:
-        return None
-    text = "a human was asked, and did not approve"
-    advice = "Do not ask for the same again; ask the human what to do instead."
-    return refusal(tool.name, "not_approved", text, retry=False, advice=advice)
+    if await _answer(approve, ApprovalRequest(tool.name, whole, question)) is not True:
+        text = "a human was asked, and did not approve"
+        advice = "Do not ask for the same again; ask the human what to do instead."
+        raise _Refused(tool, "not_approved", text, advice)
 
 
 def question_of(goal: Any) -> str:
@@ -259,32 +267,16 @@ async def _answer(approve: Approve, request: ApprovalRequest) -> object:
     return asking.result()
 
 
-def _held(tool: ActionConfig, why: str, *, known: bool) -> ToolResult:
-    if known:
-        advice = "Send nothing until a human has released the robot; ask them."
-        return refusal(tool.name, "held", why, retry=False, advice=advice)
-    advice = "Try again in a few seconds."
-    return refusal(tool.name, "hold_unknown", why, retry=True, advice=advice)
-
-
-def _too_many(tool: ActionConfig, running: list[GoalRecord], others: list[GoalThere]) -> ToolResult:
+def _too_many(tool: ActionConfig, running: list[GoalRecord], others: list[GoalThere]) -> _Refused:
     ids = [record.report()["goal_id"] or "one that waits to be sent" for record in running]
     ids += [f"{goal.goal_id} (of another program)" for goal in others]
     text = f"{tool.name} takes {tool.concurrent} at a time, and as many run, or may"
     advice = "Wait until they have ended; the tool `goals` tells when."
     if others:
         advice += " A goal of another program can also be stopped by a human, or by that program."
-    told = f"{text}: {', '.join(ids[:5])}"
-    return refusal(tool.name, "too_many_goals", told, retry=True, advice=advice)
+    return _Refused(tool, "too_many_goals", f"{text}: {', '.join(ids[:5])}", advice, retry=True)
 
 
-def _closed(tool: ActionConfig) -> ToolResult:
+def _closed(tool: ActionConfig) -> _Refused:
     advice = "Nothing can be done with it any more."
-    return refusal(tool.name, "closed", "the toolbox was closed", retry=False, advice=advice)
-
-
-def _failed(tool: ActionConfig, error: Exception) -> ToolResult:
-    _log.warning("%s: nothing was sent: %s", tool.name, error, exc_info=error)
-    text = f"the toolbox cannot send goals to the action {tool.action}; its log says why"
-    advice = "Nothing was sent; ask a human to look at the toolbox."
-    return refusal(tool.name, "failed", text, retry=False, advice=advice)
+    return _Refused(tool, "closed", "the toolbox was closed", advice)
