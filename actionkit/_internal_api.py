@@ -31,6 +31,7 @@ __all__ = [
     "check_classify",
     "client_in_domain",
     "close_together",
+    "end_at_exit",
     "in_thread",
     "is_lost_with_server",
     "log_later",
@@ -51,6 +52,13 @@ def client_in_domain(
     `None` means the domain of the environment. The settings are those of `Client`.
     """
     return Client(action_type, action_name, node=Domain(domain_id), **settings)
+
+
+def end_at_exit() -> None:
+    """End in order at the interpreter's exit, also where no client is made. Imports rclpy."""
+    from actionkit._calls.exit import arm
+
+    arm()
 
 
 def type_of(client: Client[Any]) -> Any:

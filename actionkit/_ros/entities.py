@@ -18,7 +18,14 @@ from rclpy.qos import QoSProfile, qos_profile_action_status_default
 from rclpy.subscription import Subscription
 
 from actionkit._ros.names import ActionNames
-from actionkit._ros.native import EventSource, MessageSource, ResponseSource, Source
+from actionkit._ros.native import (
+    EventSource,
+    MessageSource,
+    ResponseSource,
+    Source,
+    subscribe_raw,
+    unused,
+)
 
 _DEEP = 2000
 """Depth of our queues: a thousand results and as many feedback messages may come at once (R3)."""
@@ -109,15 +116,8 @@ class Entities:
 
     def subscribe_status(self, on_status: Callable[[], None]) -> MessageSource:
         """Subscribe to the status messages; the latest one comes at once."""
-        subscription = self._node.create_subscription(
-            self._impl.GoalStatusMessage,
-            self._names.status,
-            _unused,
-            qos_profile_action_status_default,
-            raw=True,
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-        )
-        return MessageSource(subscription, on_status)
+        cls, qos = self._impl.GoalStatusMessage, qos_profile_action_status_default
+        return subscribe_raw(self._node, cls, self._names.status, qos, on_status)
 
     def unsubscribe_status(self, source: MessageSource) -> None:
         """Destroy the subscription that `subscribe_status` made."""
@@ -149,7 +149,7 @@ class Entities:
     def _subscribe_feedback(self) -> Subscription:
         try:
             return self._subscription(
-                SubscriptionEventCallbacks(matched=_unused, use_default_callbacks=False)
+                SubscriptionEventCallbacks(matched=unused, use_default_callbacks=False)
             )
         except UnsupportedEventTypeError:  # another middleware: the monitor asks the graph instead
             return self._subscription(SubscriptionEventCallbacks(use_default_callbacks=False))
@@ -158,14 +158,10 @@ class Entities:
         subscription = self._node.create_subscription(
             self._impl.FeedbackMessage,
             self._names.feedback,
-            _unused,
+            unused,
             QoSProfile(depth=_DEEP),
             raw=True,
             event_callbacks=events,
         )
         self._subscriptions.append(subscription)
         return subscription
-
-
-def _unused(_: Any) -> None:
-    """Do nothing: rclpy demands a callback, but no executor calls it; the sources take."""

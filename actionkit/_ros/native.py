@@ -15,17 +15,19 @@ import operator
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import islice
 from typing import Any, TypeVar
 from weakref import WeakMethod
 
 from rclpy import utilities
 from rclpy.client import Client as ServiceClient
 from rclpy.context import Context
-from rclpy.event_handler import EventHandler
+from rclpy.event_handler import EventHandler, SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidHandle
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerGuardCondition
 from rclpy.subscription import Subscription
 
@@ -190,10 +192,29 @@ class MessageSource(Source):
             messages.append(taken[0])
         return messages
 
+    def take_stamped(self, most: int) -> list[tuple[int, bytes]]:
+        """Do the same with the time when each was published, in nanoseconds. From any thread."""
+        with self._handle:  # so that it is not destroyed meanwhile
+            come = iter(lambda: self._handle.take_message(None, True), None)
+            return [(info["source_timestamp"], message) for message, info in islice(come, most)]
+
     def discard(self) -> None:
         """Ignore all messages that have come."""
         while self._handle.take_message(None, True) is not None:
             pass
+
+
+def subscribe_raw(
+    node: Node, cls: Any, topic: str, qos: QoSProfile, on_readable: Callable[[], None]
+) -> MessageSource:
+    """Subscribe to a topic whose messages stay bytes."""
+    quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
+    made = node.create_subscription(cls, topic, unused, qos, raw=True, event_callbacks=quiet)
+    return MessageSource(made, on_readable)
+
+
+def unused(_: Any) -> None:
+    """Do nothing: rclpy demands a callback, but no executor calls it; the sources take."""
 
 
 class EventSource(Source):

@@ -153,7 +153,7 @@ class Port:
             )
             error.expected, error.served = type_name, (str(used),)
             raise error
-        self.runtime.expect_client()
+        self.runtime.expect_more()
         self.link = Link(self.runtime, action_type, type_name, self.names)
         self.runtime.names_in_use.append((name, type_name))
 

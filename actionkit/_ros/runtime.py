@@ -92,6 +92,8 @@ class Runtime:
         self.on_failure: list[Callable[[BaseException], None]] = []
         self.on_shutdown: list[Callable[[], None]] = []
         """These are called on the thread, several times, if the context is shut down (R10)."""
+        self.in_graph_since = 0.0
+        """When the node was made: it discovers the others one by one. Monotonic seconds."""
         self.was_shut_down = False
         """Whether they were called, or are being called."""
         self._pid = os.getpid()
@@ -243,15 +245,17 @@ class Runtime:
             window = self._windows[kind, action_name] = kind()
         return cast(_W, window)
 
-    def expect_client(self) -> None:
-        """Make now what one more client needs, because after a shutdown nothing can be made.
+    def expect_more(self) -> None:
+        """Make now what one more client or reader of a topic needs.
+
+        After a shutdown nothing can be made.
 
         Raises:
             RCLError: The context was shut down.
         """
-        clients = len(self.rejoining.links) + 1
-        if SOURCES_OF_A_CLIENT * clients > self._waiter.room:
-            self._waiter.make_room(2 * SOURCES_OF_A_CLIENT * clients)
+        most = SOURCES_OF_A_CLIENT * (len(self.rejoining.links) + 1) + len(self._sources)
+        if most > self._waiter.room:
+            self._waiter.make_room(2 * most)
 
     now = staticmethod(time.monotonic)
     """Monotonic seconds. Simulated time does not matter here (R23)."""
@@ -327,6 +331,7 @@ class Runtime:
     def _make_node(self) -> None:
         began, worked = time.monotonic(), time.thread_time()
         self.node = make_node(self._node_name, self._own_context or self.context)
+        self.in_graph_since = time.monotonic()
         if self._owns_participant:
             self.rejoining.joined(time.monotonic() - began, time.thread_time() - worked)
 

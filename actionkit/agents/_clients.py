@@ -1,38 +1,42 @@
-"""What a toolbox holds of ROS: its node, a client for each tool, and the human's stop."""
+"""What a toolbox holds of ROS: a client for each tool, the human's stop, what is being read."""
 
 from __future__ import annotations
 
 import logging
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future, wait
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from actionkit import Client, RetryPolicy
-from actionkit._internal_api import client_in_domain, close_together
+from actionkit._internal_api import client_in_domain, close_together, end_at_exit, in_thread
 from actionkit.agents._config import ActionConfig, Config
 from actionkit.agents._goals import Goals
 from actionkit.agents._hold import HoldListener
-from actionkit.agents._ros import RosNode
 
+_T = TypeVar("_T")
+_STOPPED_WITHIN = 5.0
+"""Seconds to wait for the end of what is being read; it takes some ten milliseconds."""
 _log = logging.getLogger("actionkit")
 
 
 class Clients:
-    """Made when they are needed first, closed together. Its methods block, from any thread.
+    """Made when they are needed first, closed together. Its functions block, from any thread.
 
     Attributes:
         closed: Whether `close` was called.
-        node: The toolbox's own node, for its topics.
+        on_hold: Called when a human stops the robot.
     """
 
     def __init__(self, config: Config, domain_id: int | None, goals: Goals) -> None:
         self.closed = False
-        self.node = RosNode(domain_id)
+        self.on_hold: Callable[[str], object] = lambda why: None
         self._domain_id = domain_id
         self._goals = goals
         self._hold: HoldListener | None = None
         self._clients: dict[str, Client[Any]] = {}
+        self._readings: set[Future[None]] = set()
         self._lock = threading.Lock()
 
     @property
@@ -40,7 +44,7 @@ class Clients:
         """The human's stop where it is listened to, without blocking."""
         return self._hold
 
-    def hold(self, on_hold: Callable[[str], object]) -> HoldListener:
+    def hold(self) -> HoldListener:
         """Return the human's stop, listened to from now on.
 
         Raises:
@@ -50,8 +54,9 @@ class Clients:
         with self._lock:
             self._check()
             if self._hold is None:
-                self._hold = HoldListener(self._domain_id, on_hold)
-                self.node.open()  # so that it has found servers and publishers when it is asked
+                hold = HoldListener(self._domain_id, self.on_hold)
+                end_at_exit()
+                self._hold = hold
             return self._hold
 
     def client(self, tool: ActionConfig) -> Client[Any]:
@@ -75,6 +80,29 @@ class Clients:
                 )
             return client
 
+    async def read(self, read: Callable[[int | None, Callable[[], bool]], _T]) -> _T:
+        """Call a function that reads a topic; from the event loop.
+
+        It gets the domain, and a function that returns whether to stop: the awaiting task was
+        cancelled, or the toolbox was closed.
+        """
+        given_up = threading.Event()
+        ended: Future[None] = Future()
+        self._readings.add(ended)
+
+        def call() -> _T:
+            try:
+                self.hold()  # this also keeps the node, so that it has found publishers
+                return read(self._domain_id, lambda: self.closed or given_up.is_set())
+            finally:
+                ended.set_result(None)
+                self._readings.discard(ended)
+
+        try:
+            return await in_thread(call)
+        finally:
+            given_up.set()
+
     def _check(self) -> None:
         if self.closed:
             raise RuntimeError("the toolbox was closed")
@@ -85,7 +113,9 @@ class Clients:
             self.closed = True
             clients, self._clients = self._clients.values(), {}
             hold, self._hold = self._hold, None
-        closing: list[Callable[[], object]] = [partial(close_together, clients), self.node.close]
+            readings = list(self._readings)
+        stopped = partial(wait, readings, _STOPPED_WITHIN)
+        closing: list[Callable[[], object]] = [partial(close_together, clients), stopped]
         if hold is not None:
             closing.insert(1, hold.close)
         for close in closing:

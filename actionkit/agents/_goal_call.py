@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 from actionkit._internal_api import in_thread, status_topic, unless_by_anyio
 from actionkit._messages.convert import from_plain, to_plain
@@ -20,8 +20,10 @@ from actionkit.agents._hold import HoldListener
 from actionkit.agents._plain import plain_json
 from actionkit.agents._progress import telling
 from actionkit.agents._results import refusal, tool_result
-from actionkit.agents._ros import GoalThere
 from actionkit.agents._values import ApprovalRequest, Approve, OnProgress, ToolResult
+
+if TYPE_CHECKING:
+    from actionkit._ros.tools.watch import GoalSeen
 
 _log = logging.getLogger("actionkit")
 _UNTIL_KNOWN = 13.0
@@ -43,6 +45,8 @@ class GoalCalls:
         self._goals = goals
         self._stops = 0
         """How many times all was cancelled: what waited to be sent then is not sent."""
+        # Also goals that no server knows of, which a human's stop cannot cancel.
+        clients.on_hold = self.cancel_all
 
     def cancel_all(self, why: str) -> list[GoalRecord]:
         """Cancel what is in flight, and what waits to be sent; never blocks, from any thread."""
@@ -83,22 +87,25 @@ class GoalCalls:
             ImportError: rclpy is not there.
             RuntimeError: The toolbox was closed.
         """
-        # Also goals that no server knows of are cancelled, which a human's stop cannot do.
-        return await in_thread(lambda: self._clients.hold(self.cancel_all))
+        return await in_thread(self._clients.hold)
 
-    async def _of_others(self, client: Any) -> list[GoalThere]:
+    async def _of_others(self, client: Any) -> list[GoalSeen]:
         """Return the goals of other programs that the servers of a client have now."""
-        future = await in_thread(lambda: self._clients.node.goals(status_topic(client)))
-        there = await asyncio.wrap_future(future)
-        return self._goals.of_others(there)
 
-    async def _room(self, tool: ActionConfig) -> tuple[Any, list[GoalThere]]:
+        def look(domain_id: int | None, stopped: Callable[[], bool]) -> list[GoalSeen]:
+            from actionkit._ros.tools.watch import goals_in_flight
+
+            return goals_in_flight(domain_id, status_topic(client), stopped)
+
+        return self._goals.of_others(await self._clients.read(look))
+
+    async def _room(self, tool: ActionConfig) -> tuple[Any, list[GoalSeen]]:
         """Return the client, and the goals of other programs, unless there are too many.
 
         Where the goals are is known only to the client: ROS arguments of the process, such as a
         namespace, change the action's name.
         """
-        others: list[GoalThere] = []
+        others: list[GoalSeen] = []
         try:
             client = await in_thread(lambda: self._clients.client(tool))
             running = self._goals.counting(client.action_name)
@@ -110,17 +117,17 @@ class GoalCalls:
             raise _too_many(tool, running, others)
         return client, others
 
-    async def others(self, tools: Iterable[ActionConfig]) -> list[tuple[ActionConfig, GoalThere]]:
+    async def others(self, tools: Iterable[ActionConfig]) -> list[tuple[ActionConfig, GoalSeen]]:
         """Return the goals of other programs on the actions of tools, where that is known."""
         if self._clients.closed or self._clients.listening is None:
             return []
-        found: dict[str, tuple[ActionConfig, GoalThere]] = {}
+        found: dict[str, tuple[ActionConfig, GoalSeen]] = {}
         for told in await asyncio.gather(*(self._others_on(tool) for tool in tools)):
             for tool, goal in told:
                 found.setdefault(goal.goal_id, (tool, goal))
         return list(found.values())
 
-    async def _others_on(self, tool: ActionConfig) -> list[tuple[ActionConfig, GoalThere]]:
+    async def _others_on(self, tool: ActionConfig) -> list[tuple[ActionConfig, GoalSeen]]:
         try:
             client = await in_thread(lambda: self._clients.client(tool))
             return [(tool, goal) for goal in await self._of_others(client)]
@@ -146,7 +153,7 @@ class GoalCalls:
         client: Any,
         hold: HoldListener,
         stops: int,
-        others: list[GoalThere],
+        others: list[GoalSeen],
         on_progress: OnProgress | None,
     ) -> ToolResult:
         """Send the goal and wait for its end. Nothing is awaited before it is in good hands."""
@@ -267,7 +274,7 @@ async def _answer(approve: Approve, request: ApprovalRequest) -> object:
     return asking.result()
 
 
-def _too_many(tool: ActionConfig, running: list[GoalRecord], others: list[GoalThere]) -> _Refused:
+def _too_many(tool: ActionConfig, running: list[GoalRecord], others: list[GoalSeen]) -> _Refused:
     ids = [record.report()["goal_id"] or "one that waits to be sent" for record in running]
     ids += [f"{goal.goal_id} (of another program)" for goal in others]
     text = f"{tool.name} takes {tool.concurrent} at a time, and as many run, or may"

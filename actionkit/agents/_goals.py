@@ -8,7 +8,7 @@ import time
 import uuid
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from actionkit import CallInfo, GoalEvent, GoalFuture, GoalState
 from actionkit._model.field_errors import shown
@@ -24,8 +24,10 @@ from actionkit.agents._results import (
     may_still_run,
     tool_result,
 )
-from actionkit.agents._ros import GoalThere
 from actionkit.agents._values import ToolResult
+
+if TYPE_CHECKING:
+    from actionkit._ros.tools.watch import GoalSeen
 
 _KEPT = 100
 """Goals that ended, for the tool `goals`."""
@@ -183,7 +185,7 @@ class Goals:
         """Return the goals that are in flight, or may be, the latest first."""
         return [one for one in self.latest() if one.counts and action in (None, one.action)]
 
-    def of_others(self, there: Iterable[GoalThere]) -> list[GoalThere]:
+    def of_others(self, there: Iterable[GoalSeen]) -> list[GoalSeen]:
         """Return the goals that this toolbox has not sent."""
         sent = set[str]().union(*(one.sent for one in self.latest()))
         return [goal for goal in there if goal.goal_id not in sent]
@@ -206,7 +208,7 @@ class Goals:
 
 
 def goals_result(
-    goals: Goals, others: list[tuple[ActionConfig, GoalThere]], arguments: Mapping[str, Any]
+    goals: Goals, others: list[tuple[ActionConfig, GoalSeen]], arguments: Mapping[str, Any]
 ) -> ToolResult:
     """Return what happened to the goals, or to the one asked for; goals of others come last."""
     goal_id = arguments.get("goal_id")
@@ -228,8 +230,9 @@ def goals_result(
     return tool_result(GoalsValue(goals=found))
 
 
-def _of_other(tool: ActionConfig, goal: GoalThere) -> ListedGoal:
+def _of_other(tool: ActionConfig, goal: GoalSeen) -> ListedGoal:
     """Return what is known of a goal that another program has sent."""
     status = "canceling" if goal.state == "CANCELING" else "running"
     told = (goal.goal_id, tool.name, status, goal.state)
-    return ListedGoal(*told, may_still_run=True, elapsed=goal.age, sent_here=False)
+    age = round(max(0.0, time.time() - goal.accepted), 3)
+    return ListedGoal(*told, may_still_run=True, elapsed=age, sent_here=False)

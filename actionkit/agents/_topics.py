@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
-from actionkit._internal_api import in_thread
 from actionkit.agents._clients import Clients
 from actionkit.agents._config import TopicConfig
 from actionkit.agents._images import ImageError, is_image, to_image
 from actionkit.agents._plain import plain_json
 from actionkit.agents._results import ErrorValue, TopicStatus, TopicValue, tool_result
-from actionkit.agents._ros import Reading
 from actionkit.agents._values import Image, ToolResult
+
+if TYPE_CHECKING:
+    from actionkit._ros.tools.topic import Reading
 
 _WAIT = 5.0
 """Seconds for a message. A node that has just been made may need three to find publishers."""
@@ -28,12 +28,16 @@ async def read_topic(
     if arguments:
         text = f"{topic.name} takes no arguments"
         return _failure(topic, "refused", "invalid_arguments", text)
+
+    def read(domain_id: int | None, stopped: Callable[[], bool]) -> ToolResult:
+        from actionkit._ros.tools.topic import latest
+
+        name, kind, cls = topic.topic, topic.ros_type, topic.cls
+        reading = latest(domain_id, name, kind, cls, _WAIT, topic.max_age, stopped)
+        return _result(topic, reading)
+
     try:
-        future = await in_thread(
-            lambda: clients.node.read(topic.topic, topic.ros_type, topic.cls, _WAIT, topic.max_age)
-        )
-        reading = await asyncio.wrap_future(future)
-        return await in_thread(lambda: _result(topic, reading))
+        return await clients.read(read)
     except Exception as error:  # noqa: BLE001  also what the middleware raises
         if clients.closed:
             return _failure(topic, "refused", "closed", "the toolbox was closed")

@@ -26,6 +26,7 @@ class FakeHold:
     """Stands in for the listener to a human's stop; the test says what it knows."""
 
     def __init__(self) -> None:
+        self.runtime: Any = None
         self.reason: str | None = None
         self.is_known = True
         self.asked = 0
@@ -33,7 +34,10 @@ class FakeHold:
         self.callbacks: list[Callable[[str], object]] = []
 
     def close(self) -> None:
-        pass
+        from actionkit._ros import runtimes
+
+        runtimes.release(self.runtime, self)
+        self.runtime.join_if_stopping(20.0)
 
     def why_held(self) -> str | None:
         self.asked += 1
@@ -60,7 +64,10 @@ def hold(monkeypatch: pytest.MonkeyPatch) -> FakeHold:
     """Return the human's stop of all toolboxes of the test."""
     fake = FakeHold()
 
-    def listen(_: int | None, on_hold: Callable[[str], object]) -> FakeHold:
+    def listen(domain_id: int | None, on_hold: Callable[[str], object]) -> FakeHold:
+        from actionkit._ros import runtimes
+
+        fake.runtime = runtimes.acquire(domain_id, fake)  # the real one keeps a node, too
         fake.callbacks.append(on_hold)
         return fake
 

@@ -6,6 +6,7 @@ import asyncio
 import io
 import threading
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any
 
 import jsonschema
@@ -14,6 +15,7 @@ import PIL.Image
 import pytest
 from sensor_msgs.msg import CompressedImage, Image
 
+from actionkit._ros.tools.survey import Survey
 from actionkit.agents import Toolbox
 from actionkit.agents._images import ImageError, to_image
 from actionkit.agents._plain import plain_json
@@ -51,7 +53,10 @@ def topic(name: str, kind: str, **more: Any) -> dict[str, Any]:
 
 
 def test_topics(
-    make_toolbox: Callable[..., Toolbox], run_script: Any, monkeypatch: pytest.MonkeyPatch
+    make_toolbox: Callable[..., Toolbox],
+    run_script: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    own_threads: Callable[[], list[str]],
 ) -> None:
     topics = {
         "battery": topic("/battery", "sensor_msgs/msg/BatteryState", max_age=60),
@@ -72,7 +77,7 @@ def test_topics(
         assert result.is_error == (result.value["status"] != "received")
         return result
 
-    async def main() -> None:
+    async def main(made: ExitStack) -> None:
         async with toolbox:
             assert run_script(PUBLISHER).line() == "ready"
             names = list(topics)
@@ -82,7 +87,7 @@ def test_topics(
             assert values["battery"]["message"]["voltage"] == 12.5
             assert values["battery"]["message"]["temperature"] == "NaN"
             assert 0 <= values["battery"]["age"] < 5
-            assert values["mode"]["message"] == {"data": "latest"}
+            assert values["mode"]["message"] == {"data": "latest"}, values["mode"]
             assert values["old"]["status"] == "no_message"
             assert "of the last 0 s" in values["old"]["error"]["message"]
             assert values["camera"]["message"]["width"] == 640
@@ -101,11 +106,12 @@ def test_topics(
             assert "published as std_msgs/msg/String" in values["other"]["error"]["message"]
             assert (await toolbox.call("battery", {"x": 1})).is_error
             monkeypatch.setattr("actionkit.agents._topics._WAIT", 600.0)
+            watching = made.enter_context(Survey())
             # Cancelling ends the subscription, and closing waits for no reading.
             waiting = asyncio.create_task(read("quiet"))
-            node = toolbox._clients.node.open()
 
             def subscribed() -> int:
+                node = watching.runtime.node
                 return len(node.get_subscriptions_info_by_topic("/quiet"))
 
             await until_in_loop(lambda: subscribed() == 1)
@@ -120,8 +126,32 @@ def test_topics(
         assert closed["status"] in ("refused", "no_message")
         assert (await toolbox.call("mode", {})).value["status"] == "refused"
 
-    asyncio.run(main())
-    assert not any(t.name == "actionkit-topics" and t.is_alive() for t in threading.enumerate())
+    with ExitStack() as made:
+        asyncio.run(main(made))
+    assert own_threads() == []
+
+
+LEFT_OPEN = """
+import asyncio, threading
+from actionkit._ros.tools import topic
+from actionkit.agents import Toolbox
+reading = threading.Event()
+def arriving(self, stopped):
+    reading.set()
+    return before(self, stopped)
+before, topic.TopicReader.arriving = topic.TopicReader.arriving, arriving
+toolbox = Toolbox.from_config({"topics": {"t": {"topic": "t", "type": "std_msgs/msg/String"}}})
+run = lambda: asyncio.run(toolbox.call("t"))
+threading.Thread(target=run, daemon=True).start()
+reading.wait()
+print("ends", flush=True)
+"""
+
+
+def test_an_interpreter_ends_while_a_topic_is_read(run_script: Any) -> None:
+    script = run_script(LEFT_OPEN)
+    assert script.line() == "ends"
+    assert script.finish() == (0, "", "")
 
 
 # --- images ------------------------------------------------------------------------------------

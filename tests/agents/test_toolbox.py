@@ -189,6 +189,27 @@ def test_the_limit_counts_where_the_goals_are_sent(
         assert one.count("goal_received") == count
 
 
+def test_nothing_is_sent_where_the_goals_of_others_cannot_be_looked_for(
+    make_toolbox: Make, action_server: ActionServerFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server = action_server("fibonacci")
+
+    def broken(*_: Any) -> Any:
+        raise OSError("for the test")
+
+    async def main() -> None:
+        async with make_toolbox({"fib": FIBONACCI}) as toolbox:
+            with monkeypatch.context() as patch:
+                patch.setattr("actionkit._ros.tools.watch.goals_in_flight", broken)
+                refused = told(toolbox, await toolbox.call("fib", {"order": 1}))
+                assert (refused["status"], refused["error"]["type"]) == ("refused", "failed")
+            assert (await toolbox.call("fib", {"order": 1})).value["status"] == "succeeded"
+
+    asyncio.run(main())
+    server.sync()
+    assert server.count("goal_received") == 1
+
+
 # --- what else ---------------------------------------------------------------------------------
 
 

@@ -46,17 +46,17 @@ def test_each_change_is_told_once(ros_domain: int, monkeypatch: pytest.MonkeyPat
     one, two = (bytes([number]) * 16 for number in (1, 2))
     told: list[Any] = []
     reader = StatusReader("/a", on_goals=told.extend, on_servers=lambda _: None)
+    runtime = reader._reader.runtime
 
     def come(*arrays: list[tuple[bytes, int]]) -> list[tuple[str, str]]:
         told.clear()
-        monkeypatch.setattr(reader._source, "take", lambda: [status_array(a) for a in arrays])
-        reader._runtime.run(reader._take)
+        runtime.run(lambda: reader._take([(0, status_array(array)) for array in arrays]))
         return [(goal.goal_id[:2], goal.state) for goal in told]
 
     def see(*nodes: str) -> None:
         ends = [SimpleNamespace(node=node) for node in nodes]
         monkeypatch.setattr(graph, "servers", lambda *_: ends)
-        reader._runtime.run(reader._look)
+        runtime.run(lambda: reader._look(runtime.node))
 
     try:
         see("/server")

@@ -156,7 +156,7 @@ def test_only_the_last_node_of_a_context_stops_listening(ros_domain, monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("where", "name"), [(runtimes, "acquire"), (runtimes.Runtime, "expect_client"), (port, "Link")]
+    ("where", "name"), [(runtimes, "acquire"), (runtimes.Runtime, "expect_more"), (port, "Link")]
 )
 def test_a_context_that_is_shut_down_while_a_client_is_made(
     where, name, ros_domain, monkeypatch, caplog

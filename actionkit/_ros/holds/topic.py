@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from rcl_interfaces.msg import Log
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -23,7 +22,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.serialization import deserialize_message
 
 from actionkit._ros import runtimes
-from actionkit._ros.native import MessageSource, RCLError
+from actionkit._ros.native import RCLError, subscribe_raw
 
 TOPIC = "/actionkit/hold"
 _NODE = "actionkit_hold_"
@@ -105,15 +104,7 @@ class HoldTopic:
             start_parameter_services=False,
             parameter_overrides=[Parameter("start_type_description_service", value=False)],
         )
-        self._subscription = self._node.create_subscription(
-            Log,
-            TOPIC,
-            _unused,
-            _qos(_DEPTH),
-            raw=True,
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-        )
-        self._source = MessageSource(self._subscription, self._take)
+        self._source = subscribe_raw(self._node, Log, TOPIC, _qos(_DEPTH), self._take)
         self._runtime.enable(self._source)
         if speaks:
             self._publisher = self._node.create_publisher(Log, TOPIC, _qos(1))
@@ -140,7 +131,3 @@ def _qos(depth: int) -> QoSProfile:
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
     )
-
-
-def _unused(_: Any) -> None:
-    """Do nothing: rclpy demands a callback, but no executor calls it; the source takes."""

@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
+import time
 import uuid
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
-from typing import Any
 
 from action_msgs.msg import GoalStatusArray
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.exceptions import InvalidHandle
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
-from actionkit._ros import graph, runtimes
+from actionkit._ros import graph
 from actionkit._ros.codes import STATES
-from actionkit._ros.native import MessageSource, RCLError
+from actionkit._ros.tools.topic import SETTLE, Stamped, TopicReader
 from actionkit._ros.wire import goals
-from actionkit._threads.clock import TimerHandle
 
+_TYPE = "action_msgs/msg/GoalStatusArray"
 _DEPTH = 100
 """Depth of the queue; the topic's usual 1 would keep only the last state of each goal."""
+_OFFERED = ((ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),)
+"""The usual QoS of servers: what they keep comes as soon as they are in sight."""
 _PERIOD = 0.25
 """Seconds between two checks for servers, often enough for a person who watches."""
-_JOIN = 5.0
-"""Seconds for the communication thread to end; it takes some ten milliseconds."""
+_STATUS_WAIT = 1.0
+"""Seconds for the status of servers that were joined: those that never had a goal send none."""
+_IN_FLIGHT = {code for code, state in STATES.items() if not state.is_terminal}
+_DISCOVERY = 3.5
+"""Seconds until a new node has found all servers that are there, and has got what they keep."""
 
 
 @dataclass(frozen=True)
@@ -55,49 +60,29 @@ class StatusReader:
         self._servers: tuple[str, ...] = ()
         self._codes: dict[bytes, int] = {}
         """The status codes of the goals in the latest arrays, so that goals do not pile up here."""
-        self._timer: TimerHandle | None = None
-        self._runtime = runtimes.acquire(None, self)
-        self._runtime.run(self._begin)
+        self._reader = TopicReader(
+            None,
+            f"{action_name}/_action/status",
+            _TYPE,
+            GoalStatusArray,
+            depth=_DEPTH,
+            period=_PERIOD,
+            at_once=_OFFERED,
+            on_messages=self._take,
+            on_look=self._look,
+        )
 
     def close(self) -> None:
-        """Destroy the subscription and release the node."""
-        self._runtime.run(self._end)
-        runtimes.release(self._runtime, self)
-        self._runtime.join_if_stopping(_JOIN)
+        """End the subscription."""
+        self._reader.close()
 
-    def _begin(self) -> None:
-        self._subscription = self._runtime.node.create_subscription(
-            GoalStatusArray,
-            f"{self._name}/_action/status",
-            _unused,
-            QoSProfile(
-                depth=_DEPTH,
-                reliability=ReliabilityPolicy.RELIABLE,
-                durability=DurabilityPolicy.TRANSIENT_LOCAL,
-            ),
-            raw=True,
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-        )
-        self._source = MessageSource(self._subscription, self._take)
-        self._runtime.enable(self._source)
-        self._look()
-
-    def _end(self) -> None:
-        if self._timer is not None:
-            self._runtime.cancel_timer(self._timer)
-        self._runtime.disable(self._source)
-        self._runtime.node.destroy_subscription(self._subscription)
-
-    def _take(self) -> None:
+    def _take(self, arrays: list[Stamped]) -> None:
         # Every array counts: a server that forgets goals at once shows an end in one array only.
         # But another client may cause hundreds of arrays in a second, of thousands of goals each.
         # So they are not decoded, and only changes are told.
-        messages = self._source.take()
-        if not messages:
-            return
         before, self._codes = self._codes, {}
         changed = []
-        for message in messages:
+        for _, message in arrays:
             for goal in goals(message):
                 goal_id, _, _, code = goal
                 if before.get(goal_id) != code:
@@ -107,12 +92,8 @@ class StatusReader:
         if changed:
             self._on_goals([_seen(*goal) for goal in changed])
 
-    def _look(self) -> None:
-        self._timer = self._runtime.call_at(self._runtime.now() + _PERIOD, self._look)
-        try:
-            infos = graph.servers(self._runtime.node, graph.feedback_topic(self._name))
-        except (RCLError, InvalidHandle):  # the context was shut down (R10)
-            return
+    def _look(self, node: Node) -> None:
+        infos = graph.servers(node, graph.feedback_topic(self._name))
         servers = tuple(sorted(info.node or "(a node not known yet)" for info in infos))
         if servers != self._servers:
             self._servers = servers
@@ -120,10 +101,34 @@ class StatusReader:
             self._on_servers(servers)
 
 
+def goals_in_flight(
+    domain_id: int | None, status_topic: str, stopped: Callable[[], bool]
+) -> list[GoalSeen]:
+    """Return the goals that the servers of an action have now. Errors: see `arriving`.
+
+    A server that never had a goal has nothing to tell.
+    """
+    arrays: list[Stamped] = []
+    joined = False
+    topic = TopicReader(domain_id, status_topic, _TYPE, GoalStatusArray, depth=_DEPTH)
+    with closing(topic) as reader:
+        found_by = reader.runtime.in_graph_since + _DISCOVERY
+        ends = max(time.monotonic() + _STATUS_WAIT, found_by)
+        for told in reader.arriving(stopped):
+            now = time.monotonic()
+            if told and not arrays:
+                ends = min(ends, now + SETTLE)
+            arrays += told
+            if not arrays and not joined and reader.joined >= max(1, reader.publishers):
+                joined = True  # what the servers keep comes now, if there is anything
+                ends = now + _STATUS_WAIT
+            if now >= ends or (now >= found_by and not reader.publishers and not arrays):
+                break
+    in_order = (goal for _, array in sorted(arrays) for goal in goals(array))
+    newest = {goal[0]: goal for goal in in_order}
+    return [_seen(*goal) for goal in newest.values() if goal[3] in _IN_FLIGHT]
+
+
 def _seen(goal_id: bytes, seconds: int, nanoseconds: int, code: int) -> GoalSeen:
     state = STATES.get(code, f"UNKNOWN ({code})")
     return GoalSeen(str(uuid.UUID(bytes=goal_id)), str(state), seconds + nanoseconds * 1e-9)
-
-
-def _unused(_: Any) -> None:
-    """Do nothing: rclpy demands a callback, but no executor calls it; the source takes."""
