@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 import reprlib
 
-from actionkit._model.printable import full_stop
+from actionkit._model.printable import full_stop, visible
 
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = (
@@ -14,9 +14,9 @@ _short.maxstring = _short.maxother = _short.maxlong = (
 
 
 def shown(value: object) -> str:
-    """Return a shortened `repr` of a value, for error texts."""
+    """Return a shortened `repr` of a value, for error texts, without what cannot be seen."""
     try:
-        return _short.repr(value)
+        return visible(_short.repr(value))
     except ValueError:  # Python refuses to write out integers of thousands of digits
         return f"<{type(value).__name__} too long to show>"
 

@@ -43,7 +43,7 @@ def check_size(arguments: object) -> str | None:
                     break
                 below.extend(value)
             elif value is not None and not isinstance(value, (bool, int, float)):
-                return f"{shown(value)} is of type {type(value).__name__}, which JSON does not have"
+                return f"there is a {type(value).__name__}, which JSON does not have"
         if values > _MOST_VALUES:
             return f"too large: more than {_MOST_VALUES} values"
         if characters > _MOST_CHARACTERS:

@@ -386,7 +386,7 @@ def deep(levels: int) -> Any:
         ({1: 2}, "the name 1 must be a string"),
         ({"a": {1, 2}}, "which JSON does not have"),
         ({"a": b"x"}, "which JSON does not have"),
-        ({"a": to_plain}, "which JSON does not have"),
+        ({"a": to_plain}, "a function, which JSON does not have"),
     ],
 )
 def test_what_is_too_deep_or_too_large_is_refused_at_once(arguments: Any, part: str) -> None:

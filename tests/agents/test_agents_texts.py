@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import inspect
 import re
 import uuid
@@ -24,6 +25,7 @@ from actionkit import (
     GoalState,
     Outcome,
 )
+from actionkit._messages import comments
 from actionkit._ros.holds.state import Hold
 from actionkit._ros.holds.words import who
 from actionkit.agents import Toolbox
@@ -130,6 +132,23 @@ def test_the_question_for_an_approval_shows_all_characters() -> None:
 
 def test_errors_escape_what_cannot_be_seen() -> None:
     assert ErrorValue("failed", "a\u200bb", retry=False, advice="").message == r"a\u200bb"
+
+
+def test_comments_of_message_packages_show_all_characters(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "# Counts.\u200b\nint32 order # far\U000e0041\n---\nint32[] sequence # so\ufe0f\n---\n"
+    monkeypatch.setattr(comments, "_parsed", lambda *_: comments.parsed(text))
+    (tool, _) = Toolbox.from_config({"tools": {"fib": FIBONACCI}}).tools
+    order = tool.input_schema["properties"]["order"]
+    assert order["description"].endswith(r"far\udb40\udc41")
+    assert r"Counts.\u200b" in tool.input_schema["description"]
+    result = tool.output_schema["properties"]["result"]["properties"]["sequence"]
+    assert result["description"].endswith(r"so\ufe0f")
+
+
+def test_what_a_model_made_up_is_told_with_all_characters() -> None:
+    toolbox = Toolbox.from_config({"tools": {"fib": FIBONACCI}})
+    value = asyncio.run(toolbox.call("fl\ufe0fy\U000e0101")).value
+    assert value["tool"] == r"'fl\ufe0fy\udb40\udd01'"
 
 
 def test_who_holds_the_robot_is_told_with_all_characters() -> None:

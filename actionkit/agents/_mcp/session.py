@@ -15,6 +15,7 @@ from mcp.server import Server, ServerRequestContext
 from mcp.server.request_state import RequestStateBoundary, RequestStateSecurity
 from mcp.shared.exceptions import MCPError
 
+from actionkit._model.field_errors import shown
 from actionkit.agents._mcp.approval import (
     MODERN,
     PATIENCE,
@@ -60,7 +61,7 @@ def make_server(toolbox: Toolbox, calls: Calls, version: str) -> Server[Any]:
         tool = tools.get(params.name)
         if tool is None:
             known = ", ".join(tools)
-            text = f"there is no tool {params.name[:100]!r}; there are: {known}"
+            text = f"there is no tool {shown(params.name)}; there are: {known}"
             raise MCPError(code=t.INVALID_PARAMS, message=text)
         return await _call(ctx, params, tool)
 
