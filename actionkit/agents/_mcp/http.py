@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import hmac
 import logging
+import re
 import resource
 import socket
 from collections.abc import Iterator
@@ -20,6 +21,7 @@ from mcp.server.auth.middleware.bearer_auth import BearerAuthBackend, RequireAut
 from mcp.server.auth.provider import AccessToken
 from mcp.server.transport_security import TransportSecuritySettings
 from starlette.middleware.authentication import AuthenticationMiddleware
+from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
@@ -36,6 +38,10 @@ _REQUEST_WITHIN = 10.0
 _MOST_SESSIONS = 256
 _SESSION_IDLE = 300.0
 """Seconds; a session in which a call runs, or that has a stream open, is not idle."""
+_NAMED = re.compile(rb"(https?://)?(\[[0-9A-Fa-f:.]+\]|[^:/@\s\[\]]+)(:[0-9]{1,5})?")
+"""A host or an origin. The SDK knows the names, but takes anything for a port."""
+_MISNAMED = {b"host": 421, b"origin": 403}
+"""The HTTP status where it is none."""
 _RECORDS_A_MINUTE = 20
 _LONGEST_RECORD = 300
 
@@ -95,6 +101,10 @@ class _Watched:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             return  # no web sockets here
+        for name, value in scope["headers"]:
+            if name in _MISNAMED and not _NAMED.fullmatch(value):
+                await Response(status_code=_MISNAMED[name])(scope, receive, send)
+                return
         gone = asyncio.Event()
         watcher: asyncio.Task[None] | None = None
 

@@ -289,6 +289,14 @@ def test_who_may_come_in(robot: Robot) -> None:
                     page.record(page.HTTP_ONLY, fault, "HTTP", reached, f"HTTP status {status}")
                     # It comes in, and is told that it has opened no session.
                     assert await told(**known, **{header: allowed}) == "400"
+                for header, text, status in (
+                    ("Host", "127.0.0.1:1.evil.test", "421"),
+                    ("Host", "localhost:1@evil.test", "421"),
+                    ("Origin", "http://localhost:1.evil.test", "403"),
+                    ("Host", "[::1]:8765", "400"),
+                    ("Origin", "https://localhost:8765", "400"),
+                ):
+                    assert await told(**known, **{header: text}) == status, text
             with_token = httpx2.AsyncClient(
                 timeout=PATIENCE,  # its default is 5 s, and a first call takes 4
                 headers={"Authorization": f"Bearer {TOKEN}"},
