@@ -393,7 +393,6 @@ def _humans(place: Place, toolbox: Toolbox) -> list[tuple[str, Any, list[int]]]:
         *((f"approve returns {value!r:.40}", says(value), []) for value in values),
         ("approve is no function", True, []),
         ("approve returns True at once", lambda _: True, []),
-        ("approve returns a coroutine of a coroutine", says(says(True)(None)), []),
         ("approve raises", raises, []),
         ("approve holds the robot", held, []),
         ("approve cancels everything", all_cancelled, []),
