@@ -220,7 +220,7 @@ class _Refused(Exception):
 
 def _goal(tool: ActionConfig, arguments: Mapping[str, Any]) -> Any:
     """Return the goal message."""
-    fields, problems = tool.model.check(arguments)
+    fields, problems = tool.fields.check(arguments)
     if not problems:
         try:
             return from_plain(tool.cls.Goal, fields)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy
@@ -26,11 +26,12 @@ from actionkit._messages.comments import comments, constants
 from actionkit._messages.convert import to_plain
 from actionkit._messages.paths import message_class, slots_of, type_name
 from actionkit._model.field_errors import shown
-from actionkit.agents._argument_problems import said, sentences
 from actionkit.agents._argument_size import check_size
 from actionkit.agents._limits import ABSENT, NO_LIMITS, Limits
+from actionkit.agents._problems import said, sentences
 from actionkit.agents._values import DIALECT
 
+_MOST_PROBLEMS = 10
 _FLOAT32_MAX = 3.4028234663852886e38
 DUMMY = "structure_needs_at_least_one_member"
 """rosidl's, in messages without fields."""
@@ -95,7 +96,7 @@ def _checked(
     try:
         return validator.validate_python(value), []
     except ValidationError as error:
-        return None, sentences(error, schema)
+        return None, sentences(error, schema)[:_MOST_PROBLEMS]
 
 
 def number_bounds(slot: Any) -> tuple[float | int, float | int] | None:
@@ -271,8 +272,11 @@ class _Builder:
     def _default(self, slot: Any, part: _Part, path: str, own: Limits) -> Any:
         """Return the default of the configuration as it is to be sent."""
         if part.check is None:  # what is hidden has its limits and constants, too
-            limits = {below: replace(limit, expose=True) for below, limit in self._limits.items()}
-            limits[path] = replace(limits[path], default=ABSENT)
+            limits = {
+                below: limit.model_copy(update={"expose": True})
+                for below, limit in self._limits.items()
+            }
+            limits[path] = limits[path].model_copy(update={"default": ABSENT})
             part = _Builder(limits).field(slot, path, None, True, "")
         if part.check is None:
             value, problems = None, ["every field in it has a const"]

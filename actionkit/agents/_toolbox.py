@@ -14,13 +14,13 @@ from actionkit._internal_api import in_thread
 from actionkit._model.domain import environment_domain
 from actionkit._model.field_errors import shown
 from actionkit.agents._clients import Clients
-from actionkit.agents._config import GOALS, Config, check_domain, read_config, read_file
+from actionkit.agents._config import Config, check_domain, read_config, read_file
 from actionkit.agents._goal_call import GoalCalls
 from actionkit.agents._goals import Goals, goals_result
 from actionkit.agents._results import refusal
 from actionkit.agents._tools import in_format, make_tools
 from actionkit.agents._topics import read_topic
-from actionkit.agents._values import Approve, Json, OnProgress, Tool, ToolResult
+from actionkit.agents._values import GOALS, Approve, Json, OnProgress, Tool, ToolResult
 
 _CANCEL_WAIT = 3.0
 """Seconds; `timeouts.cancel`, and what it takes to tell of it."""
@@ -40,8 +40,8 @@ class Toolbox:
 
     def __init__(self, config: Config, domain_id: int | None) -> None:
         self._tools = make_tools(config)
-        self._actions = {tool.name: tool for tool in config.actions}
-        self._topics = {topic.name: topic for topic in config.topics}
+        self._actions = config.tools
+        self._topics = config.topics
         self._domain_id = config.domain_id if domain_id is None else domain_id
         self._goals = Goals()
         self._clients = Clients(config, self._domain_id, self._goals)

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from actionkit._model.printable import full_stop
-from actionkit.agents._config import GOALS, ActionConfig, Config
+from actionkit.agents._config import ActionConfig, Config, TopicConfig
 from actionkit.agents._results import ActionValue, GoalsValue, TopicValue
-from actionkit.agents._values import DIALECT, Tool
+from actionkit.agents._values import DIALECT, GOALS, Tool
 
 _NO_INPUT = {"$schema": DIALECT, "type": "object", "properties": {}, "additionalProperties": False}
 _GOAL_ID = {"goal_id": {"type": "string", "description": "Only this one."}}
@@ -28,37 +28,43 @@ def make_tools(config: Config) -> tuple[Tool, ...]:
         Tool(
             name=tool.name,
             description=_described(tool),
-            input_schema=tool.model.schema,
+            input_schema=tool.fields.schema,
             output_schema=output_schema(
                 ActionValue, result=tool.cls.Result, feedback=tool.cls.Feedback
             ),
             confirm=tool.confirm,
             kind="action",
         )
-        for tool in config.actions
+        for tool in config.tools.values()
     ]
     topics = [
         Tool(
             name=topic.name,
-            description=topic.description,
+            description=_about(topic),
             input_schema=_NO_INPUT,
             output_schema=output_schema(TopicValue, message=topic.cls),
             confirm=False,
             kind="topic",
         )
-        for topic in config.topics
+        for topic in config.topics.values()
     ]
     goals_input = {**_NO_INPUT, "properties": _GOAL_ID}
     goals = Tool(GOALS, _GOALS_TEXT, goals_input, output_schema(GoalsValue), False, "goals")
     return (*actions, *topics, goals)
 
 
+def _about(topic: TopicConfig) -> str:
+    reads = f"Reads the latest message of the topic {topic.topic} ({topic.ros_type})."
+    return topic.description or reads
+
+
 def _described(tool: ActionConfig) -> str:
     """Return what a model is told of a tool: what it does, and under which conditions."""
     asked = "A human is asked to approve each goal" if tool.confirm else "No human is asked first"
+    about = tool.description or f"Sends a goal to the action {tool.action} ({tool.ros_type})."
     many = "one goal" if tool.concurrent == 1 else f"{tool.concurrent} goals"
     return (
-        f"{full_stop(tool.description)} {asked}. A goal may take {tool.timeout:g} s, then it is"
+        f"{full_stop(about)} {asked}. A goal may take {tool.timeout:g} s, then it is"
         f" cancelled. At most {many} at a time."
     )
 

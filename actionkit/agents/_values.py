@@ -12,6 +12,10 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 """The `$schema` of every schema of a tool."""
 
 
+GOALS = "goals"
+"""The tool that every toolbox has."""
+
+
 class ConfigError(ValueError):
     """A toolbox's configuration is wrong. `str()` lists every problem with its place.
 

@@ -154,7 +154,7 @@ def _print_tools(file: str) -> None:
 
     with _problems_of(file):
         config = read_file(file)
-    models = {action.name: action.model for action in config.actions}
+    models = {name: action.fields for name, action in config.tools.items()}
     for tool in make_tools(config):
         say(f"{tool.name}: {tool.description}")
         if (model := models.get(tool.name)) is not None:

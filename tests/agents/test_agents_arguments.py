@@ -19,7 +19,6 @@ from actionkit._messages.convert import from_plain, to_plain
 from actionkit.agents._argument_size import check_size
 from actionkit.agents._config_fields import read_fields
 from actionkit.agents._goal_model import GoalModel
-from actionkit.agents._reader import Reader
 
 CLASSES = [
     "test_msgs.action:NestedMessage.Goal",
@@ -47,11 +46,7 @@ def message_class(name: str) -> Any:
 
 
 def goal_model(name: str, fields: Any = None, *, expose_all: bool = True) -> GoalModel:
-    read = Reader("test")
-    found = read_fields(read, "fields", message_class(name), fields, expose_all=expose_all)
-    assert read.problems == []
-    assert found is not None
-    return found
+    return read_fields(message_class(name), fields or {}, expose_all=expose_all)
 
 
 # --- schemas -----------------------------------------------------------------------------------
@@ -253,10 +248,28 @@ def test_the_default_of_a_hidden_array_has_its_constants_and_limits() -> None:
     sent = {"header": {"frame_id": "map"}, "pose": {"position": {"x": 1.0}}}
     assert path.check({}) == ({"poses": [sent]}, [])
     fields["poses.pose.position.x"]["maximum"] = 0.5
-    read = Reader("test")
-    cls = message_class("nav_msgs.msg:Path")
-    assert read_fields(read, "fields", cls, fields, expose_all=False) is None
-    assert "fields.poses.default: [0].pose.position.x: 1.0 is outside of" in read.problems[0]
+    with pytest.raises(ValueError, match=r"\[0\].pose.position.x: 1.0 is outside of") as caught:
+        read_fields(message_class("nav_msgs.msg:Path"), fields, expose_all=False)
+    assert caught.value.errors()[0]["loc"] == ("poses", "default")
+
+
+@pytest.mark.parametrize(
+    ("name", "path", "limit", "text"),
+    [
+        ("Arrays", "bool_values", {"max_items": 2}, "this array always has 3 elements"),
+        ("BoundedSequences", "bool_values", {"max_items": 4}, "4 is more than the type allows, 3"),
+        ("Strings", "bounded_string_value", {"max_length": 23}, "more than the type allows, 22"),
+    ],
+)
+def test_limits_wider_than_the_type(name: str, path: str, limit: Any, text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        goal_model(f"test_msgs.msg:{name}", {path: limit})
+
+
+def test_limits_of_whole_numbers_may_be_written_as_floats() -> None:
+    number = goal_model("builtin_interfaces.msg:Time", {"sec": {"minimum": -1.0, "maximum": 3.0}})
+    schema = number.schema["properties"]["sec"]
+    assert (repr(schema["minimum"]), repr(schema["maximum"])) == ("-1", "3")
 
 
 def test_limits_within_arrays() -> None:

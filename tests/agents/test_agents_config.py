@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pytest
@@ -52,7 +54,7 @@ def tool(fields: Any = None, **more: Any) -> dict[str, Any]:
 
 
 def read(fields: Any) -> ActionConfig:
-    return read_config(tool(fields)).actions[0]
+    return read_config(tool(fields)).tools["t"]
 
 
 def test_a_file(tmp_path: Path) -> None:
@@ -60,10 +62,11 @@ def test_a_file(tmp_path: Path) -> None:
     path.write_text(RIGHT)
     config = read_file(path)
     assert config.domain_id == 7
-    (drive,) = config.actions
+    (drive,) = config.tools.values()
     assert (drive.name, drive.timeout, drive.concurrent) == ("drive", 120.0, 2)
     assert (drive.confirm, drive.retries) == (True, 0)
-    assert config.topics[0].max_age == 5.0
+    assert config.topics["battery"].max_age == 5.0
+    assert not read({"nested_field.bool_value": {}}).confirm
     toolbox = Toolbox.from_file(path, domain_id=9)
     assert toolbox.domain_id == 9
     assert [(one.name, one.kind) for one in toolbox.tools] == [
@@ -111,24 +114,24 @@ def test_every_problem_is_told_with_its_place() -> None:
     }
     text = "\n".join(problems(config))
     for part in (
-        "robot.toml: domain_id: 233 must be a whole number from 0 to 232",
-        "robot.toml: tols: there is no such key; did you mean 'tools'?",
+        "robot.toml: domain_id: 233 is outside of 0 to 232",
+        "robot.toml: there is no key 'tols'; did you mean 'tools'? the keys are: domain_id, tools",
         "robot.toml: tools.goals: the name 'goals' is taken",
         "robot.toml: tools.a b: a tool's name has",
         "robot.toml: tools.one.action: '9 lives' is no ROS name",
         "robot.toml: tools.one.type: 'test_msgs/msg/Empty' is not an action type: one is",
         "robot.toml: tools.one.timeout: 'long' must be a number",
-        "robot.toml: tools.two.action: is missing",
+        "robot.toml: tools.two.action: must be given",
         "robot.toml: tools.two.type: the package 'test_msgs' has no action 'Fibonaci'. Did you mean"
         " test_msgs/action/Fibonacci?",
         "robot.toml: tools.two.confirm: 'maybe' must be 'never' or 'always'",
-        "robot.toml: tools.two.concurent: there is no such key; did you mean 'concurrent'?",
+        "robot.toml: tools.two: there is no key 'concurent'; did you mean 'concurrent'?",
         "robot.toml: tools.three.type: the package 'nope_msgs' is not installed here",
-        "robot.toml: tools.three.retries: -1 must be",
+        "robot.toml: tools.three.retries: -1 is outside of 0 to 1000",
         "robot.toml: tools.four: 4 must be a table",
         "robot.toml: tools.five.timeout: 1000",
         f"robot.toml: topics.one.type: '{NESTED}' is not a message type",
-        "robot.toml: topics.one.max_size: 0 must be",
+        "robot.toml: topics.one.max_size: 0 is outside of 1 to 100000",
     ):
         assert part in text
 
@@ -136,7 +139,7 @@ def test_every_problem_is_told_with_its_place() -> None:
 @pytest.mark.parametrize(
     ("fields", "part"),
     [
-        ({"nested_field.float64_value": {"minimum": 10**400}}, "must be a number"),
+        ({"nested_field.float64_value": {"minimum": 10**400}}, "is outside of -1.79769e+308"),
         ({"nested_feld": {}}, "fields.nested_feld: the goal has no such field; did you mean"),
         (
             {"nested_field": {"minimum": 1}},
@@ -145,12 +148,18 @@ def test_every_problem_is_told_with_its_place() -> None:
         ({"nested_field.bool_value": {"maximum": 1}}, "maximum: is for numbers"),
         ({"nested_field.int8_value": {"max_length": 1}}, "max_length: is for strings"),
         ({"nested_field.int8_value": {"max_items": 1}}, "max_items: is for arrays"),
-        ({"nested_field.int8_value": {"maximum": 128}}, "128 is outside of int8, -128 to 127"),
+        ({"nested_field.int8_value": {"maximum": 128}}, "128 is outside of -128 to 127"),
         ({"nested_field.int8_value": {"maximum": 1.5}}, "1.5 must be a whole number"),
-        ({"nested_field.int8_value": {"maximum": float("nan")}}, "nan must be a whole number"),
-        ({"nested_field.int8_value": {"maximum": True}}, "True must be a whole number"),
-        ({"nested_field.int8_value": {"minimum": 2, "maximum": 1}}, "2 is above the maximum 1"),
-        ({"nested_field.int8_value": {"enum": []}}, "must be a list of values"),
+        (
+            {"nested_field.int8_value": {"maximum": float("nan")}},
+            "NaN must be a whole number, and finite",
+        ),
+        ({"nested_field.int8_value": {"maximum": True}}, "true must be a whole number"),
+        (
+            {"nested_field.int8_value": {"minimum": 2, "maximum": 1}},
+            "maximum: 1 is below the minimum 2",
+        ),
+        ({"nested_field.int8_value": {"enum": []}}, "enum: must not be empty"),
         ({"nested_field.int8_value": {"enum": [1, 999]}}, "enum: 999 is outside of -128 to 127"),
         ({"nested_field.int8_value": {"enum": [1, 1]}}, "names a value twice"),
         ({"nested_field.int8_value": {"const": "x"}}, "const: 'x' must be a whole number"),
@@ -204,8 +213,8 @@ def test_every_problem_is_told_with_its_place() -> None:
         ),
         (
             {},
-            "robot.toml: tools.t: no field of the goal is listed, so a model could set none. List"
-            " those that it may set, such as"
+            "robot.toml: tools.t.fields: no field of the goal is listed, so a model could set none."
+            " List those that it may set, such as"
             ' [tools.t.fields."nested_field_no_pkg.duration_value.sec"],'
             ' or set expose = "all" for all of them',
         ),
@@ -230,22 +239,65 @@ def test_what_else_is_wrong() -> None:
         Toolbox.from_config(tool(), domain_id=-1)
 
 
+def test_what_only_python_can_write() -> None:
+    fields = {"nested_field.bool_value": {}, 2: {}, "nested_field": {"a\ud800": {"b": {}}}}
+    config: Any = tool(MappingProxyType(fields), timeout=math.nan)
+    config["tools"]["t"] |= {3: 4, "retries": None, "concurrent": True}
+    config["tools"][None] = {}
+    assert set(problems(MappingProxyType({**config, "topics": None}))) == {
+        "robot.toml: tools.t.timeout: NaN must be a number, and finite",
+        "robot.toml: tools.t.retries: null is not allowed; leave the key out to keep its default",
+        "robot.toml: tools.t.concurrent: true must be a whole number",
+        "robot.toml: tools.t.fields: the name 2 must be a string",
+        "robot.toml: tools.t.fields.nested_field: a path needs quotes:"
+        ' [tools.t.fields."nested_field.a\\ud800.b"]',
+        "robot.toml: tools.t: the name 3 must be a string",
+        "robot.toml: tools: the name None must be a string",
+        "robot.toml: tools.None.type: must be given",
+        "robot.toml: tools.None.action: must be given",
+    }
+
+
+def test_all_that_is_wrong_with_one_field_is_told() -> None:
+    limits = {"const": [1, "x"], "enum": [], "maxmum": 1, "max_length": -1, "required": 0}
+    fields = {"nested_field.int8_value": limits, "nested_field_no_pkg": {"const": {"a": 1, "b": 2}}}
+    found = [one.removeprefix("robot.toml: tools.t.fields.") for one in problems(tool(fields))]
+    whole = '"nested_field.int8_value"'
+    beside = "has no meaning beside const; remove one of them"
+    assert sorted(found) == sorted(
+        [
+            *(f"{whole}.{key}: {beside}" for key in ("enum", "max_length", "required")),
+            f"{whole}.const: an array was given; this must be a whole number",
+            f"{whole}.enum: must not be empty",
+            f"{whole}.max_length: -1 is outside of 0 to {sys.maxsize}",
+            f"{whole}.required: 0 must be true or false",
+            f"{whole}: there is no key 'maxmum'; did you mean 'maximum'? the keys are: minimum,"
+            " maximum, max_length, max_items, enum, const, default, description, expose, required",
+            *(
+                f"nested_field_no_pkg.const: there is no field '{name}'; the fields are:"
+                " duration_value, time_value"
+                for name in "ab"
+            ),
+        ]
+    )
+
+
 def test_a_part_of_something_hidden_may_be_shown() -> None:
     fields = {"nested_field": {"expose": False}, "nested_field.bool_value": {"expose": True}}
-    properties = read(fields).model.schema["properties"]
+    properties = read(fields).fields.schema["properties"]
     assert list(properties["nested_field"]["properties"]) == ["bool_value"]
 
 
 def properties(config: Any) -> dict[str, Any]:
-    found: dict[str, Any] = read_config(config).actions[0].model.schema["properties"]
+    found: dict[str, Any] = read_config(config).tools["t"].fields.schema["properties"]
     return found
 
 
 def test_only_what_is_listed_is_exposed() -> None:
     x, y = {"minimum": 0.0, "maximum": 1.0}, {"const": 2.0}
     only = tool({"nested_field.float64_value": x, "nested_field.float32_value": y})
-    (config,) = read_config(only).actions
-    shown = config.model.schema["properties"]
+    (config,) = read_config(only).tools.values()
+    shown = config.fields.schema["properties"]
     assert set(shown) == {"nested_field"}
     assert set(shown["nested_field"]["properties"]) == {"float64_value"}
     for arguments in (
@@ -253,8 +305,8 @@ def test_only_what_is_listed_is_exposed() -> None:
         {"nested_field": {"float32_value": 2.0}},
         {"nested_different_pkg": {}},
     ):
-        assert "there is no field" in config.model.check(arguments)[1][0]
-    sent, _ = config.model.check({"nested_field": {"float64_value": 1}})
+        assert "there is no field" in config.fields.check(arguments)[1][0]
+    sent, _ = config.fields.check({"nested_field": {"float64_value": 1}})
     assert sent == {"nested_field": {"float64_value": 1.0, "float32_value": 2.0}}
     whole = {"nested_field.float64_value": x, "nested_different_pkg": {"expose": True}}
     assert set(properties(tool(whole))["nested_different_pkg"]["properties"]) == {"sec", "nanosec"}
@@ -280,13 +332,13 @@ def test_parts_of_arrays_are_exposed_as_they_are_listed() -> None:
 
 def test_required_fields_must_be_given() -> None:
     needed = {"minimum": -1.0, "maximum": 1.0, "required": True}
-    model = read({"nested_field.float64_value": needed}).model
+    model = read({"nested_field.float64_value": needed}).fields
     assert model.schema["required"] == ["nested_field"]
     assert model.schema["properties"]["nested_field"]["required"] == ["float64_value"]
     for arguments in ({}, {"nested_field": {}}):
         assert model.check(arguments)[1] == ["nested_field.float64_value: must be given"]
     assert model.check({"nested_field": {"float64_value": 0.0}})[1] == []
-    whole = read({"nested_different_pkg": {"required": True, "expose": True}}).model
+    whole = read({"nested_different_pkg": {"required": True, "expose": True}}).fields
     assert whole.check({})[1] == ["nested_different_pkg: must be given"]
     assert whole.check({"nested_different_pkg": {}})[1] == []
 
