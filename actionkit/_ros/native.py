@@ -207,7 +207,7 @@ class MessageSource(Source):
 def subscribe_raw(
     node: Node, cls: Any, topic: str, qos: QoSProfile, on_readable: Callable[[], None]
 ) -> MessageSource:
-    """Subscribe to a topic whose messages stay bytes."""
+    """Subscribe to a topic; its messages stay bytes."""
     quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
     made = node.create_subscription(cls, topic, unused, qos, raw=True, event_callbacks=quiet)
     return MessageSource(made, on_readable)

@@ -14,7 +14,7 @@ from actionkit._model.similar_names import similar_names
 
 Place = Sequence["str | int"]
 TABLE = "\0"
-"""Stands in a text for the table of the tool, such as `tools.navigate`."""
+"""Is replaced in texts by the table of the tool, such as `tools.navigate`."""
 _LONGEST_NAME = 64
 """Characters; looking for what somebody meant by a longer one takes too long."""
 _KINDS = {

@@ -42,7 +42,7 @@ def telling(
 
 
 class _ProgressTeller:
-    """Tells the newest, and waits for whoever is told. On the event loop that it was made on."""
+    """Tells the newest, and waits until that was heard. On the event loop that it was made on."""
 
     def __init__(self, on_progress: OnProgress, state: Callable[[], str]) -> None:
         self._on_progress: Any = on_progress

@@ -187,7 +187,7 @@ class GoalValue:
 
 @dataclass
 class ListedGoal(GoalValue):
-    """What happened to a goal, whoever sent it."""
+    """What happened to a goal of this toolbox or of another program."""
 
     sent_here: Annotated[
         bool,
