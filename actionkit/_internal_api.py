@@ -55,7 +55,7 @@ def client_in_domain(
 
 
 def end_at_exit() -> None:
-    """End in order at the interpreter's exit, also where no client is made. Imports rclpy."""
+    """Shut down in order at the interpreter's exit, also without a client. Imports rclpy."""
     from actionkit._calls.exit import arm
 
     arm()
@@ -67,7 +67,7 @@ def type_of(client: Client[Any]) -> Any:
 
 
 def status_topic(client: Client[Any]) -> str:
-    """Return the full name of the topic on which a client's servers tell the states of goals."""
+    """Return the full name of the status topic of a client's action."""
     return client._session.port.names.status
 
 

@@ -56,7 +56,7 @@ def comments_of(ros_type: str) -> Comments:
 def comments(ros_type: str) -> Mapping[str, str]:
     """Return the comments on a type or part as one text for each field, and `""` for the whole.
 
-    For language models: the author of a package may have hidden something in them.
+    Language models read them. So what cannot be seen is escaped: it may be a hidden instruction.
     """
     found = comments_of(ros_type)
     lines = {"": found.about, **found.fields}

@@ -14,7 +14,7 @@ _short.maxstring = _short.maxother = _short.maxlong = (
 
 
 def shown(value: object) -> str:
-    """Return a shortened `repr` of a value, for error texts, without what cannot be seen."""
+    """Return a short `repr` of a value for error texts; invisible characters are escaped."""
     try:
         return visible(_short.repr(value))
     except ValueError:  # Python refuses to write out integers of thousands of digits

@@ -193,7 +193,7 @@ class MessageSource(Source):
         return messages
 
     def take_stamped(self, most: int) -> list[tuple[int, bytes]]:
-        """Do the same with the time when each was published, in nanoseconds. From any thread."""
+        """Take messages, each with the nanoseconds when it was published. From any thread."""
         with self._handle:  # so that it is not destroyed meanwhile
             come = iter(lambda: self._handle.take_message(None, True), None)
             return [(info["source_timestamp"], message) for message, info in islice(come, most)]
@@ -207,14 +207,14 @@ class MessageSource(Source):
 def subscribe_raw(
     node: Node, cls: Any, topic: str, qos: QoSProfile, on_readable: Callable[[], None]
 ) -> MessageSource:
-    """Subscribe to a topic; its messages stay bytes."""
+    """Subscribe to a topic. Its messages are not decoded."""
     quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
     made = node.create_subscription(cls, topic, unused, qos, raw=True, event_callbacks=quiet)
     return MessageSource(made, on_readable)
 
 
 def unused(_: Any) -> None:
-    """Do nothing: rclpy demands a callback, but no executor calls it; the sources take."""
+    """Do nothing. rclpy needs a callback, but nothing calls it: the sources take messages."""
 
 
 class EventSource(Source):

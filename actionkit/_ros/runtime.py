@@ -93,7 +93,7 @@ class Runtime:
         self.on_shutdown: list[Callable[[], None]] = []
         """These are called on the thread, several times, if the context is shut down (R10)."""
         self.in_graph_since = 0.0
-        """When the node was made: it discovers the others one by one. Monotonic seconds."""
+        """When the node was made, in monotonic seconds. It needs time to discover the others."""
         self.was_shut_down = False
         """Whether they were called, or are being called."""
         self._pid = os.getpid()
@@ -246,9 +246,7 @@ class Runtime:
         return cast(_W, window)
 
     def expect_more(self) -> None:
-        """Make now what one more client or reader of a topic needs.
-
-        After a shutdown nothing can be made.
+        """Make room for one more client or reader of a topic, as none can be made after a shutdown.
 
         Raises:
             RCLError: The context was shut down.

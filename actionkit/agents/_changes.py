@@ -1,4 +1,4 @@
-"""Waiting in a coroutine for what other threads change."""
+"""Coroutines wait until another thread has changed something."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import suppress
 
 
 class Changes:
-    """Has coroutines, on any event loop, look again at what they wait for."""
+    """Wakes coroutines, on any event loop, to check their condition again."""
 
     def __init__(self) -> None:
         self._wakers: list[Callable[[], None]] = []
@@ -19,7 +19,7 @@ class Changes:
             wake()
 
     async def until(self, condition: Callable[[], bool], seconds: float | None = None) -> bool:
-        """Wait until a condition is true, for so long at most; return whether it is."""
+        """Wait until a condition is true, or the seconds are over; return whether it is true."""
         # No `asyncio.wait_for`: before Python 3.12 it may swallow the cancellation of the task.
         loop = asyncio.get_running_loop()
         changed = asyncio.Event()
@@ -37,7 +37,7 @@ class Changes:
         timer = None if seconds is None else loop.call_later(seconds, end)
         self._wakers.append(wake)
         try:
-            while not condition() and not over:  # looked at once more after `wake` can be seen
+            while not condition() and not over:  # after `append`: no change is missed
                 await changed.wait()
                 changed.clear()
         finally:

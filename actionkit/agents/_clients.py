@@ -1,4 +1,4 @@
-"""What a toolbox holds of ROS: a client for each tool, the human's stop, what is being read."""
+"""What a toolbox needs of ROS: a client for each tool, the human's stop, readers of topics."""
 
 from __future__ import annotations
 
@@ -11,25 +11,27 @@ from typing import Any, TypeVar
 
 from actionkit import Client, RetryPolicy
 from actionkit._internal_api import client_in_domain, close_together, end_at_exit, in_thread
-from actionkit.agents._config import ActionConfig, Config
+from actionkit.agents._config import ActionConfig
 from actionkit.agents._goals import Goals
 from actionkit.agents._hold import HoldListener
 
 _T = TypeVar("_T")
 _STOPPED_WITHIN = 5.0
-"""Seconds to wait for the end of what is being read; it takes some ten milliseconds."""
+"""Seconds to wait until nothing is read any more; it takes some ten milliseconds."""
 _log = logging.getLogger("actionkit")
 
 
 class Clients:
-    """Made when they are needed first, closed together. Its functions block, from any thread.
+    """Makes each client when it is first needed; closes all together.
+
+    All methods except `read` may block, and may be called from any thread.
 
     Attributes:
         closed: Whether `close` was called.
         on_hold: Called when a human stops the robot.
     """
 
-    def __init__(self, config: Config, domain_id: int | None, goals: Goals) -> None:
+    def __init__(self, domain_id: int | None, goals: Goals) -> None:
         self.closed = False
         self.on_hold: Callable[[str], object] = lambda why: None
         self._domain_id = domain_id
@@ -41,11 +43,11 @@ class Clients:
 
     @property
     def listening(self) -> HoldListener | None:
-        """The human's stop where it is listened to, without blocking."""
+        """The listener for a human's stop; `None` before `hold` was called. Never blocks."""
         return self._hold
 
     def hold(self) -> HoldListener:
-        """Return the human's stop, listened to from now on.
+        """Return the listener for a human's stop; start it if there is none.
 
         Raises:
             ImportError: rclpy is not there.
@@ -92,7 +94,7 @@ class Clients:
 
         def call() -> _T:
             try:
-                self.hold()  # this also keeps the node, so that it has found publishers
+                self.hold()  # also keeps the node, which has found the publishers by then
                 return read(self._domain_id, lambda: self.closed or given_up.is_set())
             finally:
                 ended.set_result(None)

@@ -37,7 +37,7 @@ def read_file(path: str | PathLike[str]) -> Config:
     try:
         config = toml.loads(content.decode())
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
-        raise ConfigError((f"{source}: this is no TOML: {error}",)) from error
+        raise ConfigError((f"{source}: this is not TOML: {error}",)) from error
     return read_config(config, source)
 
 
@@ -60,13 +60,12 @@ def check_domain(domain_id: object) -> int | None:
     """Return a domain that was given as an argument.
 
     Raises:
-        ConfigError: It is none.
+        ConfigError: It is not a ROS domain.
         ImportError: The extra `agents` is not installed.
     """
     models = _models()
-    found: int | None
-    found = models.checked(models.Arguments, {"domain_id": domain_id}, "arguments").domain_id
-    return found
+    found: Config = models.checked(models.DomainOnly, {"domain_id": domain_id}, "arguments")
+    return found.domain_id
 
 
 def _models() -> Any:

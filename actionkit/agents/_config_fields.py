@@ -22,8 +22,8 @@ class _Type:
     """The type of a field.
 
     Attributes:
-        slot: As rosidl describes it.
-        text: As ROS writes it.
+        slot: The type as rosidl describes it.
+        text: The type as ROS writes it.
     """
 
     slot: Any
@@ -31,14 +31,14 @@ class _Type:
 
     @property
     def inner(self) -> Any:
-        """That of its elements if it is an array, else its own."""
+        """The type of the elements if it is an array, else the type itself."""
         return self.slot.value_type if isinstance(self.slot, AbstractNestedType) else self.slot
 
     def limit(self, key: str, value: Any, info: ValidationInfo) -> Any:
-        """Return a limit as it is to be used, checked against the type and the limits above it.
+        """Check a limit against the type and the limits before it; return the value to use.
 
         Raises:
-            ValueError: The type cannot have it.
+            ValueError: The limit does not fit.
         """
         slot, inner = self.slot, self.inner
         bounds = number_bounds(inner)
@@ -52,7 +52,7 @@ class _Type:
         elif key in ("minimum", "maximum"):
             self._is_for("numbers", bounds is not None)
             _checked(inner, value)
-            # As it is written: checked, it is rounded to 32 bits.
+            # Keep the number as it was written: the check rounds it to 32 bits.
             value = int(value) if isinstance(bounds[0], int) else float(value)  # type: ignore[index]
             low = info.data["minimum"] if key == "maximum" and "minimum" in info.data else None
             if low is not None and value < low:
@@ -68,7 +68,7 @@ class _Type:
             self._is_for("numbers, strings and booleans", bounds or is_text or is_flag)
             if not value or len(value) != len({repr(one) for one in value}):
                 raise ValueError("names a value twice" if value else "must not be empty")
-            # Within the other limits, too: one of them is wrong.
+            # Each value must also be within the other limits.
             known = ("minimum", "maximum", "max_length")
             limits = NO_LIMITS.model_copy(update={one: info.data.get(one) for one in known})
             refuse(((), text) for one in value for text in check_value(inner, one, limits)[1])
@@ -105,7 +105,7 @@ def read_fields(cls: type, content: object, *, expose_all: bool) -> GoalModel:
             hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(types)}"
             found.append(((written,), f"the goal has no such field; {hint}"))
         elif path in limits:
-            found.append(((written,), "this field is listed twice; [] says nothing"))
+            found.append(((written,), "this field is listed twice: with and without []"))
         elif (whole := _unquoted(path, table)) != path:
             found.append(((written,), f"a path needs quotes: [{TABLE}.fields.{quoted(whole)}]"))
         else:
@@ -142,7 +142,7 @@ def _types(cls: type, path: str) -> Iterator[tuple[str, _Type]]:
 
 
 def _unquoted(path: str, content: object) -> str:
-    """Return the path that was meant: without quotes, TOML makes a table of each part of it."""
+    """Return the path that was meant: without quotes, TOML makes nested tables of its parts."""
     if isinstance(content, Mapping):
         for key, below in content.items():
             if key not in Limits.model_fields and isinstance(below, Mapping):
@@ -177,7 +177,7 @@ def _check_most(value: int, slot: Any) -> None:
 def _without_effect(
     types: Mapping[str, _Type], limits: Mapping[str, Limits], model: GoalModel
 ) -> Iterator[tuple[Place, str]]:
-    """Yield limits of parts of what is constant as a whole; and messages listed for nothing."""
+    """Yield what has no effect: limits inside a constant, messages without any listed field."""
     inside = [*limits, *model.exposed]
     for path, own in limits.items():
         for above, limit in limits.items():

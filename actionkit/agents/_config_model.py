@@ -32,7 +32,7 @@ from actionkit.agents._problems import Place, refuse, sentences
 from actionkit.agents._values import GOALS, ConfigError
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
-"""What the APIs of language models take as the name of a tool."""
+"""The names of tools that the APIs of language models accept."""
 _ROS_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
 
@@ -46,12 +46,12 @@ def _tool_name(name: str) -> str:
 
 def _ros_name(name: str) -> str:
     if not _ROS_NAME.fullmatch(name):
-        raise ValueError(f"{name!r} is no ROS name, such as '/arm/pick'")
+        raise ValueError(f"{name!r} is not a ROS name, such as '/arm/pick'")
     return name
 
 
 def _goal_model(content: object, info: ValidationInfo) -> GoalModel | None:
-    if "ros_type" not in info.data:  # it is wrong, which is told
+    if "ros_type" not in info.data:  # it is wrong, and its own error says so
         return None
     goal = interface_class(info.data["ros_type"], "action").Goal
     everything = info.data.get("expose") == "all"
@@ -62,10 +62,10 @@ _RosName = Annotated[str, AfterValidator(_ros_name)]
 
 
 class _Tool(Table):
-    """What all tools have.
+    """The keys that all tools have.
 
     Attributes:
-        kind: Of their types.
+        kind: Which kind of type they need: "action" or "msg".
         ros_type: Such as `nav2_msgs/action/NavigateToPose`.
         description: For the model.
     """
@@ -83,7 +83,7 @@ class _Tool(Table):
 
     @property
     def name(self) -> str:
-        """Of the tool."""
+        """The tool's name."""
         return self._name
 
     @cached_property
@@ -97,30 +97,26 @@ class ActionConfig(_Tool):
 
     Attributes:
         action: The action's name.
-        timeout: Seconds for everything.
+        timeout: Seconds from sending to the result, with all retries.
         concurrent: The most goals at a time.
-        approval: Whether a human approves each.
-        retries: How many more goals may be sent where one failed for a reason that may pass.
-        expose: Which fields a model sees; files from before there was this key mean all.
-        fields: The goal's model, with their limits.
+        confirm: Whether a human approves each goal.
+        retries: How often to send the goal again after a failure that may pass.
+        expose: Which fields a model sees. `None` means "listed", with a warning: in files from
+            before this key, it meant all.
+        fields: The goal's fields with their limits.
     """
 
     kind = "action"
     action: _RosName
     timeout: Annotated[float, Field(gt=0, le=MOST)] = 60.0
     concurrent: Annotated[int, Field(ge=1, le=1000)] = 1
-    approval: Literal["never", "always"] = Field("never", alias="confirm")
+    confirm: Literal["never", "always"] = "never"
     retries: Annotated[int, Field(ge=0, le=1000)] = 2
     expose: Literal["listed", "all"] | None = None
     fields: Annotated[GoalModel, PlainValidator(_goal_model)] = Field(None, validate_default=True)
 
-    @property
-    def confirm(self) -> bool:
-        """Whether a human approves each goal."""
-        return self.approval == "always"
-
     def warnings(self) -> Iterator[str]:
-        """Yield what is allowed, and may not be meant."""
+        """Yield warnings: what is allowed, but may be a mistake."""
         if self.fields.unlimited:
             numbers = ", ".join(self.fields.unlimited)
             yield f"numbers without limits: {numbers}; set minimum and maximum, or enum"
@@ -164,13 +160,13 @@ _Tools = Annotated[
 ]
 
 
-class Arguments(Table):
-    """What may be told apart from the file, too."""
+class DomainOnly(Table):
+    """The one setting that a program can also give as an argument."""
 
     domain_id: Annotated[int, Field(ge=0, le=LAST_DOMAIN)] | None = None
 
 
-class Config(Arguments):
+class Config(DomainOnly):
     """A whole configuration.
 
     Attributes:
@@ -193,7 +189,7 @@ class Config(Arguments):
         for name, tool in self.tools.items():
             known = types.setdefault(tool.action, tool.ros_type)
             if known != tool.ros_type:
-                text = f"{tool.action!r} has the type {known!r} above"
+                text = f"another tool says that {tool.action!r} has the type {known!r}"
                 found.append((("tools", name, "type"), text))
         if not self.tools and not self.topics:
             found.append(((), "there are no tools; add a table [tools.NAME] or [topics.NAME]"))
@@ -205,7 +201,7 @@ _Model = TypeVar("_Model", bound=Table)
 
 
 def checked(model: type[_Model], content: object, source: str) -> _Model:
-    """Return what a configuration says.
+    """Check a configuration, and return it as a model.
 
     Raises:
         ConfigError: It is wrong.

@@ -45,7 +45,7 @@ class GoalCalls:
         self._goals = goals
         self._stops = 0
         """How many times all was cancelled: what waited to be sent then is not sent."""
-        # Also goals that no server knows of, which a human's stop cannot cancel.
+        # `actionkit stop` cannot cancel a goal that no server knows yet; this can.
         clients.on_hold = self.cancel_all
 
     def cancel_all(self, why: str) -> list[GoalRecord]:
@@ -68,8 +68,8 @@ class GoalCalls:
         try:
             goal = _goal(tool, arguments)
             await self._ready(tool)
-            if tool.confirm:
-                await self._room(tool)  # no human is asked for nothing
+            if tool.confirm == "always":
+                await self._room(tool)  # else a human would be asked in vain
                 with telling(on_progress, lambda: "waiting for a human to approve this"):
                     await _ask(tool, goal, approve)
             hold = await self._ready(tool)
@@ -102,8 +102,8 @@ class GoalCalls:
     async def _room(self, tool: ActionConfig) -> tuple[Any, list[GoalSeen]]:
         """Return the client, and the goals of other programs, unless there are too many.
 
-        Where the goals are is known only to the client: ROS arguments of the process, such as a
-        namespace, change the action's name.
+        Only the client knows the full name of the action: ROS arguments of the process, such as a
+        namespace, change it.
         """
         others: list[GoalSeen] = []
         try:
@@ -136,7 +136,7 @@ class GoalCalls:
             return []
 
     async def _ready(self, tool: ActionConfig) -> HoldListener:
-        """Return the human's stop, unless that forbids to send a goal now."""
+        """Return the listener for a human's stop; refuse if no goal may be sent now."""
         try:
             hold = self._clients.listening or await self.start()
         except Exception as error:
@@ -156,9 +156,9 @@ class GoalCalls:
         others: list[GoalSeen],
         on_progress: OnProgress | None,
     ) -> ToolResult:
-        """Send the goal and wait for its end. Nothing is awaited before it is in good hands."""
+        """Send the goal and wait for its end. Before `record.follow`, nothing is awaited."""
         record = GoalRecord(tool.name, client.action_name)
-        # Counted in before the last look at what may forbid it: what forbids it later finds it.
+        # Counted before the last check: a stop that comes after the check finds and cancels it.
         if not self._goals.add(record, tool.concurrent - len(others)):
             raise _too_many(tool, self._goals.counting(record.action), others)
         sent = False
@@ -172,9 +172,9 @@ class GoalCalls:
                 sent = True
                 record.follow(future)
                 await record.over()
+        except _Refused:
+            raise
         except BaseException as error:
-            if not sent and isinstance(error, _Refused):
-                raise
             if not sent and isinstance(error, Exception):
                 raise self._failed(tool, error) from error
             record.cancel("its caller gave up")
@@ -189,7 +189,7 @@ class GoalCalls:
         return tool_result(record.value)
 
     def _check(self, tool: ActionConfig, hold: HoldListener) -> None:
-        """Refuse where the toolbox was closed, or a human has stopped the robot."""
+        """Refuse if the toolbox was closed, or a human has stopped the robot."""
         if self._clients.closed:
             raise _closed(tool)
         if (why := hold.why_held()) is None:
@@ -209,7 +209,7 @@ class GoalCalls:
 
 
 class _Refused(Exception):
-    """Nothing is sent."""
+    """The call is refused, and nothing was sent."""
 
     def __init__(
         self, tool: ActionConfig, kind: str, text: str, advice: str, *, retry: bool = False
@@ -244,7 +244,7 @@ async def _ask(tool: ActionConfig, goal: Any, approve: Approve | None) -> None:
 
 
 def question_of(goal: Any) -> str:
-    """Return a goal for a human to read: every field, if not all of what is long."""
+    """Return a goal as text for a human: every field, but long values are cut."""
     # Without what a human cannot see, or what a terminal takes for commands.
     whole = json.loads(to_json(to_plain(goal)))
     shown = visible(json.dumps(whole, indent=2, ensure_ascii=False))
@@ -277,7 +277,7 @@ async def _answer(approve: Approve, request: ApprovalRequest) -> object:
 def _too_many(tool: ActionConfig, running: list[GoalRecord], others: list[GoalSeen]) -> _Refused:
     ids = [record.report()["goal_id"] or "one that waits to be sent" for record in running]
     ids += [f"{goal.goal_id} (of another program)" for goal in others]
-    text = f"{tool.name} takes {tool.concurrent} at a time, and as many run, or may"
+    text = f"{tool.name} allows {tool.concurrent} at a time, and as many run or may run"
     advice = "Wait until they have ended; the tool `goals` tells when."
     if others:
         advice += " A goal of another program can also be stopped by a human, or by that program."

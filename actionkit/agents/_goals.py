@@ -59,11 +59,11 @@ class GoalRecord:
         self._ended = 0.0
         self._goal_id: uuid.UUID | None = None
         self._goals: Any = None
-        """What is known of the goals that were sent; stays true to life when the call is over."""
+        """What is known of the goals that were sent; still kept up to date after the call."""
         self.last_states: dict[uuid.UUID, GoalState] = {}
 
     def follow(self, future: Future) -> None:
-        """Follow a goal that was sent; cancel it where that was asked for meanwhile."""
+        """Follow a goal that was sent; cancel it if `cancel` was called meanwhile."""
         self._future, self._goals = future, future._call.goals
         self.call_id = future.goal_id
         future.add_done_callback(self._done)
@@ -80,7 +80,7 @@ class GoalRecord:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """The ids of its goals that may have been told of: of the first, and of the latest."""
+        """The ids that a model may know: of the first goal, and of the latest."""
         future = self._future
         latest = self._goal_id if future is None else future.goal_id
         return tuple(str(one) for one in dict.fromkeys((latest, self.call_id)) if one is not None)
@@ -165,7 +165,7 @@ class Goals:
         self._records: list[GoalRecord] = []
 
     def add(self, record: GoalRecord, limit: int) -> bool:
-        """Count a goal in, unless there are as many of its action as there may be."""
+        """Add a goal; return False, and do not add it, if its action has no room."""
         with self._lock:
             if sum(one.counts for one in self._records if one.action == record.action) >= limit:
                 return False
@@ -176,10 +176,9 @@ class Goals:
             return True
 
     def remove(self, record: GoalRecord) -> None:
-        """Count a goal out that was not sent after all."""
+        """Remove a goal that was not sent after all."""
         with self._lock:
-            if record in self._records:
-                self._records.remove(record)
+            self._records.remove(record)
 
     def counting(self, action: str | None = None) -> list[GoalRecord]:
         """Return the goals that are in flight, or may be, the latest first."""
@@ -223,7 +222,7 @@ def goals_result(
         found += [ListedGoal(**one) for one in goals.reports(goal_id)]
         found += [_of_other(*one) for one in others if goal_id in (None, one[1].goal_id)]
         if goal_id is not None and not found:
-            problem = f"no goal {shown(goal_id)} is known here; without goal_id all are told of"
+            problem = f"no goal {shown(goal_id)} is known here; leave out goal_id to see all"
     if problem:
         error = ErrorValue("invalid_arguments", problem, False, "Change the arguments.")
         return tool_result(GoalsValue(status="refused", error=error))

@@ -11,8 +11,6 @@ from actionkit.agents._changes import Changes
 if TYPE_CHECKING:
     from actionkit._ros.holds.state import Hold
 
-RELEASE = "`actionkit stop --release`"
-
 
 class HoldListener:
     """Listens for holds in a ROS domain, and tells other listeners of those that it knows.
@@ -97,7 +95,7 @@ class HoldListener:
         if new:
             try:
                 self._on_hold(_sentence(holds))
-            except Exception:  # noqa: BLE001  who waits has to be told
+            except Exception:  # noqa: BLE001  the waiting calls must be woken
                 log_own_error()
         self._changes.tell()
 
@@ -108,5 +106,5 @@ def _sentence(holds: Sequence[Hold]) -> str:
 
     return (
         f"A human has stopped the robot: {who(holds)}. Nothing is sent to it until a human ends"
-        f" that by {RELEASE}."
+        " that by `actionkit stop --release`."
     )

@@ -17,7 +17,7 @@ from pydantic import (
 )
 
 ABSENT: Any = object()
-"""Stands for a limit that was not set, where any value may be one."""
+"""Means that a limit was not set, for limits that can have any value, also `None`."""
 
 
 class Table(BaseModel):

@@ -16,11 +16,11 @@ from actionkit.agents._goal_model import DUMMY
 from actionkit.agents._values import DIALECT
 
 _ADDED = ("data_from_robot", "sent_here")
-"""What results had not from the beginning: programs may have kept some without it."""
+"""Fields that were added later: programs may have stored results without them."""
 
 
 def output_schema(value: type, **messages: type) -> dict[str, Any]:
-    """Return the schema of a value, a dataclass; by field, the messages in it.
+    """Return the schema of a dataclass; `messages` are the message classes of its fields.
 
     Of a message it says which fields it has, not what is in them: arrays may be cut, and numbers
     that JSON does not have are strings.

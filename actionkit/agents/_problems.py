@@ -1,4 +1,4 @@
-"""What is wrong with arguments, or with a configuration: place, value, what is allowed."""
+"""Error texts for arguments and configurations: the place, the value, what is allowed."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from actionkit._model.similar_names import similar_names
 
 Place = Sequence["str | int"]
 TABLE = "\0"
-"""Is replaced in texts by the table of the tool, such as `tools.navigate`."""
+"""A placeholder in texts for the tool's table, such as `tools.navigate`."""
 _LONGEST_NAME = 64
-"""Characters; looking for what somebody meant by a longer one takes too long."""
+"""Characters; a search for names similar to a longer one takes too long."""
 _KINDS = {
     "table": "a table",
     "object": "an object",
@@ -55,10 +55,10 @@ def problems(
 
 
 def refuse(found: Iterable[tuple[Place, str]]) -> None:
-    """Tell pydantic of problems, from within a validator; nothing happens if there are none.
+    """Raise problems inside a validator of pydantic, if there are any.
 
     Raises:
-        ValidationError: There are.
+        ValidationError: There are problems.
     """
     lines: list[InitErrorDetails] = []
     for loc, text in found:
@@ -123,7 +123,7 @@ def _unknown(noun: str, name: str, known: Sequence[str]) -> str:
 
 
 def said(value: object) -> str:
-    """Return a value in short as JSON writes it, where that differs from Python."""
+    """Return a short text of a value, as JSON writes it if that differs from Python."""
     if isinstance(value, Mapping):
         return "an object was given; this"
     if isinstance(value, (list, tuple)):

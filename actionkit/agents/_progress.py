@@ -29,7 +29,7 @@ _log = logging.getLogger("actionkit")
 def telling(
     on_progress: OnProgress | None, state: Callable[[], str]
 ) -> Iterator[Callable[[object], None] | None]:
-    """Tell of progress as long as the block lasts; what it yields is given the feedback."""
+    """Report progress while the block runs; yield the function to call with feedback."""
     if on_progress is None:
         yield None
         return
@@ -42,7 +42,7 @@ def telling(
 
 
 class _ProgressTeller:
-    """Tells the newest, and waits until that was heard. On the event loop that it was made on."""
+    """Reports the newest state; waits for each report to end. Runs on its own event loop."""
 
     def __init__(self, on_progress: OnProgress, state: Callable[[], str]) -> None:
         self._on_progress: Any = on_progress

@@ -97,7 +97,7 @@ _CANCELS = [*(report.value.lower() for report in CancelReport), None]
 
 
 class Doc:
-    """What the schema says of a field. Not pydantic's: importing this must not import that."""
+    """What the schema says of a field. Pydantic has its own, but this module must not import it."""
 
     def __init__(self, text: str, **more: Any) -> None:
         self.said = {"description": text, **more}
@@ -122,7 +122,7 @@ class ErrorValue:
     advice: Annotated[str, Doc("What to do next.")]
 
     def __post_init__(self) -> None:
-        # Also a message may hold words of others, such as the name of a type that a server has.
+        # The text may come from others, such as the name of a server's type.
         self.message = visible(self.message)
 
 
@@ -224,7 +224,7 @@ def refusal(tool: str, kind: str, message: str, *, retry: bool, advice: str) -> 
 def goal_value(
     tool: str, outcome: Outcome[Any], feedback: object | None, why_cancelled: str
 ) -> ActionValue:
-    """Return how a goal ended; `why_cancelled` by this toolbox, `""` where it was not."""
+    """Return how a goal ended. `why_cancelled` is `""` if this toolbox did not cancel it."""
     known = len(outcome.goals)  # an attempt that finds no server sends none
     sent = known if known < _GOALS_KEPT else outcome.attempts
     status, error = _judged(outcome, why_cancelled)
@@ -249,7 +249,7 @@ def may_still_run(outcome: Outcome[Any]) -> bool:
 
 
 def _judged(outcome: Outcome[Any], why: str) -> tuple[str, ErrorValue | None]:
-    """Return the status and the error; `why` this toolbox cancelled it, `""` where it did not."""
+    """Return the status and the error. `why` is `""` if this toolbox did not cancel the goal."""
     state, may_run = outcome.status, may_still_run(outcome)
     # Also where it succeeded while it was being cancelled: the robot has done it.
     if outcome.error is None or (state is GoalState.SUCCEEDED and outcome.result is not None):
@@ -275,7 +275,7 @@ def _judged(outcome: Outcome[Any], why: str) -> tuple[str, ErrorValue | None]:
 def _failure(outcome: Outcome[Any]) -> tuple[str, str, str]:
     """Return the status, the message and the advice of a call that failed by itself.
 
-    In words of its own: the error's are for people who write Python, who find them in the log.
+    The error's own text is for people who write Python. They find it in the log.
     """
     known = (told for cls, told in _FAILURES.items() if isinstance(outcome.error, cls))
     failed = ("failed", "the call failed", "Do without this, or ask a human.")

@@ -44,7 +44,7 @@ class Toolbox:
         self._topics = config.topics
         self._domain_id = config.domain_id if domain_id is None else domain_id
         self._goals = Goals()
-        self._clients = Clients(config, self._domain_id, self._goals)
+        self._clients = Clients(self._domain_id, self._goals)
         self._calls = GoalCalls(self._clients, self._goals)
 
     @classmethod
@@ -59,8 +59,7 @@ class Toolbox:
             ConfigError: Something in it is wrong; every problem is listed with its place.
             OSError: The file cannot be read.
         """
-        checked = check_domain(domain_id)
-        return cls(read_file(path), checked)
+        return cls(read_file(path), check_domain(domain_id))
 
     @classmethod
     def from_config(cls, config: Mapping[str, Any], *, domain_id: int | None = None) -> Self:
@@ -73,8 +72,7 @@ class Toolbox:
         Raises:
             ConfigError: Something in it is wrong; every problem is listed with its place.
         """
-        checked = check_domain(domain_id)
-        return cls(read_config(config), checked)
+        return cls(read_config(config), check_domain(domain_id))
 
     @property
     def tools(self) -> tuple[Tool, ...]:
@@ -84,9 +82,7 @@ class Toolbox:
     @property
     def domain_id(self) -> int:
         """The ROS domain."""
-        if self._domain_id is not None:
-            return self._domain_id
-        return environment_domain()
+        return environment_domain() if self._domain_id is None else self._domain_id
 
     def action_of(self, tool: str) -> str:
         """Return the name of the action that a tool sends goals to.

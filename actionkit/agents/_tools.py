@@ -32,7 +32,7 @@ def make_tools(config: Config) -> tuple[Tool, ...]:
             output_schema=output_schema(
                 ActionValue, result=tool.cls.Result, feedback=tool.cls.Feedback
             ),
-            confirm=tool.confirm,
+            confirm=tool.confirm == "always",
             kind="action",
         )
         for tool in config.tools.values()
@@ -60,7 +60,8 @@ def _about(topic: TopicConfig) -> str:
 
 def _described(tool: ActionConfig) -> str:
     """Return what a model is told of a tool: what it does, and under which conditions."""
-    asked = "A human is asked to approve each goal" if tool.confirm else "No human is asked first"
+    always = tool.confirm == "always"
+    asked = "A human is asked to approve each goal" if always else "No human is asked first"
     about = tool.description or f"Sends a goal to the action {tool.action} ({tool.ros_type})."
     many = "one goal" if tool.concurrent == 1 else f"{tool.concurrent} goals"
     return (

@@ -47,7 +47,7 @@ async def read_topic(
 
 
 def _failure(topic: TopicConfig, status: TopicStatus, kind: str, message: str) -> ToolResult:
-    """Return the result of a reading that came to nothing."""
+    """Return the result of a reading that failed."""
     error = ErrorValue(kind, message, status != "refused", "Do without it, or try again later.")
     value = TopicValue(topic.name, status, topic.topic, topic.ros_type, error=error)
     return tool_result(value)
@@ -71,7 +71,7 @@ def _result(topic: TopicConfig, reading: Reading) -> ToolResult:
     else:
         plain = plain_json(reading.message, topic.max_size)
         if _is_cut(plain):
-            notes.append("Some arrays or texts are cut; where they end, it is said how much.")
+            notes.append("Some arrays or texts are cut; their ends say how much is missing.")
     age = None if reading.age is None else round(reading.age, 3)
     value = TopicValue(topic.name, "received", topic.topic, topic.ros_type, age, plain, notes)
     return tool_result(value, images)

@@ -10,8 +10,6 @@ Json = Mapping[str, Any]
 """A JSON object, as plain dicts, lists, strings, numbers, booleans and None."""
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 """The `$schema` of every schema of a tool."""
-
-
 GOALS = "goals"
 """The tool that every toolbox has."""
 
@@ -21,7 +19,7 @@ class ConfigError(ValueError):
 
     Attributes:
         problems: One text for each, such as
-            `robot.toml: tools.navigate.timeout: "long" must be a number of seconds above 0`.
+            `robot.toml: tools.navigate.timeout: 'long' must be a number`.
     """
 
     def __init__(self, problems: tuple[str, ...]) -> None:

@@ -78,9 +78,9 @@ class Cancelling:
         self.name = name
         self.board = Board(most=math.inf)  # a goal that is left out would have no known end
         self.servers: tuple[str, ...] = ()
-        """The nodes of all servers that were seen, where their names are known yet."""
+        """The nodes of all servers that were seen, except those not known by name yet."""
         self._most = 0
-        """The most servers that were seen at a time; several may be on one node."""
+        """The most servers that were seen at the same time; one node may have several."""
         self.answers = 0
         """How many answers have come."""
         self.every = goal_ids is None
@@ -108,7 +108,7 @@ class Cancelling:
 
     @property
     def has_server(self) -> bool:
-        """Whether a server was seen, also one with a node that is not known yet."""
+        """Whether a server was seen, even if its node is not known yet."""
         return self._most > 0
 
     def take_news(self, news: Any, wall: float) -> None:
@@ -157,7 +157,7 @@ class Cancelling:
         return {goal.goal_id for goal in self.board.goals.values() if not goal.ended}
 
     def has_looked(self, now: float) -> bool:
-        """Return whether the status has come, or had a second to come since the first call."""
+        """Return whether a status has come, or a second has passed since the first call."""
         if self._looks_since is None:
             self._looks_since = now
         return bool(self.board.goals) or now - self._looks_since >= FIRST

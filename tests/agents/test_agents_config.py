@@ -64,9 +64,9 @@ def test_a_file(tmp_path: Path) -> None:
     assert config.domain_id == 7
     (drive,) = config.tools.values()
     assert (drive.name, drive.timeout, drive.concurrent) == ("drive", 120.0, 2)
-    assert (drive.confirm, drive.retries) == (True, 0)
+    assert (drive.confirm, drive.retries) == ("always", 0)
     assert config.topics["battery"].max_age == 5.0
-    assert not read({"nested_field.bool_value": {}}).confirm
+    assert read({"nested_field.bool_value": {}}).confirm == "never"
     toolbox = Toolbox.from_file(path, domain_id=9)
     assert toolbox.domain_id == 9
     assert [(one.name, one.kind) for one in toolbox.tools] == [
@@ -85,13 +85,13 @@ def test_a_file(tmp_path: Path) -> None:
 def test_a_file_that_is_no_toml(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text("[tools.x\n")
-    with pytest.raises(ConfigError, match=r"robot\.toml: this is no TOML: .*line 1"):
+    with pytest.raises(ConfigError, match=r"robot\.toml: this is not TOML: .*line 1"):
         Toolbox.from_file(path)
     path.write_text(f"domain_id = {'9' * 5000}")
-    with pytest.raises(ConfigError, match="no TOML"):
+    with pytest.raises(ConfigError, match="not TOML"):
         Toolbox.from_file(path)
     path.write_bytes(b"\xff")
-    with pytest.raises(ConfigError, match="no TOML"):
+    with pytest.raises(ConfigError, match="not TOML"):
         Toolbox.from_file(path)
     with pytest.raises(OSError, match=r"no\.toml"):
         Toolbox.from_file(tmp_path / "no.toml")
@@ -118,7 +118,7 @@ def test_every_problem_is_told_with_its_place() -> None:
         "robot.toml: there is no key 'tols'; did you mean 'tools'? the keys are: domain_id, tools",
         "robot.toml: tools.goals: the name 'goals' is taken",
         "robot.toml: tools.a b: a tool's name has",
-        "robot.toml: tools.one.action: '9 lives' is no ROS name",
+        "robot.toml: tools.one.action: '9 lives' is not a ROS name",
         "robot.toml: tools.one.type: 'test_msgs/msg/Empty' is not an action type: one is",
         "robot.toml: tools.one.timeout: 'long' must be a number",
         "robot.toml: tools.two.action: must be given",

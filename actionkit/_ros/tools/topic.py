@@ -1,5 +1,7 @@
-"""Reads a topic of any type. The communication thread waits for messages, and another one takes and
-decodes them, because that takes long for a large one."""
+"""Reads a topic of any type.
+
+The communication thread waits for messages. For large ones, another thread takes and decodes them.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
-from operator import itemgetter
-from typing import Any, TypeAlias
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -21,23 +22,25 @@ from actionkit._ros.native import MessageSource, subscribe_raw
 from actionkit._threads.clock import TimerHandle
 
 PERIOD = 0.05
-"""Seconds between two looks for publishers, and between two checks whether to stop."""
+"""Seconds between two searches for publishers, and between two checks whether to stop."""
 SETTLE = 0.1
-"""Seconds for messages that publishers keep: there may be several, and the newest is wanted."""
+"""Seconds to wait for more kept messages: each publisher may send one; we want the newest."""
 _JOIN = 5.0
 """Seconds for the communication thread to end; it takes some ten milliseconds."""
-Stamped: TypeAlias = "tuple[int, bytes]"
+Stamped = tuple[int, bytes]
 """When a message was published, in nanoseconds since the epoch; and the message."""
-Qos: TypeAlias = "tuple[ReliabilityPolicy, DurabilityPolicy]"
+Qos = tuple[ReliabilityPolicy, DurabilityPolicy]
 
 
 class TopicReader:
     """Raw subscriptions to a topic until `close`, one for each QoS that its publishers offer.
 
-    One that asks for more than is offered gets nothing; one that asks for less misses what is kept
-    for it, and parts of large messages. On the communication thread, `on_messages` gets what has
-    come (without it see `arriving`), and `on_look` the node after each look for publishers. Those
-    of `at_once` need no publisher.
+    A subscription that asks for more than a publisher offers gets nothing. One that asks for less
+    misses kept messages, and parts of large ones.
+
+    The communication thread calls `on_messages` with new messages (without it, use `arriving`), and
+    `on_look` with the node after each search for publishers. The subscriptions of `at_once` are
+    made before any publisher is found.
     """
 
     def __init__(
@@ -54,7 +57,7 @@ class TopicReader:
         on_look: Callable[[Node], object] = lambda node: None,
     ) -> None:
         self.publishers = 0
-        self.joined = 0  # how many of them send to us, or more, as one may send to two
+        self.joined = 0  # of these, how many send to us; one may count twice
         self.other_types: frozenset[str] = frozenset()  # published there besides `ros_type`
         self.keeps = False  # whether a publisher keeps messages for later subscribers
         self._topic, self._type, self._cls = topic, ros_type, cls
@@ -64,7 +67,7 @@ class TopicReader:
         self._error: Exception | None = None
         self._timer: TimerHandle | None = None
         self._sources: dict[Qos, MessageSource] = {}
-        type(cls).__import_type_support__()  # loads a library, also large ones: not on that thread
+        type(cls).__import_type_support__()  # loads a library: too slow for that thread
         self.runtime = runtimes.acquire(domain_id, self)
         try:
             self.runtime.run(self._look)
@@ -73,9 +76,11 @@ class TopicReader:
             raise
 
     def arriving(self, stopped: Callable[[], bool]) -> Iterator[list[Stamped]]:
-        """Yield what comes, and now and then nothing, without `on_messages`.
+        """Yield new messages, and an empty list every `PERIOD`. Only without `on_messages`.
 
-        Any error of rclpy goes to the caller, and `RuntimeError` when it is stopped.
+        Raises:
+            RuntimeError: It was stopped.
+            Exception: Any error of rclpy.
         """
         while self._error is None and self.runtime.usable and not stopped():
             try:
@@ -117,7 +122,7 @@ class TopicReader:
         def take() -> None:
             if self._on_messages is not None:
                 self._on_messages(source.take_stamped(self._depth))
-            else:  # it is taken elsewhere: 20 MB take 40 ms
+            else:  # `arriving` takes them: 20 MB take 40 ms
                 self.runtime.disable(source)
                 self._inbox.put(source)
 
@@ -136,7 +141,7 @@ class TopicReader:
 
 @dataclass(frozen=True)
 class Reading:
-    """What was read of a topic."""
+    """What was read from a topic."""
 
     message: Any  # the newest one, or `None`
     age: float | None  # seconds since it was published
@@ -153,7 +158,7 @@ def latest(
     max_age: float | None,
     stopped: Callable[[], bool],
 ) -> Reading:
-    """Subscribe, wait for a message that is not older, and unsubscribe. Errors: see `arriving`."""
+    """Return the newest message that is not older than `max_age`. Errors: see `arriving`."""
     newest: Stamped | None = None
     ends = time.monotonic() + timeout
     with closing(TopicReader(domain_id, topic, ros_type, cls)) as reader:
@@ -162,7 +167,8 @@ def latest(
             for stamp, message in messages:
                 at = stamp or now
                 if max_age is None or now - at <= max_age * 1e9:
-                    newest = max(newest or (at, message), (at, message), key=itemgetter(0))
+                    if newest is None or at > newest[0]:
+                        newest = at, message
                     ends = min(ends, time.monotonic() + SETTLE * reader.keeps)
             if time.monotonic() >= ends:
                 break

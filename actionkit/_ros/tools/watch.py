@@ -21,14 +21,14 @@ _TYPE = "action_msgs/msg/GoalStatusArray"
 _DEPTH = 100
 """Depth of the queue; the topic's usual 1 would keep only the last state of each goal."""
 _OFFERED = ((ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),)
-"""The usual QoS of servers: what they keep comes as soon as they are in sight."""
+"""The usual QoS of servers. So their kept status arrives as soon as they are discovered."""
 _PERIOD = 0.25
 """Seconds between two checks for servers, often enough for a person who watches."""
 _STATUS_WAIT = 1.0
-"""Seconds for the status of servers that were joined: those that never had a goal send none."""
+"""Seconds for the status of connected servers. One that never had a goal sends none."""
 _IN_FLIGHT = {code for code, state in STATES.items() if not state.is_terminal}
 _DISCOVERY = 3.5
-"""Seconds until a new node has found all servers that are there, and has got what they keep."""
+"""Seconds until a new node has discovered all servers, and has their kept status."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def goals_in_flight(
 ) -> list[GoalSeen]:
     """Return the goals that the servers of an action have now. Errors: see `arriving`.
 
-    A server that never had a goal has nothing to tell.
+    A server that never had a goal sends no status.
     """
     arrays: list[Stamped] = []
     joined = False
@@ -120,7 +120,7 @@ def goals_in_flight(
                 ends = min(ends, now + SETTLE)
             arrays += told
             if not arrays and not joined and reader.joined >= max(1, reader.publishers):
-                joined = True  # what the servers keep comes now, if there is anything
+                joined = True  # a kept status would come now
                 ends = now + _STATUS_WAIT
             if now >= ends or (now >= found_by and not reader.publishers and not arrays):
                 break

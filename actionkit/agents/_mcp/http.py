@@ -41,7 +41,7 @@ _SESSION_IDLE = 300.0
 _NAMED = re.compile(rb"(https?://)?(\[[0-9A-Fa-f:.]+\]|[^:/@\s\[\]]+)(:[0-9]{1,5})?")
 """A host or an origin. The SDK knows the names, but takes anything for a port."""
 _MISNAMED = {b"host": 421, b"origin": 403}
-"""The HTTP status where it is none."""
+"""The HTTP status if the header is malformed."""
 _RECORDS_A_MINUTE = 20
 _LONGEST_RECORD = 300
 
@@ -158,7 +158,7 @@ class _Connection(H11Protocol):
 
     @property
     def _waits(self) -> bool:
-        """Whether no whole request is being served, of one that was let in.
+        """Whether it serves no whole request of a client that was let in.
 
         The client may still be reading the answer: it says what happened to a goal.
         """

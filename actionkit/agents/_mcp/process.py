@@ -35,7 +35,7 @@ _PATIENCE = 2.5
 _LAST_WRITES = 0.3
 """Seconds to write the last answers."""
 _FREEING = 0.7
-"""Seconds to leave the ROS graph as it should be done."""
+"""Seconds to leave the ROS graph in order."""
 _LAST = 3.7
 """Seconds after which the process ends, even if it waits for something."""
 _GOES_ON = "60"
@@ -101,13 +101,13 @@ async def _serve(
     await calls.end(_PATIENCE)
     with contextlib.suppress(asyncio.TimeoutError):
         await asyncio.wait_for(flush(), _LAST_WRITES)
-    left = ending.leave_behind()
+    ending.leave_behind()
     with contextlib.suppress(asyncio.TimeoutError):
         await asyncio.wait_for(toolbox.aclose(), _FREEING)
     if serving.done() and not serving.cancelled() and serving.exception() is not None:
         _say(f"ended ({ending.why}): {serving.exception()!r}")
     # Python would wait for what is written to a host that reads nothing (C10.3).
-    os._exit(ending.code or (_UNKNOWN if left else 0))
+    ending.end()
 
 
 def _tell_why(opening: asyncio.Future[Any]) -> None:
@@ -116,7 +116,9 @@ def _tell_why(opening: asyncio.Future[Any]) -> None:
 
 
 class Ending:
-    """Waits for the reason to end; the first counts. Made on the event loop, in the main thread.
+    """Waits for a reason to end the process; the first one counts.
+
+    Make it on the event loop, in the main thread.
 
     Attributes:
         asked: Set on the event loop when the process is to end.
@@ -135,15 +137,15 @@ class Ending:
         self._reads, writes = os.pipe()
         os.set_blocking(writes, False)
         for number in _EXITS:
-            # Ignored before, as under `nohup` and in a script's background: stays so.
+            # A signal that is ignored, as under `nohup`, stays ignored.
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, _heard_elsewhere)
         signal.set_wakeup_fd(writes, warn_on_full_buffer=False)
-        # Not the loop's `add_signal_handler`: that hears of nothing while the loop hangs.
+        # Not `loop.add_signal_handler`: it does nothing while the loop hangs.
         threading.Thread(target=self._hear, name="mcp-signals", daemon=True).start()
 
     def ask(self, code: int, why: str) -> None:
-        """Have the process end; only the first reason counts. From any thread."""
+        """Make the process end; only the first reason counts. From any thread."""
         if not self._first.acquire(blocking=False):
             return
         self.why, self.code = why, code
@@ -153,18 +155,21 @@ class Ending:
         self._loop.call_soon_threadsafe(self.asked.set)
         self._toolbox._calls.cancel_all("all goals were cancelled")  # here, as the loop may hang
 
-    def leave_behind(self) -> bool:
-        """See to the goals that may outlive the process, once; return whether there are any."""
+    def leave_behind(self) -> None:
+        """Start other processes that go on cancelling the goals that may still run; only once."""
         if self._left is None:
             self._left = go_on_cancelling(self._toolbox)
             for line in self._left:
                 _say(line)
-        return bool(self._left)
+
+    def end(self) -> NoReturn:
+        """End the process now; with 23 in place of 0 where a goal may still be running."""
+        os._exit(self.code or (_UNKNOWN if self._left else 0))
 
     def _hear(self) -> None:
         while True:
             for number in os.read(self._reads, 16):
-                # The wakeup descriptor tells of every signal that has a handler in Python.
+                # The descriptor gets every signal that has a handler in Python, also others.
                 if number in _EXITS and signal.getsignal(number) is _heard_elsewhere:
                     self.ask(_EXITS[signal.Signals(number)], signal.Signals(number).name)
 
@@ -173,7 +178,7 @@ class Ending:
             self.leave_behind()
             _say("the end took too long")
         finally:
-            os._exit(self.code)
+            self.end()
 
 
 def _heard_elsewhere(number: int, frame: FrameType | None) -> None:
@@ -181,10 +186,10 @@ def _heard_elsewhere(number: int, frame: FrameType | None) -> None:
 
 
 def go_on_cancelling(toolbox: Toolbox) -> list[str]:
-    """Have the goals cancelled that may still run, by a process of its own that outlives this.
+    """Start a process for each action that goes on cancelling the goals that may still run.
 
-    A server that hangs for longer, or stands still in a debugger, has not heard by then; and what
-    it was sent is gone with the sender, where both share memory. Returns a line for people on each.
+    A server that hangs, or is stopped in a debugger, has not read our requests yet; and requests in
+    shared memory are lost when their sender ends. Returns a line of text for each goal.
     """
     by_action: dict[str, list[str]] = defaultdict(list)
     for goal in toolbox.goals():
@@ -196,7 +201,7 @@ def go_on_cancelling(toolbox: Toolbox) -> list[str]:
                 *(sys.executable, "-m", "actionkit", "cancel", action, *ids),
                 *("--timeout", _GOES_ON, "--server-timeout", _GOES_ON),
             ],
-            # The host may wait for the end of all who have its pipes, or kill our whole group.
+            # The host may wait for all processes that have its pipes, or kill our process group.
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -214,7 +219,7 @@ def _say(words: str) -> None:
     """Tell people something, on standard error, which hosts keep in their logs."""
     text = f"actionkit mcp: {words}\n".encode(errors="replace")
     with contextlib.suppress(OSError, ValueError):  # nobody is there to read it
-        # A host that reads nothing must not hold up the end: a pipe that can be written to at all
-        # takes so many bytes without waiting.
+        # A host that reads nothing must not delay the end: a pipe with any room takes up to
+        # PIPE_BUF bytes at once.
         if select.select([], [2], [], 0)[1]:
             os.write(2, text[: select.PIPE_BUF])

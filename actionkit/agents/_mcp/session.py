@@ -63,11 +63,6 @@ def make_server(toolbox: Toolbox, calls: Calls, version: str) -> Server[Any]:
             known = ", ".join(tools)
             text = f"there is no tool {shown(params.name)}; there are: {known}"
             raise MCPError(code=t.INVALID_PARAMS, message=text)
-        return await _call(ctx, params, tool)
-
-    async def _call(
-        ctx: ServerRequestContext[Any], params: t.CallToolRequestParams, tool: Tool
-    ) -> t.CallToolResult | t.InputRequiredResult:
         returned = Returned(params, questions)
         approve: Asked | Returned | None = None
         if tool.confirm and can_ask(ctx):
@@ -113,7 +108,7 @@ def make_server(toolbox: Toolbox, calls: Calls, version: str) -> Server[Any]:
 
 
 def _reporting(send: Callable[[float, None, str], Awaitable[None]]) -> OnProgress:
-    """Return what tells a client of progress, by `send`."""
+    """Return a function that reports progress to a client with `send`."""
     began, told = time.monotonic(), 0.0
 
     async def report(progress: Progress) -> None:

@@ -1,4 +1,4 @@
-"""MCP over standard input and output, which are taken away from everything else in the process.
+"""MCP over standard input and output; nothing else in the process can use them.
 
 Imports nothing heavy: they are taken before libraries, which may print, are imported. All that is
 written to standard output afterwards, in Python or in C, goes to standard error.
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 MOST_BYTES = 4 * 1024 * 1024
 """The longest message that is read, as for the body of an HTTP request."""
 _HEAD = 200
-"""Bytes in which the id of a request is looked for; no more levels fit in than can be read."""
+"""Bytes in which to look for the id of a request; so few cannot be nested too deeply."""
 
 
 class Stdio:
@@ -61,7 +61,7 @@ class Stdio:
             await server.run(reads, writes, server.create_initialization_options())
 
     async def write(self, text: str) -> None:
-        """Write, and return when it is written; cancelling gives up the waiting alone."""
+        """Write, and return when it is written. Cancelling ends the wait, not the writing."""
         await asyncio.to_thread(self._write, text.encode(errors="replace"))
 
     async def flush(self) -> None:
@@ -72,7 +72,7 @@ class Stdio:
         return self
 
     async def __anext__(self) -> str:
-        """Return the next message. What cannot be read is answered: the SDK passes over it."""
+        """Return the next message. Answer those that cannot be read: the SDK would ignore them."""
         while line := await asyncio.to_thread(self._read):
             problem = _problem(line)
             if not problem:
@@ -104,7 +104,7 @@ class Stdio:
             self._gone()
 
     def _watch(self) -> None:
-        # A host that was killed may have left its end of our input to a child of its own.
+        # A child of a killed host may still keep our input open; our output shows the end.
         poll = select.poll()
         poll.register(self._output, 0)  # errors are always reported
         poll.poll()

@@ -83,3 +83,27 @@ def test_a_signal_that_was_ignored_stays_ignored() -> None:
 def test_the_first_reason_counts() -> None:
     code, _ = ended(signal.SIGTERM, signal.SIGINT, hang=True)
     assert code == 143
+
+
+_LEFT = """
+import asyncio, time
+from actionkit.agents._mcp import process
+
+class Toolbox:
+    class _calls:
+        cancel_all = print
+
+async def main():
+    process.Ending(Toolbox).ask(0, "the host closed its end")
+    time.sleep(60)
+
+process.go_on_cancelling = lambda toolbox: ["goal 1 may still be running"]
+asyncio.run(main())
+"""
+
+
+def test_the_exit_code_tells_of_a_goal_that_may_run_even_if_the_event_loop_hangs() -> None:
+    command = [sys.executable, "-c", _LEFT]
+    done = subprocess.run(command, check=False, capture_output=True, timeout=PATIENCE)
+    assert b"goal 1 may still be running" in done.stderr
+    assert done.returncode == 23
