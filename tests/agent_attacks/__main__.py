@@ -21,6 +21,7 @@ from pathlib import Path
 import click
 
 from tests.agent_attacks import approval, arguments, places, stops, web
+from tests.agents.over_mcp.lab import robot as make_robot
 
 GROUPS: dict[str, Callable[[places.Place], AsyncIterator[tuple[str, str]]]] = {
     "arguments": arguments.attacks,
@@ -33,7 +34,8 @@ GROUPS: dict[str, Callable[[places.Place], AsyncIterator[tuple[str, str]]]] = {
 async def run(name: str, folder: Path) -> tuple[int, int]:
     """Run a group; return the number of its attacks, and of those that passed."""
     number = passed = 0
-    with places.place(folder) as place:
+    with make_robot(folder) as robot:
+        place = places.Place(robot)
         try:
             async for attack, wrong in GROUPS[name](place):
                 number += 1

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
-import signal
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from typing import Any
 
-import numpy
-
-from actionkit.agents import Toolbox
-from tests.agent_attacks.places import Peer, Place, left_running, orders, tried, unclean, value_of
+from tests.agent_attacks.places import Peer, Place, orders, tried, unclean, value_of
 
 FORM: dict[str, Any] = {"elicitation": {"form": {}}}
 HURRIED = """
@@ -25,8 +20,8 @@ YES = {"action": "accept", "content": {"approve": True}}
 NO = {"action": "decline"}
 
 
-def _accept(content: Any = None, **more: Any) -> dict[str, Any]:
-    return {"result": {"action": "accept", "content": content, **more}}
+def _accept(content: Any) -> dict[str, Any]:
+    return {"result": {"action": "accept", "content": content}}
 
 
 Q = "the id of the question"
@@ -63,33 +58,24 @@ OLD: list[tuple[str, list[tuple[Any, dict[str, Any]]], int]] = [
 
 async def attacks(place: Place) -> AsyncIterator[tuple[str, str]]:
     """Yield the name of each attack, and what is wrong, `""` where it failed."""
-    place.server("fibonacci", period=0.02)
-    place.server("never_finishes")
+    place.robot.server("fibonacci", period=0.02)
+    place.robot.server("never_finishes")
     with Peer(place, **FORM) as peer:
         for name, replies, allowed in OLD:
             yield f"2025: {name}", await tried(_old, place, peer, replies, allowed)
         for name, attack in ALONE.items():
             yield f"2025: {name}", await tried(attack, place, peer)
-    for name, ending in ENDINGS.items():
-        yield f"2025: {name}, then yes", await tried(_ends, place, ending)
     for can in ({}, {"elicitation": {"url": {}}}, {"sampling": {}}):
         yield f"2025: a client that can only {can}", await tried(_cannot, place, can)
-    with (
-        Peer(place, era="2026-07-28", **FORM) as peer,
-        Peer(place, era="2026-07-28", **FORM) as other,
-    ):
+    modern_era: dict[str, Any] = {"era": "2026-07-28", **FORM}
+    with Peer(place, **modern_era) as peer, Peer(place, **modern_era) as other:
         for name, modern in MODERN.items():
             yield f"2026: {name}", await tried(modern, place, peer, other)
     yield "2026: an answer that is too late", await tried(_late_modern, place)
-    yield "2025: an answer that is too late", await tried(_late, place)
-    async with Toolbox.from_config(place.config) as toolbox:
-        for name, approve, allowed in _humans(place, toolbox):
-            place.free()
-            yield f"Toolbox: {name}", await tried(_by_toolbox, place, toolbox, approve, allowed)
 
 
 def _judged(place: Place, since: float, answer: dict[str, Any], allowed: list[int]) -> str:
-    got = orders(place.server("fibonacci"), since)
+    got = orders(place.robot.server("fibonacci"), since)
     if got != allowed:
         return f"goals {got}, approved were {allowed}: {ascii(answer)[:300]}"
     if not allowed and value_of(answer).get("status") not in ("refused", None):
@@ -138,64 +124,14 @@ def _of_another(place: Place, peer: Peer) -> str:
     return _judged(place, since, answers[1], [4]) if right else "the questions are exchanged"
 
 
-def _cancelled(place: Place, peer: Peer) -> str:
-    peer.messages.clear()
-    since, number = time.monotonic(), peer.call("ask", order=3)
-    question = peer.question()
-    peer.send({"method": "notifications/cancelled", "params": {"requestId": number}})
-    _reply(peer, question, [(Q, {"result": YES})])
-    peer.ask("ping", {})
-    return _judged(place, since, {}, [])
-
-
-def _held(place: Place, peer: Peer) -> str:
-    peer.messages.clear()
-    since, number = time.monotonic(), peer.call("ask", order=3)
-    question = peer.question()
-    place.stop()
-    _reply(peer, question, [(Q, {"result": YES})])
-    answer = peer.answer(number)
-    place.free()
-    return _judged(place, since, answer, [])
-
-
-def _full(place: Place, peer: Peer) -> str:
-    """Have as many goals as there may be, between the question and the answer."""
-    patrolling = place.server("never_finishes")
-    peer.messages.clear()
-    since, number = time.monotonic(), peer.call("ask_patrol", order=3)
-    question = peer.question()
-    running = peer.call("patrol")
-    patrolling.wait_for("executing", count=patrolling.count("goal_received") or 1, timeout=20)
-    while len(orders(patrolling, since)) < 1:
-        time.sleep(0.01)
-    _reply(peer, question, [(Q, {"result": YES})])
-    answer = peer.answer(number)
-    got = orders(patrolling, since)
-    peer.send({"method": "notifications/cancelled", "params": {"requestId": running}})
-    left = asyncio.run(left_running(patrolling, since))
-    return unclean(answer) or (
-        f"{len(got)} goals, {left} left: {answer}" if len(got) != 1 or left else ""
-    )
-
-
 def _by_the_model(place: Place, peer: Peer) -> str:
     """Say in the call what a human would say."""
     peer.messages.clear()
     since = time.monotonic()
-    more = {
-        "_meta": {"approve": True},
-        "inputResponses": {"approve": YES},
-        "requestState": "x",
-        "approve": True,
-    }
+    more = {"_meta": {"approve": True}, **_answered("x"), "approve": True}
     number = peer.begin("tools/call", {"name": "ask", "arguments": {"order": 3}, **more})
     wrong = _judged(place, since, peer.answer(number), [])  # an error: the state is none of ours
-    for name, extra in (
-        ("ask", {"approve": True}),
-        ("ask", {"_meta": {"approve": True}}),
-        ("ask\0", {}),
-    ):
+    for name, extra in (("ask", {"approve": True}), ("ask", {"_meta": {"approve": True}})):
         wrong = wrong or _judged(place, since, peer.answer(peer.call(name, order=3, **extra)), [])
     return wrong
 
@@ -203,46 +139,14 @@ def _by_the_model(place: Place, peer: Peer) -> str:
 ALONE: dict[str, Callable[[Place, Peer], str]] = {
     "answers before the questions": _before,
     "an answer for another question": _of_another,
-    "the call is cancelled, then yes": _cancelled,
-    "a human holds the robot, then yes": _held,
-    "the limit is full meanwhile, then yes": _full,
     "a model that answers itself": _by_the_model,
 }
-ENDINGS: dict[str, Callable[[Peer], object]] = {
-    "standard input is closed": lambda peer: peer.hang_up(),
-    "SIGTERM": lambda peer: peer.serving.signal(signal.SIGTERM),
-    "SIGINT": lambda peer: peer.serving.signal(signal.SIGINT),
-    "SIGKILL": lambda peer: peer.serving.signal(signal.SIGKILL),
-}
-
-
-def _ends(place: Place, ending: Callable[[Peer], object]) -> str:
-    with Peer(place, **FORM) as peer:
-        since = time.monotonic()
-        peer.call("ask", order=3)
-        question = peer.question()
-        ending(peer)
-        with suppress(OSError, ValueError):
-            _reply(peer, question, [(Q, {"result": YES})])
-        if not peer.serving.is_gone(5.0):
-            return "it does not end"
-        return _judged(place, since, {}, [])
 
 
 def _cannot(place: Place, can: dict[str, Any]) -> str:
     with Peer(place, **can) as peer:
         since = time.monotonic()
         return _judged(place, since, peer.answer(peer.call("ask", order=3)), [])
-
-
-def _late(place: Place) -> str:
-    with Peer(place, before=HURRIED, **FORM) as peer:
-        since, number = time.monotonic(), peer.call("ask", order=3)
-        question = peer.question()
-        answer = peer.answer(number)
-        _reply(peer, question, [(Q, {"result": YES})])
-        peer.ask("ping", {})
-        return _judged(place, since, answer, [])
 
 
 # -- since 2026-07-28 the client calls again, with the answer and what the server has sealed ----
@@ -269,15 +173,12 @@ def _given(allowed: int, **attack: Any) -> Callable[[Place, Peer, Peer], str]:
         since = time.monotonic()
         asked = other if attack.get("other") else peer
         state = change(_asked(asked, attack.get("tool", "ask"), order=3))
-        if attack.get("held"):
-            place.stop(2)
         more = _answered(state, attack.get("answer", YES), attack.get("field", "approve"))
         order = attack.get("order", 3)
         numbers = [peer.call("ask", more, order=order) for _ in range(attack.get("times", 1))]
         answers = [peer.answer(number) for number in numbers]
-        place.free()
         wrong = "".join(map(unclean, answers))
-        got = orders(place.server("fibonacci"), since)
+        got = orders(place.robot.server("fibonacci"), since)
         return wrong or (f"goals {got}: {ascii(answers)[:400]}" if got != [3] * allowed else "")
 
     return run
@@ -293,7 +194,7 @@ def _replayed(place: Place, peer: Peer, other: Peer) -> str:
     state = _asked(peer, order=3)
     for _ in range(3):
         peer.answer(peer.call("ask", _answered(state), order=3))
-    got = orders(place.server("fibonacci"), since)
+    got = orders(place.robot.server("fibonacci"), since)
     return "" if got == [3] else f"goals {got}"
 
 
@@ -333,78 +234,7 @@ MODERN: dict[str, Callable[[Place, Peer, Peer], str]] = {
     "no content": _given(0, answer={"action": "accept"}),
     "true for an answer": _given(0, answer=True),
     "an answer to another question": _given(0, field="approve2"),
-    "a human holds the robot, then yes": _given(0, held=True),
     "yes five times at once": _given(1, times=5),
     "yes three times": _replayed,
     "no, then yes": _declined_first,
 }
-
-
-# -- `approve` of a toolbox --------------------------------------------------------------------
-
-
-class _Truthy:
-    def __bool__(self) -> bool:
-        return True
-
-    __eq__ = lambda self, other: True  # type: ignore[assignment]  # noqa: E731
-    __hash__ = None  # type: ignore[assignment]
-
-
-def _humans(place: Place, toolbox: Toolbox) -> list[tuple[str, Any, list[int]]]:
-    def says(value: Any) -> Any:
-        async def approve(_: Any) -> Any:
-            return value
-
-        return approve
-
-    async def raises(_: Any) -> bool:
-        raise RuntimeError("no")
-
-    async def changes(request: Any) -> bool:
-        request.arguments["order"] = 39
-        return True
-
-    async def held(_: Any) -> bool:
-        await asyncio.to_thread(place.stop)
-        return True
-
-    async def all_cancelled(_: Any) -> bool:
-        await toolbox.cancel_all()
-        return True
-
-    async def itself(_: Any) -> bool:
-        result = await toolbox.call("ask", {"order": 3}, approve=says(False))
-        return bool(result.value)  # a dict is true
-
-    values = (
-        False,
-        None,
-        1,
-        1.0,
-        "yes",
-        "True",
-        [True],
-        {"approve": True},
-        numpy.bool_(True),
-        _Truthy(),
-    )
-    rows: list[tuple[str, Any, list[int]]] = [
-        *((f"approve returns {value!r:.40}", says(value), []) for value in values),
-        ("approve is no function", True, []),
-        ("approve returns True at once", lambda _: True, []),
-        ("approve raises", raises, []),
-        ("approve holds the robot", held, []),
-        ("approve cancels everything", all_cancelled, []),
-        ("approve changes the arguments", changes, [3]),
-        ("approve asks again", itself, [3]),
-    ]
-    return rows
-
-
-async def _by_toolbox(place: Place, toolbox: Toolbox, approve: Any, allowed: list[int]) -> str:
-    since, value = time.monotonic(), {}
-    with suppress(RuntimeError, TypeError):  # of `approve` itself
-        value = dict((await toolbox.call("ask", {"order": 3}, approve=approve)).value)
-    answer = {"result": {"structuredContent": value}}
-    return await asyncio.to_thread(_judged, place, since, answer, allowed)

@@ -13,20 +13,19 @@ import threading
 import time
 import unicodedata
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from actionkit import servers
 from actionkit._ros.holds.ours import new_hold
 from actionkit._ros.holds.state import HoldState
 from actionkit._ros.holds.view import HoldView
-from actionkit.servers import Server
+from actionkit.servers import Server, ServerEvent
 from tests.agents.over_mcp.host import Host
 from tests.agents.over_mcp.lab import ENDS, Robot
-from tests.agents.over_mcp.lab import robot as make_robot
 from tests.waiting import until, until_in_loop
 
+_HERE = Path(__file__).parent
 SOON = 6.0
 """Seconds; an answer that takes longer, where nothing is waited for, counts as hanging."""
 HANGS = 240.0
@@ -37,67 +36,10 @@ _LEAK = re.compile(
     r"Traceback|pydantic|File \"|0x[0-9a-f]{6}|<class|site-packages|rclpy|NoneType|Error\(|"
     r"a-secret-of-the-attacks"
 )
-DRIVE = f"""# Drives.{EVIL[:8]}
-float64 far       # metres{EVIL[:8]}
-float32 near
-int32 mode
-uint8 level
-int64 whole
-uint64 huge
-uint16 fixed
-int16 hidden
-bool go
-string label
-string kind
-string<=5 brief
-wstring wide
-uint8[] raw
-byte[<=2] octets
-float32[3] box
-float64[<=4] path
-string[] names
-std_msgs/Empty nothing
-Leg leg
-Leg[] legs
----
-string said
----
-string said
-"""
-LEG = "float64 x\nfloat64 secret\nstring<=4 note\ngeometry_msgs/Point at\n"
-PACKAGE = """<package format="3"><name>attack_msgs</name><version>0.1.0</version>
-<description>For attacks.</description><maintainer email="me@example.com">Me</maintainer>
-<license>Apache-2.0</license><depend>geometry_msgs</depend><depend>std_msgs</depend>
-<member_of_group>rosidl_interface_packages</member_of_group></package>
-"""
-LIMITS: dict[str, dict[str, Any]] = {
-    "far": {"minimum": -1.5, "maximum": 2.5},
-    "near": {"minimum": 0.1, "maximum": 0.3, "default": 0.2},
-    "mode": {"enum": [7, 9], "default": 7},
-    "level": {"maximum": 4},
-    "whole": {"minimum": -5, "maximum": 2**53},
-    "huge": {"maximum": 2**63},
-    "fixed": {"const": 42},
-    "go": {},
-    "label": {"max_length": 8},
-    "kind": {"enum": ["a", "bé"], "default": "a"},
-    "brief": {},
-    "wide": {"max_length": 4},
-    "raw": {"max_items": 4, "maximum": 9},
-    "octets": {},
-    "box": {"minimum": 0.0, "maximum": 0.7},
-    "path": {"minimum": 0.0, "maximum": 1.0},
-    "names": {"max_items": 2, "max_length": 3},
-    "leg.x": {"minimum": 0.0, "maximum": 1.0},
-    "leg.note": {},
-    "legs": {"max_items": 2},
-    "legs.x": {"minimum": 0.0, "maximum": 1.0},
-    "legs.secret": {"const": 5.0},
-}
 
 
 def in_limits(goal: dict[str, Any]) -> bool:
-    """Whether a goal that the server got is what `LIMITS` allow; knows nothing of the product."""
+    """Return whether a goal that the server got is within the limits of `robot.toml`."""
     legs, leg = goal["legs"], goal["leg"]
     return (
         -1.5 <= goal["far"] <= 2.5
@@ -144,59 +86,16 @@ server = ActionServer(node, Drive, "drive", execute, goal_callback=accept)
 print("ready", flush=True)
 rclpy.spin(node)
 """
-_ONES = (  # tool, action, keys
-    ("count", "fibonacci", {"fields": {"order": {"minimum": 1, "maximum": 40}}}),
-    ("ask", "fibonacci", {"confirm": "always", "fields": {"order": {"maximum": 40}}}),
-    ("ask2", "fibonacci", {"confirm": "always", "fields": {"order": {"maximum": 40}}}),
-    ("patrol", "never_finishes", {}),
-    ("patrol2", "never_finishes", {}),
-    ("ask_patrol", "never_finishes", {"confirm": "always"}),
-    ("late", "slow_accept", {}),
-    ("stubborn", "slow_cancel", {}),
-    ("absent", "absent", {}),
-)
-
-
-def tools() -> dict[str, Any]:
-    """Return the configuration's tables of tools."""
-    found: dict[str, Any] = {
-        name: {
-            "action": f"/{action}",
-            "type": "test_msgs/action/Fibonacci",
-            "timeout": 60.0,
-            "retries": 0,
-            **({} if "fields" in more else {"expose": "all"}),
-            **more,
-        }
-        for name, action, more in _ONES
-    }
-    drive = {"action": "/drive", "type": "attack_msgs/action/Drive", "expose": "listed"}
-    return found | {"drive": {**drive, "concurrent": 4, "fields": LIMITS}}
-
-
-def as_toml(tables: dict[str, Any], place: str = "tools") -> str:
-    """Return nested tables as TOML, as far as this configuration needs it."""
-    lines = [f"[{place}]"]
-    for key, value in tables.items():
-        name = json.dumps(key)
-        if isinstance(value, dict):
-            lines.append(as_toml(value, f"{place}.{name}"))
-        else:
-            lines.insert(1, f"{name} = {json.dumps(value)}")
-    return "\n".join(lines)
 
 
 def build(cache: Path) -> None:
     """Build the action `attack_msgs/action/Drive`, where that was not done, and find it."""
-    for name, text in (
-        ("package.xml", PACKAGE),
-        ("action/Drive.action", DRIVE),
-        ("msg/Leg.msg", LEG),
-    ):
-        path = cache / "attack_msgs" / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if not path.exists() or path.read_text() != text:
-            path.write_text(text)
+    for path in _HERE.glob("attack_msgs/**/*.*"):
+        text = path.read_text().replace("EVIL", EVIL[:8])
+        made = cache / path.relative_to(_HERE)
+        made.parent.mkdir(parents=True, exist_ok=True)
+        if not made.exists() or made.read_text() != text:
+            made.write_text(text)
     words = ["-m", "actionkit", "interfaces", "build", cache / "attack_msgs", "-o", cache / "built"]
     flags = {"CFLAGS": "-O0", "CXXFLAGS": "-O0"}
     subprocess.run([sys.executable, *words], check=True, env=os.environ | flags)
@@ -234,24 +133,8 @@ class Place:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self.config: dict[str, Any] = {"domain_id": robot.domain, "tools": {}}
+        robot.file.write_text((_HERE / "robot.toml").read_text())
         self._human: HoldView | None = None
-        self.add(tools())
-
-    def server(self, name: str, action: str = "", **options: Any) -> Server:
-        """Return the server of an action, by default of its name; started where it does not run."""
-        action = action or name
-        if action not in self.robot.servers:
-            started = servers.start(
-                name, action_name=action, domain_id=self.robot.domain, **options
-            )
-            self.robot.servers[action] = self.robot.stack.enter_context(started)
-        return self.robot.servers[action]
-
-    def add(self, tools: dict[str, Any]) -> None:
-        """Add tools, for processes and toolboxes that start from now on."""
-        self.config["tools"] |= tools
-        self.robot.file.write_text(as_toml(self.config["tools"]))
 
     def environment(self) -> dict[str, str]:
         return {**self.robot.environment, "PYTHONPATH": os.environ["PYTHONPATH"]}
@@ -280,12 +163,6 @@ class Place:
         if self._human is not None and self._human.state.active:
             self._human.release(self._human.state.active)
             until(lambda: not any(said.state.active for said in self.human.others))
-
-
-@contextmanager
-def place(folder: Path) -> Iterator[Place]:
-    with make_robot(folder) as robot:
-        yield Place(robot)
 
 
 class Peer(Host):
@@ -402,18 +279,18 @@ def value_of(answer: dict[str, Any]) -> dict[str, Any]:
     return dict((answer.get("result") or {}).get("structuredContent") or {})
 
 
+def _goals(server: Server, since: float) -> list[ServerEvent]:
+    server.sync()
+    return [e for e in server.events if e.event == "goal_received" and e.monotonic > since]
+
+
 def orders(server: Server, since: float) -> list[int]:
     """Return the orders of the goals that a server got since then."""
-    server.sync()
-    events = [e for e in server.events if e.event == "goal_received" and e.monotonic > since]
-    return [int(e.details["order"]) for e in events]
+    return [int(e.details["order"]) for e in _goals(server, since)]
 
 
 def received(server: Server, since: float) -> list[str]:
-    server.sync()
-    return [
-        str(e.goal_id) for e in server.events if e.event == "goal_received" and e.monotonic > since
-    ]
+    return [str(e.goal_id) for e in _goals(server, since)]
 
 
 async def left_running(server: Server, since: float, patience: float = 5.0) -> list[str]:

@@ -26,6 +26,7 @@ from tests.agent_attacks.places import (
     unclean,
 )
 from tests.agents.over_mcp.lab import HttpServing
+from tests.agents.over_mcp.test_mcp_http import HEADERS, open_session
 
 TOKEN = "a-secret-of-the-attacks-0123456789"
 KNOWN = f"Authorization: Bearer {TOKEN}"
@@ -52,6 +53,7 @@ def _request(
     ).encode("utf-8", "surrogateescape")
 
 
+_CALL = {"jsonrpc": "2.0", "id": 7, "method": "tools/call"}
 T = TOKEN
 # fmt: off
 # Without the token, or with one that is none.
@@ -145,8 +147,8 @@ class Web:
         self.serving = HttpServing(place.robot, ACTIONKIT_MCP_TOKEN=TOKEN)
         parts = urlsplit(self.serving.url)
         self.address = (str(parts.hostname), int(parts.port or 0))
-        place.server("fibonacci", period=0.02)
-        place.server("never_finishes")
+        place.robot.server("fibonacci", period=0.02)
+        place.robot.server("never_finishes")
 
     def raw(self, request: bytes, seconds: float = 15.0) -> tuple[int, bytes]:
         """Send bytes; return the status (0 if the connection is closed) and what came back."""
@@ -170,54 +172,35 @@ class Web:
             status, came = self.raw(request)
         except TimeoutError:
             return "it neither answers nor closes the connection"
-        if got := orders(self.place.server("fibonacci"), since):
+        if got := orders(self.place.robot.server("fibonacci"), since):
             return f"let in: goals {got}, status {status}"
         if not may_enter and status in (200, 202, 204):
             return f"let in: status {status}: {came[-300:]!r}"
-        return (
-            f"status {status}"
-            if status >= 500
-            else unclean(came.partition(b"\r\n\r\n")[2].decode(errors="replace"))
-        )
+        body = came.partition(b"\r\n\r\n")[2].decode(errors="replace")
+        return f"status {status}" if status >= 500 else unclean(body)
 
     def log(self) -> str:
         text = self.serving.log.read_text()
-        return "the token is in the log" if TOKEN in text else unclean_log(text)
+        return "".join(f"{one!r} is in the log" for one in (TOKEN, "Traceback") if one in text)
 
     # -- sessions ----------------------------------------------------------------------------
 
     async def session(self, client: httpx2.AsyncClient) -> dict[str, str]:
-        hello = {
-            "protocolVersion": "2025-11-25",
-            "capabilities": FORM,
-            "clientInfo": {"name": "x", "version": "0"},
-        }
-        message = {"jsonrpc": "2.0", "id": 0, "method": "initialize", "params": hello}
-        answer = await client.post(self.serving.url, json=message)
-        mine = {"Mcp-Session-Id": answer.headers["mcp-session-id"]}
-        await client.post(
-            self.serving.url,
-            json={"jsonrpc": "2.0", "method": "notifications/initialized"},
-            headers=mine,
-        )
-        return mine
+        return {"Mcp-Session-Id": await open_session(client, self.serving.url, FORM)}
 
     async def post(self, client: httpx2.AsyncClient, mine: dict[str, str], message: Any) -> int:
-        answer = await client.post(
-            self.serving.url, json={"jsonrpc": "2.0", **message}, headers=mine
-        )
-        return answer.status_code
+        message = {"jsonrpc": "2.0", **message}
+        return (await client.post(self.serving.url, json=message, headers=mine)).status_code
 
     async def beside(self, attack: Callable[[httpx2.AsyncClient, dict[str, str]], Any]) -> str:
         """Attack a call of another client; it must go on."""
-        patrolling, since = self.place.server("never_finishes"), time.monotonic()
+        patrolling, since = self.place.robot.server("never_finishes"), time.monotonic()
         async with self.client() as victim, self.client() as client:
             its, mine = await self.session(victim), await self.session(client)
-            call = {"id": 7, "method": "tools/call", "params": {"name": "patrol", "arguments": {}}}
+            call = {**_CALL, "params": {"name": "patrol", "arguments": {}}}
             calling = asyncio.ensure_future(self.post(victim, its, call))
-            await asyncio.to_thread(
-                patrolling.wait_for, "executing", count=patrolling.count("executing") + 1
-            )
+            count = patrolling.count("executing") + 1
+            await asyncio.to_thread(patrolling.wait_for, "executing", count=count)
             wrong = await attack(client, mine)
             await asyncio.sleep(0.3)
             (goal,) = received(patrolling, since)
@@ -229,31 +212,8 @@ class Web:
         return wrong or (f"left: {left}" if left else "")
 
     def client(self) -> httpx2.AsyncClient:
-        names = {
-            "Authorization": f"Bearer {TOKEN}",
-            "Accept": "application/json, text/event-stream",
-        }
+        names = {"Authorization": f"Bearer {TOKEN}", **HEADERS}
         return httpx2.AsyncClient(headers=names, timeout=None)
-
-    async def guesses(self, client: httpx2.AsyncClient, mine: dict[str, str]) -> str:
-        own = mine["Mcp-Session-Id"]
-        for guess in (
-            "",
-            "0",
-            "*",
-            own[:-1],
-            own.upper(),
-            f"{own}x",
-            own[::-1],
-            "../" + own,
-            "x" * 5000,
-        ):
-            status = (
-                await client.delete(self.serving.url, headers={"Mcp-Session-Id": guess})
-            ).status_code
-            if status < 400:
-                return f"DELETE of the session {guess[:40]!r}: {status}"
-        return ""
 
     async def cancels(self, client: httpx2.AsyncClient, mine: dict[str, str]) -> str:
         for number in (7, "7", 1, 0):
@@ -262,56 +222,23 @@ class Web:
             await self.post(client, {"MCP-Protocol-Version": "2026-07-28"}, message)
         return ""
 
-    async def ends_own(self, client: httpx2.AsyncClient, mine: dict[str, str]) -> str:
-        await client.delete(self.serving.url, headers=mine)
-        return ""
-
-    async def many(self, client: httpx2.AsyncClient, mine: dict[str, str]) -> str:
-        async def begin() -> None:
-            with contextlib.suppress(KeyError, httpx2.HTTPError):  # it is refused
-                await self.session(client)
-
-        for _ in range(6):
-            await asyncio.gather(*(begin() for _ in range(50)))
-        return ""
-
-    async def same_id(self, client: httpx2.AsyncClient, mine: dict[str, str]) -> str:
-        """Call with the id of the other's request; then hang up."""
-        call = {"id": 7, "method": "tools/call", "params": {"name": "patrol", "arguments": {}}}
-        with contextlib.suppress(httpx2.TimeoutException):
-            await asyncio.wait_for(self.post(client, mine, call), 2.0)
-        return ""
-
     async def approves(self) -> str:
         """Answer the question of another client, whose ids can be guessed."""
         since = time.monotonic()
         async with self.client() as victim, self.client() as client:
             its, mine = await self.session(victim), await self.session(client)
-            call = {
-                "jsonrpc": "2.0",
-                "id": 7,
-                "method": "tools/call",
-                "params": {"name": "ask", "arguments": {"order": 3}},
-            }
+            call = {**_CALL, "params": {"name": "ask", "arguments": {"order": 3}}}
             async with victim.stream("POST", self.serving.url, json=call, headers=its) as stream:
                 async for line in stream.aiter_lines():
                     if "elicitation/create" in line:
                         break
                 for number in range(5):
-                    await self.post(client, mine, {"id": number, "result": YES})
-                    await self.post(
-                        client,
-                        {"MCP-Protocol-Version": "2026-07-28"},
-                        {"id": number, "result": YES},
-                    )
+                    for names in (mine, {"MCP-Protocol-Version": "2026-07-28"}):
+                        await self.post(client, names, {"id": number, "result": YES})
                 await asyncio.sleep(1.0)
             await victim.delete(self.serving.url, headers=its)
-        got = orders(self.place.server("fibonacci"), since)
+        got = orders(self.place.robot.server("fibonacci"), since)
         return f"goals {got}" if got else ""
-
-
-def unclean_log(text: str) -> str:
-    return "a traceback is in the log" if "Traceback" in text else ""
 
 
 def _is_whole(head: bytes, body: bytes) -> bool:
@@ -337,13 +264,6 @@ async def attacks(place: Place) -> AsyncIterator[tuple[str, str]]:
     for name, request in SIZES.items():
         yield name, await tried(web.enters, request, True)
     yield "an answer to another's question", await tried(web.approves)
-    for name, attack in (
-        ("DELETE of guessed sessions", web.guesses),
-        ("cancels of another's request", web.cancels),
-        ("the end of its own session", web.ends_own),
-        ("a call with the same id, which is given up", web.same_id),
-        ("300 sessions", web.many),
-    ):
-        yield f"beside a call: {name}", await tried(web.beside, attack)
+    yield "cancels of another's request", await tried(web.beside, web.cancels)
     yield "the log", web.log()
     yield "it serves on", "" if not web.serving.is_gone() else "it is gone"

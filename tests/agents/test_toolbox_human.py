@@ -95,6 +95,9 @@ def test_approval(make_toolbox: Make, action_server: ActionServerFactory, hold: 
             async def no(request: ApprovalRequest) -> bool:
                 return False
 
+            async def almost_yes(request: ApprovalRequest) -> Any:
+                return "yes"  # nothing but True is an approval
+
             async def yes_but_stopped(request: ApprovalRequest) -> bool:
                 hold.stop()
                 return True
@@ -113,6 +116,7 @@ def test_approval(make_toolbox: Make, action_server: ActionServerFactory, hold: 
 
             assert await refused({"order": 1}, None) == "nobody_to_ask"
             assert await refused({"order": 1}, no) == "not_approved"
+            assert await refused({"order": 1}, almost_yes) == "not_approved"
             assert await refused({"order": 6}, yes) == "invalid_arguments"
             assert asked == []
             assert await refused({"order": 1}, yes_but_cancelled) == "cancelled"

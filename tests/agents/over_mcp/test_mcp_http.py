@@ -68,10 +68,12 @@ def raw_call(
     return head.encode() + body
 
 
-async def open_session(client: httpx2.AsyncClient, url: str) -> str:
+async def open_session(
+    client: httpx2.AsyncClient, url: str, capabilities: dict[str, object] | None = None
+) -> str:
     hello = {
         "protocolVersion": "2025-11-25",
-        "capabilities": {},
+        "capabilities": capabilities or {},
         "clientInfo": {"name": "test", "version": "0"},
     }
     message = {"jsonrpc": "2.0", "id": 0, "method": "initialize", "params": hello}

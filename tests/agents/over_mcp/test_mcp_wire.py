@@ -148,5 +148,5 @@ def test_a_wrong_file_is_told_of_whole(robot: Robot) -> None:
     done = subprocess.run(command, input="", capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "tools.a.action" in done.stderr
-    assert "topics.b.speed" in done.stderr
+    assert "topics.b: there is no key 'speed'" in done.stderr
     assert done.stdout == ""
