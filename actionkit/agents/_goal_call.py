@@ -69,7 +69,7 @@ class GoalCalls:
             goal = _goal(tool, arguments)
             await self._ready(tool)
             if tool.confirm == "always":
-                await self._room(tool)  # else a human would be asked in vain
+                await self._room(tool)  # else a human would be asked for nothing
                 with telling(on_progress, lambda: "waiting for a human to approve this"):
                     await _ask(tool, goal, approve)
             hold = await self._ready(tool)

@@ -43,8 +43,8 @@ asyncio.run(main())
 """
 
 
-def ended(*numbers: int, hang: bool = False, ignored: int = 0) -> tuple[int, float]:
-    """Send signals; return the exit code, and how many seconds the end took after the last."""
+def ended(first: int, *more: int, hang: bool = False, ignored: int = 0) -> tuple[int, float]:
+    """Send signals; return the exit code, and how many seconds the end took after the first."""
     process = subprocess.Popen(
         [sys.executable, "-c", _PROGRAM, "yes" if hang else "", f"{ignored:d}"],
         stdout=subprocess.PIPE,
@@ -53,12 +53,13 @@ def ended(*numbers: int, hang: bool = False, ignored: int = 0) -> tuple[int, flo
     assert process.stdout is not None
     try:
         assert process.stdout.readline() == "waits\n"
-        for number in numbers:
-            process.send_signal(number)
+        process.send_signal(first)
         began = time.monotonic()
         if hang:  # else the event loop does it
             assert process.stdout.readline() == "cancelled\n"
             assert process.poll() is None  # not only at the end
+        for number in more:  # of two at once, the system may deliver the second first
+            process.send_signal(number)
         return process.wait(PATIENCE), time.monotonic() - began
     finally:
         process.kill()
