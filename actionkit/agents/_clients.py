@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from actionkit import Client, RetryPolicy
 from actionkit._internal_api import client_in_domain, close_together, end_at_exit, in_thread
+from actionkit._model.domain import environment_domain
 from actionkit.agents._config import ActionConfig
 from actionkit.agents._goals import Goals
 from actionkit.agents._hold import HoldListener
@@ -56,7 +57,7 @@ class Clients:
         with self._lock:
             self._check()
             if self._hold is None:
-                hold = HoldListener(self._domain_id, self.on_hold)
+                hold = HoldListener(self._domain(), self.on_hold)
                 end_at_exit()
                 self._hold = hold
             return self._hold
@@ -74,7 +75,7 @@ class Clients:
             client = self._clients.get(tool.name)
             if client is None or client.closed:
                 client = self._clients[tool.name] = client_in_domain(
-                    self._domain_id,
+                    self._domain(),
                     tool.cls,
                     tool.action,
                     retry=RetryPolicy(attempts=tool.retries + 1),
@@ -95,7 +96,7 @@ class Clients:
         def call() -> _T:
             try:
                 self.hold()  # also keeps the node, which has found the publishers by then
-                return read(self._domain_id, lambda: self.closed or given_up.is_set())
+                return read(self._domain(), lambda: self.closed or given_up.is_set())
             finally:
                 ended.set_result(None)
                 self._readings.discard(ended)
@@ -104,6 +105,12 @@ class Clients:
             return await in_thread(call)
         finally:
             given_up.set()
+
+    def _domain(self) -> int:
+        """Return the domain: the first one is kept, even if the environment changes."""
+        if self._domain_id is None:
+            self._domain_id = environment_domain()
+        return self._domain_id
 
     def _check(self) -> None:
         if self.closed:

@@ -73,9 +73,7 @@ class GoalCalls:
                 with telling(on_progress, lambda: "waiting for a human to approve this"):
                     await _ask(tool, goal, approve)
             hold = await self._ready(tool)
-            client, others = await self._room(
-                tool
-            )  # last: another program may send while this waits
+            client, others = await self._room(tool)  # last: others may send while a human decides
             return await self._send(tool, goal, client, hold, stops, others, on_progress)
         except _Refused as refused:
             return refused.result

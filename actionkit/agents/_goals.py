@@ -75,8 +75,8 @@ class GoalRecord:
         if self.value is not None:
             return
         self.why_cancelled = self.why_cancelled or why
-        if self._future is not None:
-            self._future.cancel()
+        if (future := self._future) is not None:
+            future.cancel()
 
     @property
     def ids(self) -> tuple[str, ...]:

@@ -14,6 +14,8 @@ from test_msgs.action import Fibonacci
 
 from actionkit import Client
 from actionkit.agents import Progress, Toolbox
+from actionkit.agents._clients import Clients
+from actionkit.agents._goals import Goals
 from actionkit.agents._mcp.process import go_on_cancelling
 from actionkit.testing import isolated_domain
 from actionkit.testing.plugin import ActionServerFactory
@@ -187,6 +189,23 @@ def test_the_limit_counts_where_the_goals_are_sent(
     for one, count in ((server, 1), (other, 0)):
         one.sync()
         assert one.count("goal_received") == count
+
+
+def test_a_toolbox_stays_in_its_first_domain(
+    hold: FakeHold, ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else it would look for the goals of others where its clients are not."""
+    clients = Clients(None, Goals())
+
+    async def domains() -> list[int | None]:
+        first = await clients.read(lambda domain, stopped: domain)
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain + 1))
+        return [first, await clients.read(lambda domain, stopped: domain)]
+
+    try:
+        assert asyncio.run(domains()) == [ros_domain, ros_domain]
+    finally:
+        clients.close()
 
 
 def test_nothing_is_sent_where_the_goals_of_others_cannot_be_looked_for(

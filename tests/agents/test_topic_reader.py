@@ -240,14 +240,17 @@ def test_a_reading_ends_when_it_is_stopped(domain: int, robot: Node, how: str) -
     runtimes.release(runtime, runtimes)
 
 
-def test_a_reader_that_cannot_begin_leaves_nothing(domain: int) -> None:
+@pytest.mark.parametrize("error", [KeyboardInterrupt, RCLError])
+def test_a_reader_that_cannot_begin_says_so_and_leaves_nothing(
+    domain: int, error: type[BaseException]
+) -> None:
     runtime = runtimes.acquire(domain, runtimes)
     users = len(runtime._users)
 
     def fail(_: Node) -> None:
-        raise KeyboardInterrupt
+        raise error("for the test")
 
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(error):
         TopicReader(domain, "quiet", STRING, String, on_look=fail)
     assert runtime.run(lambda: len(runtime._users)) == users
     runtimes.release(runtime, runtimes)

@@ -71,6 +71,8 @@ class TopicReader:
         self.runtime = runtimes.acquire(domain_id, self)
         try:
             self.runtime.run(self._look)
+            if self._error is not None:
+                raise self._error
         except BaseException:  # also after Ctrl-C: nobody would call `close`
             self.runtime.call_soon(self._end)
             raise

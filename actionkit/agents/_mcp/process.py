@@ -151,7 +151,8 @@ class Ending:
         self.why, self.code = why, code
         timer = threading.Timer(_LAST, self._end_late)
         timer.daemon = True
-        timer.start()
+        with contextlib.suppress(RuntimeError):  # no more threads: the event loop alone ends it
+            timer.start()
         self._loop.call_soon_threadsafe(self.asked.set)
         self._toolbox._calls.cancel_all("all goals were cancelled")  # here, as the loop may hang
 
@@ -195,24 +196,23 @@ def go_on_cancelling(toolbox: Toolbox) -> list[str]:
     for goal in toolbox.goals():
         if goal["may_still_run"] and goal["goal_id"] is not None:
             by_action[toolbox.action_of(goal["tool"])].append(goal["goal_id"])
+    lines = []
     for action, ids in by_action.items():
-        subprocess.Popen(
-            [
-                *(sys.executable, "-m", "actionkit", "cancel", action, *ids),
-                *("--timeout", _GOES_ON, "--server-timeout", _GOES_ON),
-            ],
-            # The host may wait for all processes that have its pipes, or kill our process group.
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-    return [
-        f"goal {goal_id} of {action} may still be running; another process goes on cancelling it"
-        f" for {_GOES_ON} seconds"
-        for action, ids in by_action.items()
-        for goal_id in ids
-    ]
+        command = ["-m", "actionkit", "cancel", action, *ids, "--timeout", _GOES_ON]
+        goes_on = f"another process goes on cancelling it for {_GOES_ON} seconds"
+        try:
+            subprocess.Popen(
+                [sys.executable, *command, "--server-timeout", _GOES_ON],
+                # The host may wait for all processes that have its pipes, or kill our group.
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        except OSError as error:
+            goes_on = f"nothing goes on cancelling it ({error})"
+        lines += [f"goal {one} of {action} may still be running; {goes_on}" for one in ids]
+    return lines
 
 
 def _say(words: str) -> None:

@@ -126,12 +126,17 @@ def _problem(line: bytes) -> str:
 
 
 def _id_of(line: bytes) -> str | int | None:
-    """Return the id of a request that cannot be read, if its beginning says it."""
+    """Return the id of a request that cannot be read, if all of it, or its beginning, says it."""
     from pydantic_core import from_json
 
+    found: Any = None
     try:
-        # Up to a comma: half a number would look like a whole one.
-        found = from_json(line[:_HEAD].rpartition(b",")[0], allow_partial=True)["id"]
-    except (ValueError, KeyError, TypeError):
-        return None
-    return found if isinstance(found, (str, int)) and not isinstance(found, bool) else None
+        found = json.loads(line)  # takes half characters, too
+    except (ValueError, RecursionError):
+        with contextlib.suppress(ValueError):
+            # Up to a comma: half a number would look like a whole one.
+            found = from_json(line[:_HEAD].rpartition(b",")[0], allow_partial=True)
+    if not isinstance(found, dict) or "method" not in found:
+        return None  # an answer has an id of ours
+    number = found.get("id")
+    return number if isinstance(number, (str, int)) and not isinstance(number, bool) else None

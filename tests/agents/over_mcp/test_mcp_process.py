@@ -6,9 +6,11 @@ import signal
 import subprocess
 import sys
 import time
+from typing import Any
 
 import pytest
 
+from actionkit.agents._mcp.process import go_on_cancelling
 from tests.agents.over_mcp.lab import PATIENCE
 
 _PROGRAM = """
@@ -108,3 +110,52 @@ def test_the_exit_code_tells_of_a_goal_that_may_run_even_if_the_event_loop_hangs
     done = subprocess.run(command, check=False, capture_output=True, timeout=PATIENCE)
     assert b"goal 1 may still be running" in done.stderr
     assert done.returncode == 23
+
+
+_NO_THREADS = """
+import asyncio, threading
+from actionkit.agents._mcp import process
+
+class Toolbox:
+    class _calls:
+        cancel_all = print
+
+def refuse(timer):
+    raise RuntimeError("can't start new thread")
+
+async def main():
+    ending = process.Ending(Toolbox)
+    threading.Timer.start = refuse
+    ending.ask(5, "the host closed its end")
+    await ending.asked.wait()
+    ending.end()
+
+asyncio.run(main())
+"""
+
+
+def test_it_cancels_and_ends_even_if_no_thread_can_be_started() -> None:
+    command = [sys.executable, "-c", _NO_THREADS]
+    done = subprocess.run(command, check=False, capture_output=True, timeout=PATIENCE)
+    assert done.returncode == 5
+    assert b"all goals were cancelled" in done.stdout
+
+
+def test_a_goal_is_named_even_if_no_process_can_go_on_cancelling_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Toolbox:
+        def goals(self) -> tuple[dict[str, Any], ...]:
+            return ({"goal_id": "1", "tool": "arm", "may_still_run": True},)
+
+        def action_of(self, tool: str) -> str:
+            return f"/{tool}"
+
+    def refused(*_: Any, **__: Any) -> Any:
+        raise BlockingIOError("no more processes")
+
+    monkeypatch.setattr("subprocess.Popen", refused)
+    toolbox: Any = Toolbox()
+    assert go_on_cancelling(toolbox) == [
+        "goal 1 of /arm may still be running; nothing goes on cancelling it (no more processes)"
+    ]

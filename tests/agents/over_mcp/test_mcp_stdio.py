@@ -141,7 +141,9 @@ DEEP = b'{"order":' * 10_000
         (b'{"id": 12', None),  # perhaps the half of 1234
         (b'{"id": true, "method": "x"}', None),
         (b'{"id": {"id": 1}, "method": "x"}', None),
-        (b'{"params": {"id": 1, "a": 2}, "id": 3}', None),
+        (b'{"params": {"id": 1, "a": 2}, "id": 3}', None),  # no request
+        (b'{"id": 3, "result": "\\ud83d"}', None),
+        (b'{"method": "tools/call", "params": {"a": "\\ud83d"}, "jsonrpc": "2.0", "id": 5}', 5),
         (b"[" * 10_000, None),
         (b"[1, 2]", None),
         (b"", None),
