@@ -259,3 +259,39 @@ def test_a_goal_that_others_sent_while_the_stop_was_not_known_counts(
     asyncio.run(main())
     server.sync()
     assert server.count("goal_received") == 1
+
+
+@pytest.mark.parametrize(("unknown_after", "error"), [(1, None), (100, "hold_unknown")])
+def test_a_call_waits_again_where_a_look_for_goals_made_the_stop_unknown(
+    make_toolbox: Make,
+    action_server: ActionServerFactory,
+    hold: FakeHold,
+    monkeypatch: pytest.MonkeyPatch,
+    unknown_after: int,
+    error: str | None,
+) -> None:
+    """A look takes a second or more; another agent may come into sight meanwhile."""
+    server = action_server("fibonacci")
+    looks = 0
+
+    def look(*_: object) -> list[Any]:
+        nonlocal looks
+        looks += 1
+        hold.is_known = looks > unknown_after
+        return []
+
+    async def known(timeout: float) -> bool:
+        hold.is_known = True
+        return True
+
+    monkeypatch.setattr("actionkit._ros.tools.watch.goals_in_flight", look)
+    monkeypatch.setattr(hold, "until_known", known)
+
+    async def main() -> None:
+        async with make_toolbox({"fib": FIBONACCI}) as toolbox:
+            value = told(toolbox, await toolbox.call("fib", {"order": 1}))
+            assert (value["error"] or {}).get("type") == error
+
+    asyncio.run(main())
+    server.sync()
+    assert server.count("goal_received") == (error is None)
