@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -113,11 +114,13 @@ def test_uvloop(server, client, begun):
 def test_asyncio_run_takes_it(server, client):
     assert len(asyncio.run(client.call_async(QUICK)).sequence) == 2
     futures = []
+    waits = f"/proc/self/task/{os.getpid()}/wchan"  # where Linux keeps the main thread
 
     def interrupt():
         server.wait_for("executing", goal_id=str(futures[0].goal_id))
         for _ in range(1000):
-            if futures[0]._awaiters._waiting:  # so `asyncio.run` is ready for Ctrl-C
+            # So `asyncio.run` is ready for Ctrl-C. Right before `epoll`, Python would not see it.
+            if futures[0]._awaiters._waiting and "epoll" in Path(waits).read_text():
                 break
             NEVER.wait(0.01)
         os.kill(os.getpid(), signal.SIGINT)
