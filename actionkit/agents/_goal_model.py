@@ -96,7 +96,7 @@ def _checked(
     try:
         return validator.validate_python(value), []
     except ValidationError as error:
-        return None, sentences(error, schema)[:_MOST_PROBLEMS]
+        return None, sentences(error, schema, most=_MOST_PROBLEMS)
 
 
 def number_bounds(slot: Any) -> tuple[float | int, float | int] | None:

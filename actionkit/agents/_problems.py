@@ -29,11 +29,23 @@ _KINDS = {
 
 
 def sentences(
-    error: ValidationError, schema: Mapping[str, Any], noun: str = "field", source: str = ""
+    error: ValidationError,
+    schema: Mapping[str, Any],
+    noun: str = "field",
+    source: str = "",
+    most: int | None = None,
 ) -> list[str]:
-    """Return what is wrong and where, as `problems` finds it; `source` is named first."""
+    """Return what is wrong and where, as `problems` finds it.
+
+    Args:
+        error: As in `problems`.
+        schema: As in `problems`.
+        noun: As in `problems`.
+        source: Named first.
+        most: How many to return: each takes time, and a model can make 50,000 mistakes.
+    """
     found = []
-    for loc, text in problems(error, schema, noun):
+    for loc, text in problems(error, schema, noun, most):
         parts = [f"[{part}]" if isinstance(part, int) else f".{quoted(part)}" for part in loc]
         place = "".join(parts).removeprefix(".")
         told = text.replace(TABLE, "".join(parts[:2]).removeprefix("."))
@@ -42,7 +54,10 @@ def sentences(
 
 
 def problems(
-    error: ValidationError, schema: Mapping[str, Any], noun: str = "field"
+    error: ValidationError,
+    schema: Mapping[str, Any],
+    noun: str = "field",
+    most: int | None = None,
 ) -> list[tuple[Place, str]]:
     """Return what is wrong and where; pydantic's own texts are for programmers.
 
@@ -50,8 +65,9 @@ def problems(
         error: Of pydantic.
         schema: JSON Schema of what was checked.
         noun: What the properties of an object are called: `field`, or `key`.
+        most: How many to return; `None` for all.
     """
-    return [_problem(line, schema, noun) for line in error.errors(include_url=False)]
+    return [_problem(line, schema, noun) for line in error.errors(include_url=False)[:most]]
 
 
 def refuse(found: Iterable[tuple[Place, str]]) -> None:
