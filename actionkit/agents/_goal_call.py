@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from actionkit._ros.tools.watch import GoalSeen
 
 _log = logging.getLogger("actionkit")
-_MOST_LOOKS = 5
-"""Looks for goals of others; each takes a second or more, so they could go on for ever."""
 _UNTIL_KNOWN = 13.0
 """Seconds to wait until it is known whether a human has stopped the robot. It takes four; ten where
 another agent on the computer was killed shortly before, and is still in sight."""
@@ -74,13 +72,11 @@ class GoalCalls:
                 await self._room(tool)  # else a human would be asked for nothing
                 with telling(on_progress, lambda: "waiting for a human to approve this"):
                     await _ask(tool, goal, approve)
-            looks = 0
-            while True:
+            hold = await self._ready(tool)
+            client, others = await self._room(tool)  # after that: it may have waited long
+            if not hold.is_known:  # during the look, another agent came into sight, or died
                 hold = await self._ready(tool)
-                client, others = await self._room(tool)  # after that: it may have waited long
-                looks += 1
-                if hold.is_known or looks == _MOST_LOOKS:
-                    break  # else it became unknown during the look, mostly for a moment
+                client, others = await self._room(tool)
             return await self._send(tool, goal, client, hold, stops, others, on_progress)
         except _Refused as refused:
             return refused.result
