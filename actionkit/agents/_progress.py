@@ -38,15 +38,21 @@ def telling(
     try:
         yield teller.on_feedback
     finally:
+        teller.over = True
         task.cancel()
 
 
 class _ProgressTeller:
-    """Reports the newest state; waits for each report to end. Runs on its own event loop."""
+    """Reports the newest state; waits for each report to end. Runs on its own event loop.
+
+    Attributes:
+        over: Set when nothing more is to be told: `on_progress` may swallow a cancellation.
+    """
 
     def __init__(self, on_progress: OnProgress, state: Callable[[], str]) -> None:
         self._on_progress: Any = on_progress
         self._state = state
+        self.over = False
         self._loop = asyncio.get_running_loop()
         self._changed = asyncio.Event()
         self._latest: Any = None
@@ -70,8 +76,8 @@ class _ProgressTeller:
                 self._loop.call_soon_threadsafe(self._changed.set)
 
     async def run(self) -> None:
-        """Tell of it until cancelled."""
-        while True:
+        """Tell of it until cancelled, or `over`."""
+        while not self.over:
             # No `asyncio.wait_for`: before Python 3.12 it may swallow the cancellation of the task.
             timer = self._loop.call_later(_EVERY, self._changed.set)
             try:
@@ -85,7 +91,7 @@ class _ProgressTeller:
                 if inspect.isawaitable(told):
                     await told
             except Exception:  # noqa: BLE001  the goal goes on
-                _log.exception("on_progress raised; it is told nothing more")
+                _log.exception("on_progress raised; it is not called again for this")
                 return
             await asyncio.sleep(_LEAST_GAP)
 

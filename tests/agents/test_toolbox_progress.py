@@ -86,6 +86,32 @@ def test_progress_that_raises_harms_nobody(
     assert caplog.text.count("on_progress raised") == 1
 
 
+def test_the_end_of_a_call_is_the_end_even_if_on_progress_swallows_a_cancellation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("actionkit.agents._progress._EVERY", 0.02)
+
+    async def main() -> None:
+        asked = asyncio.Event()
+
+        async def on_progress(progress: Progress) -> None:
+            again = asked.is_set()
+            asked.set()
+            try:
+                await asyncio.Event().wait()
+            except asyncio.CancelledError:
+                if again:
+                    raise
+
+        with telling(on_progress, lambda: "EXECUTING"):
+            await asyncio.wait_for(asked.wait(), BOUND)
+        (teller,) = asyncio.all_tasks() - {asyncio.current_task()}
+        done, _ = await asyncio.wait([teller], timeout=BOUND)
+        assert done
+
+    asyncio.run(main())
+
+
 def test_percent_is_read_as_the_command_line_reads_it() -> None:
     async def told_of(*messages: object) -> Progress:
         told: asyncio.Future[Progress] = asyncio.get_running_loop().create_future()
