@@ -91,9 +91,9 @@ class Clients:
         """
         given_up = threading.Event()
         ended: Future[None] = Future()
-        self._readings.add(ended)
 
         def call() -> _T:
+            self._readings.add(ended)  # not before: a thread may not be there
             try:
                 self.hold()  # also keeps the node, which has found the publishers by then
                 return read(self._domain(), lambda: self.closed or given_up.is_set())

@@ -44,6 +44,8 @@ _UNKNOWN = 23
 """The exit code where a goal may still be running; as `actionkit cancel` has it."""
 _BROKEN = 1
 """The exit code where serving ended by itself."""
+_NOT_DONE = (asyncio.TimeoutError, RuntimeError)
+"""A step of the end took too long, or no thread could be started; the next ones go on."""
 _EXITS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
 
 Serve = Callable[[Server[Any], "Ending"], Coroutine[Any, Any, None]]
@@ -99,10 +101,10 @@ async def _serve(
     serving.add_done_callback(lambda _: ending.ask(_BROKEN, "serving has ended by itself"))
     await ending.asked.wait()
     await calls.end(_PATIENCE)
-    with contextlib.suppress(asyncio.TimeoutError):
+    with contextlib.suppress(*_NOT_DONE):
         await asyncio.wait_for(flush(), _LAST_WRITES)
     ending.leave_behind()
-    with contextlib.suppress(asyncio.TimeoutError):
+    with contextlib.suppress(*_NOT_DONE):
         await asyncio.wait_for(toolbox.aclose(), _FREEING)
     if serving.done() and not serving.cancelled() and serving.exception() is not None:
         _say(f"ended ({ending.why}): {serving.exception()!r}")

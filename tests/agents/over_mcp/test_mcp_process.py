@@ -120,17 +120,29 @@ class Toolbox:
     class _calls:
         cancel_all = print
 
-def refuse(timer):
+    async def __aenter__(self):
+        pass
+
+    async def cancel_all(self):
+        pass
+
+    async def aclose(self):
+        await asyncio.to_thread(print)
+
+    def goals(self):
+        print("its goals are looked at")
+        return ()
+
+def refuse(thread):
     raise RuntimeError("can't start new thread")
 
-async def main():
-    ending = process.Ending(Toolbox)
-    threading.Timer.start = refuse
+async def serve(server, ending):
+    threading.Thread.start = refuse
     ending.ask(5, "the host closed its end")
-    await ending.asked.wait()
-    ending.end()
+    await asyncio.Event().wait()
 
-asyncio.run(main())
+process.make_server = lambda *_: None
+process._run(Toolbox(), "", serve, lambda: asyncio.to_thread(print))
 """
 
 
@@ -139,6 +151,7 @@ def test_it_cancels_and_ends_even_if_no_thread_can_be_started() -> None:
     done = subprocess.run(command, check=False, capture_output=True, timeout=PATIENCE)
     assert done.returncode == 5
     assert b"all goals were cancelled" in done.stdout
+    assert b"its goals are looked at" in done.stdout
 
 
 def test_a_goal_is_named_even_if_no_process_can_go_on_cancelling_it(
