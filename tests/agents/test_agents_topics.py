@@ -151,7 +151,10 @@ print("ends", flush=True)
 def test_an_interpreter_ends_while_a_topic_is_read(run_script: Any) -> None:
     script = run_script(LEFT_OPEN)
     assert script.line() == "ends"
-    assert script.finish() == (0, "", "")
+    code, output, errors = script.finish()
+    assert (code, output) == (0, "")
+    # Its thread may have the time to log that, or not.
+    assert not errors or errors.startswith("t: the reading was stopped\n")
 
 
 # --- images ------------------------------------------------------------------------------------
