@@ -33,7 +33,8 @@ A host, the program that the language model runs in, starts the first by itself;
   {"mcpServers": {"robot": {"command": "actionkit", "args": ["mcp", "/home/me/robot.toml"]}}}
 
 It ends when the host closes its input, by SIGTERM or by Ctrl-C, within 4 seconds; all goals are
-cancelled then. The exit code is 23 where one may still be running."""
+cancelled then. The exit code is 143 or 130 after a signal, else 0, or 23 where a goal may still be
+running."""
 
 _FOR_PROGRAMS = (
     "Serving MCP on standard input and output, which is for programs: a host starts this command by"
@@ -131,7 +132,7 @@ def _toolbox(file: str, domain_id: int | None) -> Toolbox:
 
     with _problems_of(file):
         toolbox = Toolbox.from_file(file, domain_id=domain_id)
-    # In the domain of the environment, clients need no node of the toolbox.
+    # For the processes that go on cancelling where a server does not answer.
     os.environ["ROS_DOMAIN_ID"] = str(toolbox.domain_id)
     return toolbox
 
