@@ -38,19 +38,22 @@ _CHANGE = "Change the arguments as the tool's schema says; nothing was sent."
 
 
 class GoalCalls:
-    """Calls the tools of actions."""
+    """Calls the tools of actions.
+
+    Attributes:
+        stops: How many times all was cancelled: what waited to be sent then is not sent.
+    """
 
     def __init__(self, clients: Clients, goals: Goals) -> None:
         self._clients = clients
         self._goals = goals
-        self._stops = 0
-        """How many times all was cancelled: what waited to be sent then is not sent."""
+        self.stops = 0
         # `actionkit stop` cannot cancel a goal that no server knows yet; this can.
         clients.on_hold = self.cancel_all
 
     def cancel_all(self, why: str) -> list[GoalRecord]:
         """Cancel what is in flight, and what waits to be sent; never blocks, from any thread."""
-        self._stops += 1  # first: a call that is not in the list yet looks at this
+        self.stops += 1  # first: a call that is not in the list yet looks at this
         records = self._goals.counting()
         for record in records:
             record.cancel(why)
@@ -64,7 +67,7 @@ class GoalCalls:
         approve: Approve | None,
     ) -> ToolResult:
         """Call a tool; see `Toolbox.call`."""
-        stops = self._stops
+        stops = self.stops
         try:
             goal = _goal(tool, arguments)
             await self._ready(tool)
@@ -165,7 +168,7 @@ class GoalCalls:
         sent = False
         try:
             self._check(tool, hold)
-            if self._stops != stops:
+            if self.stops != stops:
                 text = "everything was cancelled while this waited to be sent"
                 raise _Refused(tool, "cancelled", text, "Ask before going on.")
             with telling(on_progress, lambda: record.state) as on_feedback:

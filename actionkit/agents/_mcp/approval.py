@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import secrets
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import mcp.types as t
@@ -85,24 +85,31 @@ class Asked:
 
 
 class Questions:
-    """The questions that clients have taken home, each good for one goal."""
+    """The questions that clients have taken home, each good for one goal.
 
-    def __init__(self) -> None:
-        self._open: dict[str, float] = {}
+    After a human's stop they are good for none: the human is asked again.
+    """
+
+    def __init__(self, stops: Callable[[], int]) -> None:
+        """Take what returns how many times all goals were cancelled."""
+        self._stops = stops
+        self._open: dict[str, tuple[float, int]] = {}
+        """Until when each is good, and after how many stops it was asked."""
 
     def ask(self) -> str:
         """Return the mark of a new question."""
         now = time.monotonic()
-        self._open = {mark: until for mark, until in self._open.items() if until > now}
+        self._open = {mark: one for mark, one in self._open.items() if one[0] > now}
         while len(self._open) >= _MOST_OPEN:
             del self._open[next(iter(self._open))]
         mark = secrets.token_urlsafe(16)
-        self._open[mark] = now + PATIENCE
+        self._open[mark] = now + PATIENCE, self._stops()
         return mark
 
     def answered(self, mark: str | None) -> bool:
         """Return whether a question is open; it is not any more."""
-        return self._open.pop(mark or "", 0.0) > time.monotonic()
+        until, stops = self._open.pop(mark or "", (0.0, -1))
+        return until > time.monotonic() and stops == self._stops()
 
 
 class Returned:

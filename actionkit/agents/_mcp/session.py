@@ -48,7 +48,7 @@ def make_server(toolbox: Toolbox, calls: Calls, version: str) -> Server[Any]:
     """Return the MCP server of a toolbox, for all connections of the process."""
     tools = {tool.name: tool for tool in toolbox.tools}
     listed = [_listed(tool) for tool in tools.values()]
-    questions = Questions()
+    questions = Questions(lambda: toolbox._calls.stops)
 
     async def list_tools(
         ctx: ServerRequestContext[Any], params: t.PaginatedRequestParams | None

@@ -34,7 +34,7 @@ def test_text_that_is_no_unicode_is_told_all_the_same() -> None:
 
 
 def test_a_question_is_good_for_one_goal() -> None:
-    questions = Questions()
+    questions = Questions(lambda: 0)
     first, second = questions.ask(), questions.ask()
     assert not questions.answered(None)
     assert not questions.answered("made up")

@@ -7,7 +7,9 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import AsyncExitStack
+from typing import Any
 
+import mcp.types as t
 import pytest
 
 from tests.agents.over_mcp import page
@@ -91,3 +93,27 @@ def test_a_human_stops_the_robot(robot: Robot, http: HttpServing) -> None:
         page.record(page.HELD, fault, way, await watch.summary(), told)
 
     asyncio.run(scenario())
+
+
+@pytest.mark.usefixtures("human")
+def test_an_approval_does_not_outlive_a_stop(robot: Robot) -> None:
+    """Where the question goes to the client and comes back; the human is asked anew."""
+    counting = robot.server("fibonacci")
+    asked = []
+
+    async def human(ctx: Any, params: Any) -> t.ElicitResult:
+        asked.append(params)
+        if len(asked) > 1:
+            return t.ElicitResult(action="decline")
+        await stop(robot)
+        await stop(robot, "--release")
+        return t.ElicitResult(action="accept", content={"approve": True})
+
+    async def scenario() -> None:
+        async with agent(robot, WAYS[1], elicitation_callback=human) as connected:
+            watch = Watch(counting)
+            assert await connected.told("ask", {"order": 2}) == "`refused`, no retry"
+            assert await watch.summary() == "nothing"
+
+    asyncio.run(scenario())
+    assert len(asked) == 2
