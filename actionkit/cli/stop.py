@@ -151,11 +151,11 @@ def _stop_and_hold(hold: Hold, keeper: Keeper, timeout: float, as_json: bool) ->
         view.add(HoldState({hold.hold_id: hold}))
         view.start()
         until = time.monotonic() + max(timeout, _LEAST)
-        say(f"Stopping everything in ROS domain {survey.domain_id}.", err=True)
+        first = f"Stopping everything in ROS domain {survey.domain_id}."
         stopped: list[Cancelling] = []
         held = partial(_are_held, view, hold, keeper)
         try:
-            with _shown(stopped, as_json), _said_when(held):
+            with _shown(stopped, as_json), _said_beside(first, held):
                 cancel_goals(survey, stopped, over=_passed(timeout), look=_LOOK)
             codes = [action.exit for action in stopped] or [Exit.NO_SERVER]
             if not stopped:
@@ -175,17 +175,19 @@ def _passed(timeout: float) -> Callable[[float], bool]:
 
 
 @contextlib.contextmanager
-def _said_when(held: Callable[[], bool]) -> Iterator[None]:
-    """Say that agents are held as soon as it is so."""
+def _said_beside(first: str, held: Callable[[], bool]) -> Iterator[None]:
+    """Say a line, and that agents are held as soon as it is so."""
     over = threading.Event()
 
     def look() -> None:
-        while not over.wait(_TICK):
-            if held():
-                say("Agents are held.", err=True)
-                return
+        with contextlib.suppress(OSError):  # the terminal was closed
+            say(first, err=True)
+            while not over.wait(_TICK):
+                if held():
+                    say("Agents are held.", err=True)
+                    return
 
-    # On a thread: it reads files, and a disk may be slow.
+    # On a thread: a terminal that shows nothing, or a slow disk, must not hold up the stop.
     thread = threading.Thread(target=look, daemon=True)
     thread.start()
     try:

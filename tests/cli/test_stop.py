@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -96,6 +98,22 @@ def test_the_goals_of_three_servers(
     assert "A human has stopped the robot" in (agent.why_held() or "")
     assert world.run_apart("stop", "--release").code == Exit.OK
     assert agent.why_held() is None
+
+
+def test_goals_are_cancelled_even_if_nothing_can_be_told(
+    world: World, goals: Callable[..., list[GoalFuture[Any, Any]]]
+) -> None:
+    """The terminal was closed."""
+    server = one_of_ten(world, 13)
+    goals("n13", 1)
+    server.wait_for("accepted", timeout=LONG)
+    command = [sys.executable, "-m", "actionkit", "stop", "--timeout", "9"]
+    with open("/dev/full", "w") as full:
+        subprocess.run(
+            command, stdout=full, stderr=full, env=world.environment, timeout=LONG, check=False
+        )
+    server.sync()
+    assert server.count("canceled") == 1
 
 
 @pytest.mark.long
