@@ -73,9 +73,18 @@ class _Target:
 class Cancelling:
     """The goals of one action that are to be cancelled, and what is known about them."""
 
-    def __init__(self, name: str, goal_ids: Iterable[str] | None = None) -> None:
-        """Begin; `goal_ids` are the goals to cancel, and `None` means all."""
+    def __init__(
+        self, name: str, goal_ids: Iterable[str] | None = None, *, may_come: bool = False
+    ) -> None:
+        """Begin.
+
+        Args:
+            name: Of the action.
+            goal_ids: The goals to cancel; `None` means all.
+            may_come: Whether goals that no server knows may have been sent, and be accepted yet.
+        """
         self.name = name
+        self._may_come = may_come
         self.board = Board(most=math.inf)  # a goal that is left out would have no known end
         self.servers: tuple[str, ...] = ()
         """The nodes of all servers that were seen, except those not known by name yet."""
@@ -189,10 +198,15 @@ class Cancelling:
             self._targets.setdefault(goal_id, _Target())  # seen too late for a request
         new = []
         for goal_id, target in self._targets.items():
-            if target.fate is None:
-                row = self.board.goals.get(goal_id)
+            row = self.board.goals.get(goal_id)
+            ended = row is not None and row.ended
+            # What refused may have ended since; a later line of the same goal says so.
+            late = over and ended and target.fate is not None and target.fate.cancel == "REFUSED"
+            if target.fate is None or late:
                 told = (
-                    _ended(row, target) if row and row.ended else _running(row, target, now, over)
+                    _ended(row, target)
+                    if row is not None and row.ended
+                    else _running(row, target, now, over, self._may_come)
                 )
                 if told is not None:
                     target.fate = Fate(goal_id, told[0], row.state if row else "", told[1])
@@ -260,14 +274,15 @@ def _ended(row: WatchedGoal, target: _Target) -> tuple[str, str]:
 
 
 def _running(
-    row: WatchedGoal | None, target: _Target, now: float, over: bool
+    row: WatchedGoal | None, target: _Target, now: float, over: bool, may_come: bool
 ) -> tuple[str, str] | None:
     """Return what is known of a goal without a seen end, or `None` if that may still change."""
     settled = over or now - target.since >= _SETTLE
     canceling = row is not None and row.state == "CANCELING"
     if target.answer is CancelAnswer.REFUSED and not canceling and settled:
         return "REFUSED", "The server refused to cancel it. IT IS STILL RUNNING."
-    if target.answer is CancelAnswer.UNKNOWN_GOAL and row is None and settled:
+    unknown = target.answer is CancelAnswer.UNKNOWN_GOAL and row is None
+    if unknown and (over if may_come else settled):
         return "NO_SUCH_GOAL", "No server in sight knows it: it ended long ago, or never was here."
     if not over:
         return None

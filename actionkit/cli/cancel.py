@@ -67,6 +67,11 @@ def _goal_id(text: str) -> str:
     show_default=True,
     help="How long to wait for a server.",
 )
+@click.option(
+    "--may-come",
+    is_flag=True,
+    help="Ask again for goals that no server knows: they were sent, and may be accepted yet.",
+)
 @json_option("Write one JSON object for each goal.")
 @debug_option
 def command(
@@ -75,6 +80,7 @@ def command(
     every: bool,
     timeout: float,
     server_timeout: float,
+    may_come: bool,
     as_json: bool,
 ) -> int:
     """Cancel goals of the action NAME, and tell what happened to each.
@@ -89,7 +95,7 @@ def command(
         full = full_name(survey, name)
         if not goal_ids and not every:
             return _list(full, server_timeout)
-        cancelling = Cancelling(full, goal_ids or None)
+        cancelling = Cancelling(full, goal_ids or None, may_come=may_come)
         try:
             _cancel(survey, cancelling, timeout, server_timeout, partial(_show, full, as_json))
         finally:  # also after Ctrl-C

@@ -9,12 +9,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from test_msgs.action import Fibonacci
 
+from actionkit import Client, Timeouts
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit.cli._cancelling import Cancelling
+from actionkit.cli._cancelling import _SETTLE, Cancelling
 from actionkit.cli._exits import Exit
 from tests.cli.conftest import FIBONACCI, Running, World
 from tests.cli.test_call import goal_id
+from tests.waiting import until
 
 
 def goals_of_others(world: World, server: str, count: int) -> dict[str, Running]:
@@ -165,6 +168,31 @@ def test_no_answer_is_told(world: World) -> None:
     assert call.finish() == Exit.OK
 
 
+def test_a_goal_that_may_still_be_accepted_is_asked_for_until_then(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What `actionkit mcp` leaves behind does that: its goal would run without anybody."""
+    server = world.server("slow_accept", gate=1, period=1.0)
+    for variable in ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE"):
+        monkeypatch.setenv(variable, world.environment[variable])
+    patient = Timeouts(accept=60.0)
+    with Client(Fibonacci, "slow_accept", on_close="abandon", timeouts=patient) as client:
+        sent = client.call_async(Fibonacci.Goal(order=40))
+        goal = str(sent.goal_id)
+        server.wait_for("goal_received", goal_id=goal)
+        cancel = world.start("cancel", "slow_accept", goal, "--may-come", "--timeout", "30")
+
+        def asked_for_long() -> bool:
+            events = [e for e in server.events if e.goal_id == goal]
+            asked = [e.monotonic for e in events if e.event == "cancel_requested"]
+            return bool(asked) and asked[-1] - asked[0] > _SETTLE + 0.5
+
+        until(asked_for_long, "requests after it would have been taken for an unknown goal")
+        server.release()
+        server.wait_for("canceled", goal_id=goal)
+        assert cancel.finish() == Exit.OK
+
+
 def test_without_a_server(empty_world: World) -> None:
     done = empty_world.run("cancel", "/fibonacci", "--all", "--server-timeout", "0.3")
     assert (done.code, done.out) == (Exit.NO_SERVER, "")
@@ -239,6 +267,17 @@ def test_what_is_said_of_a_goal(
     answers: tuple[CancelAnswer, ...], known: dict[str, Any], said: str | None
 ) -> None:
     assert fate(*answers, **known) == said
+
+
+def test_a_goal_that_ended_after_its_refusal_does_not_run() -> None:
+    cancelling = Cancelling("/a", [GOAL])
+    cancelling.take(SimpleNamespace(goal_id=GOAL, answer=R), 0.0)
+    goal_is(cancelling, GOAL, "EXECUTING")
+    assert [fate.cancel for fate in cancelling.settle(1.5, over=False)] == ["REFUSED"]
+    goal_is(cancelling, GOAL, "SUCCEEDED")
+    assert [fate.cancel for fate in cancelling.settle(4.0, over=True)] == ["NOT_NEEDED"]
+    assert cancelling.settle(4.0, over=True) == []
+    assert cancelling.exit is Exit.OK
 
 
 def test_a_goal_that_had_ended_is_not_asked_about() -> None:

@@ -100,7 +100,8 @@ async def _serve(
     serving = asyncio.ensure_future(serve(make_server(toolbox, calls, version), ending))
     serving.add_done_callback(lambda _: ending.ask(_BROKEN, "serving has ended by itself"))
     await ending.asked.wait()
-    await calls.end(_PATIENCE)
+    with contextlib.suppress(*_NOT_DONE):
+        await calls.end(_PATIENCE)
     with contextlib.suppress(*_NOT_DONE):
         await asyncio.wait_for(flush(), _LAST_WRITES)
     ending.leave_behind()
@@ -204,7 +205,7 @@ def go_on_cancelling(toolbox: Toolbox) -> list[str]:
         goes_on = f"another process goes on cancelling it for {_GOES_ON} seconds"
         try:
             subprocess.Popen(
-                [sys.executable, *command, "--server-timeout", _GOES_ON],
+                [sys.executable, *command, "--server-timeout", _GOES_ON, "--may-come"],
                 # The host may wait for all processes that have its pipes, or kill our group.
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
