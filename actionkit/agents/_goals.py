@@ -215,7 +215,7 @@ def goals_result(
     problem = ""
     found: list[ListedGoal] = []
     if unknown:
-        problem = f"there is no argument {shown(unknown[0])}; there is goal_id"
+        problem = f"there is no argument {shown(unknown[0])}; the only one is goal_id"
     elif goal_id is not None and not isinstance(goal_id, str):
         problem = f"goal_id {shown(goal_id)} must be a string"
     else:

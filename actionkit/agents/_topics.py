@@ -30,20 +30,30 @@ async def read_topic(
         return _failure(topic, "refused", "invalid_arguments", text)
 
     def read(domain_id: int | None, stopped: Callable[[], bool]) -> ToolResult:
-        from actionkit._ros.tools.topic import latest
+        from actionkit._ros.tools.topic import StoppedError, latest
 
         name, kind, cls = topic.topic, topic.ros_type, topic.cls
-        reading = latest(domain_id, name, kind, cls, _WAIT, topic.max_age, stopped)
+        try:
+            reading = latest(domain_id, name, kind, cls, _WAIT, topic.max_age, stopped)
+        except StoppedError:  # nothing is wrong, so the log does not tell of it
+            if clients.closed:
+                return _closed(topic)
+            text = f"the reading of {name} was stopped, as this program ends"
+            return _failure(topic, "failed", "failed", text)
         return _result(topic, reading)
 
     try:
         return await clients.read(read)
     except Exception as error:  # noqa: BLE001  also what the middleware raises
         if clients.closed:
-            return _failure(topic, "refused", "closed", "the toolbox was closed")
+            return _closed(topic)
         _log.warning("%s: %s", topic.name, error, exc_info=error)
         text = f"{topic.topic} cannot be read; the toolbox's log says why"
         return _failure(topic, "failed", "failed", text)
+
+
+def _closed(topic: TopicConfig) -> ToolResult:
+    return _failure(topic, "refused", "closed", "the toolbox was closed")
 
 
 def _failure(topic: TopicConfig, status: TopicStatus, kind: str, message: str) -> ToolResult:

@@ -199,18 +199,16 @@ class Cancelling:
         new = []
         for goal_id, target in self._targets.items():
             row = self.board.goals.get(goal_id)
-            ended = row is not None and row.ended
-            # What refused may have ended since; a later line of the same goal says so.
-            late = over and ended and target.fate is not None and target.fate.cancel == "REFUSED"
-            if target.fate is None or late:
-                told = (
-                    _ended(row, target)
-                    if row is not None and row.ended
-                    else _running(row, target, now, over, self._may_come)
-                )
-                if told is not None:
-                    target.fate = Fate(goal_id, told[0], row.state if row else "", told[1])
-                    new.append(target.fate)
+            # A goal that was not cancelled, as its server refused that, may end by itself later.
+            refused = over and target.fate is not None and target.fate.cancel == "REFUSED"
+            told = None
+            if row is not None and row.ended and (target.fate is None or refused):
+                told = _ended(row, target)
+            elif target.fate is None:
+                told = _running(row, target, now, over, self._may_come)
+            if told is not None:
+                target.fate = Fate(goal_id, told[0], row.state if row else "", told[1])
+                new.append(target.fate)
         return new
 
     @property

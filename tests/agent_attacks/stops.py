@@ -114,8 +114,9 @@ def _line(place: Place, peer: Peer, line: str) -> str:
     peer.send_line(line)
     peer.ask("ping", {})
     peer.ask("tools/call", {"name": "goals", "arguments": {}})
-    time.sleep(0.3)  # a goal would be sent by then
-    if got := orders(place.robot.server("fibonacci"), since):
+    # A goal of the line would have reached the server before this one's end.
+    peer.ask("tools/call", {"name": "count", "arguments": {"order": 1}})
+    if (got := orders(place.robot.server("fibonacci"), since)) != [1]:
         return f"goals {got} were sent"
     return "".join(map(unclean, peer.messages))
 

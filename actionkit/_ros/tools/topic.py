@@ -32,6 +32,10 @@ Stamped = tuple[int, bytes]
 Qos = tuple[ReliabilityPolicy, DurabilityPolicy]
 
 
+class StoppedError(RuntimeError):
+    """A reading was stopped: by its caller, the end of the program, or a shutdown of rclpy."""
+
+
 class TopicReader:
     """Raw subscriptions to a topic until `close`, one for each QoS that its publishers offer.
 
@@ -81,7 +85,7 @@ class TopicReader:
         """Yield new messages, and an empty list every `PERIOD`. Only without `on_messages`.
 
         Raises:
-            RuntimeError: It was stopped.
+            StoppedError: It was stopped.
             Exception: Any error of rclpy.
         """
         while self._error is None and self.runtime.usable and not stopped():
@@ -93,7 +97,7 @@ class TopicReader:
             messages = source.take_stamped(self._depth)
             self.runtime.call_soon(partial(self.runtime.enable, source))
             yield messages
-        raise self._error or RuntimeError("the reading was stopped")
+        raise self._error or StoppedError("the reading was stopped")
 
     def close(self) -> None:
         """End the subscriptions."""

@@ -61,7 +61,7 @@ def make_server(toolbox: Toolbox, calls: Calls, version: str) -> Server[Any]:
         tool = tools.get(params.name)
         if tool is None:
             known = ", ".join(tools)
-            text = f"there is no tool {shown(params.name)}; there are: {known}"
+            text = f"there is no tool {shown(params.name)}; the tools are: {known}"
             raise MCPError(code=t.INVALID_PARAMS, message=text)
         returned = Returned(params, questions)
         approve: Asked | Returned | None = None
