@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from queue import SimpleQueue
+from types import SimpleNamespace
 from typing import IO, Any
 
 import pytest
@@ -22,7 +23,8 @@ from actionkit import Client, GoalFuture, GoalState, Outcome
 from actionkit._goal.stages import FIRST_REASK
 from actionkit._threads import diagnostics as _diagnostics
 from actionkit.servers import Server, ServerEvent
-from tests import shared_memory
+from tests import forked, shared_memory
+from tests.cpu import Cpu
 
 FORMS = ("blocking", "future", "await")
 NEVER = threading.Event()  # nobody sets it: waiting for it is how a test lets time pass
@@ -139,11 +141,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="deliver what servers write into their journals 100 ms late",
     )
+    parser.addoption(
+        "--hold-budgets",
+        action="store_true",
+        help="fail if a tier costs more than a third more CPU time than its budget",
+    )
+    parser.addoption("--cpu-table", metavar="FILE", help="write what each test costs, as JSON")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     if not hasattr(config, "workerinput"):  # of pytest-xdist: the others have it
         shared_memory.keep_mending()
+    config.pluginmanager.register(Cpu(config), "cpu")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -216,6 +225,17 @@ def _ros_logs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Keep the log files of rclpy, of which each process makes one, out of the user's home."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_logs")))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _forked_servers() -> Iterator[None]:
+    """Fork reference servers, which costs a fifth of starting interpreters for them."""
+    from actionkit.servers import _process
+
+    with pytest.MonkeyPatch.context() as patch:
+        names = {**vars(subprocess), "Popen": forked.Popen}
+        patch.setattr(_process, "subprocess", SimpleNamespace(**names))
         yield
 
 
@@ -308,7 +328,7 @@ def run_script(ros_domain: int) -> Iterator[Callable[..., Script]]:
     started: list[Script] = []
 
     def run(source: str, *args: str) -> Script:
-        process = subprocess.Popen(
+        process = forked.Popen(
             [
                 sys.executable,
                 "-W",

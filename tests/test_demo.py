@@ -13,6 +13,8 @@ import time
 
 import pytest
 
+from tests import forked
+
 TITLES = (
     "1. A call that waits",
     "2. Two goals at once",
@@ -27,7 +29,7 @@ PATIENCE = 60.0
 def run(*words: str, program: str = "") -> subprocess.CompletedProcess[str]:
     """Run the command line; `program` is code to run before it, in the same process."""
     code = f"{program}\nfrom actionkit.cli import main; main()"
-    return subprocess.run(
+    return forked.run(
         [sys.executable, "-c", code, *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -80,7 +82,7 @@ def test_every_step_comes_out_as_it_should() -> None:
 def test_on_a_terminal_there_is_a_progress_bar() -> None:
     master, slave = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
-    with subprocess.Popen(
+    with forked.Popen(
         [sys.executable, "-m", "actionkit", "demo"],
         stdin=slave, stdout=slave, stderr=slave, env=environment,
     ) as process:  # fmt: skip
@@ -109,7 +111,7 @@ def test_on_a_terminal_there_is_a_progress_bar() -> None:
     ],
 )
 def test_ctrl_c_ends_it_cleanly(moment: str) -> None:
-    with subprocess.Popen(
+    with forked.Popen(
         [sys.executable, "-u", "-m", "actionkit", "demo"],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

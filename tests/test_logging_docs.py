@@ -6,7 +6,6 @@ import json
 import logging
 import os
 import re
-import subprocess
 import sys
 import uuid
 from pathlib import Path
@@ -23,6 +22,7 @@ from actionkit import (
 from actionkit._observers.goal_log import GoalLog
 from actionkit._observers.json_schema import event_line, outcome_line
 from actionkit._observers.words import LEVELS
+from tests import forked
 
 TEXT = (Path(__file__).resolve().parent.parent / "docs" / "logging.md").read_text()
 ID = uuid.UUID(int=1)
@@ -79,7 +79,7 @@ def test_the_snippets_run(action_server, tmp_path: Path) -> None:
     action_server("fibonacci", period=0.02)
     blocks = re.findall(r"^```python\n(.*?)^```$", TEXT, re.M | re.S)
     assert len(blocks) >= 6
-    done = subprocess.run(
+    done = forked.run(
         [sys.executable, "-c", "\n".join(blocks)],
         cwd=tmp_path,
         env=os.environ | {"RCUTILS_LOGGING_USE_STDOUT": "1"},

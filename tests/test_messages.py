@@ -7,7 +7,6 @@ import importlib
 import json
 import math
 import pickle
-import subprocess
 import sys
 from array import array
 from collections import OrderedDict, deque
@@ -46,6 +45,7 @@ from actionkit._messages import convert
 from actionkit._messages.convert import from_plain, to_plain
 from actionkit._messages.paths import field_type, get_field, type_name
 from actionkit._model.field_errors import FieldError, FieldProblem, FieldTypeError
+from tests import forked
 
 # rosidl loads its IDL parser with the first type support, and that an old lark
 pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
@@ -809,7 +809,7 @@ def test_nothing_of_ros_is_loaded_by_the_import() -> None:
     )
     package = str(Path(convert.__file__).parent.parent)
     command = [sys.executable, "-c", code, package]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    done = forked.run(command, capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
 
 

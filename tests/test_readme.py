@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests import forked
 from tests.docs.snippets import Block, blocks
 from tests.docs.test_pages import DOCS
 
@@ -28,7 +29,7 @@ def test_the_server_of_the_tour(ros_domain: int) -> None:
     (block,) = [each for each in fences("", DOCS / "client.md") if "actionkit.servers" in each.text]
     words = block.text.split()
     assert words[0] == ".venv/bin/python"
-    with subprocess.Popen(
+    with forked.Popen(
         [sys.executable, *words[1:]], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import subprocess
 import threading
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
 import pytest
 
 from actionkit.agents import Toolbox, ToolResult
+from tests import forked
 
 FIBONACCI: dict[str, Any] = {
     "action": "fibonacci",
@@ -57,6 +60,15 @@ class FakeHold:
             thread = threading.Thread(target=callback, args=(reason,))
             thread.start()
             thread.join()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _forked_hosts() -> Iterator[None]:
+    """Fork what the SDK of MCP starts, which costs a tenth of starting interpreters for it."""
+    with pytest.MonkeyPatch.context() as patch:
+        names = {**vars(subprocess), "Popen": forked.Popen}
+        patch.setattr("asyncio.unix_events.subprocess", SimpleNamespace(**names))
+        yield
 
 
 @pytest.fixture

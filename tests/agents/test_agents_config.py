@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
 import sys
 from pathlib import Path
 from types import MappingProxyType
@@ -13,6 +12,7 @@ import pytest
 
 from actionkit.agents import ConfigError, Toolbox
 from actionkit.agents._config import ActionConfig, read_config, read_file
+from tests import forked
 from tests.agents.test_agents_arguments import goal_model
 
 NESTED = "test_msgs/action/NestedMessage"
@@ -385,7 +385,7 @@ def test_a_file_is_checked_without_serving_it(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text(RIGHT)
     command = [sys.executable, "-m", "actionkit", "mcp", "--check", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = forked.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0
     for part in (
         "drive: Drives. A human is asked to approve each goal.",
@@ -398,7 +398,7 @@ def test_a_file_is_checked_without_serving_it(tmp_path: Path) -> None:
         assert part in done.stdout
     assert "robot.toml: tools.drive: numbers without limits: nested_dif" in done.stderr
     path.write_text(RIGHT.replace('fields."nested_field.float64_value"', "fields.nested_field.x"))
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = forked.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
     assert done.stdout == ""
     assert 'a path needs quotes: [tools.drive.fields."nested_field.x"]' in done.stderr

@@ -21,6 +21,7 @@ from actionkit import servers
 from actionkit.cli import main
 from actionkit.servers import Server
 from actionkit.testing import isolated_domain
+from tests import forked
 from tests.conftest import without_noise
 
 CAPTURES = Path(__file__).parents[2] / "docs" / "captures"
@@ -131,7 +132,7 @@ class World:
     def start(self, *words: str, before: str = "", **options: Any) -> Running:
         """Start the command line; `before` is code to run first, in the same process."""
         code = f"{before}\nfrom actionkit.cli import main; main()"
-        process = subprocess.Popen(
+        process = forked.Popen(
             [sys.executable, "-c", code, *words],
             **{
                 "stdin": subprocess.DEVNULL,
@@ -180,14 +181,13 @@ class World:
             environment: Variables that differ from those of the world.
         """
         code = f"{before}\nfrom actionkit.cli import main; main()"
-        done = subprocess.run(
+        done = forked.run(
             [sys.executable, "-c", code, *words],
             input=stdin,
             capture_output=True,
             text=True,
             env=self.environment | environment,
             timeout=PATIENCE,
-            check=False,
         )
         assert "Traceback" not in done.stderr, done.stderr
         return Done(done.returncode, without_noise(done.stdout), without_noise(done.stderr))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -22,6 +21,7 @@ from actionkit._ros.holds import view
 from actionkit.agents._hold import HoldListener
 from actionkit.cli._exits import Exit
 from actionkit.servers import Server
+from tests import forked
 from tests.cli.conftest import World
 from tests.holding import AGENT, end_keepers, keepers, known
 from tests.waiting import until
@@ -109,7 +109,7 @@ def test_goals_are_cancelled_even_if_nothing_can_be_told(
     server.wait_for("accepted", timeout=LONG)
     command = [sys.executable, "-m", "actionkit", "stop", "--timeout", "9"]
     with open("/dev/full", "w") as full:
-        subprocess.run(
+        forked.run(
             command, stdout=full, stderr=full, env=world.environment, timeout=LONG, check=False
         )
     server.sync()

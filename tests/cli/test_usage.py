@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +14,7 @@ from click.testing import CliRunner
 
 from actionkit.cli._app import app
 from actionkit.cli._exits import Exit
+from tests import forked
 from tests.cli.conftest import FIBONACCI, NESTED, Done, World
 
 DOCS = Path(__file__).parents[2] / "docs" / "command-line.md"
@@ -120,7 +120,7 @@ def test_help_has_examples_and_needs_no_ros(command: str) -> None:
         f"import sys; sys.modules['rclpy'] = None; sys.modules['test_msgs'] = None\n"
         f"from actionkit.cli import main; main(['{command}', '--help'])"
     )
-    done = subprocess.run(
+    done = forked.run(
         [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=30,
         check=False,
     )  # fmt: skip
@@ -147,7 +147,7 @@ def without_ros(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Done]
         (place / source.name).symlink_to(source)
 
     def run(*words: str) -> Done:
-        done = subprocess.run(
+        done = forked.run(
             # -S: nothing of this Python's site-packages
             [sys.executable, "-S", "-c", "from actionkit.cli import main; main()", *words],
             env={"PYTHONPATH": str(place), "PATH": os.environ["PATH"]},
@@ -194,7 +194,7 @@ def test_debug_shows_where_an_error_comes_from(empty_world: World) -> None:
         "import sys; sys.modules['rclpy'] = None\n"
         "from actionkit.cli import main; main(['--debug', 'list'])"
     )
-    done = subprocess.run(
+    done = forked.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False
     )
     assert done.returncode == Exit.NO_ROS
@@ -302,7 +302,7 @@ async def never_awaited(): ...
 app.run = lambda arguments: Half(never_awaited())
 main([])
 """
-    done = subprocess.run(
+    done = forked.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "\nInterrupted.\n")

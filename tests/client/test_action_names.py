@@ -20,6 +20,7 @@ from test_msgs.action import Fibonacci, NestedMessage
 from actionkit import Client
 from actionkit._ros.native import RCLError
 from actionkit.testing import isolated_domain
+from tests import forked
 from tests.client.test_node import in_use
 
 SERVICES, TOPICS = ("send_goal", "get_result", "cancel_goal"), ("feedback", "status")
@@ -161,7 +162,7 @@ def robots() -> Iterator[int]:
     with isolated_domain() as domain:
         command = [sys.executable, "-c", SERVERS, str(domain), *(f"/{name}" for name in ROBOTS)]
         pipe = subprocess.PIPE
-        with subprocess.Popen(command, stdin=pipe, stdout=pipe) as process:
+        with forked.Popen(command, stdin=pipe, stdout=pipe) as process:
             assert process.stdout is not None
             assert process.stdout.readline()
             yield domain

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 
 import pytest
 
+from tests import forked
 from tests.conftest import without_noise
 from tests.in_handler import HANDLERS, USES
 
@@ -26,7 +26,7 @@ LONGEST = 5.0
 def test_what_a_handler_may_do_at_any_moment(use, action_server):
     server = action_server("fibonacci", period=0.05)
     script = [sys.executable, "-m", "tests.in_handler", use, str(PLACES)]
-    done = subprocess.run(script, capture_output=True, text=True, check=False)
+    done = forked.run(script, capture_output=True, text=True, check=False)
     err = without_noise(done.stderr)
     assert done.returncode == 0, f"{done.stdout}\n{err}"
     assert "error in ActionKit itself" not in err

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import forked
 from tests.docs.snippets import run_page
 from tests.docs.test_pages import DOCS
 
@@ -20,14 +21,14 @@ def test_the_page(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     built = tmp_path / "built"
     build = [sys.executable, "-m", "actionkit", "interfaces", "build", str(HERE / "nav2_msgs")]
     env = {**os.environ, "CFLAGS": "-O0", "CXXFLAGS": "-O0"}
-    done = subprocess.run(
+    done = forked.run(
         [*build, "-o", str(built)], env=env, capture_output=True, text=True, check=False
     )
     if "C++ compiler" in done.stderr:
         pytest.skip("there is no C++ compiler")
     assert done.returncode == 0, done.stderr
     monkeypatch.setenv("PYTHONPATH", str(built))
-    with subprocess.Popen(
+    with forked.Popen(
         [sys.executable, str(HERE / "nav2_server.py")],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

@@ -14,6 +14,7 @@ from typing import Any
 
 from actionkit import Client, GoalFuture, Timeouts
 from actionkit.testing import EventLog
+from tests import forked
 from tests.conftest import without_noise
 from tests.faults.lab import POLICIES, TIMEOUTS, Seen, budget
 
@@ -79,7 +80,7 @@ class RemoteCaller:
 
     def __init__(self, timeouts: Timeouts = TIMEOUTS) -> None:
         """Start the process; where it is, is up to the thread that this is called on."""
-        self._process = subprocess.Popen(
+        self._process = forked.Popen(
             [sys.executable, "-m", "tests.faults.remote_client", json.dumps(timeouts.__dict__)],
             cwd=_ROOT,
             stdin=subprocess.PIPE,

@@ -17,6 +17,7 @@ from typing import Any
 
 from actionkit.servers import Server
 from actionkit.servers._events import TERMINAL
+from tests import forked
 from tests.conftest import NEVER, Script
 
 _ROOT = Path(__file__).parents[2]
@@ -55,7 +56,7 @@ class Crowd:
         self.n = n
         self._report = directory / f"{way}-{n}-{next(_numbers)}.json"
         command = ["-m", "tests.faults.crowd_client", way, str(n), str(self._report)]
-        process = subprocess.Popen(
+        process = forked.Popen(
             [sys.executable, *command, json.dumps(settings)],
             cwd=_ROOT,
             stdin=subprocess.PIPE,

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from actionkit import Timeouts
+from tests import forked
 from tests.conftest import Script
 from tests.faults import attacks, network
 from tests.faults.attacks import Row
@@ -34,7 +35,7 @@ def plain_client(field: Field, n: int) -> Script:
     """Start the client that ours is compared with, on the same host."""
     command = ["-m", "tests.faults.plain_client", str(n), str(_AT_A_TIME), str(_DEADLINE)]
     with field.cable.first.inside():
-        process = subprocess.Popen(
+        process = forked.Popen(
             [sys.executable, *command],
             cwd=_ROOT,
             stdin=subprocess.PIPE,

@@ -19,6 +19,7 @@ from pathlib import Path
 import pytest
 
 from actionkit.servers import Server
+from tests import forked
 from tests.conftest import NEVER, RCLPYS_RACE, without_noise
 from tests.faults import ending
 from tests.faults.ending import (
@@ -78,7 +79,7 @@ def end_once(case: Case, age: float, server: Server, program: Path) -> tuple[Row
         *(case.what, "handled" if case.handled else ""),
     ]
     with (
-        subprocess.Popen(
+        forked.Popen(
             command,
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import forked
 from tests.conftest import without_noise
 
 PACKAGE = """<package format="3">
@@ -50,7 +51,7 @@ def actionkit(
     *words: object, env: dict[str, str] | None = None, python: str = sys.executable
 ) -> subprocess.CompletedProcess[str]:
     """Run the command line in a process of its own."""
-    return subprocess.run(
+    return forked.run(
         [python, "-m", "actionkit", *map(str, words)],
         env=env or environment(),
         cwd="/",
@@ -63,7 +64,7 @@ def actionkit(
 
 def run_python(code: str, *words: object, env: dict[str, str]) -> str:
     """Run a program and return what it prints."""
-    done = subprocess.run(
+    done = forked.run(
         [sys.executable, "-c", code, *map(str, words)],
         env=env,
         cwd="/",
@@ -99,7 +100,7 @@ main(["interfaces", "build", *sys.argv[1:]])
 
 def build_shadowing(source: Path, target: Path) -> None:
     """Build a package that has the name of an installed one."""
-    done = subprocess.run(
+    done = forked.run(
         [sys.executable, "-c", SHADOWING, source, "-o", target],
         env=environment(),
         cwd="/",
@@ -181,7 +182,7 @@ def odd(shared: Path) -> Path:
 def python(tmp_path: Path) -> str:
     """The Python of a virtual environment in which ROS is, as it is in ours."""
     root, ours = tmp_path / "venv", Path(sys.prefix)
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", root], check=True)
+    forked.run([sys.executable, "-m", "venv", "--without-pip", root], check=True)
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
     site = Path("lib", version, "site-packages")
     (root / site / "ours.pth").write_text(f"{ours / site}\n{Path(__file__).parents[2]}\n")

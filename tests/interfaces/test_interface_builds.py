@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from actionkit._interfaces.dependencies import RECORD
+from tests import forked
 from tests.interfaces.conftest import actionkit, environment, run_python, write_package
 
 POINTS = "float64 x\nfloat64 y\n"
@@ -110,7 +111,7 @@ def test_a_killed_build_leaves_the_old_package(points: Path, tmp_path: Path) -> 
     waiting = tmp_path / "waiting"
     waiting.write_text(f"#!/bin/sh\necho called > {told}\nread nothing < {never}\n")
     waiting.chmod(0o755)
-    with subprocess.Popen(
+    with forked.Popen(
         [sys.executable, "-m", "actionkit", "interfaces", "build", str(points), "-o", str(out)],
         env=environment(CC=str(waiting), CXX=str(waiting)),
         stderr=subprocess.DEVNULL,
@@ -178,7 +179,7 @@ def run_in(python: str, *words: object) -> str:
     env = environment()
     env.pop("PIP_QUIET", None)  # it is to tell what is installed
     del env["PYTHONPATH"]
-    done = subprocess.run(
+    done = forked.run(
         [python, *map(str, words)], env=env, capture_output=True, text=True, cwd="/", check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
@@ -232,7 +233,7 @@ def test_a_wheel_declares_what_it_needs_and_works_without_a_compiler(
 
     # As on the robot, where everything else is installed already.
     offline = ("-m", "pip", "install", "--no-index")
-    refused = subprocess.run(
+    refused = forked.run(
         [python, *offline, names["drawing"]], capture_output=True, text=True, check=False
     )
     assert "points==0.1.0+actionkit" in refused.stdout + refused.stderr
@@ -276,7 +277,7 @@ def test_what_pip_refuses_is_told(points: Path, python: str, tmp_path: Path) -> 
     (broken / "pip" / "__init__.py").touch()
     (broken / "pip" / "__main__.py").write_text("raise SystemExit('externally managed')\n")
     env = environment(broken)
-    done = subprocess.run(
+    done = forked.run(
         [python, *BUILD, points, "--install"], env=env, capture_output=True, text=True, check=False
     )
     assert done.returncode == 1

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from actionkit import servers
+from tests import forked
 from tests.conftest import Script
 from tests.interfaces.conftest import (
     SHIPPED,
@@ -86,7 +87,7 @@ Find.Response(part=part)
 def odd_server(odd: Path, ros_domain: int) -> Iterator[dict[str, str]]:
     env = environment(odd, ROS_DOMAIN_ID=str(ros_domain))
     words = [sys.executable, str(Path(__file__).with_name("odd_server.py"))]
-    with subprocess.Popen(words, env=env, stdout=subprocess.PIPE, text=True) as process:
+    with forked.Popen(words, env=env, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert Script(process).line() == "ready"
             yield env

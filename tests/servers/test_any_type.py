@@ -16,6 +16,7 @@ from actionkit.cli._app import app
 from actionkit.servers._behaviour import COMMON_OPTIONS, Behaviour
 from actionkit.servers._contents import message_of
 from actionkit.servers._registry import is_foreign
+from tests import forked
 from tests.rclpy_client import ABORTED, CANCELED, OK, PATIENCE, SUCCEEDED, Driver
 
 NESTED = "test_msgs/action/NestedMessage"
@@ -103,7 +104,7 @@ def test_what_is_wrong_is_told(
 
 def test_on_the_command_line(ros_domain: int) -> None:
     command = [sys.executable, "-m", "actionkit", "serve", "aborts", "--action", "pick"]
-    with subprocess.Popen(
+    with forked.Popen(
         [*command, "--type", NESTED], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
     ) as process:
         driver = Driver(ros_domain, NestedMessage, "pick")
@@ -121,7 +122,7 @@ def test_wrong_usage_of_the_command_line() -> None:
         (["guarded", "--type", NESTED], "cannot serve test_msgs/action/NestedMessage"),
         (["silent", "--type", "test_msgs/action/Pick"], "has no action 'Pick'"),
     ):
-        done = subprocess.run(
+        done = forked.run(
             [sys.executable, "-m", "actionkit.servers", *words],
             capture_output=True, text=True, check=False,
         )  # fmt: skip

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from actionkit import servers
+from tests import forked
 from tests.conftest import Script
 from tests.rclpy_client import PATIENCE, Driver, story
 
@@ -95,7 +96,7 @@ def test_the_death_of_the_parent_ends_the_child(ros_domain: int) -> None:
         "os.kill(os.getpid(), signal.SIGKILL)"
     )
     command = [sys.executable, "-c", script]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
+    with forked.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
         watch = os.pidfd_open(int(Script(parent).line()))
         assert _gone(watch)
 
@@ -134,18 +135,18 @@ def test_the_journal_is_in_the_error(action_server: Any) -> None:
 
 def test_the_shell() -> None:
     command = [sys.executable, "-m", "actionkit.servers"]
-    listed = subprocess.run([*command, "--list"], capture_output=True, text=True, check=True)
+    listed = forked.run([*command, "--list"], capture_output=True, text=True, check=True)
     for name, description in servers.names().items():
         assert f"{name} " in listed.stdout
         assert description in listed.stdout
-    wrong = subprocess.run([*command, "nonsense"], capture_output=True, text=True, check=False)
+    wrong = forked.run([*command, "nonsense"], capture_output=True, text=True, check=False)
     assert wrong.returncode == 2
     assert "Traceback" not in wrong.stderr
 
 
 def test_a_person_reads_lines_and_ends_it_with_ctrl_c(ros_domain: int) -> None:
     command = [sys.executable, "-m", "actionkit.servers", "fibonacci", "--human"]
-    with subprocess.Popen(
+    with forked.Popen(
         command,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
@@ -161,7 +162,7 @@ def test_a_person_reads_lines_and_ends_it_with_ctrl_c(ros_domain: int) -> None:
 @pytest.mark.parametrize("module", ["actionkit.servers", "actionkit.testing.plugin"])
 def test_importing_does_not_import_rclpy(module: str) -> None:
     script = f"import {module}, sys; sys.exit('rclpy' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+    assert forked.run([sys.executable, "-c", script], check=False).returncode == 0
 
 
 def test_public_names() -> None:

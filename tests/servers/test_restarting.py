@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from tests import forked
 from tests.conftest import Script
 from tests.rclpy_client import (
     ABORTED,
@@ -116,7 +117,7 @@ def test_restarts_can_be_cancelled_before(action_server: Any, driver: Driver, po
 @pytest.mark.parametrize("how", ["clean", "kill"])
 def test_a_person_sees_the_restart(ros_domain: int, driver: Driver, how: str) -> None:
     command = [sys.executable, "-m", "actionkit.servers", "restarts", "--human"]
-    with subprocess.Popen(
+    with forked.Popen(
         [*command, "--option", f"how={how}"],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from actionkit import servers
+from tests import forked
 from tests.conftest import Script
 from tests.rclpy_client import (
     ABORTED,
@@ -197,13 +198,11 @@ def test_wrong_scripts_are_refused_before_anything_is_started(script: Any, messa
 
 def test_scripts_in_the_shell(ros_domain: int) -> None:
     command = [sys.executable, "-m", "actionkit.servers", "scripted", "--human", "--option"]
-    wrong = subprocess.run(
-        [*command, 'script=["jump"]'], capture_output=True, text=True, check=False
-    )
+    wrong = forked.run([*command, 'script=["jump"]'], capture_output=True, text=True, check=False)
     assert wrong.returncode == 2
     assert 'script[0] is "jump", which is no step' in wrong.stderr
     assert "Traceback" not in wrong.stderr
-    with subprocess.Popen(
+    with forked.Popen(
         [*command, 'script=[["reject"], [{"feedback": 3}]]'],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests import forked
+
 MAKER = Path(__file__).with_name("interfaces.py")
 
 ODD = {
@@ -55,7 +57,7 @@ def make(folder: Path, package: str, files: dict[str, str]) -> None:
         path = folder / "src" / package / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("\n".join(map(str.strip, text.splitlines())) + "\n")
-    subprocess.run([sys.executable, str(MAKER), str(folder), package], check=True, timeout=120)
+    forked.run([sys.executable, str(MAKER), str(folder), package], check=True, timeout=120)
 
 
 def lose(folder: Path) -> None:
@@ -87,7 +89,7 @@ def stubs(interfaces: Path, tmp_path: Path) -> Command:
     def run(
         *arguments: str, path: Path = interfaces, before: tuple[str, ...] = ()
     ) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
+        return forked.run(
             [*before, sys.executable, "-m", "actionkit", "stubs", *arguments],
             capture_output=True,
             text=True,

@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib.util
 import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from test_msgs.action import Fibonacci, NestedMessage
 
 from actionkit import Client, read_json_lines
 from actionkit.cli._app import app
+from tests import forked
 from tests.conftest import without_noise
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -54,7 +54,7 @@ def story(log: Path) -> list[tuple[str, str]]:
 def test_the_mission(name: str, ros_domain: int, tmp_path: Path) -> None:
     log = tmp_path / "mission.jsonl"
     command = [sys.executable, str(DOCS / "examples" / f"{name}.py"), str(log)]
-    ran = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    ran = forked.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert ran.returncode == 0, ran.stderr
     assert without_noise(ran.stderr) == ""
     assert ran.stdout.rstrip().endswith("mission SUCCESS")

@@ -17,6 +17,7 @@ from test_msgs.action import Fibonacci
 from actionkit.servers import Server
 from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour
+from tests import forked
 from tests.conftest import Script
 from tests.tables import Page
 from tests.trees.conftest import BOUND, Place, fate
@@ -263,7 +264,7 @@ def test_a_program_that_ticks(event: str, place: Place) -> None:
     server = serve(RUNNING, place)
     assert server is not None
     number = signal.SIGINT if event == CTRL_C else signal.SIGTERM
-    program = subprocess.Popen(
+    program = forked.Popen(
         [sys.executable, "-c", PROGRAM, ACTIONS[RUNNING], number.name],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

@@ -18,7 +18,7 @@ from actionkit._goal.facts import GoalFacts
 from actionkit._goal.machine import Goal
 from tests.unit.explore_call import Broken, explore, hunt
 
-SMALL = 8_000
+SMALL = 2_000
 """States, those that are reached soonest."""
 MANY = 20_000
 

@@ -9,7 +9,6 @@ import json
 import math
 import os
 import re
-import subprocess
 import sys
 import uuid
 import xml.etree.ElementTree as ET
@@ -30,6 +29,7 @@ from actionkit.cli._picture_names import shortened
 from actionkit.cli._picture_svg import draw
 from actionkit.cli._problems import Problem
 from actionkit.cli.timeline import report
+from tests import forked
 
 S = GoalState
 SVG = "{http://www.w3.org/2000/svg}"
@@ -324,7 +324,7 @@ def test_nothing_in_a_file_controls_the_terminal(tmp_path: Path) -> None:
     log = write(tmp_path / f"{HOSTILE[:-1]}.jsonl".replace("/", ""), lines)
     with log.open("a") as file:
         file.write(json.dumps({**lines[0].data, "state": HOSTILE}))
-    done = subprocess.run(
+    done = forked.run(
         [sys.executable, "-m", "actionkit", "timeline", str(log)],
         capture_output=True,
         env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"},

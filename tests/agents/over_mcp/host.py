@@ -9,6 +9,7 @@ import subprocess
 import threading
 from typing import IO, Any
 
+from tests import forked
 from tests.agents.over_mcp.lab import PATIENCE, Robot, Serving
 
 _HELLO = {
@@ -29,7 +30,7 @@ class Host:
         }
         self.errors = robot.file.with_name(f"host-{id(self)}.txt")
         self._stderr: IO[bytes] = self.errors.open("wb")
-        self.process = subprocess.Popen(
+        self.process = forked.Popen(
             robot.words(before=before),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

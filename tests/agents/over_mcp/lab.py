@@ -27,6 +27,7 @@ from mcp.shared.exceptions import MCPError
 from actionkit import servers
 from actionkit.servers import Server, ServerEvent
 from actionkit.testing import isolated_domain
+from tests import forked
 from tests.conftest import Script
 from tests.waiting import until_in_loop
 
@@ -87,6 +88,13 @@ timeout = 60.0
 action = "/refuses_cancel"
 type = "test_msgs/action/Fibonacci"
 description = "Counts, and does not let itself be stopped."
+expose = "all"
+timeout = 60.0
+
+[tools.late]
+action = "/slow_accept"
+type = "test_msgs/action/Fibonacci"
+description = "Counts, when it has thought about it."
 expose = "all"
 timeout = 60.0
 
@@ -209,7 +217,7 @@ class HttpServing(Serving):
     ) -> None:
         self.log = robot.file.with_name("http.txt")
         self._errors = open(self.log, "w")  # noqa: SIM115
-        self.process = subprocess.Popen(
+        self.process = forked.Popen(
             robot.words("--http", at, *more, before=before),
             stdout=subprocess.PIPE,
             stderr=self._errors,

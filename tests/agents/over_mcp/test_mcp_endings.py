@@ -7,7 +7,6 @@ import contextlib
 import json
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -16,6 +15,7 @@ from collections.abc import Iterator
 import pytest
 from mcp.shared.exceptions import MCPError
 
+from tests import forked
 from tests.agents.over_mcp import leaver, page
 from tests.agents.over_mcp.host import Host
 from tests.agents.over_mcp.lab import (
@@ -65,7 +65,7 @@ def test_the_client_is_killed(robot: Robot, way: Way, request) -> None:
         "url": http.url if http else "",
         "stdio": {"command": command, "args": words_, "env": robot.environment},
     }
-    client = subprocess.Popen([sys.executable, leaver.__file__, json.dumps(told)])
+    client = forked.Popen([sys.executable, leaver.__file__, json.dumps(told)])
     asyncio.run(watch.until("executing"))
     serving = http
     if http is None:
@@ -276,6 +276,28 @@ def test_the_host_hangs_up_and_the_action_server_does_not_answer(robot: Robot) -
     reached = asyncio.run(watch.summary())
     fault = "standard input is closed, and the action server does not answer"
     page.record(page.ENDED, fault, "stdio", reached, "nothing: it is gone", process)
+
+
+@pytest.mark.long
+def test_a_goal_that_is_accepted_after_the_end_is_cancelled(robot: Robot) -> None:
+    server = robot.server("slow_accept", gate=1, period=1.0)
+    watch = Watch(server)
+    with Host(robot, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST") as host:
+        host.call("late", order=40)
+        asyncio.run(watch.until("goal_received"))
+        host.hang_up()
+        assert seconds_until_gone(host.serving) < AT_LAST
+        assert "another process goes on cancelling" in host.errors.read_text()
+        ended = time.monotonic()
+
+        def asked_long_after() -> bool:
+            return any(
+                e.event == "cancel_requested" and e.monotonic > ended + 5.0 for e in watch.events
+            )
+
+        until(asked_long_after, "a request of the other process", bound=PATIENCE)
+        server.release()
+        assert asyncio.run(watch.summary()) == "a goal, canceled"
 
 
 @pytest.mark.long  # the middleware takes 20 s to notice that the process is dead

@@ -16,6 +16,7 @@ from mcp import Client
 from mcp.client.streamable_http import streamable_http_client
 
 from actionkit.agents._mcp.address import TOKEN_VARIABLE
+from tests import forked
 from tests.agents.over_mcp import flooder
 from tests.agents.over_mcp.lab import PATIENCE, HttpServing, Robot, words
 from tests.conftest import Script
@@ -60,7 +61,7 @@ def memory(pid: int) -> int:
 def flood(serving: HttpServing, what: Flood, times: int) -> Iterator[None]:
     """Flood as long as the block lasts, and with so many times the connections at least."""
     command = [sys.executable, flooder.__file__, str(urlsplit(serving.url).port)]
-    flooding = subprocess.Popen(
+    flooding = forked.Popen(
         [*command, str(what.kept), str(what.rate), *what.kinds], stdout=subprocess.PIPE, text=True
     )
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import AsyncExitStack
@@ -12,6 +11,7 @@ from typing import Any
 import mcp.types as t
 import pytest
 
+from tests import forked
 from tests.agents.over_mcp import page
 from tests.agents.over_mcp.lab import PATIENCE, WAYS, Agent, HttpServing, Robot, Watch, agent
 from tests.conftest import without_noise
@@ -39,9 +39,7 @@ async def stop(robot: Robot, *words: str) -> str:
     command = [sys.executable, "-m", "actionkit", "stop", *words, "--domain-id", str(robot.domain)]
 
     def run() -> str:
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=PATIENCE, check=False
-        )
+        done = forked.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
         assert done.returncode == 0, done
         return without_noise(done.stdout)
 

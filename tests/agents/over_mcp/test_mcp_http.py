@@ -7,7 +7,6 @@ import contextlib
 import json
 import signal
 import socket
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ from mcp import Client
 from mcp.client.streamable_http import streamable_http_client
 
 from actionkit.agents._mcp.address import TOKEN_VARIABLE
+from tests import forked
 from tests.agents.over_mcp import flooder, leaver, page
 from tests.agents.over_mcp.lab import (
     PATIENCE,
@@ -143,7 +143,7 @@ def test_a_client_that_hangs(robot: Robot, http: HttpServing, way: Way) -> None:
     """Its machine acknowledges what is sent to it, so nothing tells it from one that waits."""
     watch = Watch(robot.server("never_finishes"))
     told = {"mode": way.mode, "url": http.url, "tool": "hurry"}
-    client = subprocess.Popen([sys.executable, leaver.__file__, json.dumps(told)])
+    client = forked.Popen([sys.executable, leaver.__file__, json.dumps(told)])
     try:
         asyncio.run(watch.until("executing"))
         client.send_signal(signal.SIGSTOP)
@@ -327,7 +327,7 @@ def test_the_network_is_cut(robot: Robot, cable: network.Network) -> None:
     here, there = cable.first, cable.second
     with here.inside(), contextlib.ExitStack() as stack:
         (listed,) = json.loads(
-            subprocess.run(
+            forked.run(
                 ["ip", "-j", "-4", "addr", "show", "up", "scope", "global"],
                 capture_output=True,
                 check=True,
@@ -344,7 +344,7 @@ def test_the_network_is_cut(robot: Robot, cable: network.Network) -> None:
             watch = Watch(patrolling)
             told = {"mode": way.mode, "url": serving.url, "token": TOKEN}
             with there.inside():
-                client = subprocess.Popen([sys.executable, leaver.__file__, json.dumps(told)])
+                client = forked.Popen([sys.executable, leaver.__file__, json.dumps(told)])
             stack.callback(client.wait)
             stack.callback(client.kill)
             asyncio.run(watch.until("executing"))

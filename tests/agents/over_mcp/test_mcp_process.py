@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from actionkit.agents._mcp.process import go_on_cancelling
+from tests import forked
 from tests.agents.over_mcp.lab import PATIENCE
 
 _PROGRAM = """
@@ -47,7 +48,7 @@ asyncio.run(main())
 
 def ended(first: int, *more: int, hang: bool = False, ignored: int = 0) -> tuple[int, float]:
     """Send signals; return the exit code, and how many seconds the end took after the first."""
-    process = subprocess.Popen(
+    process = forked.Popen(
         [sys.executable, "-c", _PROGRAM, "yes" if hang else "", f"{ignored:d}"],
         stdout=subprocess.PIPE,
         text=True,
@@ -107,7 +108,7 @@ asyncio.run(main())
 
 def test_the_exit_code_tells_of_a_goal_that_may_run_even_if_the_event_loop_hangs() -> None:
     command = [sys.executable, "-c", _LEFT]
-    done = subprocess.run(command, check=False, capture_output=True, timeout=PATIENCE)
+    done = forked.run(command, check=False, capture_output=True, timeout=PATIENCE)
     assert b"goal 1 may still be running" in done.stderr
     assert done.returncode == 23
 
@@ -147,8 +148,8 @@ process._run(Toolbox(), "", serve, lambda: asyncio.to_thread(print))
 
 
 def test_it_cancels_and_ends_even_if_no_thread_can_be_started() -> None:
-    command = [sys.executable, "-c", _NO_THREADS]
-    done = subprocess.run(command, check=False, capture_output=True, timeout=PATIENCE)
+    command = [sys.executable, "-u", "-c", _NO_THREADS]
+    done = forked.run(command, check=False, capture_output=True, timeout=PATIENCE)
     assert done.returncode == 5
     assert b"all goals were cancelled" in done.stdout
     assert b"its goals are looked at" in done.stdout

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 import pytest
 
 from actionkit.agents._mcp.stdio import MOST_BYTES, _id_of
+from tests import forked
 from tests.agents.over_mcp.lab import PATIENCE
 
 _GONE = 7
@@ -72,7 +73,7 @@ def echo(*, blocking: bool = True) -> Iterator[Echo]:
     writes, ours = os.pipe()
     for end in (theirs, ours):
         os.set_blocking(end, blocking)
-    process = subprocess.Popen(
+    process = forked.Popen(
         [sys.executable, "-c", _ECHO], stdin=theirs, stdout=ours, stderr=subprocess.PIPE
     )
     os.close(theirs)

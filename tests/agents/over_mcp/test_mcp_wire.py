@@ -12,6 +12,7 @@ import sys
 import httpx2
 
 from actionkit.agents._mcp.stdio import MOST_BYTES
+from tests import forked
 from tests.agents.over_mcp import page
 from tests.agents.over_mcp.host import Host
 from tests.agents.over_mcp.lab import WAYS, HttpServing, Robot, Watch, agent
@@ -101,7 +102,7 @@ def test_the_longest_line_is_that_of_http() -> None:
 
 def run(robot: Robot, *words: str, before: str = "", **environment: str) -> tuple[int, str, str]:
     kept = {name: value for name, value in os.environ.items() if not name.startswith("ACTIONKIT")}
-    done = subprocess.run(
+    done = forked.run(
         robot.words(*words, before=before),
         stdin=subprocess.DEVNULL,
         capture_output=True,
@@ -116,7 +117,7 @@ def run(robot: Robot, *words: str, before: str = "", **environment: str) -> tupl
 def test_a_person_in_a_terminal_is_told_what_this_is(robot: Robot) -> None:
     master, slave = pty.openpty()
     with open(master, "wb"), open(slave, "rb") as terminal:
-        done = subprocess.Popen(
+        done = forked.Popen(
             robot.words(), stdin=terminal, stdout=subprocess.PIPE, stderr=subprocess.PIPE
         )
         assert done.stderr is not None
@@ -145,7 +146,7 @@ def test_a_wrong_file_is_told_of_whole(robot: Robot) -> None:
     path = robot.file.with_name("wrong.toml")
     path.write_text('[tools.a]\naction = 7\n[topics.b]\nspeed = "fast"\n')
     command = [sys.executable, "-m", "actionkit", "mcp", str(path)]
-    done = subprocess.run(command, input="", capture_output=True, text=True, check=False)
+    done = forked.run(command, input="", capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "tools.a.action" in done.stderr
     assert "topics.b: there is no key 'speed'" in done.stderr

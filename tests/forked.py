@@ -1,0 +1,344 @@
+"""Starts Python programs for tests as forks of a process that has imported what they need.
+
+A fresh interpreter that imports rclpy and ActionKit takes half a second of CPU, a fork 10 ms. The
+process that forks has made no thread and no node, so a program that begins in it finds what it
+would find in an interpreter of its own. Not for tests of what an interpreter does when it starts.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import gc
+import importlib
+import json
+import os
+import runpy
+import socket
+import subprocess
+import sys
+import threading
+import types
+import warnings
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+_PRELOADED = (
+    "asyncio",
+    "multiprocessing.util",
+    "actionkit.cli._app",
+    "actionkit.servers._child",
+    "actionkit.servers._harness",
+    "actionkit.testing",
+    "rclpy.action",
+    "rclpy.executors",
+    "test_msgs.action",
+    "tests.forked",
+)
+_AGENTS = ("actionkit.agents._mcp.process", "mcp", "uvicorn")
+_PROGRAM = "from tests.forked import main; main()"
+_LONGEST = 1 << 20
+_SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER
+
+
+# -- in the process of the tests -------------------------------------------------------------
+
+
+class _Forker:
+    """The process that forks, and the way to it. One for each process that runs tests."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._libc = ctypes.CDLL(None, use_errno=True)
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            self._process = subprocess.Popen(
+                [
+                    sys.executable,
+                    "-c",
+                    "from tests.forked import main; main()",
+                    str(theirs.fileno()),
+                ],
+                pass_fds=[theirs.fileno()],
+                cwd=Path(__file__).parents[1],
+                # One of numpy's threads could not be forked.
+                env=_environment | {"OPENBLAS_NUM_THREADS": "1"},
+                # Ctrl-C in the terminal is for the tests.
+                start_new_session=True,
+            )
+        self._socket = ours
+        atexit.register(self.close)
+
+    def fork(self, request: dict[str, Any], descriptors: list[int]) -> int:
+        """Start a program; return the id of its process, which is a child of this one."""
+        with self._lock:
+            # Its parent has ended when the id comes, and then it belongs to the nearest ancestor
+            # that asks for such. Not always: other tests look for what their programs leave behind.
+            self._libc.prctl(_SUBREAPER, 1, 0, 0, 0)
+            try:
+                message = json.dumps(request).encode()
+                socket.send_fds(self._socket, [message], descriptors)
+                return int(self._socket.recv(64))
+            finally:
+                self._libc.prctl(_SUBREAPER, 0, 0, 0, 0)
+
+    def close(self) -> None:
+        self._socket.close()
+        self._process.wait()
+
+
+_forker: _Forker | None = None
+_forker_lock = threading.Lock()
+
+
+def _the_forker() -> _Forker:
+    global _forker  # noqa: PLW0603
+    with _forker_lock:
+        if _forker is None:
+            _forker = _Forker()
+        return _forker
+
+
+class Popen(subprocess.Popen[Any]):
+    """`subprocess.Popen` for `[sys.executable, ...]`, as a fork.
+
+    What a fork cannot be starts as a fresh interpreter: another program, one that asks what has been
+    imported, or other options of the interpreter than `-W` and `-u`.
+    """
+
+    # What `subprocess` calls when the pipes are made. Python 3.11 has one argument more.
+    def _execute_child(  # type: ignore[override]
+        self, args: Any, executable: Any, preexec_fn: Any, close_fds: bool, pass_fds: Any,
+        cwd: Any, env: Any, startupinfo: Any, creationflags: Any, shell: bool,
+        p2cread: int, p2cwrite: int, c2pread: int, c2pwrite: int, errread: int, errwrite: int,
+        restore_signals: bool, gid: Any, gids: Any, uid: Any, umask: int,
+        start_new_session: bool, *more: Any,
+    ) -> None:  # fmt: skip
+        plain = not (preexec_fn or pass_fds or shell or executable or uid or gid or gids)
+        words = [os.fspath(word) for word in args] if not isinstance(args, str) else []
+        environment = dict(os.environ if env is None else env)
+        if not environment.keys() & set(_LIBRARIES):
+            environment |= {name: os.environ[name] for name in _LIBRARIES if name in os.environ}
+        program = _program(words) if plain and close_fds and _can_be(environment) else None
+        if program is None:
+            super()._execute_child(  # type: ignore[misc]
+                args, executable, preexec_fn, close_fds, pass_fds, cwd, env, startupinfo,
+                creationflags, shell, p2cread, p2cwrite, c2pread, c2pwrite, errread, errwrite,
+                restore_signals, gid, gids, uid, umask, start_new_session, *more,
+            )  # fmt: skip
+            return
+        request = {
+            **program,
+            "command": words,
+            "environment": environment,
+            "folder": os.fspath(cwd) if cwd is not None else os.getcwd(),
+            "new_session": start_new_session,
+        }
+        mine = [p2cread, c2pwrite, errwrite]
+        given = [own if own != -1 else standard for standard, own in enumerate(mine)]
+        try:
+            self.pid = _the_forker().fork(request, given)
+            self._child_created = True
+        finally:
+            for descriptor, other in zip(mine, (p2cwrite, c2pread, errread), strict=True):
+                if descriptor != -1 and other != -1:
+                    with suppress(OSError):  # standard output and error may be one pipe
+                        os.close(descriptor)
+            devnull = getattr(self, "_devnull", None)
+            if devnull is not None:
+                os.close(devnull)
+            self._closed_child_pipe_fds = True
+
+
+def run(command: list[str], **options: Any) -> subprocess.CompletedProcess[Any]:
+    """Do what `subprocess.run` does with `Popen`; `capture_output` and `input` included."""
+    text, timeout = options.pop("input", None), options.pop("timeout", None)
+    check = options.pop("check", False)
+    if options.pop("capture_output", False):
+        options |= {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    if text is not None:
+        options["stdin"] = subprocess.PIPE
+    with Popen(command, **options) as process:
+        try:
+            out, err = process.communicate(text, timeout)
+        except BaseException:
+            process.kill()
+            raise
+    if check and process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, command, out, err)
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
+
+
+_LIBRARIES = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+"""What the wheels of ROS set for an interpreter, which starts itself again then."""
+_MATTER = ("PYTHON", "LD_", "RMW_")
+"""How variables begin that count when an interpreter starts, or when it loads what is loaded."""
+_UNDERSTOOD = {"PYTHONUNBUFFERED", "PYTHONWARNINGS"}
+
+
+def _can_be(environment: dict[str, str]) -> bool:
+    """Whether an interpreter would have the same libraries and network as the one that forks."""
+    names = {name for name in {*environment, *_environment} if name.startswith(_MATTER)}
+    different = {name for name in names if environment.get(name) != _environment.get(name)}
+    return different <= _UNDERSTOOD and _namespaces() == _own_namespaces
+
+
+def _namespaces() -> list[str]:
+    return [os.readlink(f"/proc/thread-self/ns/{name}") for name in ("net", "mnt")]
+
+
+# Now, before a test changes them.
+_environment = dict(os.environ)
+_own_namespaces = _namespaces()
+
+
+def _program(words: list[str]) -> dict[str, Any] | None:
+    """Read the interpreter's command line; `None` if only an interpreter can do what it says."""
+    if not words or words[0] != sys.executable:
+        return None
+    warn, unbuffered, rest = [], False, words[1:]
+    while rest and rest[0] in ("-W", "-u"):
+        if rest[0] == "-u":
+            unbuffered, rest = True, rest[1:]
+        else:
+            warn, rest = [*warn, rest[1]], rest[2:]
+    if rest[:1] in (["-c"], ["-m"]):
+        how, what, arguments = rest[0], rest[1], rest[2:]
+        if "sys.modules" in what:  # where there is much already
+            return None
+    elif rest and not rest[0].startswith("-"):
+        how, what, arguments = "file", rest[0], rest[1:]
+    else:
+        return None
+    return {
+        "how": how,
+        "what": what,
+        "arguments": arguments,
+        "warn": warn,
+        "unbuffered": unbuffered,
+        "agents": "mcp" in arguments or "actionkit.agents" in what,
+    }
+
+
+# -- in the process that forks ---------------------------------------------------------------
+
+
+def main() -> None:
+    """Fork for each request. Returns in the forks alone, when their program has ended."""
+    with socket.socket(fileno=int(sys.argv[1])) as requests:
+        for name in _PRELOADED:
+            importlib.import_module(name)
+        _load_libraries()
+        gc.collect()
+        gc.freeze()
+        while True:
+            message, descriptors, _, _ = socket.recv_fds(requests, _LONGEST, 3)
+            if not message:  # the tests have ended
+                os._exit(0)
+            request = json.loads(message)
+            if request["agents"]:
+                for name in _AGENTS:
+                    importlib.import_module(name)
+            if (answer := _fork_twice()) is None:
+                break
+            for descriptor in descriptors:
+                os.close(descriptor)
+            requests.send(answer)
+    _begin(request, descriptors)
+    _run(request)
+
+
+def _load_libraries() -> None:
+    """Load those of the middleware and of the type that nearly all programs use."""
+    import rclpy
+    from rclpy.type_support import check_for_type_support
+    from test_msgs.action import Fibonacci
+
+    rclpy.get_rmw_implementation_identifier()
+    check_for_type_support(Fibonacci)
+
+
+def _fork_twice() -> bytes | None:
+    """Return the grandchild's id when its parent has ended, and `None` in the grandchild."""
+    sys.stdout.flush()
+    told, tells = os.pipe()
+    waits, ended = os.pipe()
+    if (child := os.fork()) == 0:
+        if (grandchild := os.fork()) == 0:
+            for descriptor in (told, tells, ended):
+                os.close(descriptor)
+            os.read(waits, 1)  # until the parent has ended, and this is a child of the tests
+            os.close(waits)
+            return None
+        os.write(tells, str(grandchild).encode())
+        os._exit(0)
+    for descriptor in (tells, waits, ended):
+        os.close(descriptor)
+    os.waitpid(child, 0)
+    answer = os.read(told, 64)
+    os.close(told)
+    return answer
+
+
+def _begin(request: dict[str, Any], descriptors: list[int]) -> None:
+    """Make of the fork what an interpreter with these words would be."""
+    # rclpy's library for traces has made a thread, which is not here, and its end would crash.
+    libc = ctypes.CDLL(None)
+    libc.on_exit(libc._exit, None)
+    if request["new_session"]:
+        os.setsid()
+    kept = [os.dup(descriptor) for descriptor in descriptors]
+    for standard, descriptor in enumerate(kept):
+        os.dup2(descriptor, standard)
+    for descriptor in (*kept, *descriptors):
+        if descriptor > 2:
+            os.close(descriptor)
+    os.chdir(request["folder"])
+    os.environ.clear()
+    os.environ.update(request["environment"])
+    unbuffered = request["unbuffered"] or bool(os.environ.get("PYTHONUNBUFFERED"))
+    for name, mode, standard in (("stdin", "r", 0), ("stdout", "w", 1), ("stderr", "w", 2)):
+        errors = "backslashreplace" if name == "stderr" else "strict"
+        through = unbuffered and mode == "w"
+        stream = open(standard, mode, encoding="utf-8", errors=errors, closefd=False)  # noqa: SIM115
+        stream.reconfigure(
+            write_through=through, line_buffering=name == "stderr" or stream.isatty() or through
+        )
+        setattr(sys, name, stream)
+        setattr(sys, f"__{name}__", stream)
+    sys.orig_argv[:] = request["command"]
+    sys.argv[:] = [request["what"] if request["how"] == "file" else request["how"]]
+    sys.argv += request["arguments"]
+    warnings.resetwarnings()
+    for line in (
+        "default::DeprecationWarning:__main__",
+        "ignore::DeprecationWarning",
+        "ignore::PendingDeprecationWarning",
+        "ignore::ImportWarning",
+        "ignore::ResourceWarning",
+    )[::-1]:
+        warnings._setoption(line)  # type: ignore[attr-defined]
+    sys.warnoptions[:] = filter(None, os.environ.get("PYTHONWARNINGS", "").split(","))
+    sys.warnoptions += request["warn"]
+    for line in sys.warnoptions:
+        warnings._setoption(line)  # type: ignore[attr-defined]
+
+
+def _run(request: dict[str, Any]) -> None:
+    what = request["what"]
+    if request["how"] == "-m":
+        sys.path[0] = os.getcwd()
+        runpy.run_module(what, run_name="__main__", alter_sys=True)
+        return
+    module = types.ModuleType("__main__")
+    module.__dict__["__builtins__"] = __builtins__
+    sys.modules["__main__"] = module
+    if request["how"] == "file":
+        sys.path[0] = os.path.dirname(os.path.abspath(what))
+        module.__file__ = what
+        code = compile(Path(what).read_bytes(), what, "exec")
+    else:
+        sys.path[0] = ""
+        code = compile(what, "<string>", "exec")
+    exec(code, module.__dict__)
