@@ -9,22 +9,29 @@ import subprocess
 import sys
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from queue import SimpleQueue
-from types import SimpleNamespace
 from typing import IO, Any
 
 import pytest
+from execnet.gateway_base import ThreadExecModel
+from hypothesis import HealthCheck, settings
 
-from actionkit import Client, GoalFuture, GoalState, Outcome
+from actionkit import Client, GoalFuture, GoalState, Outcome, Timeouts
 from actionkit._goal.stages import FIRST_REASK
 from actionkit._threads import diagnostics as _diagnostics
 from actionkit.servers import Server, ServerEvent
 from tests import forked, shared_memory
 from tests.cpu import Cpu
+
+# On a busy machine making an example takes long at times, and trying one does.
+settings.register_profile("tests", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("tests")
 
 FORMS = ("blocking", "future", "await")
 NEVER = threading.Event()  # nobody sets it: waiting for it is how a test lets time pass
@@ -130,6 +137,7 @@ def until_shutdown() -> Iterator[None]:
             raise
 
 
+TESTS = Path(__file__).parent
 _LEFT_OUT = pytest.StashKey[int]()
 """How many tests the marker `long` has left out."""
 
@@ -152,11 +160,30 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     if not hasattr(config, "workerinput"):  # of pytest-xdist: the others have it
         shared_memory.keep_mending()
+        if config.getoption("numprocesses", None) and not sys.dont_write_bytecode:
+            _compile_once()
+            # pytest-xdist's processes, each of which would import what the tests need for itself.
+            ThreadExecModel.subprocess = forked.SUBPROCESS  # type: ignore
     config.pluginmanager.register(Cpu(config), "cpu")
+
+
+def _compile_once() -> None:
+    """Compile a fresh checkout before each of pytest-xdist's processes does all of that itself."""
+    if any(TESTS.glob("__pycache__/conftest.*-pytest-*.pyc")):
+        return
+    collect = [sys.executable, "-m", "pytest", "--collect-only", "-qq", "-n", "0"]
+    places = sorted(path for path in TESTS.iterdir() if not path.name.startswith("_"))
+    places = [path for path in places if path.is_dir() or path.name.startswith("test_")]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    compiling = [subprocess.Popen([*collect, *places[n::2]], **quiet) for n in range(2)]
+    for process in compiling:
+        process.wait()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out tests that take long, unless they are asked for."""
+    for item in _further_variants(items):
+        item.add_marker(pytest.mark.long)
     if config.getoption("long"):
         return
     left_out = [item for item in items if item.get_closest_marker("long")]
@@ -164,6 +191,24 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if left_out:
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if not item.get_closest_marker("long")]
+
+
+def _further_variants(items: list[pytest.Item]) -> Iterator[pytest.Item]:
+    """Yield variants of tests that hold their promise by default with the first and the last.
+
+    Not where the test itself says which variants are long.
+    """
+    variants: dict[str, list[pytest.Item]] = defaultdict(list)
+    chosen: set[str] = set()
+    for item in items:
+        name, is_variant, _ = item.nodeid.partition("[")
+        if any(item.get_closest_marker(mark) for mark in ("every", "long")):
+            chosen.add(name)
+        elif is_variant and TESTS / "unit" not in item.path.parents:
+            variants[name].append(item)
+    for name, several in variants.items():
+        if name not in chosen:
+            yield from several[1:-1]
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
@@ -234,8 +279,7 @@ def _forked_servers() -> Iterator[None]:
     from actionkit.servers import _process
 
     with pytest.MonkeyPatch.context() as patch:
-        names = {**vars(subprocess), "Popen": forked.Popen}
-        patch.setattr(_process, "subprocess", SimpleNamespace(**names))
+        patch.setattr(_process, "subprocess", forked.SUBPROCESS)
         yield
 
 
@@ -255,6 +299,8 @@ def make_client(ros_domain: int) -> Iterator[Callable[..., Client[Any]]]:
         def make(action_type: Any = None, name: str = "fibonacci", **kwargs: Any) -> Any:
             from test_msgs.action import Fibonacci
 
+            # On a busy machine a server may come into sight late.
+            kwargs.setdefault("timeouts", Timeouts(server=30.0))
             return stack.enter_context(Client(action_type or Fibonacci, name, **kwargs))
 
         yield make
@@ -324,11 +370,15 @@ class Script:
 
 @pytest.fixture
 def run_script(ros_domain: int) -> Iterator[Callable[..., Script]]:
-    """Start scripts in the test's domain; what is left of them is killed at its end."""
+    """Start scripts in the test's domain; what is left of them is killed at its end.
+
+    With `fresh=True` in an interpreter of its own, for what libraries do when it ends.
+    """
     started: list[Script] = []
 
-    def run(source: str, *args: str) -> Script:
-        process = forked.Popen(
+    def run(source: str, *args: str, fresh: bool = False) -> Script:
+        popen = subprocess.Popen if fresh else forked.Popen
+        process = popen(
             [
                 sys.executable,
                 "-W",

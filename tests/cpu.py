@@ -14,6 +14,8 @@ from typing import Any
 
 import pytest
 
+from tests import forked
+
 BUDGETS = {"default": 330.0, "long": 1320.0}
 """Seconds of CPU for all tests of a tier; those of the default tier are part of the long one."""
 MARGIN = 4 / 3
@@ -41,8 +43,6 @@ class Cpu:
         self._config = config
         self._since = 0.0
         self._tests: dict[str, _Test] = {}
-        self._workers = 0.0
-        """CPU seconds of all of pytest-xdist's processes and of what they started."""
 
     # -- where tests run ---------------------------------------------------------------------
 
@@ -60,10 +60,12 @@ class Cpu:
             self._since = now
         return report
 
+    @pytest.hookimpl(trylast=True)  # when the processes of pytest-xdist have ended
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        if (output := getattr(session.config, "workeroutput", None)) is not None:
-            output[_PROPERTY] = used()
-        elif self._config.getoption("hold_budgets") and self._over() and not session.exitstatus:
+        forked.close()
+        if hasattr(session.config, "workerinput"):
+            return
+        if self._config.getoption("hold_budgets") and self._over() and not session.exitstatus:
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     # -- where it is added up ----------------------------------------------------------------
@@ -76,10 +78,6 @@ class Cpu:
                 test.tier = value[0]
                 test.cpu += value[1]
 
-    @pytest.hookimpl(optionalhook=True)
-    def pytest_testnodedown(self, node: Any) -> None:
-        self._workers += getattr(node, "workeroutput", {}).get(_PROPERTY, 0.0)
-
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         if self._config.getoption("cpu_table"):
             rows = [{"test": name, **vars(test)} for name, test in self._tests.items()]
@@ -87,7 +85,7 @@ class Cpu:
         if len(self._tests) < 50:  # a part of the suite, of which no budget is
             return
         terminalreporter.section("CPU time")
-        for line in self._lines():
+        for line in self.lines():
             terminalreporter.write_line(line)
 
     def _over(self) -> dict[str, float]:
@@ -101,11 +99,11 @@ class Cpu:
             tier: sum(test.cpu for test in self._tests.values() if test.tier == tier)
             for tier in BUDGETS
         }
-        around = max(0.0, self._workers - sum(tests.values()))
+        around = used() - sum(tests.values())
         default = tests["default"] + around
         return {"default": default, "long": default + tests["long"]}
 
-    def _lines(self) -> list[str]:
+    def lines(self) -> list[str]:
         rows: dict[tuple[str, str], list[_Test]] = defaultdict(list)
         for name, test in self._tests.items():
             folder = "/".join(name.split("::")[0].split("/")[:2])

@@ -24,6 +24,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from execnet.gateway_io import popen_bootstrapline
+
 _PRELOADED = (
     "asyncio",
     "multiprocessing.util",
@@ -37,6 +39,13 @@ _PRELOADED = (
     "tests.forked",
 )
 _AGENTS = ("actionkit.agents._mcp.process", "mcp", "uvicorn")
+_MORE = {
+    "plain": (),
+    "agents": _AGENTS,
+    # pytest-xdist's processes. Not for all: what is imported costs at the end of a program, too.
+    "tests": (*_AGENTS, "hypothesis.strategies", "py_trees", "pytest", "trio"),
+}
+"""What is imported for each kind of programs, too."""
 _PROGRAM = "from tests.forked import main; main()"
 _LONGEST = 1 << 20
 _SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER
@@ -46,20 +55,15 @@ _SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER
 
 
 class _Forker:
-    """The process that forks, and the way to it. One for each process that runs tests."""
+    """A process that forks, and the way to it. One for each kind and each process of tests."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: str) -> None:
         self._lock = threading.Lock()
         self._libc = ctypes.CDLL(None, use_errno=True)
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self._process = subprocess.Popen(
-                [
-                    sys.executable,
-                    "-c",
-                    "from tests.forked import main; main()",
-                    str(theirs.fileno()),
-                ],
+                [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), kind],
                 pass_fds=[theirs.fileno()],
                 cwd=Path(__file__).parents[1],
                 # One of numpy's threads could not be forked.
@@ -67,8 +71,6 @@ class _Forker:
                 # Ctrl-C in the terminal is for the tests.
                 start_new_session=True,
             )
-        self._socket = ours
-        atexit.register(self.close)
 
     def fork(self, request: dict[str, Any], descriptors: list[int]) -> int:
         """Start a program; return the id of its process, which is a child of this one."""
@@ -83,28 +85,35 @@ class _Forker:
             finally:
                 self._libc.prctl(_SUBREAPER, 0, 0, 0, 0)
 
-    def close(self) -> None:
+    def end(self) -> None:
         self._socket.close()
         self._process.wait()
 
 
-_forker: _Forker | None = None
-_forker_lock = threading.Lock()
+_forkers: dict[str, _Forker] = {}
+_forkers_lock = threading.Lock()
 
 
-def _the_forker() -> _Forker:
-    global _forker  # noqa: PLW0603
-    with _forker_lock:
-        if _forker is None:
-            _forker = _Forker()
-        return _forker
+def _forker(kind: str) -> _Forker:
+    with _forkers_lock:
+        if kind not in _forkers:
+            _forkers[kind] = _Forker(kind)
+        return _forkers[kind]
+
+
+@atexit.register
+def close() -> None:
+    """End the processes that fork."""
+    with _forkers_lock:
+        while _forkers:
+            _forkers.popitem()[1].end()
 
 
 class Popen(subprocess.Popen[Any]):
     """`subprocess.Popen` for `[sys.executable, ...]`, as a fork.
 
-    What a fork cannot be starts as a fresh interpreter: another program, one that asks what has been
-    imported, or other options of the interpreter than `-W` and `-u`.
+    What a fork cannot be starts as a fresh interpreter: another program, one that asks what has
+    been imported, or other options of the interpreter than `-W` and `-u`.
     """
 
     # What `subprocess` calls when the pipes are made. Python 3.11 has one argument more.
@@ -138,7 +147,7 @@ class Popen(subprocess.Popen[Any]):
         mine = [p2cread, c2pwrite, errwrite]
         given = [own if own != -1 else standard for standard, own in enumerate(mine)]
         try:
-            self.pid = _the_forker().fork(request, given)
+            self.pid = _forker(request["kind"]).fork(request, given)
             self._child_created = True
         finally:
             for descriptor, other in zip(mine, (p2cwrite, c2pread, errread), strict=True):
@@ -149,6 +158,10 @@ class Popen(subprocess.Popen[Any]):
             if devnull is not None:
                 os.close(devnull)
             self._closed_child_pipe_fds = True
+
+
+SUBPROCESS = types.SimpleNamespace(**{**vars(subprocess), "Popen": Popen})
+"""The module `subprocess` for code that is to use forks."""
 
 
 def run(command: list[str], **options: Any) -> subprocess.CompletedProcess[Any]:
@@ -211,13 +224,16 @@ def _program(words: list[str]) -> dict[str, Any] | None:
         how, what, arguments = "file", rest[0], rest[1:]
     else:
         return None
+    kind = "agents" if "mcp" in arguments or "actionkit.agents" in what else "plain"
+    if what == popen_bootstrapline:
+        kind = "tests"
     return {
         "how": how,
         "what": what,
         "arguments": arguments,
         "warn": warn,
         "unbuffered": unbuffered,
-        "agents": "mcp" in arguments or "actionkit.agents" in what,
+        "kind": kind,
     }
 
 
@@ -226,25 +242,26 @@ def _program(words: list[str]) -> dict[str, Any] | None:
 
 def main() -> None:
     """Fork for each request. Returns in the forks alone, when their program has ended."""
-    with socket.socket(fileno=int(sys.argv[1])) as requests:
-        for name in _PRELOADED:
+    descriptor, kind = sys.argv[1:]
+    for name in _PRELOADED:
+        importlib.import_module(name)
+    for name in _MORE[kind]:
+        with suppress(ImportError):  # of extras
             importlib.import_module(name)
-        _load_libraries()
-        gc.collect()
-        gc.freeze()
+    _load_libraries()
+    gc.collect()
+    gc.freeze()
+    with socket.socket(fileno=int(descriptor)) as requests:
         while True:
             message, descriptors, _, _ = socket.recv_fds(requests, _LONGEST, 3)
             if not message:  # the tests have ended
                 os._exit(0)
-            request = json.loads(message)
-            if request["agents"]:
-                for name in _AGENTS:
-                    importlib.import_module(name)
             if (answer := _fork_twice()) is None:
                 break
             for descriptor in descriptors:
                 os.close(descriptor)
             requests.send(answer)
+    request = json.loads(message)
     _begin(request, descriptors)
     _run(request)
 

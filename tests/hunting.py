@@ -2,10 +2,9 @@
 
 Property tests look for an order of events that breaks a promise.
 
-`ACTIONKIT_HUNT` in the environment multiplies what they try. Without it they try a fifth, which is
-for whoever is at work on something else: `tests/unit` then takes half a minute. The whole suite of
-`.ci/run` has it at 1. Who changes the state machine, or the calls around it, and has some minutes,
-sets it to 60.
+`ACTIONKIT_HUNT` in the environment multiplies what they try. Without it they try a fifth, at
+random, so each run tries others. After a change of the state machine, or of the calls around it,
+set it to 60.
 
 Some tests with real processes do the same thing many times, because what they look for goes wrong
 now and then only. `ACTIONKIT_REPEAT=4` in the environment has them do it four times as often.

@@ -79,6 +79,7 @@ def test_every_step_comes_out_as_it_should() -> None:
 
 
 @pytest.mark.heavy
+@pytest.mark.long
 def test_on_a_terminal_there_is_a_progress_bar() -> None:
     master, slave = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
@@ -110,6 +111,7 @@ def test_on_a_terminal_there_is_a_progress_bar() -> None:
         ),
     ],
 )
+@pytest.mark.long
 def test_ctrl_c_ends_it_cleanly(moment: str) -> None:
     with forked.Popen(
         [sys.executable, "-u", "-m", "actionkit", "demo"],
@@ -136,6 +138,7 @@ def test_ctrl_c_ends_it_cleanly(moment: str) -> None:
 
 
 @pytest.mark.heavy
+@pytest.mark.long
 def test_it_does_not_say_that_all_is_well_when_it_is_not() -> None:
     # A server that rejects what the demo takes for granted
     program = """

@@ -314,6 +314,7 @@ class Word(str, enum.Enum):
         (BoundedPlainSequences, "int32_values", [1, 2, 3], array("i", [1, 2, 3])),
     ],
 )
+@pytest.mark.every
 def test_accepted_values(cls: Any, name: str, given_value: Any, held: Any) -> None:
     value = getattr(from_plain(cls, {name: given_value}), name)
     assert value == held
@@ -613,6 +614,7 @@ OTHERS: list[Refusal] = [
     ("cls", "value", "error", "path", "text"),
     OUT_OF_RANGE + OUT_OF_RANGE_INSIDE + NONE_EVERYWHERE + OTHERS,
 )
+@pytest.mark.every
 def test_refused_values(
     cls: Any, value: Any, error: type[FieldProblem], path: str, text: str
 ) -> None:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import subprocess
 import threading
 from collections.abc import Callable, Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
@@ -66,8 +64,7 @@ class FakeHold:
 def _forked_hosts() -> Iterator[None]:
     """Fork what the SDK of MCP starts, which costs a tenth of starting interpreters for it."""
     with pytest.MonkeyPatch.context() as patch:
-        names = {**vars(subprocess), "Popen": forked.Popen}
-        patch.setattr("asyncio.unix_events.subprocess", SimpleNamespace(**names))
+        patch.setattr("asyncio.unix_events.subprocess", forked.SUBPROCESS)
         yield
 
 

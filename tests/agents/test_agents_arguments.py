@@ -341,6 +341,7 @@ BASIC = goal_model(
         ("flaot64_value", 1, "did you mean 'float64_value'?"),
     ],
 )
+@pytest.mark.every
 def test_values_outside_of_limits(name: str, value: Any, part: str) -> None:
     _, problems = BASIC.check({"nested_field": {name: value}})
     assert len(problems) == 1
@@ -403,6 +404,7 @@ def deep(levels: int) -> Any:
         ({"a": to_plain}, "a function, which JSON does not have"),
     ],
 )
+@pytest.mark.every
 def test_what_is_too_deep_or_too_large_is_refused_at_once(arguments: Any, part: str) -> None:
     began = time.process_time()
     problem = check_size(arguments)

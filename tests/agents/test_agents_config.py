@@ -381,6 +381,7 @@ def test_files_that_do_not_say_what_is_exposed_are_warned_of(
     assert caplog.records == []
 
 
+@pytest.mark.long
 def test_a_file_is_checked_without_serving_it(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text(RIGHT)

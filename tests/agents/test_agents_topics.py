@@ -152,6 +152,7 @@ print("ends", flush=True)
 
 
 @pytest.mark.parametrize("waits", [False, True])
+@pytest.mark.long
 def test_an_interpreter_ends_while_a_topic_is_read(run_script: Any, waits: bool) -> None:
     script = run_script(LEFT_OPEN.replace("{waits}", str(waits)))
     assert script.line() == "ends"
@@ -192,6 +193,7 @@ def two_colours(*order: int) -> Any:
     [("rgb8", (0, 1, 2)), ("bgr8", (2, 1, 0)), ("rgba8", (0, 1, 2, 3)), ("bgra8", (2, 1, 0, 3))],
 )
 @pytest.mark.parametrize("padding", [0, 7])
+@pytest.mark.every
 def test_colours(encoding: str, order: tuple[int, ...], padding: int) -> None:
     image, _ = to_image(raw(encoding, two_colours(*order), padding), 1000)
     picture = PIL.Image.open(io.BytesIO(image.data)).convert("RGB")
@@ -242,6 +244,7 @@ def test_images_that_cannot_be_shown(message: Any, part: str) -> None:
         to_image(message, 100)
 
 
+@pytest.mark.long
 def test_messages_are_cut_to_what_can_be_read() -> None:
     from test_msgs.msg import MultiNested, UnboundedSequences
 

@@ -249,6 +249,7 @@ def test_whoever_is_in_sight_and_silent_makes_it_unknown(
             until(lambda: not agent.is_known)
 
 
+@pytest.mark.long
 def test_a_middleware_that_cannot_be_joined_makes_it_unknown(
     apart: Callable[[], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:

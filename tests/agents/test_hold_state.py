@@ -126,6 +126,7 @@ def test_others_holds_are_left_to_them() -> None:
         '"\ud800"',
     ],
 )
+@pytest.mark.every
 def test_what_cannot_be_read_is_a_hold_that_can_be_released(text: str) -> None:
     told, sender = decode(text)
     assert sender is None

@@ -53,14 +53,14 @@ def test_a_goal_that_succeeds(make_toolbox: Make, action_server: ActionServerFac
 @pytest.mark.parametrize(
     ("server", "options", "timeout", "status", "may_run", "retry"),
     [
+        ("vanishes", {}, 60.0, "lost", True, False),
         ("aborts", {}, 20.0, "aborted", False, False),
         ("guarded", {}, 20.0, "rejected", False, False),
         ("never_finishes", {}, 1.0, "timed_out", False, False),
         ("cancels_itself", {}, 20.0, "canceled", False, False),
-        ("vanishes", {}, 60.0, "lost", True, False),
-        ("silent", {}, 1.0, "timed_out", True, False),
         ("wrong_type", {}, 20.0, "failed", False, False),
         (None, {}, 0.5, "no_server", False, True),
+        ("silent", {}, 1.0, "timed_out", True, False),
     ],
 )
 def test_how_goals_fail(
@@ -232,6 +232,7 @@ def test_nothing_is_sent_where_the_goals_of_others_cannot_be_looked_for(
 # --- what else ---------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_what_does_not_exist_is_refused(make_toolbox: Make, action_server: Any) -> None:
     action_server("wrong_type")
 

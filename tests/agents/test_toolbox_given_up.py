@@ -119,6 +119,7 @@ asyncio.run(main())
 """
 
 
+@pytest.mark.long
 def test_a_program_that_ends_without_closing_leaves_no_goal_running(
     action_server: ActionServerFactory, run_script: Any
 ) -> None:

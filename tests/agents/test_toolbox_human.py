@@ -80,6 +80,7 @@ def test_a_hold_reaches_a_goal_that_waits_for_its_server(
     assert server.count("goal_received") == 0
 
 
+@pytest.mark.long
 def test_approval(make_toolbox: Make, action_server: ActionServerFactory, hold: FakeHold) -> None:
     server = action_server("fibonacci")
     asked: list[ApprovalRequest] = []

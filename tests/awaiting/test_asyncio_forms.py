@@ -326,6 +326,7 @@ def test_a_loop_that_is_closed_under_a_waiting_task(server, client, begun):
     record(ASYNCIO, "the loop is closed while a task waits", "no", reached(server, client, begun))
 
 
+@pytest.mark.long
 def test_a_second_cancellation_ends_the_wait_for_the_confirmation(action_server, make_client):
     server = action_server("ignores_cancel")
     client = make_client()

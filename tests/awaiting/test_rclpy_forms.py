@@ -31,7 +31,7 @@ from tests.conftest import until_shutdown
 
 BOUND = 20.0
 EXECUTORS = {"single": SingleThreadedExecutor, "multi": lambda **kw: MultiThreadedExecutor(2, **kw)}
-KINDS = ("single", "multi", "rclpy.spin", "spin_once")
+KINDS = ("single", "rclpy.spin", "spin_once", "multi")
 
 
 class Robot:
@@ -203,6 +203,7 @@ def test_execute_callback(kind, ros_domain, client):
 
 
 @pytest.mark.parametrize("kind", EXECUTORS)
+@pytest.mark.long
 def test_goals_that_end_at_once_wake_their_coroutines(kind, ros_domain, make_client, action_server):
     """In the very step that awaits them, as well as later."""
     action_server("fibonacci", period=0.0)
@@ -282,6 +283,7 @@ def test_an_executor_that_is_shut_down(kind, ros_domain, server, client, begun):
     record(RCLPY, "`executor.shutdown()` while a callback waits", "yes", "cancelled")
 
 
+@pytest.mark.long
 def test_a_context_that_is_shut_down(ros_domain, server, client, begun):
     with robot(ros_domain, "rclpy.spin") as made:
         waiting(made, begun)

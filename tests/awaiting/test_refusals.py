@@ -70,6 +70,7 @@ def ended(client):
     return client.call_async(QUICK).outcome(20)
 
 
+@pytest.mark.long
 def test_a_failure_that_nobody_looked_at_is_logged(action_server, make_client, never_asked):
     server = action_server("aborts")
     client = make_client()

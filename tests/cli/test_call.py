@@ -165,7 +165,13 @@ CAPTURED = ("succeeds", "no-server", "aborted", "timed-out", "interrupted", "int
 """The scenes that docs/command-line.md shows."""
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.long if name.startswith("interrupted-") else ())
+        for name in SCENES
+    ],
+)
 def test_a_call(name: str, world: World, empty_world: World) -> None:
     scene = SCENES[name]
     here = empty_world if scene.server is None or scene.apart else world
@@ -401,6 +407,7 @@ def test_now_is_the_present_time(world: World) -> None:
     assert int(found[1]) > 1_600_000_000
 
 
+@pytest.mark.long
 def test_progress_is_told_in_lines_where_there_is_no_terminal(world: World) -> None:
     world.server("navigate")
     done = world.run(

@@ -14,6 +14,7 @@ from tests.cli.conftest import FIBONACCI, NESTED, World
 GOAL = "{order: 3}"
 
 
+@pytest.mark.long
 def test_a_server_in_sight_tells_the_type(world: World) -> None:
     world.server("fibonacci", period=0.05)
     done = world.run("call", "fibonacci", GOAL, "--json", "--timeout", "30")

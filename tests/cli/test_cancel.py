@@ -72,6 +72,7 @@ def test_the_time_begins_when_a_goal_is_asked_for(world: World) -> None:
     assert (done.code, done.err) == (Exit.NO_SUCH_GOAL, "")
 
 
+@pytest.mark.long
 def test_a_refusal_is_told(world: World) -> None:
     server = world.server("refuses_cancel")
     (goal,) = goals_of_others(world, "refuses_cancel", 1)
@@ -83,6 +84,7 @@ def test_a_refusal_is_told(world: World) -> None:
     assert goal in server.running()
 
 
+@pytest.mark.long
 def test_an_accepted_cancellation_is_no_canceled_goal(world: World) -> None:
     server = world.server("slow_cancel", gate=1)
     ((goal, call),) = goals_of_others(world, "slow_cancel", 1).items()
@@ -129,6 +131,7 @@ s._endpoints = lambda infos: tuple(replace(end, node="") for end in endpoints(in
 
 
 @pytest.mark.parametrize("before", [LATE, NAMELESS], ids=["late", "nameless"])
+@pytest.mark.long
 def test_a_goal_of_a_server_that_comes_into_sight_slowly_is_told_of(
     world: World, before: str
 ) -> None:
@@ -155,6 +158,7 @@ c.Cancelling.take_news = take
 """Has the command tell, once, that it knows of a goal."""
 
 
+@pytest.mark.long
 def test_no_answer_is_told(world: World) -> None:
     server = world.server("blocking", gate=1)
     ((goal, call),) = goals_of_others(world, "blocking", 1).items()
@@ -168,6 +172,7 @@ def test_no_answer_is_told(world: World) -> None:
     assert call.finish() == Exit.OK
 
 
+@pytest.mark.long
 def test_a_goal_that_may_still_be_accepted_is_asked_for_until_then(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -263,6 +268,7 @@ def fate(
         ((U,), {"state": "", "now": 1.5}, "NO_SUCH_GOAL"),
     ],
 )
+@pytest.mark.every
 def test_what_is_said_of_a_goal(
     answers: tuple[CancelAnswer, ...], known: dict[str, Any], said: str | None
 ) -> None:

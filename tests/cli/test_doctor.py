@@ -33,6 +33,7 @@ def of(topic: str, found: list[Finding]) -> list[Finding]:
     return [finding for finding in found if finding.topic == topic]
 
 
+@pytest.mark.long
 def test_a_server_that_works_is_measured_by_phase_and_not_touched(world: World) -> None:
     server = world.server("fibonacci")
     done = world.run("doctor", "fibonacci", "--json", "--wait", "1")
@@ -59,6 +60,7 @@ def test_a_server_that_works_is_measured_by_phase_and_not_touched(world: World) 
     assert "/fibonacci" in plain.out
 
 
+@pytest.mark.long
 def test_a_server_that_does_not_answer_is_told_from_one_that_is_not_there(
     empty_world: World,
 ) -> None:
@@ -80,6 +82,7 @@ def test_a_server_that_does_not_answer_is_told_from_one_that_is_not_there(
     assert trip.remedy
 
 
+@pytest.mark.long
 def test_clients_of_another_type_are_found(empty_world: World) -> None:
     empty_world.server("wrong_type")
     caller = empty_world.start(
@@ -219,6 +222,7 @@ def test_it_does_not_hang_where_nodes_do(empty_world: World) -> None:
     assert not of("middleware", found)
 
 
+@pytest.mark.long
 def test_that_no_server_was_started_yet_is_no_problem(empty_world: World) -> None:
     done = empty_world.run("doctor", "--json", "--wait", "0.1")
     assert done.code == Exit.OK

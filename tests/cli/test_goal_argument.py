@@ -189,6 +189,7 @@ def test_any_text_is_a_goal_or_is_refused_in_words(text: str) -> None:
     order=st.integers(-(2**31), 2**31 - 1),
     numbers=st.lists(st.floats(width=32, allow_nan=False), min_size=1, max_size=1),
 )
+@pytest.mark.long
 def test_what_is_shown_can_be_given(order: int, numbers: list[float]) -> None:
     goal = Fibonacci.Goal(order=order)
     assert parse(as_yaml(goal), Fibonacci.Goal) == goal

@@ -63,6 +63,7 @@ def test_list_and_info_know_servers_and_clients(world: World) -> None:
     assert "NOT_NEEDED" in waiting.text
 
 
+@pytest.mark.long
 def test_watch_sees_the_goals_of_others_and_their_end(world: World, tmp_path: Path) -> None:
     server = world.server("fibonacci", gate=1)
     watching = world.start("watch", "fibonacci", "--json")
@@ -134,6 +135,7 @@ def test_serve_serves_until_it_is_told_to_stop(empty_world: World, number: signa
     assert serving.finish() == Exit.OK
 
 
+@pytest.mark.long
 def test_serve_knows_its_servers_and_their_options(empty_world: World) -> None:
     listed = empty_world.run_apart("serve", "--list")
     assert listed.code == Exit.OK

@@ -28,7 +28,6 @@ LONG = 30.0
 OTHER = 54321
 CAN = os.getuid() == 0 and shutil.which("setpriv") is not None
 pytestmark = [
-    pytest.mark.long,
     pytest.mark.skipif(not CAN, reason="needs root and setpriv, to become another user"),
 ]
 

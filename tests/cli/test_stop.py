@@ -184,6 +184,7 @@ def test_fifty_goals_of_ten_servers_and_those_that_do_not_stop(
     hard[2].release()
 
 
+@pytest.mark.long
 def test_two_terminals_and_one_release(world: World, agent: HoldListener) -> None:
     both = [world.start("stop", "--timeout", "6") for _ in range(2)]
     codes = [stop.finish() for stop in both]
@@ -199,6 +200,7 @@ def test_two_terminals_and_one_release(world: World, agent: HoldListener) -> Non
     assert world.run_apart("stop", "--release").out == "There was no hold.\n"
 
 
+@pytest.mark.long
 def test_named_actions_are_stopped_without_a_hold(
     world: World, agent: HoldListener, goals: Callable[..., list[GoalFuture[Any, Any]]]
 ) -> None:
@@ -250,16 +252,16 @@ def test_a_stop_keeps_its_time_while_another_program_goes_on_sending_goals(
     server.sync()
     running = server.running()
     began = time.monotonic()
-    stop = world.start("stop", "--timeout", "5", "--json")
+    stop = world.start("stop", "--timeout", "3", "--json")
     stop.until("Stopping everything")
     entered = time.monotonic()
-    # Twice what a process needs to start: on an idle machine a second, on a busy one as needed.
-    slack = 2 * (entered - began)
+    # On a busy machine more: ten times what the start of a fork takes there.
+    slack = 2 + 10 * (entered - began)
     stop.until("Agents are held.")
     assert time.monotonic() - began < 2 + slack
     assert agent.why_held()
     stop.finish()
-    assert time.monotonic() - entered < 5 + 1 + slack, stop.text
+    assert time.monotonic() - entered < 3 + 1 + slack, stop.text
     server.sync()
     canceled = {event.goal_id for event in server.events if event.event == "canceled"}
     told = [json.loads(line) for line in stop.text.splitlines() if line[:1] == "{"]

@@ -98,6 +98,7 @@ def terminal(world: World) -> Iterator[object]:
             one.process.wait()
 
 
+@pytest.mark.long
 def test_a_bar_grows_where_feedback_tells_the_share(world, terminal) -> None:
     world.server("navigate")
     words = (
@@ -114,6 +115,7 @@ def test_a_bar_grows_where_feedback_tells_the_share(world, terminal) -> None:
     assert shown.text.replace("\r", "").endswith("Goal finished with status: SUCCEEDED\n")
 
 
+@pytest.mark.long
 def test_what_a_terminal_shows_is_the_picture_in_the_readme(world, terminal) -> None:
     world.server("fibonacci", period=0.25)
     words = ("call", "/fibonacci", FIBONACCI, "{order: 6}", "--progress", "sequence:7")
@@ -159,6 +161,7 @@ def shape(svg: str) -> list[object]:
     return [without_numbers(line) for line in bar_once]
 
 
+@pytest.mark.long
 def test_without_a_share_there_are_counters_and_the_time(world, terminal) -> None:
     world.server("countdown", period=0.05)
     shown = terminal("call", "countdown", FIBONACCI, "{order: 8}")
@@ -194,6 +197,7 @@ def test_a_closed_window_cancels_the_goal(world, terminal) -> None:
     assert server.running() == set()
 
 
+@pytest.mark.long
 def test_watch_draws_a_table(world, terminal) -> None:
     server = world.server("never_finishes")
     shown = terminal("watch", "never_finishes")

@@ -95,6 +95,7 @@ CALL = ("call", "/fibonacci", FIBONACCI)
         (("cancel", "/fibonacci", "0" * 31 + "1", "--all"), "not both"),
     ],
 )
+@pytest.mark.every
 def test_wrong_usage(words: tuple[str, ...], told: str, ros_domain: int) -> None:
     from actionkit.cli._app import run
 
@@ -158,6 +159,7 @@ def without_ros(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Done]
     return run
 
 
+@pytest.mark.long
 def test_without_ros_every_command_says_what_to_install(without_ros: Callable[..., Done]) -> None:
     told = set()
     for words in (
@@ -180,6 +182,7 @@ def test_without_ros_every_command_says_what_to_install(without_ros: Callable[..
     assert without_ros("serve", "--list").code == Exit.OK
 
 
+@pytest.mark.long
 def test_without_the_messages_of_the_reference_servers(empty_world: World) -> None:
     for words in (("serve", "fibonacci"), ("demo",)):
         done = empty_world.run_apart(*words, before="import sys; sys.modules['test_msgs'] = None")
@@ -218,6 +221,7 @@ def test_options_may_come_from_the_environment(empty_world: World) -> None:
     assert re.search(r"after [0-4]\.\d s of looking", done.err)  # and not the usual 5
 
 
+@pytest.mark.long
 def test_what_libraries_write_to_standard_output_is_not_in_it(empty_world: World) -> None:
     """Fast DDS does, where something is wrong."""
     noisy = (
@@ -243,6 +247,7 @@ def completions(world: World, words: str, shell: str = "bash") -> list[str]:
     return [line.partition(",")[2] for line in done.out.splitlines()]
 
 
+@pytest.mark.long
 def test_tab_completes_commands_names_types_servers_and_options(world: World) -> None:
     world.server("fibonacci")
     assert completions(world, "actionkit d") == ["doctor", "demo"]

@@ -111,6 +111,7 @@ def test_nor_other_goals_of_the_same_client_for_ever(action_server, make_client,
     assert done.wait_for(1, LONG) == [future]
 
 
+@pytest.mark.long
 def test_blocked_done_callbacks_hold_up_nobody(action_server, make_client, stuck):
     # Up to two seconds pass until the last of them count as blocked and are replaced. Feedback that
     # has not been handed over by the result is left out, so a goal has to take longer than that.

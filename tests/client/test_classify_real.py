@@ -103,6 +103,7 @@ def test_blocked_callbacks_do_not_make_a_success_of_a_judged_failure(
     assert outcome.elapsed < LONG / 2
 
 
+@pytest.mark.long
 def test_the_blocked_judges_of_one_client_keep_no_other_from_being_asked(
     action_server, make_client, leave
 ):

@@ -70,6 +70,7 @@ for _ in range(3):
 
 
 @pytest.mark.skipif(BINARY is None, reason="needs fast-discovery-server")
+@pytest.mark.long
 def test_each_robot_gets_its_own_goal(addresses, run_script, ros_domain, monkeypatch):
     for number, address in enumerate(addresses):
         monkeypatch.setenv("ROS_DISCOVERY_SERVER", address)

@@ -52,18 +52,18 @@ def main():
     call(new_client()).result()
 main()
 """,
-    "at the end of async with": """
-async def main():
-    async with new_client() as client:
-        await call(client)
-    os._exit(0)
-asyncio.run(main())
-""",
     "after the event loop": """
 async def main():
     global client
     client = new_client()
     await call(client)
+asyncio.run(main())
+""",
+    "at the end of async with": """
+async def main():
+    async with new_client() as client:
+        await call(client)
+    os._exit(0)
 asyncio.run(main())
 """,
 }
@@ -100,11 +100,6 @@ say('closed')
 await_threads()
 os._exit(0)
 """,
-    "at the exit": """
-atexit.register(say, 'closed')  # is called last
-client = new_client()
-any(map(is_last, call(client, show).feedback()))
-""",
     "at the end of async with": """
 async def main():
     async with new_client() as client:
@@ -114,6 +109,11 @@ async def main():
     say('closed')
     await asyncio.gather(*asyncio.all_tasks() - {asyncio.current_task()})
 asyncio.run(main())
+""",
+    "at the exit": """
+atexit.register(say, 'closed')  # is called last
+client = new_client()
+any(map(is_last, call(client, show).feedback()))
 """,
 }
 

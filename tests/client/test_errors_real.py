@@ -220,6 +220,7 @@ IN_ALL_FORMS = ("aborted", "deadline while executing")
         for form in (FORMS if name in IN_ALL_FORMS else FORMS[1:2])
     ],
 )
+@pytest.mark.every
 def test_each_failure_is_one_error(name, form, action_server, make_client):
     scenario = SCENARIOS[name]
     server = action_server(scenario.server, **scenario.options) if scenario.server else None

@@ -15,8 +15,10 @@ from tests.conftest import runs_nothing
 
 HEAD = """
 import sys, threading
+from functools import partial
 from actionkit import Client, Timeouts
 from test_msgs.action import Fibonacci
+Client = partial(Client, timeouts=Timeouts(server=30))  # seen late on a busy machine
 """
 MOMENTS = {
     "before a call": "client = Client(Fibonacci, 'fibonacci')",
@@ -93,13 +95,17 @@ assert client.call({'order': 2}, 10)
 }
 
 
+WITH_LIBRARIES = ("at once after sending", "while it runs", "with a thread in result()")
+"""When libraries end as they do in an interpreter of its own, too."""
 CODES = [(moment, 0) for moment in MOMENTS] + [("while it runs", 4)]
 
 
 @pytest.mark.parametrize(("moment", "code"), CODES)
+@pytest.mark.every
 def test_exit(moment, code, action_server, run_script):
     server = action_server("fibonacci", period=0.05)
-    exits = run_script(HEAD + MOMENTS[moment] + f"\nsys.exit({code})")
+    fresh = moment in WITH_LIBRARIES
+    exits = run_script(HEAD + MOMENTS[moment] + f"\nsys.exit({code})", fresh=fresh)
     assert exits.finish(timeout=15) == (code, "", "")
     assert runs_nothing(server)
 
@@ -233,6 +239,7 @@ def test_ctrl_c_ends_the_wait_and_crashes_nothing(make, action_server, run_scrip
     assert "1 goal MAY STILL BE RUNNING" in err
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_the_wait_for_the_middleware(action_server, run_script):
     server = action_server("never_finishes")
     script = run_script(f"{HEAD}client = Client(Fibonacci, 'fibonacci')\n{LONG}")
@@ -264,6 +271,7 @@ client.close()
 """
 
 
+@pytest.mark.long
 def test_closing_after_a_server_that_was_stopped_does_not_crash(action_server, run_script):
     # In memory that it shares with us, this one has most often just locked something.
     server = action_server("floods")

@@ -29,6 +29,7 @@ def test_callbacks_get_it_unwrapped_and_in_order(action_server, make_client):
         assert len(seen) == count  # none after the result
 
 
+@pytest.mark.long
 def test_the_acceptance_is_visible_before_feedback(action_server, make_client):
     action_server("fibonacci")
     client = make_client()

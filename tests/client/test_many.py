@@ -21,10 +21,10 @@ from actionkit._ros.servers.readiness import State
 from tests.conftest import without_noise
 from tests.hunting import REPEAT
 
-_CALLS = 1000 * REPEAT
+_CALLS = 300 * REPEAT
 """Calls in a row. What keeps an entry for each of them shows after a hundred."""
-_FRESH = 40 * REPEAT
-"""Processes. Were one goal in nine lost, 40 of them would show it in 99 of 100 runs."""
+_FRESH = 20 * REPEAT
+"""Processes. Were one goal in nine lost, 20 of them would show it in 9 of 10 runs."""
 
 
 class Ignorant:
@@ -143,6 +143,7 @@ def test_fresh_processes_that_send_at_once(action_server, ros_domain):
     assert set(runs.values()) == {1}
 
 
+@pytest.mark.long
 def test_clients_of_one_process_share_the_queue_of_the_server(action_server, make_client):
     server = action_server("slow_accept", delay=0.02)
     clients = [make_client(timeouts=Timeouts(accept=None)) for _ in range(4)]
@@ -198,6 +199,7 @@ def test_what_is_queued_is_sent_when_a_new_server_has_settled(action_server, mak
     assert futures[-1].result(20)
 
 
+@pytest.mark.long
 def test_a_closed_client_is_gone_at_once(action_server, make_client):
     """With another client that keeps the communication thread: 2,000 that came and went held
     47 MB for half a minute.

@@ -154,6 +154,7 @@ def test_the_failure_of_the_server_there_was_is_told(action_server, make_client)
     assert caught.value.goal_id == caught.value.timeline[0].goal_id
 
 
+@pytest.mark.long
 def test_the_deadline_of_a_call_that_had_a_server_is_the_deadlines_error(
     action_server, make_client
 ):

@@ -69,8 +69,8 @@ def spinning(node: Node, kind: str) -> Iterator[threading.Thread]:
         assert not thread.is_alive()
 
 
-@pytest.mark.parametrize("spin", ["single", "multi", "rclpy.spin"])
-@pytest.mark.parametrize("where", ["timer", "service", "thread"])
+@pytest.mark.parametrize("spin", ["single", "rclpy.spin", "multi"])
+@pytest.mark.parametrize("where", ["timer", "thread", "service"])
 def test_calls_from_callbacks_and_threads(spin, where, action_server, ros_domain):
     action_server("fibonacci", action_name="/robot/fibonacci", period=0.01)
     log: EventLog = EventLog()

@@ -308,6 +308,7 @@ def test_observers_are_checked_when_the_client_is_made(make_client):
 # --- JSON lines --------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_several_clients_share_a_file(action_server, make_client, tmp_path):
     from test_msgs.action import NestedMessage
 

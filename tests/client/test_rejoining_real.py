@@ -202,6 +202,7 @@ client.call({"order": 1}, on_feedback=lambda feedback: grown_old.start())
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.long
 def test_a_goal_of_a_node_apart_ends_with_the_users_context(number, action_server, run_script):
     """After a standstill our node may be in a context of ours (C2.5, C5.4)."""
     server = action_server("never_finishes")

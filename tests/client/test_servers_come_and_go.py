@@ -273,6 +273,7 @@ def test_a_busy_server_is_asked_a_few_times_and_no_more(action_server, make_clie
     assert server.count("cancel_requested") - before <= _QUESTIONS
 
 
+@pytest.mark.long
 def test_fresh_clients_ask_a_server_a_few_times_each(action_server, make_client):
     server = action_server("fibonacci")
     for _ in range(10):

@@ -30,8 +30,10 @@ from tests.conftest import NEVER, is_accepted, runs_nothing, without_noise
 HEAD = r"""
 import signal, sys, threading, time
 import actionkit, rclpy
+from functools import partial
 from actionkit import Client, Timeouts, cancel_on_signals
 from test_msgs.action import Fibonacci
+Client = partial(Client, timeouts=Timeouts(server=30))  # seen late on a busy machine
 def say(feedback):
     sys.stdout.write("running\n")
 """
@@ -89,6 +91,7 @@ def test_goals_that_are_left_to_run_by_policy_are_left_to_run(action_server, ros
     assert len(server.running()) == 1
 
 
+@pytest.mark.long
 def test_nothing_piles_up_in_a_node_that_has_many_clients(ros_domain):
     with user_node(ros_domain) as node, Client(Fibonacci, "keeper", node=node):
         before = len(node.context._callbacks)

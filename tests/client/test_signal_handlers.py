@@ -22,7 +22,15 @@ LONGEST = 5.0
 
 
 @pytest.mark.timeout(240 + 10 * PLACES)
-@pytest.mark.parametrize("use", [use.__name__ for use in USES])
+@pytest.mark.parametrize(
+    "use",
+    [
+        pytest.param(
+            use.__name__, marks=pytest.mark.long if use.__name__ == "blocking_call" else ()
+        )
+        for use in USES
+    ],
+)
 def test_what_a_handler_may_do_at_any_moment(use, action_server):
     server = action_server("fibonacci", period=0.05)
     script = [sys.executable, "-m", "tests.in_handler", use, str(PLACES)]

@@ -52,6 +52,7 @@ def test_an_idle_client_sleeps_through_the_feedback_of_others(
     assert len(seen) - before <= 10
 
 
+@pytest.mark.long
 def test_an_idle_client_sees_a_new_server_in_spite_of_the_feedback_of_others(
     action_server, make_client, run_script
 ):

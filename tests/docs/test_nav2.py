@@ -17,6 +17,7 @@ HERE = Path(__file__).parent
 
 
 @pytest.mark.heavy
+@pytest.mark.long
 def test_the_page(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built = tmp_path / "built"
     build = [sys.executable, "-m", "actionkit", "interfaces", "build", str(HERE / "nav2_msgs")]

@@ -47,7 +47,15 @@ PAGES: dict[str, list[tuple[str, Mapping[str, Any]]]] = {
 """The pages that are run here, with the servers that each needs."""
 
 
-_LONG = ("tutorial.md", "guides/stuck-arm.md")
+_LONG = (
+    "agents.md",
+    "guides/launch.md",
+    "guides/replacing-a-goal.md",
+    "guides/several-robots.md",
+    "guides/stuck-arm.md",
+    "installing.md",
+    "tutorial.md",
+)
 
 
 @pytest.mark.parametrize(

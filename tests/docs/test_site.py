@@ -95,6 +95,7 @@ def _signatures(page: Path) -> list[str]:
 
 
 @pytest.mark.heavy
+@pytest.mark.long
 def test_the_reference_has_every_public_member_with_a_readable_signature(tmp_path: Path) -> None:
     pytest.importorskip("mkdocstrings_handlers.python")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-d", str(tmp_path)]

@@ -44,6 +44,7 @@ def _ask(port: int, order: object) -> http.client.HTTPConnection:
     return connection
 
 
+@pytest.mark.long
 def test_the_service(action_server: Any, tmp_path: Path) -> None:
     server = action_server("fibonacci", period=0.1)
     with _service(tmp_path) as (port, _):
@@ -59,6 +60,7 @@ def test_the_service(action_server: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.long
 def test_the_service_is_told_to_end(
     number: signal.Signals, action_server: Any, tmp_path: Path
 ) -> None:

@@ -76,10 +76,10 @@ def test_ends(
         ({"end": "canceled", "result": FIELDS}, "cancel_accepted", CANCELED, [3, 1]),
         # The result of a success is not that of a goal which was cancelled.
         ({"result": FIELDS}, "cancel_accepted", CANCELED, []),
-        ({"result": FIELDS, "cancel": "refuse"}, "cancel_refused", SUCCEEDED, [3, 1]),
         ({"result": FIELDS, "cancel": "ignore"}, "cancel_accepted", SUCCEEDED, [3, 1]),
         ({"end": "aborted", "cancel": "ignore"}, "cancel_accepted", ABORTED, []),
         ({"end": "canceled", "cancel": "ignore"}, "cancel_accepted", CANCELED, []),
+        ({"result": FIELDS, "cancel": "refuse"}, "cancel_refused", SUCCEEDED, [3, 1]),
     ],
 )  # fmt: skip
 def test_cancels_by_a_plain_client(

@@ -43,7 +43,6 @@ RAISING = [
     ({"script": oops}, GoalRejectedError, Oops, "here"),
     ({"script": [oops]}, GoalRejectedError, Oops, "here"),
     ({"feedback": oops}, GoalAbortedError, Oops, "here"),
-    ({"feedback": some_then_oops}, GoalAbortedError, Oops, "here"),
     ({"result": oops}, GoalAbortedError, Oops, "here"),
     ({"accept": fails}, GoalRejectedError, pytest.fail.Exception, "should not have come"),
     ({"accept": lambda goal: 1}, GoalRejectedError, TypeError, "accept=1 must be True or False"),
@@ -66,6 +65,7 @@ RAISING = [
         ValueError,
         r"script\[0\]: there is no setting 'ned'; did you mean 'end'\?",
     ),
+    ({"feedback": some_then_oops}, GoalAbortedError, Oops, "here"),
 ]
 
 

@@ -27,8 +27,6 @@ from tests.faults.lab import (
 from tests.faults.table import Case, Row
 from tests.hunting import REPEAT
 
-pytestmark = pytest.mark.long
-
 _MANY = 100
 _AT_A_TIME = 10
 
@@ -50,6 +48,7 @@ def test_nothing_gets_through_a_cable_that_is_cut(field):
 
 
 @pytest.mark.parametrize("fault", [page.OUTAGE, page.LONG_OUTAGE])
+@pytest.mark.long
 def test_an_outage(fault, field):
     short = fault == page.OUTAGE
     server = field.serve("scripted", script=scripts(page.OUTAGE_PHASES))
@@ -73,6 +72,7 @@ def test_an_outage(fault, field):
     lab.close(watches=not short)
 
 
+@pytest.mark.long
 def test_goals_are_given_up_on_during_an_outage(field):
     server = field.serve("scripted", script=NEVER_END)
     caller = field.caller()
@@ -83,6 +83,7 @@ def test_goals_are_given_up_on_during_an_outage(field):
 
 @pytest.mark.timeout(170)
 @pytest.mark.parametrize("_", range(REPEAT))
+@pytest.mark.long
 def test_a_third_of_all_packets_is_lost(_, field, monkeypatch):
     network.skip_where_nothing_can_be_lost(field.cable)
     profiles = Path(__file__).parent / "heartbeats.xml"

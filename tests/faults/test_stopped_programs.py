@@ -135,8 +135,7 @@ def test_goals_go_on_when_their_programs_were_stopped(
     assert server.count("executing") == calls
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("back", [pytest.param(False, marks=pytest.mark.long), True])
 def test_a_server_that_was_killed_meanwhile_is_lost(back, action_server, run_script, monkeypatch):
     monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(_SHORT_LEASE))
     server = action_server("countdown", period=_PERIOD)

@@ -86,6 +86,7 @@ def test_packages_that_were_built_elsewhere(points: Path, tmp_path: Path) -> Non
     assert fields("lines.msg", "Line", here, there) == ["points"]
 
 
+@pytest.mark.long
 def test_two_builds_at_once(points: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     results: list[list[str]] = []
@@ -100,6 +101,7 @@ def test_two_builds_at_once(points: Path, tmp_path: Path) -> None:
     assert fields("points.msg", "Point", out) == ["x", "y"]
 
 
+@pytest.mark.long
 def test_a_killed_build_leaves_the_old_package(points: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     built(points, "-o", out)
@@ -153,6 +155,7 @@ exec gcc "$@"
 
 
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="there is one processor only")
+@pytest.mark.long
 def test_two_processors_compile_and_progress_is_told(points: Path, tmp_path: Path) -> None:
     # The first two calls of the compiler wait for each other: one alone would wait for ever.
     here = tmp_path / "meeting"
@@ -194,6 +197,28 @@ def files_in(root: Path) -> set[Path]:
 BUILD = ("-m", "actionkit", "interfaces", "build")
 
 
+CALL = """
+from actionkit import Client
+from actionkit.testing import FakeServer
+from drawing.action import Draw
+with FakeServer(Draw, "draw", result={"sum": 3}), Client(Draw, "draw") as client:
+    print(client.call({"points": [1, 2]}, timeout=30.0).sum)
+"""
+
+
+def test_an_action_is_built_and_installed_and_called(
+    python: str, tmp_path: Path, ros_domain: int
+) -> None:
+    fields = "int32[] points\n---\nint32 sum\n---\n"
+    drawing = write_package(tmp_path / "drawing", {"action/Draw.action": fields})
+    wheels = tmp_path / "wheels"
+    assert built(drawing, "--wheel", wheels)[0] == "drawing: built"
+    (wheel,) = wheels.iterdir()
+    run_in(python, "-m", "pip", "install", "--no-index", wheel)
+    assert run_in(python, "-c", CALL).split() == ["3"]
+
+
+@pytest.mark.long
 def test_pip_installs_lists_and_uninstalls(points: Path, python: str) -> None:
     root = Path(python).parents[1]
     before = files_in(root)
@@ -216,6 +241,7 @@ def test_pip_installs_lists_and_uninstalls(points: Path, python: str) -> None:
     assert files_in(root) == before
 
 
+@pytest.mark.long
 def test_a_wheel_declares_what_it_needs_and_works_without_a_compiler(
     points: Path, python: str, tmp_path: Path
 ) -> None:
@@ -270,6 +296,7 @@ def test_without_pip_the_error_says_how_to_go_on(
     assert "uv pip install wheels/*.whl" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_what_pip_refuses_is_told(points: Path, python: str, tmp_path: Path) -> None:
     # Replaces the pip of a system where another program manages the packages.
     broken = tmp_path / "pip"
@@ -286,6 +313,7 @@ def test_what_pip_refuses_is_told(points: Path, python: str, tmp_path: Path) -> 
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.long
 def test_what_a_build_tells_of_itself(own: Path) -> None:
     place = own / "actionkit_interfaces"
     assert (place / RECORD).is_file()

@@ -95,11 +95,13 @@ def odd_server(odd: Path, ros_domain: int) -> Iterator[dict[str, str]]:
             process.kill()
 
 
+@pytest.mark.long
 def test_fields_named_as_what_generated_code_uses(odd_server: dict[str, str]) -> None:
     lines = run_python(ODD, env=odd_server).splitlines()
     assert lines == ["(1, 's', [1, 2], 'late', 2.5, 't') 2 [7.0]", str(sum(range(200)))]
 
 
+@pytest.mark.long
 def test_fields_by_name_on_the_command_line(odd_server: dict[str, str]) -> None:
     goal = "{array: 3, str: x, self: [5], order: soon, part: {name: nut}}"
     done = actionkit("call", "odd", "odd_actions/action/Odd", goal, "--json", env=odd_server)
@@ -137,6 +139,7 @@ with fake, aborting, flooding:
 """
 
 
+@pytest.mark.long
 def test_servers_for_tests_of_fields_that_other_types_have_as_numbers(
     odd: Path, ros_domain: int
 ) -> None:
@@ -192,6 +195,7 @@ with Client(NavigateToPose, "navigate") as client:
 """
 
 
+@pytest.mark.long
 def test_countdown_speaks_its_own_type(
     own: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -203,6 +207,7 @@ def test_countdown_speaks_its_own_type(
     assert lines == ["True counted down from 3 [2, 1, 0]", "False"]
 
 
+@pytest.mark.long
 def test_navigate_speaks_its_own_type(
     own: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -214,6 +219,7 @@ def test_navigate_speaks_its_own_type(
     assert lines == ["True arrived True", "arrived 100.0 0.0", "map 0.4", "rejected"]
 
 
+@pytest.mark.long
 def test_what_is_installed_does_not_change_what_a_server_speaks(
     own: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -271,6 +277,7 @@ TOLD_BY = {
         ),
     ],
 )
+@pytest.mark.long
 def test_nothing_is_sent_to_a_server_with_another_version(
     end: str, fields: tuple[str, ...], tmp_path: Path, ros_domain: int
 ) -> None:
@@ -304,6 +311,7 @@ print(json.dumps([tool.input_schema, tool.output_schema["properties"]["feedback"
 """
 
 
+@pytest.mark.long
 def test_tools_for_models_tell_the_units_that_show_tells(own: Path) -> None:
     goal, feedback = json.loads(run_python(TOOLS, env=environment(own)))
     shown = actionkit(

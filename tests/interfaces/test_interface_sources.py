@@ -82,6 +82,7 @@ def refused(capsys: pytest.CaptureFixture[str], source: Path, *, code: int = 2) 
         ("msg/Pick.idl", "module x {};", None, ".idl files are not built here"),
     ],
 )  # fmt: skip
+@pytest.mark.every
 def test_a_bad_line(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -98,6 +99,7 @@ def test_a_bad_line(
     assert said in error
 
 
+@pytest.mark.long
 def test_what_only_looks_wrong_is_built(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = """\
 # Kept apart by their comments, as in Nav2's DockRobot; a \\ b and \\"c\\" are no characters.
@@ -122,6 +124,7 @@ print(Pick.Result.NONE, Pick.Feedback.NONE, Pick.Result().a, Pick.Result().b, Pi
     assert run_python(show, env=environment(tmp_path / "out")).strip() == "0 0 it's [] 1e+300"
 
 
+@pytest.mark.long
 def test_what_colcon_would_refuse_is_built_and_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -171,6 +174,7 @@ def test_missing_packages_are_told_in_one_line_by_names_that_exist(
     ]
 
 
+@pytest.mark.long
 def test_only_some_types_with_what_they_need(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -139,6 +139,7 @@ def test_colcon_builds_it_and_the_command_runs(how: str, copy: Path, tmp_path: P
 # --- pip ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_sdist_and_wheel_are_those_of_hatchling(copy: Path, tmp_path: Path) -> None:
     if importlib.util.find_spec("hatchling") is None:
         pytest.skip("hatchling is not installed")

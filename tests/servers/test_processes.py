@@ -18,6 +18,7 @@ from tests.conftest import Script
 from tests.rclpy_client import PATIENCE, Driver, story
 
 
+@pytest.mark.long
 def test_kill_and_restart(action_server: Any, driver: Driver) -> None:
     server = action_server("never_finishes")
     driver.connect()

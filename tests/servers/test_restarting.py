@@ -60,6 +60,7 @@ def test_flaky_silent(action_server: Any, driver: Driver) -> None:
     assert not silent.done()
 
 
+@pytest.mark.long
 def test_flaky_crashes(action_server: Any, driver: Driver) -> None:
     server = action_server("flaky", how="crashes", fails=2)
     for incarnation in range(2):
@@ -77,6 +78,7 @@ def test_flaky_crashes(action_server: Any, driver: Driver) -> None:
 
 @pytest.mark.parametrize("how", ["clean", "kill"])
 @pytest.mark.parametrize("point", ["accepted", "feedback"])
+@pytest.mark.long
 def test_restarts(action_server: Any, driver: Driver, how: str, point: str) -> None:
     server = action_server("restarts", how=how, point=point)
     driver.connect()
@@ -115,6 +117,7 @@ def test_restarts_can_be_cancelled_before(action_server: Any, driver: Driver, po
 
 
 @pytest.mark.parametrize("how", ["clean", "kill"])
+@pytest.mark.long
 def test_a_person_sees_the_restart(ros_domain: int, driver: Driver, how: str) -> None:
     command = [sys.executable, "-m", "actionkit.servers", "restarts", "--human"]
     with forked.Popen(

@@ -56,6 +56,7 @@ def test_a_script(action_server: Any, driver: Driver) -> None:
     assert server.wait_for("accepted")[0].monotonic - times[0] >= 0.1
 
 
+@pytest.mark.long
 def test_one_script_for_each_goal_in_turn(action_server: Any, driver: Driver) -> None:
     server = action_server(
         "scripted",

@@ -29,6 +29,7 @@ def packages(interfaces: Path, tmp_path: Path) -> Path:
     return tmp_path / "site"
 
 
+@pytest.mark.long
 def test_two_runs_write_the_same_and_a_type_that_is_gone_leaves_no_file(
     stubs: Command, packages: Path, tmp_path: Path
 ) -> None:
@@ -101,6 +102,7 @@ def test_what_is_broken_is_told_and_the_rest_written(stubs: Command, tmp_path: P
     assert all(text.startswith(MARK) for text in written.values())
 
 
+@pytest.mark.long
 def test_installed_stubs_go_beside_the_package_and_away_again(
     stubs: Command, packages: Path
 ) -> None:

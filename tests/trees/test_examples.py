@@ -51,6 +51,7 @@ def story(log: Path) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("name", ["mission_tree", "mission_asyncio"])
+@pytest.mark.long
 def test_the_mission(name: str, ros_domain: int, tmp_path: Path) -> None:
     log = tmp_path / "mission.jsonl"
     command = [sys.executable, str(DOCS / "examples" / f"{name}.py"), str(log)]

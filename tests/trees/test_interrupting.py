@@ -183,6 +183,7 @@ def serve(phase: str, place: Place) -> Server | None:
 
 
 @pytest.mark.parametrize("event", TREES)
+@pytest.mark.every
 def test_a_tree_that_gives_up(event: str, place: Place) -> None:
     for phase in PHASES:
         server, action = serve(phase, place), ACTIONS[phase]
@@ -215,6 +216,7 @@ def test_a_tree_that_gives_up(event: str, place: Place) -> None:
         record(event, phase, what, ended, new_run)  # last, as it may raise
 
 
+@pytest.mark.long
 def test_a_tree_that_is_dropped(place: Place) -> None:
     for phase in PHASES:
         server, action = serve(phase, place), ACTIONS[phase]

@@ -226,6 +226,7 @@ def test_an_interrupt_before_a_tick_has_made_its_goal_is_no_goal_that_may_run(
     tick_until(leaf, Status.SUCCESS, BOUND)
 
 
+@pytest.mark.long
 def test_a_shutdown_by_another_thread_is_final(client: Any, place: Place) -> None:
     """A human stops the tree while it is about to send: `goal` is where the tick stands then."""
     inside, go_on = threading.Event(), threading.Event()

@@ -69,6 +69,7 @@ LIVES = {
 
 
 @pytest.mark.parametrize("life", [*LIVES, "is not there"])
+@pytest.mark.every
 def test_no_tick_blocks(life: str, place: Place, open_client: MakeClient) -> None:
     action = life.replace(" ", "_")
     server = None

@@ -111,7 +111,7 @@ def is_long(path: Path, function: str) -> bool:
     for node in ast.parse(path.read_text("utf-8")).body:
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark":
             marks = node.value.elts if isinstance(node.value, ast.List) else [node.value]
-        elif isinstance(node, ast.FunctionDef) and node.name == function:
+        elif isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and node.name == function:
             marks = node.decorator_list
         else:
             continue

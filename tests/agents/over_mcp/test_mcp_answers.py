@@ -7,6 +7,7 @@ import base64
 from typing import Any
 
 import mcp.types as t
+import pytest
 from geometry_msgs.msg import Point
 
 from actionkit.agents import Image, Progress, ToolResult
@@ -86,6 +87,7 @@ def test_numbers_grow_however_fast_they_come() -> None:
     asyncio.run(scenario())
 
 
+@pytest.mark.long
 def test_progress_comes_where_nothing_changes(robot: Robot, http: HttpServing) -> None:
     watch = Watch(robot.server("never_finishes"))
 

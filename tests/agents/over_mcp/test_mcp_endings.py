@@ -278,7 +278,6 @@ def test_the_host_hangs_up_and_the_action_server_does_not_answer(robot: Robot) -
     page.record(page.ENDED, fault, "stdio", reached, "nothing: it is gone", process)
 
 
-@pytest.mark.long
 def test_a_goal_that_is_accepted_after_the_end_is_cancelled(robot: Robot) -> None:
     server = robot.server("slow_accept", gate=1, period=1.0)
     watch = Watch(server)
@@ -317,6 +316,7 @@ def test_a_server_that_is_killed(robot: Robot, http: HttpServing) -> None:
     asyncio.run(scenario())
 
 
+@pytest.mark.long
 def test_a_server_that_refuses_to_cancel(robot: Robot, http: HttpServing) -> None:
     stubborn = robot.server("refuses_cancel", period=0.1)
 

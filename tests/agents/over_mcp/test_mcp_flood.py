@@ -105,8 +105,10 @@ async def sessions_until_refused(serving: HttpServing) -> int:
 @pytest.mark.parametrize("times", [1, pytest.param(4, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     ("token", "floods"),
-    [(TOKEN, [SILENT, WITHOUT_TOKEN]), ("", [SESSIONS])],
-    ids=["without the token", "where none is needed"],
+    [
+        pytest.param(TOKEN, [SILENT, WITHOUT_TOKEN], id="without the token"),
+        pytest.param("", [SESSIONS], id="where none is needed", marks=pytest.mark.long),
+    ],
 )
 def test_a_flood(robot: Robot, token: str, floods: list[Flood], times: int) -> None:
     robot.server("fibonacci", period=0.02)

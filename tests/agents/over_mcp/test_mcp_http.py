@@ -211,6 +211,7 @@ def test_limits_of_time_are_not_for_calls(robot: Robot, way: Way) -> None:
         asyncio.run(scenario(serving))
 
 
+@pytest.mark.long
 def test_an_answer_is_kept_for_a_client_that_reads_slowly(robot: Robot) -> None:
     watch = Watch(robot.server("fibonacci", period=0.02))
     long = "x" * 3_900_000  # more than the kernel keeps
@@ -258,6 +259,7 @@ def test_calls_keep_their_places(robot: Robot) -> None:
         asyncio.run(scenario(serving))
 
 
+@pytest.mark.long
 def test_who_may_come_in(robot: Robot) -> None:
     watch = Watch(robot.server("fibonacci", period=0.02))
     with contextlib.closing(

@@ -72,6 +72,7 @@ def ended(first: int, *more: int, hang: bool = False, ignored: int = 0) -> tuple
 
 @pytest.mark.parametrize(("number", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
 @pytest.mark.parametrize("hang", [False, True])
+@pytest.mark.every
 def test_a_signal_cancels_and_ends_in_time(number: str, code: int, hang: bool) -> None:
     ended_with, seconds = ended(signal.Signals[number], hang=hang)
     assert ended_with == code

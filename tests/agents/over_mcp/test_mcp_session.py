@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import mcp.types as t
+import pytest
 
 from tests.agents.over_mcp.lab import WAYS, Robot, Watch, agent
 from tests.tables import WRITING
@@ -17,6 +18,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "mcp.md"
 BLOCK = re.compile(r"(<!-- session -->\n```text\n)(.*?)(```\n<!-- end -->)", re.S)
 
 
+@pytest.mark.long
 def test_the_session_in_the_documentation(robot: Robot) -> None:
     robot.server("fibonacci", period=0.1)
     patrolling = robot.server("never_finishes")

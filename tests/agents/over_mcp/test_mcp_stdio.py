@@ -94,6 +94,7 @@ def echo(*, blocking: bool = True) -> Iterator[Echo]:
 
 @pytest.mark.parametrize("hanging", [False, True])
 @pytest.mark.parametrize("closed", ["stdin", "stdout"])
+@pytest.mark.every
 def test_a_host_that_is_gone_is_noticed_even_if_the_event_loop_hangs(
     closed: str, hanging: bool
 ) -> None:

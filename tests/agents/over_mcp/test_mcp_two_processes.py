@@ -6,6 +6,8 @@ import asyncio
 import signal
 from typing import Any
 
+import pytest
+
 from tests.agents.over_mcp.lab import WAYS, Agent, Robot, Watch, agent, words
 
 STDIO, MODERN_STDIO, _, _ = WAYS
@@ -60,6 +62,7 @@ def test_a_goal_of_another_process_counts_and_is_told_of(robot: Robot) -> None:
     asyncio.run(scenario())
 
 
+@pytest.mark.long
 def test_goals_that_have_ended_do_not_count(robot: Robot) -> None:
     counting = robot.server("fibonacci", period=0.02)
 

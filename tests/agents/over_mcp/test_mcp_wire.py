@@ -10,6 +10,7 @@ import subprocess
 import sys
 
 import httpx2
+import pytest
 
 from actionkit.agents._mcp.stdio import MOST_BYTES
 from tests import forked
@@ -128,12 +129,14 @@ def test_a_person_in_a_terminal_is_told_what_this_is(robot: Robot) -> None:
     assert (done.returncode, out) == (0, b""), errors
 
 
+@pytest.mark.long
 def test_half_of_an_environment_is_made_whole(robot: Robot) -> None:
     """A host passes on the mark of the wheels' bootstrapper, and not what it stands for."""
     code, out, errors = run(robot, _ROS_WHEELS_BOOTSTRAP_COMPLETE="1", LD_LIBRARY_PATH="/nowhere")
     assert (code, out) == (0, ""), errors
 
 
+@pytest.mark.long
 def test_what_is_missing_is_named(robot: Robot) -> None:
     without = "import sys; sys.modules['uvicorn'] = None"
     code, out, errors = run(robot, before=without)
@@ -142,6 +145,7 @@ def test_what_is_missing_is_named(robot: Robot) -> None:
     assert "uvicorn" in errors
 
 
+@pytest.mark.long
 def test_a_wrong_file_is_told_of_whole(robot: Robot) -> None:
     path = robot.file.with_name("wrong.toml")
     path.write_text('[tools.a]\naction = 7\n[topics.b]\nspeed = "fast"\n')
