@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import os
 import signal
 import subprocess
@@ -209,6 +210,12 @@ def _further_variants(items: list[pytest.Item]) -> Iterator[pytest.Item]:
     for name, several in variants.items():
         if name not in chosen:
             yield from several[1:-1]
+
+
+def pytest_collection_finish() -> None:
+    """Have the garbage collector never look again at some hundred thousand objects of pytest's."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

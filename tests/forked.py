@@ -193,7 +193,7 @@ _UNDERSTOOD = {"PYTHONUNBUFFERED", "PYTHONWARNINGS"}
 def _can_be(environment: dict[str, str]) -> bool:
     """Whether an interpreter would have the same libraries and network as the one that forks."""
     names = {name for name in {*environment, *_environment} if name.startswith(_MATTER)}
-    different = {name for name in names if environment.get(name) != _environment.get(name)}
+    different = {n for n in names if environment.get(n, "") != _environment.get(n, "")}
     return different <= _UNDERSTOOD and _namespaces() == _own_namespaces
 
 

@@ -222,6 +222,7 @@ def test_status_is_read_ten_times_a_second_at_most(action_server, make_client, c
     future.result(20)
 
 
+@pytest.mark.long
 def test_feedback_does_not_cost_a_turn_each(action_server, make_client, count):
     action_server("fibonacci")
     client = make_client()

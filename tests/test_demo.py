@@ -194,6 +194,7 @@ def test_without_ros_it_says_what_to_install(module: str) -> None:
     assert "Traceback" not in done.stdout
 
 
+@pytest.mark.long
 def test_the_command_line_around_it() -> None:
     version = run("--version")
     assert (version.returncode, version.stdout) == (0, "actionkit, version 0.1.0\n")

@@ -60,12 +60,7 @@ def pyright(files: list[Path], _scratch: Path, root: Path = ROOT) -> Found:
     return found
 
 
-# By default one of them: the other is used in `stubs/test_user_types.py`.
-CHECKERS = pytest.mark.parametrize(
-    "check",
-    [mypy, pytest.param(pyright, marks=pytest.mark.long)],
-    ids=lambda check: check.__name__,
-)
+CHECKERS = pytest.mark.parametrize("check", [mypy, pyright], ids=lambda check: check.__name__)
 Checker = Callable[..., Found]
 
 
@@ -76,6 +71,7 @@ def _skip_without_the_tool(request: pytest.FixtureRequest) -> None:
         pytest.skip(f"{name} is not installed; pip install {name}")
 
 
+@pytest.mark.long  # `stubs/test_user_types.py` holds most of it
 @CHECKERS
 def test_right_code_is_clean_and_wrong_code_refused_where_it_is_wrong(
     check: Checker, tmp_path: Path

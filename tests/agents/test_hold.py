@@ -165,6 +165,7 @@ def test_a_process_that_was_stopped_learns_what_it_missed(
     assert agent.finish()[0] == 0
 
 
+@pytest.mark.long
 def test_a_file_is_obeyed_before_anybody_is_discovered(
     ros_domain: int, apart: Callable[[], None]
 ) -> None:
@@ -190,6 +191,7 @@ def test_a_file_is_obeyed_before_anybody_is_discovered(
         assert known(agent, 0)
 
 
+@pytest.mark.long
 def test_a_disk_that_hangs_lets_no_goal_through(
     ros_domain: int, apart: Callable[[], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -214,6 +216,7 @@ def test_a_disk_that_hangs_lets_no_goal_through(
         assert hanging.wait(LONG)
 
 
+@pytest.mark.long
 def test_garbage_on_the_topic_holds(ros_domain: int, apart: Callable[[], None]) -> None:
     from rcl_interfaces.msg import Log
 
@@ -231,6 +234,7 @@ def test_garbage_on_the_topic_holds(ros_domain: int, apart: Callable[[], None]) 
             until(lambda: agent.why_held() is None)
 
 
+@pytest.mark.long
 def test_whoever_is_in_sight_and_silent_makes_it_unknown(
     ros_domain: int, apart: Callable[[], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -142,6 +142,7 @@ def test_a_goal_that_cannot_be_cancelled_is_not_sent_beside(
     asyncio.run(main())
 
 
+@pytest.mark.long
 def test_the_tools_of_one_action_share_its_limit(
     make_toolbox: Make, action_server: ActionServerFactory
 ) -> None:
@@ -328,6 +329,7 @@ def test_its_domain_is_not_that_of(
     server.wait_for("succeeded", count=2)
 
 
+@pytest.mark.long
 def test_a_client_that_cannot_go_on_is_replaced(
     make_toolbox: Make, action_server: ActionServerFactory, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -71,6 +71,7 @@ def ended(server: Any, goal_id: str) -> None:
         server.wait_for("canceled", goal_id=goal_id, timeout=BOUND)
 
 
+@pytest.mark.long
 def test_cancelling_all_and_closing_end_what_runs(
     make_toolbox: Make, action_server: ActionServerFactory
 ) -> None:

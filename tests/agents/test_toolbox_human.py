@@ -64,6 +64,7 @@ def test_a_hold_between_any_two_steps_keeps_the_goal_back(
     assert looks >= 3  # before the question, after it, and right before the goal is sent
 
 
+@pytest.mark.long
 def test_a_hold_reaches_a_goal_that_waits_for_its_server(
     make_toolbox: Make, action_server: ActionServerFactory, hold: FakeHold
 ) -> None:
@@ -196,6 +197,7 @@ def test_waiting_for_approval_counts_no_goal(
     assert server.count("accepted") == 1
 
 
+@pytest.mark.long
 def test_no_human_is_asked_while_another_program_has_a_goal(
     make_toolbox: Make, action_server: ActionServerFactory
 ) -> None:

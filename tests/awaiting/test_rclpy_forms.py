@@ -293,6 +293,7 @@ def test_a_context_that_is_shut_down(ros_domain, server, client, begun):
     record(RCLPY, "`rclpy.shutdown()` while a callback waits", "yes", "cancelled")
 
 
+@pytest.mark.long
 def test_an_executor_that_is_dropped(ros_domain, server, client, begun):
     with robot(ros_domain, "single", spin=False) as made:
         made.executor.create_task(Answers().of(begun))

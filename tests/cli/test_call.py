@@ -90,8 +90,8 @@ SCENES = {
         Exit.RESULT_LOST,
         "no_result",
         "{order: 3}",
-        words=("--timeout", "4", "--cancel-timeout", "0.5"),
-        says="ended as SUCCEEDED; its result did not come within 4 s",
+        words=("--timeout", "6", "--cancel-timeout", "0.5"),
+        says="ended as SUCCEEDED; its result did not come within 6 s",
     ),
     "no-answer": Scene(
         Exit.NO_ANSWER, "silent", words=("--accept-timeout", "0.5"), says="neither accepted nor"
@@ -304,6 +304,7 @@ def test_a_closed_pipe_cancels_the_goal(world: World, writes: bool) -> None:
     assert goal_id(running.text) not in server.running()
 
 
+@pytest.mark.long
 def test_a_signal_that_was_ignored_stays_ignored(world: World) -> None:
     """As under nohup, or in the background of a script."""
     server = world.server("fibonacci", gate=1)
@@ -319,6 +320,7 @@ def test_a_signal_that_was_ignored_stays_ignored(world: World) -> None:
 # --- what is asked for and what is told --------------------------------------------------------
 
 
+@pytest.mark.long
 def test_json_tells_every_state_in_order_and_the_outcome_last(world: World) -> None:
     world.server("fibonacci", period=0.1)
     goal = json.dumps({"order": 6})
@@ -376,6 +378,7 @@ def test_json_is_what_the_observer_writes_and_timeline_reads_it(
     assert drawn.out.splitlines()[-1].startswith("=> ok after ")
 
 
+@pytest.mark.long
 def test_retries_are_told_and_the_result_of_the_last_is_shown(world: World) -> None:
     world.server("error_code", codes="102,102,0", ends="succeeded")
     words = ("call", "error_code", NESTED, "--retries", "2")
@@ -397,6 +400,7 @@ def test_a_result_that_lacks_the_field_is_no_success(world: World) -> None:
     assert "Trying again:" not in done.out
 
 
+@pytest.mark.long
 def test_now_is_the_present_time(world: World) -> None:
     world.server("navigate")
     goal = "{nested_different_pkg: now, nested_field: {float64_value: -1.0}}"

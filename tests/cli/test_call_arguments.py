@@ -29,6 +29,7 @@ def test_a_server_in_sight_tells_the_type(world: World) -> None:
     assert "did you mean 'order'?" in done.err
 
 
+@pytest.mark.long
 def test_a_server_is_waited_for(empty_world: World) -> None:
     looking = (
         "import actionkit._ros.tools.survey as s; real = s.Survey.settled\n"

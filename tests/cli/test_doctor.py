@@ -201,6 +201,7 @@ def can_make_nodes_hang() -> bool:
     return done.returncode == 0
 
 
+@pytest.mark.long
 def test_it_does_not_hang_where_nodes_do(empty_world: World) -> None:
     """In a /dev/shm of its own, or other programs would hang there, too."""
     if shutil.which("unshare") is None or not can_make_nodes_hang():
@@ -230,6 +231,7 @@ def test_that_no_server_was_started_yet_is_no_problem(empty_world: World) -> Non
     assert (servers.level, servers.text) == ("note", "no action server is in sight.")
 
 
+@pytest.mark.long
 def test_settings_that_keep_everybody_apart_are_problems(empty_world: World) -> None:
     apart = {"ROS_DOMAIN_ID": "robot", "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}
     done = empty_world.run_apart("doctor", **apart)

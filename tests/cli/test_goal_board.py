@@ -29,6 +29,7 @@ def test_only_changes_are_told_and_what_ended_stays_so() -> None:
     assert board.counts() == {"SUCCEEDED": 2}
 
 
+@pytest.mark.long
 def test_the_board_is_bounded_and_keeps_what_runs() -> None:
     board = Board()
     board.take([goal(0, "EXECUTING")], 0.0)

@@ -108,6 +108,7 @@ def test_watch_sees_the_goals_of_others_and_their_end(world: World, tmp_path: Pa
     assert "=> goal SUCCEEDED; no end of the call in this log" in drawn.out
 
 
+@pytest.mark.long
 def test_watch_ends_when_asked_to(empty_world: World) -> None:
     nobody = empty_world.run("watch", "/fibonacci", "--once", "--server-timeout", "0.5")
     assert (nobody.code, nobody.out) == (Exit.NO_SERVER, "")

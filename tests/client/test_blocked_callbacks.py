@@ -127,6 +127,7 @@ def test_blocked_done_callbacks_hold_up_nobody(action_server, make_client, stuck
     all_goes_on(make_client())
 
 
+@pytest.mark.long
 def test_clients_that_do_nothing_have_no_threads(action_server, make_client, own_threads):
     action_server("fibonacci")
     clients = [make_client(observers=[EventLog()]) for _ in range(10)]
@@ -143,6 +144,7 @@ def test_clients_that_do_nothing_have_no_threads(action_server, make_client, own
 # --- observers and log handlers ----------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_clients_that_share_a_stuck_log_handler_go_on(action_server, make_client, stuck):
     action_server("fibonacci", period=0.02)
     clients = [make_client() for _ in range(8)]
@@ -255,6 +257,7 @@ assert entered.wait(20)
 
 
 @pytest.mark.parametrize("logger", ["actionkit", "actionkit.goal"])
+@pytest.mark.long
 def test_a_log_filter_that_never_returns_does_not_hold_up_the_exit(
     logger, action_server, run_script
 ):

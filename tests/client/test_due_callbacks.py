@@ -203,6 +203,7 @@ def call(client):
 
 
 @pytest.mark.parametrize("end", CUT_OFF)
+@pytest.mark.long
 def test_a_coroutine_that_its_loop_leaves_is_named_and_not_waited_for(
     end, action_server, run_script
 ):
@@ -304,6 +305,7 @@ def after():
 """
 
 
+@pytest.mark.long
 def test_nothing_begins_after_the_exit(action_server, run_script):
     action_server("fibonacci")
     source = """
@@ -340,6 +342,7 @@ say(os.getpid())
 """
 
 
+@pytest.mark.long
 def test_the_child_of_a_fork_waits_for_no_callback_of_its_parent(action_server, run_script):
     action_server("fibonacci")
     code, out, err = run_script(HEAD + FORKED).finish(timeout=20)

@@ -275,6 +275,7 @@ def test_an_expired_result_is_lost_not_empty(action_server, make_client):
     assert "result_timeout" in str(lost)
 
 
+@pytest.mark.long
 def test_a_server_is_said_to_be_lost_when_it_was(action_server, make_client):
     server = action_server("never_finishes")
     client = make_client(timeouts=Timeouts(server=1), retry=RetryPolicy(resend="server_gone"))
@@ -290,6 +291,7 @@ def test_a_server_is_said_to_be_lost_when_it_was(action_server, make_client):
 
 
 @pytest.mark.parametrize("how", ["deadline", "cancel", "close"])
+@pytest.mark.long
 def test_a_goal_that_ended_without_a_result_is_told_as_such(how, action_server, make_client, capfd):
     server = action_server("no_result")
     client = make_client(timeouts=Timeouts(cancel=0.5), retry=RetryPolicy(resend="always"))
@@ -399,6 +401,7 @@ def test_another_type_beside_ours_does_not_matter(action_server, make_client):
     assert len(server.wait_for("succeeded")) == 1
 
 
+@pytest.mark.long
 def test_another_type_is_told_after_rclpy_s_shutdown(action_server, make_client):
     action_server("wrong_type")
     rclpy.init()

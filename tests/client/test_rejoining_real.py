@@ -151,6 +151,7 @@ def test_no_second_try_once_a_server_was_seen(action_server, make_client):
     assert not future.done() or not future.outcome().ok
 
 
+@pytest.mark.long
 def test_no_second_try_while_tools_use_the_node(make_client, ros_domain):
     with Survey() as survey:
         node = survey.runtime.node

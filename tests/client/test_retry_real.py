@@ -181,6 +181,7 @@ def test_a_killed_and_restarted_server_is_noticed(action_server, make_client):
     assert states[GoalState.LOST] == "another server of its name answers"
 
 
+@pytest.mark.long
 def test_a_stalled_goal_is_stopped_before_another_is_sent(action_server, make_client):
     server = action_server("never_finishes")
     client = make_client(timeouts=Timeouts(feedback=0.3), retry=QUICK)

@@ -122,6 +122,7 @@ def test_rosout_is_quiet_when_the_context_is_gone(action_server, ros_domain, cap
     assert "Failed to publish" not in capfd.readouterr().err
 
 
+@pytest.mark.long
 def test_after_rclpys_signal_handler_only_a_new_client_calls(action_server, run_script):
     server = action_server("never_finishes")
     script = run_script(
@@ -204,6 +205,7 @@ def test_nothing_begins_between_the_signal_and_the_end(main, action_server, run_
 @pytest.mark.parametrize(
     "order", ["cancel_on_signals(); rclpy.init()", "rclpy.init(); cancel_on_signals()"]
 )
+@pytest.mark.long
 def test_rclpys_handler_has_its_way(order, action_server, run_script):
     server = action_server("never_finishes")
     script = run_script(
@@ -256,6 +258,7 @@ def test_goals_are_cancelled_while_the_main_thread_hears_nothing(number, action_
 
 
 @pytest.mark.parametrize("warnings", ["default", "error"])
+@pytest.mark.long
 def test_it_goes_with_trio(warnings, action_server, run_script):
     """Trio warns of a wakeup file descriptor that it finds, as one of `cancel_on_signals` is."""
     server = action_server("never_finishes")
@@ -320,6 +323,7 @@ def test_a_second_signal_ends_the_wait(main, handler, second, action_server, run
     assert err.count("MAY STILL BE RUNNING") == 1
 
 
+@pytest.mark.long
 def test_a_handler_that_was_there_is_called_and_the_program_goes_on(action_server, run_script):
     server = action_server("never_finishes")
     script = run_script(
@@ -368,6 +372,7 @@ with Client(Fibonacci, "fibonacci") as client:
     assert runs_nothing(server)
 
 
+@pytest.mark.long
 def test_a_forked_child_leaves_the_goals_of_its_parent_alone(action_server, run_script):
     server = action_server("never_finishes")
     script = run_script(

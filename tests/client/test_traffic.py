@@ -36,6 +36,7 @@ with Client(Fibonacci, "fibonacci") as client:
 """
 
 
+@pytest.mark.long
 def test_an_idle_client_sleeps_through_the_feedback_of_others(
     action_server, make_client, run_script, monkeypatch
 ):
@@ -66,6 +67,7 @@ def test_an_idle_client_sees_a_new_server_in_spite_of_the_feedback_of_others(
     server.wait_for("succeeded")
 
 
+@pytest.mark.long
 def test_feedback_comes_through_that_of_others(action_server, make_client, run_script):
     action_server("fibonacci", period=0.02)
     client = make_client()

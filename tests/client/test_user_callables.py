@@ -202,6 +202,7 @@ def test_the_call_ends_and_others_are_not_delayed(
         misbehave.leave.set()
 
 
+@pytest.mark.long
 def test_whatever_is_blocked_the_judge_of_another_client_is_asked(
     action_server: Any, make_client: Any
 ) -> None:

@@ -113,6 +113,7 @@ def test_the_error_comes_with_that_of_the_test(ros_domain: int, make_client: Any
         raise KeyboardInterrupt
 
 
+@pytest.mark.long
 def test_a_function_that_does_not_return(ros_domain: int, make_client: Any) -> None:
     ends = threading.Event()
     server = FakeServer(Fibonacci, "fibonacci", result=lambda goal: ends.wait(60) and None)

@@ -139,6 +139,7 @@ def test_it_is_a_setting_of_each_goal(fake_server: Any, make_client: Any) -> Non
     assert [future.outcome(60).status for future in (first, second)] == ["ABORTED", "ABORTED"]
 
 
+@pytest.mark.long
 def test_a_burst_of_goals_leaves_the_last(fake_server: Any, make_client: Any) -> None:
     server = fake_server(Fibonacci, "fibonacci", end=never_but_the_last, preempts=True)
     client = make_client()

@@ -180,6 +180,7 @@ def test_choices_are_checked_before_anything_is_started(name: str, option: str) 
 
 
 @pytest.mark.parametrize("journal", ["all", "none"])
+@pytest.mark.long
 def test_sync_reads_all_that_was_written(action_server: Any, driver: Driver, journal: str) -> None:
     server = action_server("aborts", period=0, journal=journal)
     driver.connect()

@@ -101,6 +101,7 @@ def test_floods(action_server: Any, driver: Driver, rate: int) -> None:
     assert all(len(one) == 3 and one[1:] == [0, 0] for one in driver.feedback[goal_id])
 
 
+@pytest.mark.long
 def test_floods_starve_no_cancel(action_server: Any, driver: Driver) -> None:
     server = action_server("floods")
     driver.connect()

@@ -56,6 +56,7 @@ def test_two_runs_write_the_same_and_a_type_that_is_gone_leaves_no_file(
     assert "plain_interfaces/msg/_second.pyi" not in tree(tmp_path / "typings")
 
 
+@pytest.mark.long
 def test_comments_become_docstrings(stubs: Command, packages: Path, tmp_path: Path) -> None:
     file = packages / "share" / "plain_interfaces" / "msg" / "Plain.msg"
     file.parent.mkdir(parents=True)
@@ -147,6 +148,7 @@ def test_files_of_others_are_never_touched(
 @pytest.mark.skipif(
     bool(AS_OTHERS) and shutil.which("setpriv") is None, reason="root may write anywhere"
 )
+@pytest.mark.long
 def test_a_folder_that_cannot_be_written_is_named(
     stubs: Command, packages: Path, tmp_path: Path
 ) -> None:
@@ -184,6 +186,7 @@ def test_wrong_arguments_are_refused_before_anything_is_written(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 def test_stubs_of_others_for_a_package_that_is_only_used_are_kept(
     stubs: Command, tmp_path: Path
 ) -> None:

@@ -50,6 +50,7 @@ def test_its_node_tells_how_far_the_goal_is(client: Any) -> None:
     assert leaf.future.outcome(BOUND).cancel is not None
 
 
+@pytest.mark.long
 def test_a_goal_may_come_from_a_function_or_the_blackboard(client: Any) -> None:
     orders = iter([3, 4])
     made = ActionBehaviour("a", client, lambda leaf: {"order": next(orders)}, result_key="got")

@@ -133,6 +133,7 @@ def test_a_child_that_does_not_answer_in_time_is_given_up():
     assert time.monotonic() - began < 15.0
 
 
+@pytest.mark.long
 def test_the_pictures_are_drawn_of_what_was_measured(tmp_path):
     plots = pytest.importorskip("benchmarks.plot", reason="needs matplotlib")
     figures = [

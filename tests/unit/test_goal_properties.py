@@ -127,7 +127,14 @@ def next_lives(life: Life) -> Iterator[Life]:
         yield twin
 
 
-@pytest.mark.parametrize("limits", LIMITS, ids=str)
+@pytest.mark.parametrize(
+    "limits",
+    [
+        each if each in LIMITS[::4] else pytest.param(each, marks=pytest.mark.long)
+        for each in LIMITS
+    ],
+    ids=str,
+)
 def test_every_order_of_the_first_events(limits: dict[str, float | None]) -> None:
     life = Life(**limits)
     life.see("sent")

@@ -139,6 +139,7 @@ def test_a_client_that_ends_its_session(robot: Robot, http: HttpServing) -> None
 
 
 @pytest.mark.parametrize("way", HTTP, ids=str)
+@pytest.mark.long
 def test_a_client_that_hangs(robot: Robot, http: HttpServing, way: Way) -> None:
     """Its machine acknowledges what is sent to it, so nothing tells it from one that waits."""
     watch = Watch(robot.server("never_finishes"))

@@ -85,6 +85,7 @@ def test_a_signal_that_was_ignored_stays_ignored() -> None:
     assert code == 143
 
 
+@pytest.mark.long
 def test_the_first_reason_counts() -> None:
     code, _ = ended(signal.SIGTERM, signal.SIGINT, hang=True)
     assert code == 143
@@ -107,6 +108,7 @@ asyncio.run(main())
 """
 
 
+@pytest.mark.long
 def test_the_exit_code_tells_of_a_goal_that_may_run_even_if_the_event_loop_hangs() -> None:
     command = [sys.executable, "-c", _LEFT]
     done = forked.run(command, check=False, capture_output=True, timeout=PATIENCE)

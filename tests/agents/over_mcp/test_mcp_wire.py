@@ -115,6 +115,7 @@ def run(robot: Robot, *words: str, before: str = "", **environment: str) -> tupl
     return done.returncode, done.stdout, done.stderr
 
 
+@pytest.mark.long
 def test_a_person_in_a_terminal_is_told_what_this_is(robot: Robot) -> None:
     master, slave = pty.openpty()
     with open(master, "wb"), open(slave, "rb") as terminal:
