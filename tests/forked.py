@@ -11,6 +11,7 @@ import atexit
 import ctypes
 import gc
 import importlib
+import io
 import json
 import os
 import runpy
@@ -58,7 +59,6 @@ class _Forker:
     """A process that forks, and the way to it. One for each kind and each process of tests."""
 
     def __init__(self, kind: str) -> None:
-        self._lock = threading.Lock()
         self._libc = ctypes.CDLL(None, use_errno=True)
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
@@ -72,18 +72,20 @@ class _Forker:
                 start_new_session=True,
             )
 
-    def fork(self, request: dict[str, Any], descriptors: list[int]) -> int:
-        """Start a program; return the id of its process, which is a child of this one."""
-        with self._lock:
-            # Its parent has ended when the id comes, and then it belongs to the nearest ancestor
-            # that asks for such. Not always: other tests look for what their programs leave behind.
-            self._libc.prctl(_SUBREAPER, 1, 0, 0, 0)
-            try:
-                message = json.dumps(request).encode()
-                socket.send_fds(self._socket, [message], descriptors)
-                return int(self._socket.recv(64))
-            finally:
-                self._libc.prctl(_SUBREAPER, 0, 0, 0, 0)
+    def fork(self, request: dict[str, Any], descriptors: list[int]) -> tuple[int, str]:
+        """Start a program; return the id of its process, a child of this one, and a problem."""
+        # Its parent has ended when the id comes, and then it belongs to the nearest ancestor that
+        # asks for such. Not always: other tests look for what their programs leave behind.
+        self._libc.prctl(_SUBREAPER, 1, 0, 0, 0)
+        try:
+            message = json.dumps(request).encode()
+            socket.send_fds(self._socket, [message], descriptors)
+            pid, _, problem = self._socket.recv(_LONGEST).decode().partition(" ")
+        finally:
+            self._libc.prctl(_SUBREAPER, 0, 0, 0, 0)
+        if not pid:
+            raise RuntimeError("the process that forks has ended")
+        return int(pid), problem
 
     def end(self) -> None:
         self._socket.close()
@@ -91,20 +93,30 @@ class _Forker:
 
 
 _forkers: dict[str, _Forker] = {}
-_forkers_lock = threading.Lock()
+_lock = threading.Lock()
+"""One for all kinds: who gets the children of a parent that ended is said for a whole process."""
 
 
-def _forker(kind: str) -> _Forker:
-    with _forkers_lock:
+def _fork(request: dict[str, Any], descriptors: list[int]) -> int:
+    kind = request["kind"]
+    with _lock:
         if kind not in _forkers:
             _forkers[kind] = _Forker(kind)
-        return _forkers[kind]
+        try:
+            pid, problem = _forkers[kind].fork(request, descriptors)
+        except BaseException:  # also Ctrl-C: the next answer would be that to this request
+            _forkers.pop(kind).end()
+            raise
+    if problem:
+        os.waitpid(pid, 0)
+        raise OSError(problem)
+    return pid
 
 
 @atexit.register
 def close() -> None:
     """End the processes that fork."""
-    with _forkers_lock:
+    with _lock:
         while _forkers:
             _forkers.popitem()[1].end()
 
@@ -125,6 +137,7 @@ class Popen(subprocess.Popen[Any]):
         start_new_session: bool, *more: Any,
     ) -> None:  # fmt: skip
         plain = not (preexec_fn or pass_fds or shell or executable or uid or gid or gids)
+        plain &= restore_signals and umask == -1 and all(one in (-1, None) for one in more)
         words = [os.fspath(word) for word in args] if not isinstance(args, str) else []
         environment = dict(os.environ if env is None else env)
         if not environment.keys() & set(_LIBRARIES):
@@ -147,13 +160,12 @@ class Popen(subprocess.Popen[Any]):
         mine = [p2cread, c2pwrite, errwrite]
         given = [own if own != -1 else standard for standard, own in enumerate(mine)]
         try:
-            self.pid = _forker(request["kind"]).fork(request, given)
+            self.pid = _fork(request, given)
             self._child_created = True
         finally:
             for descriptor, other in zip(mine, (p2cwrite, c2pread, errread), strict=True):
                 if descriptor != -1 and other != -1:
-                    with suppress(OSError):  # standard output and error may be one pipe
-                        os.close(descriptor)
+                    os.close(descriptor)
             devnull = getattr(self, "_devnull", None)
             if devnull is not None:
                 os.close(devnull)
@@ -243,6 +255,7 @@ def _program(words: list[str]) -> dict[str, Any] | None:
 def main() -> None:
     """Fork for each request. Returns in the forks alone, when their program has ended."""
     descriptor, kind = sys.argv[1:]
+    warnings.filterwarnings("error", module=r"actionkit\b")
     for name in _PRELOADED:
         importlib.import_module(name)
     for name in _MORE[kind]:
@@ -256,13 +269,13 @@ def main() -> None:
             message, descriptors, _, _ = socket.recv_fds(requests, _LONGEST, 3)
             if not message:  # the tests have ended
                 os._exit(0)
-            if (answer := _fork_twice()) is None:
+            request = json.loads(message)
+            answer = _fork_twice(request, descriptors)
+            if answer is None:
                 break
-            for descriptor in descriptors:
-                os.close(descriptor)
+            for each in descriptors:
+                os.close(each)
             requests.send(answer)
-    request = json.loads(message)
-    _begin(request, descriptors)
     _run(request)
 
 
@@ -276,26 +289,36 @@ def _load_libraries() -> None:
     check_for_type_support(Fibonacci)
 
 
-def _fork_twice() -> bytes | None:
-    """Return the grandchild's id when its parent has ended, and `None` in the grandchild."""
+def _fork_twice(request: dict[str, Any], descriptors: list[int]) -> bytes | None:
+    """Return the grandchild's id and what went wrong in it; in the grandchild return `None`.
+
+    When this returns, the grandchild's parent has ended, and the grandchild is what an interpreter
+    would be when it begins with the program.
+    """
     sys.stdout.flush()
     told, tells = os.pipe()
     waits, ended = os.pipe()
     if (child := os.fork()) == 0:
         if (grandchild := os.fork()) == 0:
-            for descriptor in (told, tells, ended):
-                os.close(descriptor)
+            os.close(told)
+            os.close(ended)
             os.read(waits, 1)  # until the parent has ended, and this is a child of the tests
             os.close(waits)
+            try:
+                _begin(request, descriptors)
+            except BaseException as error:  # noqa: BLE001  it is told
+                os.write(tells, f" {error!r}".encode())
+                os._exit(1)
+            os.close(tells)
             return None
         os.write(tells, str(grandchild).encode())
         os._exit(0)
-    for descriptor in (tells, waits, ended):
-        os.close(descriptor)
+    os.close(tells)
+    os.close(waits)
     os.waitpid(child, 0)
-    answer = os.read(told, 64)
-    os.close(told)
-    return answer
+    os.close(ended)
+    with open(told, "rb") as file:
+        return file.read()
 
 
 def _begin(request: dict[str, Any], descriptors: list[int]) -> None:
@@ -315,12 +338,15 @@ def _begin(request: dict[str, Any], descriptors: list[int]) -> None:
     os.environ.clear()
     os.environ.update(request["environment"])
     unbuffered = request["unbuffered"] or bool(os.environ.get("PYTHONUNBUFFERED"))
-    for name, mode, standard in (("stdin", "r", 0), ("stdout", "w", 1), ("stderr", "w", 2)):
-        errors = "backslashreplace" if name == "stderr" else "strict"
-        through = unbuffered and mode == "w"
-        stream = open(standard, mode, encoding="utf-8", errors=errors, closefd=False)  # noqa: SIM115
-        stream.reconfigure(
-            write_through=through, line_buffering=name == "stderr" or stream.isatty() or through
+    for name, standard in (("stdin", 0), ("stdout", 1), ("stderr", 2)):
+        raw = unbuffered and standard > 0
+        binary = open(standard, "wb" if standard else "rb", 0 if raw else -1, closefd=False)  # noqa: SIM115
+        stream = io.TextIOWrapper(
+            binary,
+            encoding="utf-8",
+            errors="backslashreplace" if name == "stderr" else "strict",
+            line_buffering=name == "stderr" or os.isatty(standard),
+            write_through=raw,
         )
         setattr(sys, name, stream)
         setattr(sys, f"__{name}__", stream)
@@ -344,18 +370,18 @@ def _begin(request: dict[str, Any], descriptors: list[int]) -> None:
 
 def _run(request: dict[str, Any]) -> None:
     what = request["what"]
-    if request["how"] == "-m":
-        sys.path[0] = os.getcwd()
-        runpy.run_module(what, run_name="__main__", alter_sys=True)
-        return
     module = types.ModuleType("__main__")
     module.__dict__["__builtins__"] = __builtins__
     sys.modules["__main__"] = module
+    if request["how"] == "-m":
+        sys.path[0] = os.getcwd()
+        runpy._run_module_as_main(what)  # type: ignore[attr-defined]  # as the interpreter does
+        return
     if request["how"] == "file":
         sys.path[0] = os.path.dirname(os.path.abspath(what))
         module.__file__ = what
-        code = compile(Path(what).read_bytes(), what, "exec")
+        code = compile(Path(what).read_bytes(), what, "exec", dont_inherit=True)
     else:
         sys.path[0] = ""
-        code = compile(what, "<string>", "exec")
+        code = compile(what, "<string>", "exec", dont_inherit=True)
     exec(code, module.__dict__)

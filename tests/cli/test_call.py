@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from test_msgs.action import Fibonacci
 
-from actionkit import Client, JsonLines
+from actionkit import Client, JsonLines, Timeouts
 from actionkit.cli._exits import Exit
 from actionkit.servers import Server
 from tests.cli.conftest import FIBONACCI, NESTED, Running, World, compare
@@ -355,8 +355,12 @@ def test_json_is_what_the_observer_writes_and_timeline_reads_it(
     with pytest.MonkeyPatch.context() as patch:
         for name, value in domain.items():
             patch.setenv(name, value)
-        with JsonLines(log) as observer, Client(Fibonacci, "fibonacci", observers=[observer]) as c:
-            c.call({"order": 6}, timeout=30.0)
+        patient = Timeouts(server=30.0)
+        with (
+            JsonLines(log) as observer,
+            Client(Fibonacci, "fibonacci", observers=[observer], timeouts=patient) as client,
+        ):
+            client.call({"order": 6}, timeout=30.0)
     done = world.run("call", "fibonacci", FIBONACCI, "{order: 6}", "--json", "-f")
     shown = [json.loads(line) for line in done.out.splitlines()]
     written = [json.loads(line) for line in log.read_text().splitlines()]

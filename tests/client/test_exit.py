@@ -95,7 +95,13 @@ assert client.call({'order': 2}, 10)
 }
 
 
-WITH_LIBRARIES = ("at once after sending", "while it runs", "with a thread in result()")
+WITH_LIBRARIES = (
+    "at once after sending",
+    "while it runs",
+    "with a thread in result()",
+    "inside a judge that blocks",
+    "after rclpy.init and shutdown",
+)
 """When libraries end as they do in an interpreter of its own, too."""
 CODES = [(moment, 0) for moment in MOMENTS] + [("while it runs", 4)]
 
@@ -228,7 +234,9 @@ client = Client(Fibonacci, 'fibonacci', node=rclpy.create_node('users'))
 @pytest.mark.parametrize("make", ["client = Client(Fibonacci, 'fibonacci')", IN_THE_USERS_CONTEXT])
 def test_ctrl_c_ends_the_wait_and_crashes_nothing(make, action_server, run_script):
     server = action_server("ignores_cancel", period=60)
-    script = run_script(f"{HEAD}{make}\nclient.call_async({{'order': 3}})\nsys.stdin.readline()")
+    script = run_script(
+        f"{HEAD}{make}\nclient.call_async({{'order': 3}})\nsys.stdin.readline()", fresh=True
+    )
     goal = server.wait_for("executing")[0].goal_id
     script.process.stdin.close()
     server.wait_for("cancel_requested", goal_id=goal)
@@ -276,7 +284,7 @@ def test_closing_after_a_server_that_was_stopped_does_not_crash(action_server, r
     # In memory that it shares with us, this one has most often just locked something.
     server = action_server("floods")
     head = HEAD + "from actionkit import RetryPolicy, ServerLostError\n"
-    script = run_script(head + STOPPED)
+    script = run_script(head + STOPPED, fresh=True)
     assert script.line() == "started"
     server.pause()
     # Nothing is warned of: the error has told of the goal.

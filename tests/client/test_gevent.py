@@ -33,6 +33,6 @@ except RuntimeError as error:
 )
 def test_gevent_replaces_threads(threads, told, action_server, run_script):
     action_server("fibonacci")
-    code, out, err = run_script(PROGRAM, threads).finish()
+    code, out, err = run_script(PROGRAM, threads, fresh=True).finish()
     assert code == 0, err
     assert out.startswith(told)

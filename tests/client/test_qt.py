@@ -53,7 +53,7 @@ AT_A_TIME = 3
 def test_no_crash_at_the_end(end, action_server, run_script):
     action_server("fibonacci", period=0.02)
     for _ in range(RUNS // AT_A_TIME):
-        programs = [run_script(PROGRAM, end) for _ in range(AT_A_TIME)]
+        programs = [run_script(PROGRAM, end, fresh=True) for _ in range(AT_A_TIME)]
         ends = [program.finish(60) for program in programs]
         # That a busy server has not confirmed a cancellation may be told.
         assert [(code, "raised" in err) for code, _, err in ends] == [(0, False)] * AT_A_TIME

@@ -186,7 +186,7 @@ print("end", flush=True)
 
 @pytest.mark.parametrize("how", ["plain", "rclpy", "fork"])
 def test_exit_without_stop(run_script: Callable[..., Any], how: str) -> None:
-    script = run_script(EXIT, how)
+    script = run_script(EXIT, how, fresh=True)
     code, out, err = script.finish(60)
     said = "end\nleft the graph" if how == "plain" else "end"
     assert (code, out.strip()) == (0, said)

@@ -27,7 +27,7 @@ WAYS = {
 }
 SIZES = (10, 100, 500, 1000)
 #: What is too much for every run of the suite is done when the page is written.
-ALWAYS = {(way, n) for way in WAYS for n in (10, 100)} | {("ctrl_c", 500)}
+ALWAYS = {(way, n) for way in WAYS for n in (10, 100)}
 TEN_PROCESSES = "Ctrl-C in ten processes of 60 goals, all at the same time"
 TWO_PRESSES = (
     "Ctrl-C once a second, until the program ends; the server takes a minute for each cancel"
