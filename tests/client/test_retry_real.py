@@ -373,6 +373,8 @@ def test_a_stopped_server_is_not_confirmed_stopped_by_another(action_server, mak
     states.wait_for(lambda state: state is GoalState.LOST)
     other = action_server("never_finishes")
     other.wait_for("cancel_requested", goal_id=lost, count=3)
+    # Neither to the other one, nor to the one that is stopped, which would run both.
+    assert [event.state for event in future.timeline].count(GoalState.SENT) == 1
     assert other.count("goal_received") == 0
     stopped.resume()
     stopped.wait_for("canceled", goal_id=lost)

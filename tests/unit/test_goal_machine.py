@@ -343,6 +343,15 @@ def test_a_second_server_that_accepts_what_one_has_ended_may_run_it() -> None:
     assert goal.facts.may_run
 
 
+def test_a_second_server_that_accepts_what_was_cancelled_is_asked_to_cancel_it_at_once() -> None:
+    """It read the first request to cancel before it had the goal, so it ignored it."""
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0, servers=2)
+    goal.accepted(0.0)
+    assert AskCancel() in goal.give_up(CancelReason.CANCELLED, 1.0)
+    assert AskCancel() in goal.accepted(2.0)
+
+
 def test_what_one_of_two_servers_rejects_may_run_on_the_one_that_has_gone() -> None:
     goal = Goal(uuid.uuid4(), Timeouts())
     goal.sent(0.0, servers=2)
