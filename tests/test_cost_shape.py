@@ -165,6 +165,7 @@ def test_a_client_has_four_entities_and_shares_the_rest(action_server, make_clie
     assert len(list(node.clients)) == 3 * (len(clients) - 1)
 
 
+@pytest.mark.long
 def test_status_is_subscribed_to_only_while_a_goal_lasts(action_server, make_client, count):
     server = action_server("fibonacci", gate=1)
     client = make_client()

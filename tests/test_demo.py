@@ -182,6 +182,7 @@ def test_texts_and_code_fit_the_terminal(width: int, most: int) -> None:
     assert most * 0.8 < max(map(len, out.getvalue().splitlines())) <= most
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("module", ["rclpy", "test_msgs"])
 def test_without_ros_it_says_what_to_install(module: str) -> None:
     done = run("demo", program=f"import sys; sys.modules[{module!r}] = None")
@@ -208,6 +209,7 @@ def test_the_command_line_around_it() -> None:
     assert run("demo", "--faster").returncode == 2
 
 
+@pytest.mark.long
 def test_a_reader_that_goes_away_is_no_error() -> None:
     command = f"{sys.executable} -m actionkit --help | true; exit ${{PIPESTATUS[0]}}"
     done = subprocess.run(

@@ -155,6 +155,7 @@ def everywhere(cls: Any, message: Any) -> list[Any]:
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cls", MESSAGE_CLASSES, ids=type_name)
 @settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck), database=None)
 @given(data=st.data())
@@ -191,6 +192,7 @@ def test_the_message_types_were_found() -> None:
     } <= names
 
 
+@pytest.mark.long
 @settings(max_examples=200, deadline=None)
 @given(st.floats(), st.floats())
 def test_finite_or_not_floats_are_never_changed(single: float, double: float) -> None:
@@ -220,6 +222,7 @@ anything = st.recursive(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_whatever_is_given_is_refused_or_can_be_serialised(data: st.DataObject) -> None:

@@ -13,6 +13,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from actionkit.agents import Toolbox
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import FakeHold, seen
@@ -43,6 +45,7 @@ def example() -> Any:
     return module
 
 
+@pytest.mark.long
 def test_the_agent(action_server: ActionServerFactory, hold: FakeHold, run_script: Any) -> None:
     agent = example()
     left = action_server("error_code", action_name="left_aisle", codes="102")

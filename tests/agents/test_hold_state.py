@@ -42,6 +42,7 @@ def test_the_order_in_which_things_are_heard_does_not_matter(
     assert merged(a, a) == merged(a)
 
 
+@pytest.mark.long
 @settings(max_examples=30)
 @given(st.lists(STATES, max_size=5), st.randoms())
 def test_that_holds_also_where_much_is_forgotten(many: list[HoldState], random: object) -> None:
@@ -57,6 +58,7 @@ def test_that_holds_also_where_much_is_forgotten(many: list[HoldState], random: 
     assert len(folded.released) <= state.MOST_RELEASED
 
 
+@pytest.mark.long
 @given(STATES)
 def test_what_is_written_is_read(told: HoldState) -> None:
     assert decode(encode(told, SENDER)) == (merged(told), SENDER)
@@ -91,6 +93,7 @@ def test_a_releases_rank_is_bounded_and_still_a_release() -> None:
     assert decode(encode(ended))[0].active == ()
 
 
+@pytest.mark.long
 @given(st.lists(st.floats(0, 1e9), min_size=1, max_size=5), st.randoms())
 def test_keepers_of_one_human_leave_one_hold_whatever_their_clocks_said(
     clocks: list[float], random: object

@@ -253,6 +253,7 @@ def test_what_does_not_exist_is_refused(make_toolbox: Make, action_server: Any) 
     asyncio.run(main())
 
 
+@pytest.mark.long
 def test_the_event_loop_is_never_held(
     make_toolbox: Make, action_server: ActionServerFactory
 ) -> None:
@@ -279,6 +280,7 @@ def test_the_event_loop_is_never_held(
     assert len(latest) > 10
 
 
+@pytest.mark.long
 def test_two_calls_that_are_the_same_are_two_goals(
     make_toolbox: Make, action_server: ActionServerFactory
 ) -> None:
@@ -300,6 +302,7 @@ def test_two_calls_that_are_the_same_are_two_goals(
     assert server.count("goal_received") == 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("elsewhere", ["the environment", "rclpy.init()"])
 def test_its_domain_is_not_that_of(
     elsewhere: str,
@@ -353,6 +356,7 @@ def test_a_client_that_cannot_go_on_is_replaced(
     assert "died" in caplog.text
 
 
+@pytest.mark.long
 def test_the_limit_of_goals_holds_also_for_calls_at_the_same_moment(
     make_toolbox: Make, action_server: ActionServerFactory
 ) -> None:

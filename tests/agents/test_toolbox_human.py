@@ -43,6 +43,7 @@ def test_a_hold_refuses_and_cancels(
     assert server.count("accepted") == 2
 
 
+@pytest.mark.long
 def test_a_hold_between_any_two_steps_keeps_the_goal_back(
     make_toolbox: Make, action_server: ActionServerFactory, hold: FakeHold
 ) -> None:
@@ -264,6 +265,7 @@ def test_a_goal_that_others_sent_while_the_stop_was_not_known_counts(
     assert server.count("goal_received") == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("unknown_after", "error"), [(1, None), (100, "hold_unknown")])
 def test_a_call_waits_again_where_a_look_for_goals_made_the_stop_unknown(
     make_toolbox: Make,

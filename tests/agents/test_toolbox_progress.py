@@ -15,6 +15,7 @@ from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import BOUND, FIBONACCI, Make, told
 
 
+@pytest.mark.long
 def test_progress_comes_also_while_nothing_changes(
     make_toolbox: Make, action_server: ActionServerFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -41,6 +42,7 @@ def test_progress_comes_also_while_nothing_changes(
     assert elapsed == sorted(elapsed)
 
 
+@pytest.mark.long
 def test_progress_comes_also_while_a_human_is_asked(
     make_toolbox: Make, action_server: ActionServerFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -69,6 +71,7 @@ def test_progress_comes_also_while_a_human_is_asked(
     assert server.count("goal_received") == 0
 
 
+@pytest.mark.long
 def test_progress_that_raises_harms_nobody(
     make_toolbox: Make, action_server: ActionServerFactory, caplog: pytest.LogCaptureFixture
 ) -> None:

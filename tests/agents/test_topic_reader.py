@@ -186,6 +186,7 @@ def test_servers_that_keep_nothing_are_heard(domain: int, robot: Node) -> None:
     assert looking.end() == [("01", "EXECUTING")]
 
 
+@pytest.mark.long
 def test_a_look_that_fails_is_no_look(
     domain: int, servers: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:

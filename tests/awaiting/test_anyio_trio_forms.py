@@ -17,6 +17,7 @@ from tests.awaiting.page import ANYIO, TRIO, record
 BACKENDS = ("asyncio", "trio")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_anyio_move_on_after(backend, server, client, begun):
     async def main():
@@ -83,6 +84,7 @@ def test_trio_nursery(server, client, begun):
     record(TRIO, "`nursery.cancel_scope.cancel()`", "yes", reached(server, client, begun))
 
 
+@pytest.mark.long
 def test_trio_cancelled_by_others(server, client, begun):
     async def main():
         begun.cancel()
@@ -93,6 +95,7 @@ def test_trio_cancelled_by_others(server, client, begun):
     record(TRIO, "`await future`", "yes", reached(server, client, begun))
 
 
+@pytest.mark.long
 def test_trio_waits_for_servers_and_feedback(action_server, make_client):
     client = make_client()
 
@@ -109,6 +112,7 @@ def test_trio_waits_for_servers_and_feedback(action_server, make_client):
         client.call(QUICK)
 
 
+@pytest.mark.long
 def test_the_nearest_counts(client):
     """A loop of one kind may run inside a task of the other."""
 

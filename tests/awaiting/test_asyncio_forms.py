@@ -140,6 +140,7 @@ def test_run_until_complete_takes_it(client):
     record(ASYNCIO, "`loop.run_until_complete(future)`", "yes", "-")
 
 
+@pytest.mark.long
 def test_wait_for(server, client, begun):
     async def main():
         assert len((await asyncio.wait_for(client.call_async(QUICK), 20)).sequence) == 2
@@ -183,6 +184,7 @@ def test_run_coroutine_threadsafe(server, client, begun):
     record(ASYNCIO, code, "yes", seen.partition(",")[0])
 
 
+@pytest.mark.long
 def test_before_the_first_step(server, client, begun):
     async def main():
         await cancelled(asyncio.create_task(begun))
@@ -317,6 +319,7 @@ def test_a_group_that_shuts_down(server, client, begun):
     record(ASYNCIO, code, "no: `RuntimeError`", seen)
 
 
+@pytest.mark.long
 def test_a_loop_that_is_closed_under_a_waiting_task(server, client, begun):
     loop = asyncio.new_event_loop()
     task = loop.create_task(begun)

@@ -145,6 +145,7 @@ def test_timer_and_the_nodes_other_callbacks(kind, ros_domain, action_server, ma
     record(RCLPY, "`await future` in a timer's callback", "yes", "-")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_subscription(kind, ros_domain, client):
     answers = Answers()
@@ -245,6 +246,7 @@ def test_waiting_costs_an_executor_nothing(kind, ros_domain, client, begun):
         task.cancel()
 
 
+@pytest.mark.long
 def test_a_task_that_is_cancelled(ros_domain, server, client, begun):
     with robot(ros_domain, "single") as made:
         answers = Answers()
@@ -273,6 +275,7 @@ def waiting(made: Robot, begun: Any) -> Answers:
     return answers
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", EXECUTORS)
 def test_an_executor_that_is_shut_down(kind, ros_domain, server, client, begun):
     with robot(ros_domain, kind) as made:
@@ -306,6 +309,7 @@ def test_an_executor_that_is_dropped(ros_domain, server, client, begun):
     record(RCLPY, "the executor is dropped while a callback waits", "yes", "cancelled")
 
 
+@pytest.mark.long
 def test_a_node_that_is_destroyed(ros_domain, server, client, begun):
     with robot(ros_domain, "single") as made:
         answers = waiting(made, begun)
@@ -315,6 +319,7 @@ def test_a_node_that_is_destroyed(ros_domain, server, client, begun):
     record(RCLPY, "`node.destroy_node()` while a callback waits", "yes", seen)
 
 
+@pytest.mark.long
 def test_servers_and_feedback_are_awaited(ros_domain, action_server, make_client):
     client, answers = make_client(), Answers()
 
@@ -397,6 +402,7 @@ def test_a_coroutine_that_is_driven_by_hand(server, client):
     )
 
 
+@pytest.mark.long
 def test_waiting_for_a_server_by_hand(client):
     with pytest.raises(RuntimeError, match="nothing runs this coroutine"):
         client.wait_for_server_async(1).send(None)

@@ -114,6 +114,7 @@ def test_no_server_comes(make_client, timeout):
     assert asyncio.run(main()) is False
 
 
+@pytest.mark.long
 def test_closing_ends_the_wait_for_a_server(make_client):
     client = make_client()
 

@@ -272,6 +272,7 @@ def test_sigterm_is_as_ctrl_c(world: World) -> None:
     server.wait_for("canceled", goal_id=last["goal_id"])
 
 
+@pytest.mark.long
 def test_what_still_runs_is_told_even_where_nobody_reads_the_output(world: World) -> None:
     server = world.server("slow_cancel", gate=1)
     words = ("call", "slow_cancel", FIBONACCI, "--cancel-timeout", "0.3")
@@ -394,6 +395,7 @@ def test_retries_are_told_and_the_result_of_the_last_is_shown(world: World) -> N
     assert "int32_value: 0" in done.out.rpartition("Result:")[2]
 
 
+@pytest.mark.long
 def test_a_result_that_lacks_the_field_is_no_success(world: World) -> None:
     world.server("fibonacci")
     words = ("call", "fibonacci", FIBONACCI, "{order: 3}", "--retries", "2")

@@ -51,6 +51,7 @@ def test_without_a_server_the_type_is_not_known(empty_world: World) -> None:
         assert "its type is not known, and nothing was sent" in done.err
 
 
+@pytest.mark.long
 def test_several_types_are_listed(empty_world: World) -> None:
     empty_world.server("fibonacci", period=0.05)
     other = servers.start("wrong_type", action_name="fibonacci", domain_id=empty_world.domain)

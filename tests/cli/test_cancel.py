@@ -66,6 +66,7 @@ def test_goals_are_listed_and_canceled_by_id_and_all_at_once(world: World) -> No
     assert world.run("cancel", "never_finishes", "--all").out == "No goal is running.\n"
 
 
+@pytest.mark.long
 def test_the_time_begins_when_a_goal_is_asked_for(world: World) -> None:
     world.server("countdown")  # without goals, so it has no status to send
     done = world.run("cancel", "countdown", str(uuid.uuid4()), "--timeout", "0.8")
@@ -296,6 +297,7 @@ def test_a_goal_that_had_ended_is_not_asked_about() -> None:
     assert cancelling.to_ask(9.0) is None, "all goals would be canceled"
 
 
+@pytest.mark.long
 def test_the_exit_code_is_that_of_the_worst() -> None:
     goals = [str(uuid.UUID(int=number)) for number in range(1, 4)]
     cancelling = Cancelling("/a", goals)

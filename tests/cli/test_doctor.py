@@ -97,6 +97,7 @@ def test_clients_of_another_type_are_found(empty_world: World) -> None:
     assert "2 servers" in two.text
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("before", "environment", "told", "remedy"),
     [

@@ -124,6 +124,7 @@ def test_watch_ends_when_asked_to(empty_world: World) -> None:
     assert (idle.code, idle.out) == (Exit.OK, "No goals: the server remembers none.\n")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_serve_serves_until_it_is_told_to_stop(empty_world: World, number: signal.Signals) -> None:
     serving = empty_world.start("serve", "fibonacci", "--action", "/numbers", "--option", "gate=0")

@@ -86,6 +86,7 @@ def test_a_text_cannot_control_the_terminal(
     text.encode()
 
 
+@pytest.mark.long
 def test_there_is_no_other_way_out() -> None:
     found = {}
     for path in Path(cli.__file__).parent.rglob("*.py"):

@@ -187,6 +187,7 @@ def test_ctrl_c_cancels_and_twice_leaves(world, terminal) -> None:
     server.release(1)
 
 
+@pytest.mark.long
 def test_a_closed_window_cancels_the_goal(world, terminal) -> None:
     server = world.server("never_finishes")
     shown = terminal("call", "never_finishes", FIBONACCI)

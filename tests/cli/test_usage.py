@@ -115,6 +115,7 @@ def test_wrong_usage(words: tuple[str, ...], told: str, ros_domain: int) -> None
     assert "Traceback" not in result.output
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_has_examples_and_needs_no_ros(command: str) -> None:
     code = (
@@ -192,6 +193,7 @@ def test_without_the_messages_of_the_reference_servers(empty_world: World) -> No
         assert "pip install ros-jazzy-test-msgs" in done.err
 
 
+@pytest.mark.long
 def test_debug_shows_where_an_error_comes_from(empty_world: World) -> None:
     code = (
         "import sys; sys.modules['rclpy'] = None\n"
@@ -215,6 +217,7 @@ def test_an_error_that_nobody_thought_of_is_one_line(empty_world: World) -> None
     ]
 
 
+@pytest.mark.long
 def test_options_may_come_from_the_environment(empty_world: World) -> None:
     done = empty_world.run_apart(*CALL, ACTIONKIT_CALL_SERVER_TIMEOUT="0.2")
     assert done.code == Exit.NO_SERVER

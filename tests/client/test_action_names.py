@@ -295,6 +295,7 @@ def test_a_refused_name_is_told(ros_domain):
             Client(Fibonacci, name)
 
 
+@pytest.mark.long
 def test_a_program_that_met_a_refused_name_ends_as_it_would(run_script):
     script = run_script(
         "from actionkit import Client\n"
@@ -329,6 +330,7 @@ def test_arguments_that_ros_refuses_count_only_where_they_are_used(
     assert "rclpy.init(args=" in str(caught.value)  # the remedy
 
 
+@pytest.mark.long
 def test_a_node_that_cannot_be_used_is_told(ros_domain):
     with planner(Case([], init=[]), ros_domain) as node:
         node.destroy_node()

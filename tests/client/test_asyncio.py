@@ -62,6 +62,7 @@ def test_cancelling_the_task_cancels_the_goal(action_server, make_client):
     assert len(server.wait_for("canceled")) == 1
 
 
+@pytest.mark.long
 def test_the_wait_for_confirmation_is_bounded(action_server, make_client):
     server = action_server("slow_cancel", gate=1)
     client = make_client(timeouts=Timeouts(cancel=0.3))
@@ -81,6 +82,7 @@ def test_the_wait_for_confirmation_is_bounded(action_server, make_client):
     server.wait_for("cancel_accepted")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.version_info < (3, 11), reason="asyncio.timeout is of Python 3.11")
 def test_asyncio_timeout(action_server, make_client):
     server = action_server("never_finishes")
@@ -97,6 +99,7 @@ def test_asyncio_timeout(action_server, make_client):
     assert len(server.wait_for("canceled")) == 1
 
 
+@pytest.mark.long
 def test_wait_for(action_server, make_client):
     server = action_server("never_finishes")
     client = make_client()
@@ -123,6 +126,7 @@ def test_a_cancelled_future_cancels_who_awaits_it(action_server, make_client):
     asyncio.run(main())
 
 
+@pytest.mark.long
 def test_errors_reach_who_awaits(action_server, make_client):
     action_server("fibonacci")
     client = make_client()
@@ -160,6 +164,7 @@ def test_two_loops_in_two_threads_await_one_future(action_server, make_client):
     assert results[0] == results[1]
 
 
+@pytest.mark.long
 def test_uvloop(action_server, make_client):
     uvloop = pytest.importorskip("uvloop", reason="uvloop is not installed")
     action_server("fibonacci")

@@ -88,6 +88,7 @@ def block_with_feedback(client, goals, stuck, order=5):
     return futures
 
 
+@pytest.mark.long
 def test_blocked_callbacks_of_one_client_hold_up_no_other(action_server, make_client, stuck):
     action_server("fibonacci", period=0.02)
     blocked = block_with_feedback(make_client(), 8, stuck)
@@ -99,6 +100,7 @@ def test_blocked_callbacks_of_one_client_hold_up_no_other(action_server, make_cl
     assert all(future.result(LONG) for future in blocked)
 
 
+@pytest.mark.long
 def test_nor_other_goals_of_the_same_client_for_ever(action_server, make_client, stuck):
     action_server("fibonacci", period=0.5)
     client = make_client()
@@ -157,6 +159,7 @@ def test_clients_that_share_a_stuck_log_handler_go_on(action_server, make_client
         stuck.leave.set()
 
 
+@pytest.mark.long
 def test_stuck_observers_hold_up_no_other_observer(action_server, make_client, stuck):
     action_server("fibonacci", period=0.02)
 
@@ -173,6 +176,7 @@ def test_stuck_observers_hold_up_no_other_observer(action_server, make_client, s
         assert records.wait_for(1, LONG)
 
 
+@pytest.mark.long
 def test_a_log_handler_that_raises_does_not_silence_the_log(action_server, make_client, caplog):
     action_server("fibonacci")
     records = EventLog()
@@ -204,6 +208,7 @@ def use(how, client, stuck):
     assert future.result(LONG)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("how", "named"),
     [
@@ -284,6 +289,7 @@ def test_ctrl_c_in_a_done_callback_on_the_main_thread_gets_through(action_server
 # --- what the communication thread logs --------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_stuck_handler_does_not_stop_the_communication_thread(action_server, make_client, stuck):
     action_server("twins")
     with handled_by(OURS, stuck):
@@ -297,6 +303,7 @@ def test_a_stuck_handler_does_not_stop_the_communication_thread(action_server, m
         stuck.leave.set()
 
 
+@pytest.mark.long
 def test_a_handler_that_raises_does_not_end_the_communication_thread(action_server, make_client):
     action_server("twins")
     raised = EventLog()

@@ -32,6 +32,7 @@ def test_a_call_returns_the_result(form, action_server, make_client):
         assert answer.outcome.cancel is None
 
 
+@pytest.mark.long
 def test_a_goal_may_be_a_mapping_and_is_copied(action_server, make_client):
     action_server("fibonacci")
     client = make_client()
@@ -83,6 +84,7 @@ def test_the_stdlib_waits_for_it(action_server, make_client):
     assert len(list(concurrent.futures.as_completed(again, timeout=10))) == 5
 
 
+@pytest.mark.long
 def test_a_done_callback_gets_the_future(action_server, make_client, own_threads):
     from actionkit.testing import EventLog
 
@@ -146,6 +148,7 @@ def test_nested_goals_and_results(action_server, make_client):
     assert isinstance(future.result(10), NestedMessage.Result)
 
 
+@pytest.mark.long
 def test_two_clients_share_one_thread(action_server, make_client, own_threads):
     action_server("fibonacci")
     clients = [make_client() for _ in range(3)]

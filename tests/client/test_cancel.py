@@ -197,6 +197,7 @@ def test_closing_settles_what_is_in_flight(policy, action_server, make_client, o
         client.call({"order": 1})
 
 
+@pytest.mark.long
 def test_a_goal_that_is_watched_no_more_leaves_nothing_on_a_shared_thread(
     action_server, make_client, monkeypatch
 ):

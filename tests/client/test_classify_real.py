@@ -56,6 +56,7 @@ def test_a_function_that_has_no_opinion_leaves_the_default(action_server, make_c
         client.call({"order": 2}, 10)
 
 
+@pytest.mark.long
 def test_a_function_that_does_not_answer_makes_no_success_by_the_deadline(
     action_server, make_client, leave
 ):
@@ -79,6 +80,7 @@ def test_without_a_deadline_it_is_not_waited_for_for_ever(
         future.result(LONG)
 
 
+@pytest.mark.long
 def test_blocked_callbacks_do_not_make_a_success_of_a_judged_failure(
     action_server, make_client, leave
 ):
@@ -125,6 +127,7 @@ def test_the_blocked_judges_of_one_client_keep_no_other_from_being_asked(
         assert not future.outcome(2 * LONG).ok
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", ["raises", "blocks", "nonsense"])
 def test_a_goal_that_failed_keeps_its_own_error(how, action_server, make_client, caplog, leave):
     server = action_server("scripted", script=[{"abort": [1]}])
@@ -239,6 +242,7 @@ def test_the_default_result_of_an_abort_is_not_ok_by_a_field(run_script, make_cl
         make_client(NestedMessage, "nested", classify=judge).call({}, LONG)
 
 
+@pytest.mark.long
 def test_retry_aborted_tries_again_what_was_aborted_and_nothing_else(action_server, make_client):
     server = action_server(
         "scripted", script=[["raise"], [{"abort": [1]}], ["succeed"], ["reject"]]

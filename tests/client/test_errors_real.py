@@ -387,6 +387,7 @@ def test_another_type_is_told_that_comes_while_a_call_waits(action_server, make_
         future.result(30)
 
 
+@pytest.mark.long
 def test_another_type_beside_ours_does_not_matter(action_server, make_client):
     server = action_server("fibonacci")
     client = make_client()

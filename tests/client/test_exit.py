@@ -147,6 +147,7 @@ CODES_OF_CHILDREN = {"returns": 0, "raises": 1, "exits": 3, "ends with its pool"
 BY_DEFAULT = (("fork", "raises"), ("forkserver", "exits"), ("fork", "ends with its pool"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("how", "end"),
     [
@@ -178,6 +179,7 @@ concurrent.futures.wait([future])
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("end", "told"),
     [
@@ -231,6 +233,7 @@ client = Client(Fibonacci, 'fibonacci', node=rclpy.create_node('users'))
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("make", ["client = Client(Fibonacci, 'fibonacci')", IN_THE_USERS_CONTEXT])
 def test_ctrl_c_ends_the_wait_and_crashes_nothing(make, action_server, run_script):
     server = action_server("ignores_cancel", period=60)
@@ -291,6 +294,7 @@ def test_closing_after_a_server_that_was_stopped_does_not_crash(action_server, r
     assert script.finish() == (0, "", "")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("stopped", [True, False])
 def test_the_node_is_kept_while_the_middleware_clears_away(stopped, action_server, make_client):
     server = action_server("never_finishes")

@@ -140,6 +140,7 @@ def test_iterating_ends_when_the_goal_ends(asynchronous, action_server, make_cli
     assert lengths == list(range(3, 8))
 
 
+@pytest.mark.long
 def test_feedback_of_others_is_not_ours(action_server, make_client):
     server = action_server("fibonacci", period=0.01, gate=1)
     mine, other = make_client(), make_client()
@@ -155,6 +156,7 @@ def test_feedback_of_others_is_not_ours(action_server, make_client):
         assert [len(f.sequence) for f in log] == list(range(3, order + 2))
 
 
+@pytest.mark.long
 def test_feedback_that_the_result_has_overtaken_comes_before_it(action_server, make_client):
     action_server("fibonacci")  # which sends all its feedback within a millisecond
     client = make_client()

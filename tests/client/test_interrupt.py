@@ -119,6 +119,7 @@ with Client(Fibonacci, "fibonacci") as client, Client(Fibonacci, "nobody") as lo
 )
 
 
+@pytest.mark.long
 @pytest.mark.timeout(60)
 @pytest.mark.parametrize(
     "wait",
@@ -143,6 +144,7 @@ def test_a_ctrl_c_that_does_not_wake_the_main_thread_is_heard(wait, action_serve
     assert (code, err) == (0, "")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rclpys", ["ALL", "NO"])
 def test_where_a_handler_of_the_users_only_takes_note_rclpys_decides(
     rclpys, action_server, run_script
@@ -245,6 +247,7 @@ except (asyncio.CancelledError, KeyboardInterrupt) as error:
     assert (code, err) == (3, "")
 
 
+@pytest.mark.long
 def test_the_program_goes_on_after_ctrl_c(action_server, run_script):
     # rclpy's handler has shut down every context of the process by then (R10).
     action_server("fibonacci", period=0.05)

@@ -158,6 +158,7 @@ def test_clients_of_one_process_share_the_queue_of_the_server(action_server, mak
     assert sorted(received) == sorted(str(outcome.goal_id) for outcome in outcomes)
 
 
+@pytest.mark.long
 def test_clients_come_and_go_while_others_work(action_server, make_client, own_threads):
     action_server("fibonacci")
     steady = make_client()
@@ -179,6 +180,7 @@ def test_clients_come_and_go_while_others_work(action_server, make_client, own_t
     assert own_threads().count("actionkit") == 1
 
 
+@pytest.mark.long
 def test_what_is_queued_is_sent_when_a_new_server_has_settled(action_server, make_client):
     server = action_server("slow_accept", gate=1)
     client = make_client(retry=RetryPolicy.none(), timeouts=Timeouts(accept=30.0))

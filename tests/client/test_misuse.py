@@ -44,6 +44,7 @@ def test_a_timeout_longer_than_any_clock_runs(bad, make_client):
     assert client.pending == 0
 
 
+@pytest.mark.long
 def test_the_longest_timeouts_work(action_server, make_client):
     action_server("fibonacci", period=0.01)
     most = 1e9

@@ -61,6 +61,7 @@ def test_no_server_is_one_error(limit, form, make_client):
     assert budget.tokens == before  # a server that is not there is not hammered
 
 
+@pytest.mark.long
 def test_without_time_nothing_is_sent_to_a_server_either(action_server, make_client):
     """That call had a server, so it is the deadline's error."""
     server = action_server("fibonacci")

@@ -208,6 +208,7 @@ ONE_PARTICIPANT = """
 """
 
 
+@pytest.mark.long
 def test_a_profile_that_allows_one_participant(action_server, run_script, tmp_path, monkeypatch):
     """A second one in the process would have the same id; Fast DDS refuses it, and crashes."""
     action_server("fibonacci")
@@ -228,6 +229,7 @@ def test_a_profile_that_allows_one_participant(action_server, run_script, tmp_pa
     assert script.finish() == (0, "array('i', [0, 1])\n", "")
 
 
+@pytest.mark.long
 def test_without_a_node_the_arguments_of_init_count_then_those_of_the_process(
     action_server, run_script
 ):

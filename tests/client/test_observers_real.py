@@ -95,6 +95,7 @@ def test_the_log_and_observers_are_told_what_the_timeline_tells(
     assert observer.calls.items[0].goal.order == 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("listener", ["observer", "log", "nobody"])
 def test_each_message_of_a_quick_goal_is_told(listener, action_server, make_client, request):
     """They come by the handful, of which the timeline keeps the first and the last."""
@@ -178,6 +179,7 @@ def test_what_was_never_sent_has_an_outcome_too(make_client, records):
     ]
 
 
+@pytest.mark.long
 def test_a_late_end_is_told_with_the_attempt_that_it_was_of(action_server, make_client):
     """The first goal ends while the second attempt is under way (C2.4)."""
     server = action_server(
@@ -199,6 +201,7 @@ def test_a_late_end_is_told_with_the_attempt_that_it_was_of(action_server, make_
     assert late.attempt == 1
 
 
+@pytest.mark.long
 def test_a_node_of_the_users_is_named(action_server, make_client, records):
     import rclpy
     from rclpy.node import Node
@@ -217,6 +220,7 @@ def test_a_node_of_the_users_is_named(action_server, make_client, records):
         rclpy.shutdown()
 
 
+@pytest.mark.long
 def test_a_refused_cancel_is_a_warning(action_server, make_client, records):
     server = action_server("refuses_cancel", period=0.05)
     client = make_client()
@@ -232,6 +236,7 @@ def test_a_refused_cancel_is_a_warning(action_server, make_client, records):
 # --- in nobody's way ---------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_slow_observer_and_a_slow_handler_delay_no_result(action_server, make_client, records):
     action_server("fibonacci")
     leave = threading.Event()
@@ -361,6 +366,7 @@ sys.stdin.readline()
 """
 
 
+@pytest.mark.long
 def test_a_process_killed_half_way_leaves_its_log(action_server, run_script, tmp_path):
     """Shown as docs/pictures/killed.jsonl; ACTIONKIT_WRITE_PICTURES=1 writes it again."""
     server = action_server("fibonacci", period=0.1)
@@ -406,6 +412,7 @@ next(iter(future.feedback()))
 """
 
 
+@pytest.mark.long
 def test_nothing_is_lost_at_the_interpreters_exit(action_server, run_script, tmp_path):
     action_server("fibonacci", period=0.05)
     path = tmp_path / "goals.jsonl"
@@ -435,6 +442,7 @@ print("done", flush=True)
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", ["close", "exit"])
 def test_an_observer_that_never_returns_holds_up_no_end(how, action_server, run_script):
     action_server("fibonacci")
@@ -449,6 +457,7 @@ def test_an_observer_that_never_returns_holds_up_no_end(how, action_server, run_
 # --- rosout ------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_rosout_reaches_the_topic(action_server, make_client):
     import rclpy
     from rcl_interfaces.msg import Log

@@ -118,6 +118,7 @@ def test_in_a_context_of_the_users_there_is_no_second_try(action_server, make_cl
         context.try_shutdown()
 
 
+@pytest.mark.long
 def test_alone_in_a_context_of_the_users_there_is(action_server, make_client, ros_domain):
     """A program with `rclpy.init()` and no node of its own: the participant goes with ours."""
     rclpy.init(args=[], domain_id=ros_domain)
@@ -162,6 +163,7 @@ def test_no_second_try_while_tools_use_the_node(make_client, ros_domain):
         assert survey.runtime.node is node
 
 
+@pytest.mark.long
 def test_a_second_try_that_fails_ends_the_calls_with_its_error(make_client, monkeypatch):
     client = make_client()
     future = client.call_async(GOAL, timeout=60)

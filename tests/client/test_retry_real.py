@@ -150,6 +150,7 @@ def test_a_server_that_takes_long_to_accept_runs_the_goal_once(action_server, ma
     assert server.count("goal_received") == 1
 
 
+@pytest.mark.long
 def test_a_restarted_server_gets_the_goal_again(action_server, make_client):
     server = action_server("fibonacci", gate=1)
     client = make_client(retry=replace(QUICK, resend="server_gone"))
@@ -226,6 +227,7 @@ def test_cancel_ends_a_pause_at_once(action_server, make_client):
     assert future.outcome().cancel is CancelReport.NOT_NEEDED
 
 
+@pytest.mark.long
 def test_closing_ends_a_pause_at_once(action_server, make_client):
     server = action_server("aborts")
     client = make_client(retry=RetryPolicy(initial=60, max_pause=60), classify=transient)
@@ -247,6 +249,7 @@ def test_a_pause_that_would_cross_the_deadline_is_not_begun(action_server, make_
     assert time.monotonic() - began < 10
 
 
+@pytest.mark.long
 def test_tenacitys_strategies(action_server, make_client):
     server = action_server("aborts")
     policy = RetryPolicy(stop=tenacity.stop_after_attempt(5), wait=tenacity.wait_fixed(0.01))
@@ -272,6 +275,7 @@ def test_the_budget_stops_a_fleet(action_server, make_client):
     assert len(server.wait_for("aborted", count=7)) == 7
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("strategies", "told", "cause"),
     [

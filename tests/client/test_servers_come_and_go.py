@@ -47,6 +47,7 @@ def test_a_clean_end_is_noticed(end, action_server, make_client):
     assert again.outcome(10).status is GoalState.CANCELED
 
 
+@pytest.mark.long
 def test_the_last_word_of_a_server_does_not_seem_to_bring_it_back(
     action_server, make_client, own_threads
 ):
@@ -69,6 +70,7 @@ def test_the_last_word_of_a_server_does_not_seem_to_bring_it_back(
     assert "actionkit" not in own_threads()
 
 
+@pytest.mark.long
 def test_no_more_lost_goals_are_kept_than_can_be(action_server, make_client, monkeypatch, caplog):
     monkeypatch.setattr(session, "_MOST", 3)
     server = action_server("never_finishes")
@@ -94,6 +96,7 @@ def test_a_killed_server_is_noticed_with_its_lease(action_server, make_client):
         future.result(40)
 
 
+@pytest.mark.long
 def test_a_killed_server_does_not_outlast_the_deadline(action_server, make_client):
     server = action_server("never_finishes")
     client = make_client(retry=ONCE, timeouts=Timeouts(cancel=0.5))
@@ -186,6 +189,7 @@ def test_a_goal_that_one_server_finished_is_cancelled_on_the_other(action_server
     assert runs_nothing(endless)
 
 
+@pytest.mark.long
 def test_a_server_that_comes_is_asked_to_cancel_what_has_just_ended(action_server, make_client):
     """It may have taken the goal before anybody could see it here (R4, R14)."""
     action_server("fibonacci")
@@ -197,6 +201,7 @@ def test_a_server_that_comes_is_asked_to_cancel_what_has_just_ended(action_serve
     assert runs_nothing(late)
 
 
+@pytest.mark.long
 def test_nobody_is_asked_again_when_both_servers_have_ended_a_goal(
     action_server, make_client, caplog
 ):
@@ -217,6 +222,7 @@ def test_nobody_is_asked_again_when_both_servers_have_ended_a_goal(
     assert "MAY STILL BE RUNNING" not in caplog.text
 
 
+@pytest.mark.long
 def test_the_death_of_our_thread_fails_every_call_loudly(action_server, make_client, caplog):
     server = action_server("never_finishes")
     client = make_client(retry=ONCE)
@@ -246,6 +252,7 @@ def test_the_death_of_our_thread_fails_every_call_loudly(action_server, make_cli
     assert again.outcome(10).status is GoalState.CANCELED
 
 
+@pytest.mark.long
 def test_a_deaf_server_does_not_block_the_goals_behind(action_server, make_client):
     # More goals than may be unanswered at a time: each still has its own end.
     action_server("silent")
@@ -257,6 +264,7 @@ def test_a_deaf_server_does_not_block_the_goals_behind(action_server, make_clien
             future.result(20)
 
 
+@pytest.mark.long
 def test_a_busy_server_is_asked_a_few_times_and_no_more(action_server, make_client):
     """Each question waits in its queue, and an rclpy server may be held up by each for 0.1 s."""
     server = action_server("blocking", gate=1)

@@ -77,6 +77,7 @@ def test_a_client_without_a_node_does_not_depend_on_the_users_context(make_clien
     assert future.result(10)
 
 
+@pytest.mark.long
 def test_goals_that_are_left_to_run_by_policy_are_left_to_run(action_server, ros_domain):
     server = action_server("never_finishes")
     with (
@@ -102,6 +103,7 @@ def test_nothing_piles_up_in_a_node_that_has_many_clients(ros_domain):
         assert len(session.open_sessions) <= 2  # of an earlier test perhaps
 
 
+@pytest.mark.long
 def test_rosout_is_quiet_when_the_context_is_gone(action_server, ros_domain, capfd):
     action_server("never_finishes")
     with user_node(ros_domain) as node:
@@ -301,6 +303,7 @@ rclpy.spin(rclpy.create_node('users', start_parameter_services=False))
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("main", "handler", "second"),
     [
@@ -352,6 +355,7 @@ with Client(Fibonacci, "fibonacci") as client:
     assert runs_nothing(server)
 
 
+@pytest.mark.long
 def test_signals_that_are_ignored_stay_so_unless_they_are_named(action_server, run_script):
     server = action_server("never_finishes")
     script = run_script(
@@ -480,6 +484,7 @@ def is_in_wait(thread: threading.Thread) -> bool:
     return looks == 100
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spin", ["single", "multi", "rclpy.spin"])
 def test_spin_ends_where_rclpy_woke_it_too_early(spin, action_server, ros_domain):
     server = action_server("never_finishes")
@@ -520,6 +525,7 @@ def test_so_it_does_beside_a_client_without_a_node(how, make_client, ros_domain)
         rclpy.try_shutdown()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", ["raises", "blocks"])
 def test_an_executor_of_the_users_holds_up_no_end(how, action_server, ros_domain):
     server = action_server("never_finishes")

@@ -99,6 +99,7 @@ def test_a_call_is_a_span_with_a_child_for_its_attempt(action_server, make_clien
     assert phases["accept"].explicit_bounds[0] == 0.001
 
 
+@pytest.mark.long
 def test_each_attempt_is_a_child(action_server, make_client, telemetry):
     action_server("aborts")
     client = make_client(
@@ -121,6 +122,7 @@ def test_each_attempt_is_a_child(action_server, make_client, telemetry):
     assert telemetry.metrics("actionkit.phase.duration")["pause"].count == 2
 
 
+@pytest.mark.long
 def test_calls_in_flight_and_calls_that_are_given_up(action_server, make_client, telemetry):
     server = action_server("fibonacci", period=0.05)
     client = make_client(observers=[telemetry.observer])

@@ -80,6 +80,7 @@ def test_who_cancels_waits_for_both_servers(action_server, make_client):
     assert all(map(runs_nothing, (quick, slow)))
 
 
+@pytest.mark.long
 def test_closing_names_a_goal_that_only_one_of_two_servers_has_cancelled(
     action_server, make_client, caplog
 ):

@@ -168,6 +168,7 @@ async def _awaited(future: Any) -> Any:
     return await future
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("place", "raises"), CASES)
 def test_the_call_ends_and_others_are_not_delayed(
     place: Place, raises: bool, action_server: Any, make_client: Any

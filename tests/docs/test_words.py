@@ -12,6 +12,8 @@ import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 WORDS = {
     r"for want of": "if there is no, without",
@@ -74,6 +76,7 @@ def files() -> Iterator[Path]:
     yield from (ROOT / "README.md", ROOT / "CONTRIBUTING.md")
 
 
+@pytest.mark.long
 def test_no_archaic_words() -> None:
     found = []
     for path in files():

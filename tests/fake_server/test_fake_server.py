@@ -103,6 +103,7 @@ def test_cancels_by_a_plain_client(
     assert names(server, goal_id).count("cancel_requested") == 1
 
 
+@pytest.mark.long
 def test_it_ends_while_goals_run_that_never_end(ros_domain: int, driver: Driver) -> None:
     for cancel in ("accept", "ignore"):
         began = time.monotonic()
@@ -182,6 +183,7 @@ def test_requests_are_answered_while_a_function_thinks(fake_server: Any, make_cl
     assert server.count("accepted") == 2
 
 
+@pytest.mark.long
 def test_many_goals_at_once(fake_server: Any, make_client: Any) -> None:
     server = fake_server(
         Fibonacci,

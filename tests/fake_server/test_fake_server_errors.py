@@ -127,6 +127,7 @@ def test_a_function_that_does_not_return(ros_domain: int, make_client: Any) -> N
     ends.set()
 
 
+@pytest.mark.long
 def test_functions_that_wait_and_stop(ros_domain: int, make_client: Any) -> None:
     """A function may use its server: neither way does the test hang."""
     waits, stops = (FakeServer(Fibonacci, name) for name in ("waits", "stops"))

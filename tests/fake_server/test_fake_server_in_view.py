@@ -50,6 +50,7 @@ def test_a_new_client_sees_the_server_at_once(ros_domain: int, init: bool) -> No
     assert min(taken) < _HEAD_START, taken
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("init", [False, True])
 def test_so_does_a_client_that_was_there_before(ros_domain: int, init: bool) -> None:
     taken = []
@@ -65,6 +66,7 @@ def test_so_does_a_client_that_was_there_before(ros_domain: int, init: bool) -> 
     assert min(taken) < _HEAD_START, taken
 
 
+@pytest.mark.long
 def test_a_node_of_the_users_sees_it_at_once(ros_domain: int) -> None:
     for _ in range(ROUNDS):
         with initialised(True):

@@ -184,6 +184,7 @@ print("end", flush=True)
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", ["plain", "rclpy", "fork"])
 def test_exit_without_stop(run_script: Callable[..., Any], how: str) -> None:
     script = run_script(EXIT, how, fresh=True)

@@ -180,6 +180,7 @@ def test_a_server_that_was_busy_all_the_time_has_lost_nothing(
     assert server.count("executing") == 2
 
 
+@pytest.mark.long
 def test_a_participant_of_our_own_keeps_the_names_and_the_end_of_the_users_context(
     action_server, run_script
 ):

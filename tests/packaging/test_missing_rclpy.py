@@ -48,6 +48,7 @@ def test_without_rclpy_the_commands_that_work_are_named(program: str) -> None:
     assert "pip install 'ros-jazzy-rclpy[fastrtps]'" in told
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "program",
     [

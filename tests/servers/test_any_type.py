@@ -59,6 +59,7 @@ def test_until_it_is_cancelled(action_server: Any, nested: Driver) -> None:
     assert nested.wait(handle.get_result_async()).status == CANCELED
 
 
+@pytest.mark.long
 def test_a_crash(action_server: Any, nested: Driver) -> None:
     server = action_server("crashes", action_type=NESTED, point="before_result")
     nested.connect()

@@ -25,6 +25,7 @@ def test_fibonacci(action_server: Any, driver: Driver, threads: int) -> None:
     assert driver.feedback[goal_id] == [s for s in steps if s in driver.feedback[goal_id]]
 
 
+@pytest.mark.long
 def test_fibonacci_rejects_and_survives_large_orders(action_server: Any, driver: Driver) -> None:
     server = action_server("fibonacci")
     driver.connect()
@@ -117,6 +118,7 @@ def test_countdown(action_server: Any, driver: Driver) -> None:
     assert sequence[0] < 10_000
 
 
+@pytest.mark.long
 def test_another_name_and_two_servers(action_server: Any, ros_domain: int) -> None:
     action_server("fibonacci", action_name="arm/fib")
     action_server("countdown", action_name="/count", period=0)

@@ -54,6 +54,7 @@ def test_refuses_cancel(action_server: Any, driver: Driver) -> None:
     assert driver.outcome(handle) == (SUCCEEDED, [0])
 
 
+@pytest.mark.long
 def test_a_goal_that_succeeds_while_its_server_thinks_about_the_cancel(
     action_server: Any, driver: Driver
 ) -> None:
@@ -124,6 +125,7 @@ def test_no_result(action_server: Any, driver: Driver) -> None:
     assert driver.accepted()
 
 
+@pytest.mark.long
 def test_cancels_itself(action_server: Any, driver: Driver) -> None:
     server = action_server("cancels_itself")
     driver.connect()
@@ -150,6 +152,7 @@ def test_blocking(action_server: Any, driver: Driver) -> None:
     assert "result_requested" not in events[events.index("executing") : events.index("succeeded")]
 
 
+@pytest.mark.long
 def test_wrong_type(action_server: Any, ros_domain: int) -> None:
     server = action_server("wrong_type")
     # One after the other: with both types on the name in one process, sending fails in the
@@ -173,6 +176,7 @@ def test_wrong_type(action_server: Any, ros_domain: int) -> None:
         wrong.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("point", "expected"),
     [

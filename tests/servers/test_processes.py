@@ -67,6 +67,7 @@ def test_a_clean_end_while_goals_run(
         driver.executor.spin_once(timeout_sec=0.02)
 
 
+@pytest.mark.long
 def test_pause_and_resume(action_server: Any, driver: Driver) -> None:
     server = action_server("fibonacci")
     driver.connect()
@@ -160,6 +161,7 @@ def test_a_person_reads_lines_and_ends_it_with_ctrl_c(ros_domain: int) -> None:
         assert person.finish(PATIENCE)[::2] == (0, "")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("module", ["actionkit.servers", "actionkit.testing.plugin"])
 def test_importing_does_not_import_rclpy(module: str) -> None:
     script = f"import {module}, sys; sys.exit('rclpy' in sys.modules)"

@@ -15,6 +15,7 @@ def events(server: servers.Server, *wanted: str) -> list[tuple[str, str | None]]
     return [(e.event, e.goal_id) for e in server.events if e.event in wanted]
 
 
+@pytest.mark.long
 def test_guarded_by_rule(action_server: Any, driver: Driver) -> None:
     server = action_server("guarded", max_order=6)
     driver.connect()
@@ -26,6 +27,7 @@ def test_guarded_by_rule(action_server: Any, driver: Driver) -> None:
     assert driver.call(order=0)[1:] == (SUCCEEDED, [0, 1])
 
 
+@pytest.mark.long
 def test_guarded_while_busy(action_server: Any, driver: Driver) -> None:
     server = action_server("guarded", busy=1, gate=1)
     driver.connect()
@@ -77,6 +79,7 @@ def test_queued(action_server: Any, driver: Driver) -> None:
     assert driver.call(order=2)[1] == SUCCEEDED
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("threads", [1, 4])
 def test_queued_on_other_executors(action_server: Any, driver: Driver, threads: int) -> None:
     server = action_server("queued", period=0.01, threads=threads)
@@ -87,6 +90,7 @@ def test_queued_on_other_executors(action_server: Any, driver: Driver, threads: 
     assert server.max_running == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("ends", "status"), [("aborted", ABORTED), ("canceled", CANCELED)])
 def test_preemptive(action_server: Any, driver: Driver, ends: str, status: int) -> None:
     server = action_server("preemptive", gate=1, period=0, ends=ends)
@@ -108,6 +112,7 @@ def test_preemptive(action_server: Any, driver: Driver, ends: str, status: int) 
     assert server.max_running == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("ends", "status"), [("aborted", ABORTED), ("canceled", CANCELED)])
 def test_preemptive_in_a_burst(action_server: Any, driver: Driver, ends: str, status: int) -> None:
     server = action_server("preemptive", gate=1, ends=ends)

@@ -31,6 +31,7 @@ def publishers(driver: Driver) -> set[bytes]:
     return {bytes(one.endpoint_gid) for one in found}
 
 
+@pytest.mark.long
 def test_flaky_aborts(action_server: Any, driver: Driver) -> None:
     server = action_server("flaky")
     driver.connect()

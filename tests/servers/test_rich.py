@@ -39,6 +39,7 @@ def test_navigate(action_server: Any, nested: Driver) -> None:
         ) == pytest.approx(expected[feedback.nested_field.uint32_value])
 
 
+@pytest.mark.long
 def test_navigate_is_stopped_and_rejects(action_server: Any, nested: Driver) -> None:
     server = action_server("navigate", distance=1e6)
     nested.connect()
@@ -57,6 +58,7 @@ def test_navigate_is_stopped_and_rejects(action_server: Any, nested: Driver) -> 
         action_server("navigate", rate=0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ends", ["aborted", "succeeded"])
 def test_error_code_of_the_goals_choice(action_server: Any, nested: Driver, ends: str) -> None:
     action_server("error_code", ends=ends)
@@ -71,6 +73,7 @@ def test_error_code_of_the_goals_choice(action_server: Any, nested: Driver, ends
         assert answer.result.nested_field.bool_value == (code == 0)
 
 
+@pytest.mark.long
 def test_error_codes_of_the_servers_choice(action_server: Any, nested: Driver) -> None:
     server = action_server("error_code", codes="102,103,0")
     nested.connect()
@@ -87,6 +90,7 @@ def test_error_codes_of_the_servers_choice(action_server: Any, nested: Driver) -
         servers.start("error_code", codes=str(2**31))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", [0, 2000])
 def test_floods(action_server: Any, driver: Driver, rate: int) -> None:
     server = action_server("floods", rate=rate, size=3)

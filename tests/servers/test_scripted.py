@@ -86,6 +86,7 @@ def test_one_script_for_each_goal_in_turn(action_server: Any, driver: Driver) ->
     assert driver.call()[1:] == driver.call()[1:] == (SUCCEEDED, [5])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("how", "code"), [("kill", -signal.SIGKILL), ("clean", 0)])
 @pytest.mark.parametrize("accepted", [True, False])
 def test_a_script_with_a_crash(
@@ -107,6 +108,7 @@ def test_a_script_with_a_crash(
     assert driver.call()[1] == SUCCEEDED
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("gate", ["gate", "never"])
 def test_scripts_heed_cancels(action_server: Any, driver: Driver, gate: str) -> None:
     server = action_server("scripted", script=[{"feedback": [4]}, gate])
@@ -117,6 +119,7 @@ def test_scripts_heed_cancels(action_server: Any, driver: Driver, gate: str) -> 
     assert driver.outcome(handle) == (CANCELED, [4])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("accept", [["accept"], []])
 def test_scripts_about_cancels(action_server: Any, driver: Driver, accept: list[str]) -> None:
     server = action_server(
@@ -197,6 +200,7 @@ def test_wrong_scripts_are_refused_before_anything_is_started(script: Any, messa
         servers.start("scripted", script=script)
 
 
+@pytest.mark.long
 def test_scripts_in_the_shell(ros_domain: int) -> None:
     command = [sys.executable, "-m", "actionkit.servers", "scripted", "--human", "--option"]
     wrong = forked.run([*command, 'script=["jump"]'], capture_output=True, text=True, check=False)

@@ -58,6 +58,7 @@ def test_retry_sends_another_goal_after_each_failure(place: Place) -> None:
     assert [goal.outcome(0).attempts for goal in goals] == [1, 1, 1]
 
 
+@pytest.mark.long
 def test_one_shot_sends_one_goal_ever(place: Place) -> None:
     leaf = leaf_of(place, "works")
     root = py_trees.decorators.OneShot("root", leaf, policy=OneShotPolicy.ON_COMPLETION)
@@ -84,6 +85,7 @@ def test_a_sequence_sends_again_only_what_it_ticks_again(place: Place, memory: b
     assert second.future.outcome(BOUND).cancel is not None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("all_of_them", [True, False])
 def test_a_parallel_ends_by_its_policy(place: Place, all_of_them: bool) -> None:
     quick, slow = leaf_of(place, "works", order=1), leaf_of(place, "works", order=25)

@@ -125,6 +125,7 @@ def test_retries_are_one_run(place: Place, open_client: MakeClient) -> None:
     assert server.max_running == 1
 
 
+@pytest.mark.long
 def test_a_deadline_ends_the_run_when_its_goal_was_cancelled(client: Any, place: Place) -> None:
     leaf = ActionBehaviour("a", client, {"order": 40}, timeout=0.3)
     tick_until(leaf, Status.FAILURE, BOUND)
@@ -160,6 +161,7 @@ def test_wrong_arguments_are_named_at_once(name: str) -> None:
         ActionBehaviour("a", arguments.pop("client"), arguments.pop("goal"), **arguments)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("key", "error"), [("", ValueError), ("/", ValueError), (3, TypeError)])
 def test_a_key_must_be_a_name(key: Any, error: type[Exception]) -> None:
     with pytest.raises(error, match="FromBlackboard key"):

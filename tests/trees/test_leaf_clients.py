@@ -41,6 +41,7 @@ def test_leaves_share_a_client_that_is_closed_with_the_last_of_them(place: Place
     trees[1].shutdown()
 
 
+@pytest.mark.long
 def test_leaves_of_two_domains_do_not_share_a_client(
     place: Place, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,6 +102,7 @@ def test_the_time_for_a_setup_ends_it_whatever_it_does(
     leaves[0].shutdown()
 
 
+@pytest.mark.long
 def test_a_node_may_be_given_to_setup(place: Place) -> None:
     import rclpy
     from rclpy.context import Context

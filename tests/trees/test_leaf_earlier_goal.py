@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from py_trees.common import Status
 from test_msgs.action import Fibonacci
 
@@ -85,6 +86,7 @@ def test_a_goal_that_was_lost_with_its_server_does_not_hold_up_the_next(
     assert lost.known_to_run is None
 
 
+@pytest.mark.long
 def test_a_goal_of_a_server_that_is_only_silent_holds_up_the_next(
     place: Place, open_client: MakeClient
 ) -> None:

@@ -56,6 +56,7 @@ def test_a_shutdown_cancels_all_goals_first_and_waits_once(
     stubborn.release(3)
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_the_wait_of_a_shutdown_and_the_clients_are_closed(
     place: Place, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,6 +102,7 @@ def test_a_tree_that_is_dropped_leaves_no_goal_running(place: Place) -> None:
     server.wait_for("canceled", goal_id=goal_id)
 
 
+@pytest.mark.long
 def test_it_may_be_ticked_by_one_thread_after_the_other(client: Any) -> None:
     leaf = ActionBehaviour("a", client, {"order": 3})
 
@@ -183,6 +185,7 @@ class Interrupted(BaseException):
     """As KeyboardInterrupt, which pytest would take for its own."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("begun", [False, True])
 def test_an_interrupt_in_the_middle_of_a_tick_leaves_no_goal_unknown(
     begun: bool, client: Any, place: Place, monkeypatch: pytest.MonkeyPatch
@@ -208,6 +211,7 @@ def test_an_interrupt_in_the_middle_of_a_tick_leaves_no_goal_unknown(
     assert str(future.goal_id) not in place.server("fibonacci").running()
 
 
+@pytest.mark.long
 def test_an_interrupt_before_a_tick_has_made_its_goal_is_no_goal_that_may_run(
     client: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

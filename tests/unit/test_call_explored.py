@@ -306,8 +306,20 @@ def test_broken_code_is_found(mutant: str, monkeypatch: pytest.MonkeyPatch) -> N
         look_everywhere()
 
 
+LUCKY = (
+    (("server_gone", 3, 1), 0),
+    (("confirmed_stopped", 2, 1), 0),
+    (("confirmed_stopped", 3, 2), 1),
+    (("confirmed_stopped", 3, 2), 4),
+    (("server_gone", 3, 2), 6),
+)
+"""Seeds of walks that find most of the broken code soon. After a change others may."""
+
+
 def look_everywhere() -> None:
     """Where most is found, first."""
+    for hunting, seed in LUCKY:
+        hunt(*hunting, walks=300, seed=seed)
     explore("confirmed_stopped", attempts=2, servers=1, most=3000)
     explore("confirmed_stopped", attempts=2, servers=2, most=6000)
     for seed, hunting in product(range(20), HUNTS):

@@ -72,6 +72,7 @@ def test_stdout_is_the_protocols(robot: Robot) -> None:
         assert host.code() == 0
 
 
+@pytest.mark.long
 def test_messages_over_http_that_cannot_be_read(robot: Robot, http: HttpServing) -> None:
     watch = Watch(robot.server("fibonacci", period=0.02))
     headers = {
@@ -95,6 +96,7 @@ def test_messages_over_http_that_cannot_be_read(robot: Robot, http: HttpServing)
     asyncio.run(scenario())
 
 
+@pytest.mark.long
 def test_the_longest_line_is_that_of_http() -> None:
     from mcp.server.transport_security import DEFAULT_MAX_REQUEST_BODY_SIZE
 
