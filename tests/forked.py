@@ -2,8 +2,7 @@
 
 A fresh interpreter that imports rclpy and ActionKit takes half a second of CPU, a fork 10 ms. The
 process that forks has made no thread and no node, so a program that begins in it finds what it
-would find in an interpreter of its own. Not for tests of what an interpreter does when it starts,
-or when it ends: there, too, a fork spares most of the work, which is more than all else it does.
+would find in an interpreter of its own. Not for tests of what an interpreter does when it starts.
 """
 
 from __future__ import annotations
@@ -277,9 +276,7 @@ def main() -> None:
             for each in descriptors:
                 os.close(each)
             requests.send(answer)
-    code = _run(request)
-    _end(code)
-    sys.exit(code)
+    _run(request)
 
 
 def _load_libraries() -> None:
@@ -371,19 +368,7 @@ def _begin(request: dict[str, Any], descriptors: list[int]) -> None:
         warnings._setoption(line)  # type: ignore[attr-defined]
 
 
-def _run(request: dict[str, Any]) -> int:
-    """Return the program's exit code. The interpreter tells of all other exceptions."""
-    try:
-        _run_program(request)
-    except SystemExit as end:
-        code = 0 if end.code is None else end.code
-        if not isinstance(code, int):
-            raise
-        return code & 0xFF
-    return 0
-
-
-def _run_program(request: dict[str, Any]) -> None:
+def _run(request: dict[str, Any]) -> None:
     what = request["what"]
     module = types.ModuleType("__main__")
     module.__dict__["__builtins__"] = __builtins__
@@ -400,34 +385,3 @@ def _run_program(request: dict[str, Any]) -> None:
         sys.path[0] = ""
         code = compile(what, "<string>", "exec", dont_inherit=True)
     exec(code, module.__dict__)
-
-
-def _end(code: int) -> None:
-    """End as an interpreter does, but leave alone what was imported before the fork.
-
-    To destroy those objects costs four times what a fork costs: each page that they are on is
-    copied. Returns where threads still run, which the interpreter has to stop.
-    """
-    try:
-        threading._shutdown()  # type: ignore[attr-defined]
-    except BaseException as error:  # noqa: BLE001  such as Ctrl-C
-        _tell(error, threading)
-    atexit._run_exitfuncs()
-    if threading.active_count() > 1:
-        return
-    sys.modules["__main__"].__dict__.clear()
-    gc.collect()
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            if stream is not None and not stream.closed:
-                stream.flush()
-        except OSError as error:
-            _tell(error, stream)
-            code = 120
-    os._exit(code)
-
-
-def _tell(error: BaseException, where: object) -> None:
-    told = {"exc_type": type(error), "exc_value": error, "exc_traceback": error.__traceback__}
-    told |= {"err_msg": None, "object": where}
-    sys.unraisablehook(types.SimpleNamespace(**told))

@@ -6,11 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
-
-import pytest
 
 from tests import forked
 
@@ -43,43 +39,3 @@ def test_what_is_written_unbuffered_is_there_when_it_is_killed() -> None:
     program = "import os, sys; sys.stdout.write('text'); os.kill(os.getpid(), 9)"
     done = forked.run([sys.executable, "-u", "-c", program], stdout=subprocess.PIPE, text=True)
     assert (done.returncode, done.stdout) == (-9, "text")
-
-
-ENDS = """
-import atexit, sys, threading, time
-class Tells:
-    def __del__(self):
-        print("deleted", flush=True)
-kept = Tells()
-circle = [Tells()]
-circle.append(circle)
-atexit.register(print, "at exit")
-def last(): raise ValueError("ignored")
-atexit.register(last)
-main = threading.current_thread()
-def waits():
-    main.join()
-    print("thread")
-"""
-THREAD = "threading.Thread(target=waits).start()\n"
-DAEMON = "threading.Thread(target=time.sleep, args=(99,), daemon=True).start()\n"
-
-
-@pytest.mark.parametrize(
-    "end",
-    [
-        THREAD,
-        THREAD + DAEMON + "sys.exit(3)",
-        "sys.exit(-1)",
-        "sys.exit('a text')",
-        "1 / 0",
-        "raise KeyboardInterrupt",
-    ],
-)
-def test_it_ends_as_an_interpreter_does(end: str) -> None:
-    def ended(run: Callable[..., subprocess.CompletedProcess[Any]]) -> tuple[object, ...]:
-        done = run([sys.executable, "-c", ENDS + end], capture_output=True, text=True)
-        return done.returncode, done.stdout, done.stderr.splitlines()[-1]
-
-    assert ended(forked.run) == ended(subprocess.run)
-    assert ended(forked.run)[1].count("deleted") == 2
