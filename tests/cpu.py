@@ -16,7 +16,7 @@ import pytest
 
 from tests import forked
 
-BUDGETS = {"default": 330.0, "long": 1800.0}
+BUDGETS = {"default": 330.0, "long": 1600.0}
 """Seconds of CPU for a run with all tests of a tier; `long` includes the default tier."""
 MARGIN = 4 / 3
 """Of a budget: the same work costs more CPU while others use the machine."""
