@@ -159,26 +159,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    if not hasattr(config, "workerinput"):  # of pytest-xdist: the others have it
+    if not (hasattr(config, "workerinput") or config.option.collectonly):
         shared_memory.keep_mending()
         if config.getoption("numprocesses", None) and not sys.dont_write_bytecode:
-            _compile_once()
-            # pytest-xdist's processes, each of which would import what the tests need for itself.
+            # pytest-xdist's processes, each of which would import, and in a fresh checkout compile,
+            # what the tests need for itself.
+            forked.collected[:] = config.args
             ThreadExecModel.subprocess = forked.SUBPROCESS  # type: ignore
     config.pluginmanager.register(Cpu(config), "cpu")
-
-
-def _compile_once() -> None:
-    """Compile a fresh checkout before each of pytest-xdist's processes does all of that itself."""
-    if any(TESTS.glob("__pycache__/conftest.*-pytest-*.pyc")):
-        return
-    collect = [sys.executable, "-m", "pytest", "--collect-only", "-qq", "-n", "0"]
-    places = sorted(path for path in TESTS.iterdir() if not path.name.startswith("_"))
-    places = [path for path in places if path.is_dir() or path.name.startswith("test_")]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    compiling = [subprocess.Popen([*collect, *places[n::2]], **quiet) for n in range(2)]
-    for process in compiling:
-        process.wait()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

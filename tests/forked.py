@@ -21,7 +21,7 @@ import sys
 import threading
 import types
 import warnings
-from contextlib import suppress
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
@@ -43,10 +43,13 @@ _AGENTS = ("actionkit.agents._mcp.process", "mcp", "uvicorn")
 _MORE = {
     "plain": (),
     "agents": _AGENTS,
-    # pytest-xdist's processes. Not for all: what is imported costs at the end of a program, too.
+    # pytest-xdist's processes, with the tests. Not for others: what is imported costs at the end of
+    # a program, too.
     "tests": (*_AGENTS, "hypothesis.strategies", "py_trees", "pytest", "trio"),
 }
 """What is imported for each kind of programs, too."""
+collected: list[str] = []
+"""Where pytest-xdist's processes look for tests, as pytest's arguments say it."""
 _PROGRAM = "from tests.forked import main; main()"
 _LONGEST = 1 << 20
 _SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER
@@ -63,7 +66,7 @@ class _Forker:
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), kind],
+                [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), kind, *collected],
                 pass_fds=[theirs.fileno()],
                 cwd=Path(__file__).parents[1],
                 # One of numpy's threads could not be forked.
@@ -254,13 +257,15 @@ def _program(words: list[str]) -> dict[str, Any] | None:
 
 def main() -> None:
     """Fork for each request. Returns in the forks alone, when their program has ended."""
-    descriptor, kind = sys.argv[1:]
+    descriptor, kind, *places = sys.argv[1:]
     warnings.filterwarnings("error", module=r"actionkit\b")
     for name in _PRELOADED:
         importlib.import_module(name)
     for name in _MORE[kind]:
         with suppress(ImportError):  # of extras
             importlib.import_module(name)
+    if kind == "tests":
+        _import_tests(places)
     _load_libraries()
     gc.collect()
     gc.freeze()
@@ -277,6 +282,19 @@ def main() -> None:
                 os.close(each)
             requests.send(answer)
     _run(request)
+
+
+def _import_tests(places: list[str]) -> None:
+    """Have pytest import the tests, with its changes to their `assert`, as it does in each process.
+
+    Afterwards it finds them imported, and only makes its items.
+    """
+    import pytest
+
+    # The plugin for reruns makes a thread. pytest-xdist would make processes.
+    options = ["-o", "addopts=-p no:asyncio -p no:rerunfailures -p no:xdist", "--collect-only"]
+    with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
+        pytest.main([*options, "-qq", *places])  # errors are told by the processes
 
 
 def _load_libraries() -> None:
