@@ -158,6 +158,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--cpu-table", metavar="FILE", help="write what each test costs, as JSON")
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Say how many tests run at a time: as many as keep two cores busy.
+
+    Most tests wait rather than work. Many of the long ones compile.
+    """
+    return 6 if config.getoption("long") else 10
+
+
 def pytest_configure(config: pytest.Config) -> None:
     if not (hasattr(config, "workerinput") or config.option.collectonly):
         shared_memory.keep_mending()

@@ -204,7 +204,7 @@ def test_a_goal_that_is_watched_no_more_leaves_nothing_on_a_shared_thread(
     monkeypatch.setattr(_session, "LINGER", 0.1)
     server = action_server("silent")
     make_client(name="other")  # it keeps the thread
-    client = make_client(timeouts=Timeouts(cancel=0.2))
+    client = make_client(timeouts=Timeouts(server=30.0, accept=60.0, cancel=0.2))
     future = client.call_async({"order": 1})
     server.wait_for("goal_received")
     session = client._session
