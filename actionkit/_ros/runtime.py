@@ -154,6 +154,11 @@ class Runtime:
         )
 
     @property
+    def owns_context(self) -> bool:
+        """Whether `context` is ours, not one of the user's."""
+        return self._own_context is self.context
+
+    @property
     def is_apart(self) -> bool:
         """Whether the node is in a context of ours although the user has a context."""
         return self._own_context not in (None, self.context)

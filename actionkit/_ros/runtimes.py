@@ -16,6 +16,8 @@ from weakref import WeakSet
 from rclpy.context import Context
 
 from actionkit._model.domain import environment_domain
+from actionkit._model.isolation import check_domain
+from actionkit._ros.native import domain_of
 from actionkit._ros.runtime import Runtime
 
 Place: TypeAlias = "Context | int"
@@ -59,8 +61,10 @@ def acquire(place: Context | int | None, user: object) -> Runtime:
 
     Raises:
         ValueError: The environment names no domain, or rcl refuses the arguments of the process.
+        RuntimeError: The place is in another domain than the test that runs in this process.
     """
     place = environment_domain() if place is None else place
+    check_domain(domain_of(place) if isinstance(place, Context) else place)
     while True:
         runtime = _usable_runtime(place)
         try:
@@ -84,6 +88,11 @@ def _usable_runtime(place: Place) -> Runtime:
 def release(runtime: Runtime, user: object) -> None:
     """Release a runtime. It ends when its last user releases it."""
     runtime.run(partial(runtime.remove_user, user))
+
+
+def contexts_ending() -> set[Context]:
+    """Return the contexts of ours that nobody uses any more, and that are still up for a moment."""
+    return {runtime.context for runtime in _registry.ending if runtime.owns_context}
 
 
 def join_ending(timeout: float, *, at_once: bool = False) -> None:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from actionkit._model.isolation import REMEDY, is_reserved, only_in
 
 _FIRST, _LAST = 1, 101
 """Domains above 101 use ports in Linux's ephemeral range, where any program's connection may use
@@ -17,23 +21,72 @@ _COUNT = _LAST - _FIRST + 1
 
 @contextmanager
 def isolated_domain() -> Iterator[int]:
-    """Reserve a ROS domain, so that no other caller on this machine gets it meanwhile.
+    """Reserve a ROS domain for tests, which no other caller on this machine gets meanwhile.
 
-    A lock on a file reserves it; the system releases the lock when the process dies. All processes
-    take the domains in turn, so a domain that was just released is not used for a while: the
-    middleware may still discover its last users.
+        with isolated_domain() as domain:
+            rclpy.init(domain_id=domain)
+
+    It does not change the environment, and contexts do not change their domain. So in the meantime
+    clients, fake servers and all else of ActionKit are refused in any other domain, where a real
+    robot may be. The fixture `ros_domain` also sets the environment.
+
+    A lock on a file reserves the domain; the system releases the lock when the process dies. All
+    processes take the domains in turn, so a domain that was just released is not used for a while:
+    the middleware may still discover its last users.
 
     Yields:
         The id of the domain, 1 to 101.
 
     Raises:
-        RuntimeError: All domains are taken.
+        RuntimeError: All domains are taken; or a context of this process is up in a domain that was
+            not reserved: that of a node of yours, of an earlier `rclpy.init()`, or of a client.
     """
+    _refuse_contexts_elsewhere()
     domain, lock = _claim(_directory())
     try:
-        yield domain
+        with only_in(domain):
+            yield domain
     finally:
         os.close(lock)
+
+
+def domain_of_default_context() -> int | None:
+    """Return the domain of `rclpy.init()` if it is reserved; `None` if ROS is not initialised.
+
+    Raises:
+        RuntimeError: It is in another domain, and was not shut down.
+    """
+    if "rclpy" not in sys.modules:
+        return None
+    from actionkit._ros.tools.contexts import default_domain
+
+    domain = default_domain()
+    if domain is not None and not is_reserved(domain):
+        raise RuntimeError(_told(domain))
+    return domain
+
+
+def _refuse_contexts_elsewhere() -> None:
+    if "rclpy" not in sys.modules:  # then there is none
+        return
+    from actionkit._ros.tools.contexts import domains_in_use
+
+    for collected in (False, True):
+        # One of an earlier test that was not shut down does no harm in the domain of that test.
+        found = [d for d in domains_in_use() if not is_reserved(d, ever=True)]
+        if not found:
+            return
+        if not collected:
+            gc.collect()  # a node that nobody has any more
+    raise RuntimeError(_told(found[0]))
+
+
+def _told(domain: int) -> str:
+    return (
+        f"ROS is already up in domain {domain} in this process: by rclpy.init(), or by a node or an"
+        " ActionKit client with a context of its own. What a test does there would reach the"
+        f" servers of that domain, which may be those of a real robot. {REMEDY}"
+    )
 
 
 def _directory() -> Path:

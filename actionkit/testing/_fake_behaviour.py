@@ -163,11 +163,11 @@ class Fake(Behaviour):
 
 
 def make_harness(
-    goals: Goals, action: Any, name: str, domain_id: int | None, number: int, journal: Journal
+    goals: Goals, action: Any, name: str, domain_id: int, number: int, journal: Journal
 ) -> Harness:
     """Return a fake server's ROS side, which answers nothing before it is started.
 
-    `number` counts the fake servers of this process. A domain of `None` takes the environment's.
+    `number` counts the fake servers of this process.
     """
     options = {**COMMON_OPTIONS, "steps": 0}
     short = re.sub(r"\W|__+", "_", name)[-_LONGEST:].strip("_")

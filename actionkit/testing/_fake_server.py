@@ -16,6 +16,7 @@ from typing_extensions import Never, Self
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT, type_name_of
 from actionkit._model.arguments import refuse_unknown
 from actionkit._model.domain import LAST_DOMAIN, environment_domain
+from actionkit._model.isolation import check_domain
 from actionkit._model.missing import cannot_import
 from actionkit._model.settings import check_seconds
 from actionkit.servers._events import EventNotSeenError, Journal, ServerEvent
@@ -239,7 +240,9 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             The server itself.
 
         Raises:
-            RuntimeError: The server runs already, or rclpy refuses.
+            RuntimeError: The server runs already, or rclpy refuses; or a test of this process has a
+                ROS domain for itself (`isolated_domain`), which is not the server's.
+            ValueError: The environment names no ROS domain.
         """
         with self._life:
             if self._harness is not None:
@@ -247,11 +250,13 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
                     f"{self!r} was started already. The fixture `fake_server` starts its servers"
                     " itself: write `server = fake_server(...)`, without `with`"
                 )
+            domain = environment_domain() if self._domain_id is None else self._domain_id
+            check_domain(domain)
             harness = self._ros.make_harness(
                 self._goals,
                 self._action,
                 self.name,
-                self._domain_id,
+                domain,
                 self._number,
                 Notes(self._journal, self._goals.received, self._keep),
             )
@@ -262,7 +267,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
                 harness.publish_status()
                 harness.start()
                 atexit.register(self._leave, at_exit=True)
-                self._await_clients()
+                self._await_clients(domain)
             except BaseException:  # also after Ctrl-C: the `with` statement has not begun
                 self._leave()
                 raise
@@ -293,11 +298,10 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
 
     # -- private ---------------------------------------------------------------------------
 
-    def _await_clients(self) -> None:
+    def _await_clients(self, domain: int) -> None:
         from actionkit._ros.tools.presence import Presence
 
         self._presence = Presence()
-        domain = environment_domain() if self._domain_id is None else self._domain_id
         name = self.name if self.name.startswith("/") else f"/{self.name}"
         if not self._presence.see(self._action, name, domain, _IN_VIEW_WITHIN):
             _log.warning(

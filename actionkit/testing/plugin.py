@@ -57,12 +57,22 @@ class FakeServerFactory(Protocol):
 def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """Return the id of a ROS domain that only this test uses, on this machine only.
 
-    It is set in the environment, so everything that the test starts is in that domain, except
-    contexts that were initialised before.
+    It is set in the environment, so everything that the test starts is in that domain. Contexts
+    that were initialised before are not. So the test fails at once if there is one, and what would
+    use another domain is refused; see `isolated_domain`. Only if `rclpy.init()` was called in a
+    domain that `isolated_domain` has reserved (for a whole session, say), the test uses that one.
     """
-    from actionkit.testing._domains import isolated_domain
+    from actionkit.testing._domains import domain_of_default_context, isolated_domain
 
-    with isolated_domain() as domain:
+    with ExitStack() as stack:
+        problem = ""
+        try:
+            initialised = domain_of_default_context()
+            domain = stack.enter_context(isolated_domain()) if initialised is None else initialised
+        except RuntimeError as error:
+            problem = str(error)
+        if problem:  # not while the error is handled: pytest would show both
+            pytest.fail(problem, pytrace=False)
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         # The older variable overrides the range, and peers are searched for beyond the range.

@@ -16,7 +16,7 @@ from test_msgs.action import Fibonacci, NestedMessage
 from actionkit import ActionTypeMismatchError, Client
 from actionkit._ros.servers.readiness import _HEAD_START
 from actionkit._ros.tools.presence import Presence
-from actionkit.testing import FakeServer, _fake_server
+from actionkit.testing import FakeServer, _fake_server, isolated_domain
 
 ROUNDS = 5
 
@@ -109,10 +109,11 @@ def test_it_waits_for_no_client_elsewhere(
     ros_domain: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(_fake_server, "_IN_VIEW_WITHIN", 0.0)
-    with FakeServer(Fibonacci, "fibonacci", domain_id=0):
-        pass
-    with initialised(True), FakeServer(Fibonacci, "fibonacci", domain_id=0):
-        pass
+    with isolated_domain() as other:
+        with FakeServer(Fibonacci, "fibonacci", domain_id=other):
+            pass
+        with initialised(True), FakeServer(Fibonacci, "fibonacci", domain_id=other):
+            pass
     monkeypatch.setenv("ROS_DOMAIN_ID", "none")
     with FakeServer(Fibonacci, "fibonacci", domain_id=ros_domain):
         pass

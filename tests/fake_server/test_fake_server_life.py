@@ -16,7 +16,7 @@ from actionkit import (
 )
 from actionkit.servers._executors import ThreadPerGoalExecutor
 from actionkit.servers._harness import Harness, JournalledServer
-from actionkit.testing import FakeServer
+from actionkit.testing import FakeServer, isolated_domain
 from tests.fake_server.conftest import FIELDS, NOT_RETRIED
 from tests.rclpy_client import Driver
 
@@ -109,7 +109,10 @@ def test_rclpys_signal_handler_is_no_failure_of_the_server(ros_domain: int) -> N
 
 def test_two_on_one_name_and_other_domains(fake_server: Any, make_client: Any) -> None:
     servers = [fake_server(Fibonacci, "fibonacci", result=FIELDS) for _ in range(2)]
-    with FakeServer(Fibonacci, "fibonacci", domain_id=0) as elsewhere:
+    with (
+        isolated_domain() as other,
+        FakeServer(Fibonacci, "fibonacci", domain_id=other) as elsewhere,
+    ):
         assert list(make_client().call({}, timeout=30.0).sequence) == [3, 1]
         assert sum(len(server.goals) for server in servers) in (1, 2)
         assert elsewhere.goals == []

@@ -158,9 +158,10 @@ def test_servers_use_nothing_of_the_client_but_what_every_node_needs() -> None:
     assert others == {"_messages.by_name", "_ros.native", "_ros.workarounds.listener_hang"}
 
 
-def test_helpers_for_tests_use_one_tool_of_the_client() -> None:
+def test_helpers_for_tests_use_two_tools_of_the_client() -> None:
     used = {o for name in modules() if package_of(name) == "testing" for o in own_imports(name)}
-    assert {name for name in used if package_of(name) == "_ros"} == {"_ros.tools.presence"}
+    tools = {"_ros.tools.contexts", "_ros.tools.presence"}
+    assert {name for name in used if package_of(name) == "_ros"} == tools
 
 
 def test_few_entries_at_the_top() -> None:

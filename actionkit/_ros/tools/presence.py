@@ -10,13 +10,12 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from rclpy.exceptions import InvalidHandle
-
 from actionkit._model.domain import environment_domain
 from actionkit._model.errors import ActionTypeMismatchError
-from actionkit._ros import native, runtimes
+from actionkit._ros import runtimes
 from actionkit._ros.port import Port, ServerWait
 from actionkit._ros.runtime import Runtime
+from actionkit._ros.tools.contexts import default_domain
 
 _LEFT_WITHIN = 5.0
 """Seconds for the node to leave the graph; it takes milliseconds on an idle machine."""
@@ -71,8 +70,8 @@ class Presence:
 
 
 def _domain_of_clients() -> int | None:
-    context = native.default_context() if native.default_context_is_up() else None
     try:
-        return environment_domain() if context is None else native.domain_of(context)
-    except (ValueError, InvalidHandle):  # not a domain, or the context was shut down just now
+        domain = default_domain()
+        return environment_domain() if domain is None else domain
+    except ValueError:  # not a domain
         return None
