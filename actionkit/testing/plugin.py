@@ -65,13 +65,14 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     from actionkit.testing._domains import domain_of_default_context, isolated_domain
 
     with ExitStack() as stack:
-        problem = ""
+        domain, problem = None, ""
         try:
-            initialised = domain_of_default_context()
-            domain = stack.enter_context(isolated_domain()) if initialised is None else initialised
+            domain = domain_of_default_context()
+            if domain is None:
+                domain = stack.enter_context(isolated_domain())
         except RuntimeError as error:
             problem = str(error)
-        if problem:  # not while the error is handled: pytest would show both
+        if domain is None:  # not while the error is handled: pytest would show both
             pytest.fail(problem, pytrace=False)
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

@@ -250,6 +250,7 @@ def our_robot(node: Node, name: str) -> str:
 )
 def test_the_robot_that_rclpy_would_move(case, robots, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["program", "--ros-args", *case.process])
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(robots))
     try:
         with monkeypatch.context() as alone:  # no earlier node is taken for this one
             alone.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")

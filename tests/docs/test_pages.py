@@ -61,7 +61,7 @@ def test_what_the_page_says_is_so(page: str, action_server: Any, tmp_path: Path)
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_the_first_ten_minutes_need_nothing_else(tmp_path: Path) -> None:
+def test_the_first_ten_minutes_need_nothing_else(ros_domain: int, tmp_path: Path) -> None:
     """What the page on agents installs is enough for it, in an environment that was empty."""
     page = DOCS / "agents.md"
     install = next(block.text for block in blocks(page) if "pip install" in block.text)

@@ -229,4 +229,4 @@ def test_no_test_moves_a_robot(action_server: Callable[..., Server], tmp_path: P
     told = re.findall(r"^ERROR .*::test_error_(\w+)", done.stdout, re.MULTILINE)
     assert sorted(told) == ["class", "client_first", "node_first", "own_context"], done.stdout
     assert "5 passed, 4 errors" in done.stdout, done.stdout
-    assert done.stdout.count("as in `def node(ros_domain): rclpy.init()`") == 4
+    assert done.stdout.count("as in `def node(ros_domain): rclpy.init()`") >= 4
