@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from actionkit.testing import EventLog, isolated_domain
+from actionkit.testing import EventLog, _domains, isolated_domain
 
 
 def test_domains_do_not_meet_and_rest() -> None:
@@ -18,6 +19,27 @@ def test_domains_do_not_meet_and_rest() -> None:
         assert 1 <= first <= 101
     with isolated_domain() as third:
         assert third not in (first, second)
+
+
+def test_the_domain_is_none_that_is_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a robot's computer, that of the environment is the robot's, also on this computer."""
+    from rclpy.context import Context
+
+    monkeypatch.setattr(_domains, "_directory", lambda: tmp_path)  # so that 1 is the first
+    monkeypatch.setenv("ROS_DOMAIN_ID", "1")
+    with isolated_domain() as domain:
+        assert domain == 2
+        left = Context()
+        left.init(args=[], initialize_logging=False, domain_id=2)
+    with isolated_domain() as domain:
+        assert domain == 3, "what an earlier test has left in its domain does no harm"
+    for later in (2, 4, 5):  # whether a test had that domain before, will have it, or neither
+        used = Context()
+        used.init(args=[], initialize_logging=False, domain_id=later)
+        with pytest.raises(RuntimeError, match=f"up in domain {later} "), isolated_domain():
+            pass
+        used.shutdown()
+    left.shutdown()
 
 
 def test_the_domain_is_in_the_environment(ros_domain: int) -> None:

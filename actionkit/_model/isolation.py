@@ -10,24 +10,23 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-_now: Counter[int] = Counter()
-_ever: set[int] = set()
+_reserved: Counter[int] = Counter()
+"""How many tests have reserved each domain; a test may reserve a second one."""
 
 
 @contextmanager
 def only_in(domain_id: int) -> Iterator[None]:
     """Refuse other domains in this process, except those for which the same was said."""
-    _now[domain_id] += 1
-    _ever.add(domain_id)
+    _reserved[domain_id] += 1
     try:
         yield
     finally:
-        _now[domain_id] -= 1
+        _reserved[domain_id] -= 1
 
 
-def is_reserved(domain_id: int, *, ever: bool = False) -> bool:
-    """Return whether the domain is reserved for tests now, or was `ever` in this process."""
-    return domain_id in _ever if ever else _now[domain_id] > 0
+def reserved() -> frozenset[int]:
+    """Return the domains that tests of this process have reserved now."""
+    return frozenset(domain for domain, tests in list(_reserved.items()) if tests > 0)
 
 
 def check_domain(domain_id: int) -> None:
@@ -36,9 +35,9 @@ def check_domain(domain_id: int) -> None:
     Raises:
         RuntimeError: They have reserved others.
     """
-    reserved = [domain for domain, count in _now.items() if count > 0]
-    if reserved and domain_id not in reserved:
-        own = " and ".join(map(str, reserved))
+    allowed = reserved()
+    if allowed and domain_id not in allowed:
+        own = " and ".join(map(str, sorted(allowed)))
         raise RuntimeError(
             f"a test of this process has ROS domain {own} for itself (`ros_domain`, `fake_server`,"
             f" `action_server` or `isolated_domain()`), but this would go to domain {domain_id},"

@@ -154,9 +154,9 @@ class Runtime:
         )
 
     @property
-    def owns_context(self) -> bool:
-        """Whether `context` is ours, not one of the user's."""
-        return self._own_context is self.context
+    def own_context(self) -> Context | None:
+        """The context of the node if it is ours, not one of the user's."""
+        return self._own_context
 
     @property
     def is_apart(self) -> bool:

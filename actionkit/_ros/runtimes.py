@@ -92,7 +92,7 @@ def release(runtime: Runtime, user: object) -> None:
 
 def contexts_ending() -> set[Context]:
     """Return the contexts of ours that nobody uses any more, and that are still up for a moment."""
-    return {runtime.context for runtime in _registry.ending if runtime.owns_context}
+    return {own for runtime in _registry.ending if (own := runtime.own_context) is not None}
 
 
 def join_ending(timeout: float, *, at_once: bool = False) -> None:

@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from actionkit._model.isolation import REMEDY, is_reserved, only_in
+from actionkit._model.domain import environment_domain
+from actionkit._model.isolation import REMEDY, only_in, reserved
 
 _FIRST, _LAST = 1, 101
 """Domains above 101 use ports in Linux's ephemeral range, where any program's connection may use
@@ -28,7 +29,11 @@ def isolated_domain() -> Iterator[int]:
 
     It does not change the environment, and contexts do not change their domain. So in the meantime
     clients, fake servers and all else of ActionKit are refused in any other domain, where a real
-    robot may be. The fixture `ros_domain` also sets the environment.
+    robot may be. The fixture `ros_domain` also sets the environment, and keeps to this computer:
+    another one in the network may use the same domain, unless you set the variable
+    `ROS_AUTOMATIC_DISCOVERY_RANGE` to `LOCALHOST` before ROS is initialised.
+
+    The domain of the environment is never chosen: on a robot's computer it is that of the robot.
 
     A lock on a file reserves the domain; the system releases the lock when the process dies. All
     processes take the domains in turn, so a domain that was just released is not used for a while:
@@ -41,11 +46,15 @@ def isolated_domain() -> Iterator[int]:
         RuntimeError: All domains are taken; or a context of this process is up in a domain that was
             not reserved: that of a node of yours, of an earlier `rclpy.init()`, or of a client.
     """
-    _refuse_contexts_elsewhere()
+    others = reserved()
     domain, lock = _claim(_directory())
     try:
-        with only_in(domain):
-            yield domain
+        with only_in(domain):  # from here on, no thread makes a client elsewhere
+            _refuse_contexts_elsewhere(others)
+            try:
+                yield domain
+            finally:
+                _remember_what_is_left(domain)
     finally:
         os.close(lock)
 
@@ -61,24 +70,32 @@ def domain_of_default_context() -> int | None:
     from actionkit._ros.tools.contexts import default_domain
 
     domain = default_domain()
-    if domain is not None and not is_reserved(domain):
+    if domain is not None and domain not in reserved():
         raise RuntimeError(_told(domain))
     return domain
 
 
-def _refuse_contexts_elsewhere() -> None:
+def _refuse_contexts_elsewhere(others: frozenset[int]) -> None:
+    """Raise if a context is up in another domain than the `others`, which tests have reserved."""
     if "rclpy" not in sys.modules:  # then there is none
         return
     from actionkit._ros.tools.contexts import domains_in_use
 
     for collected in (False, True):
-        # One of an earlier test that was not shut down does no harm in the domain of that test.
-        found = [d for d in domains_in_use() if not is_reserved(d, ever=True)]
+        found = domains_in_use() - others
         if not found:
             return
         if not collected:
             gc.collect()  # a node that nobody has any more
-    raise RuntimeError(_told(found[0]))
+    raise RuntimeError(_told(min(found)))
+
+
+def _remember_what_is_left(domain: int) -> None:
+    """Let later tests not fail because this one has left a context up, where it does no harm."""
+    if "rclpy" in sys.modules:
+        from actionkit._ros.tools.contexts import leave_out
+
+        leave_out(domain)
 
 
 def _told(domain: int) -> str:
@@ -99,6 +116,10 @@ def _directory() -> Path:
 
 def _claim(directory: Path) -> tuple[int, int]:
     """Return a domain that is free, and the descriptor of its lock."""
+    try:
+        users = environment_domain()
+    except ValueError:  # it names no domain
+        users = 0
     turn = os.open(directory / "turn", os.O_RDWR | os.O_CREAT, 0o600)
     try:
         fcntl.flock(turn, fcntl.LOCK_EX)
@@ -106,6 +127,8 @@ def _claim(directory: Path) -> tuple[int, int]:
         last = int(text) if text.strip().isdigit() else _LAST
         for step in range(_COUNT):
             domain = _FIRST + (last - _FIRST + 1 + step) % _COUNT
+            if domain == users:
+                continue
             descriptor = os.open(directory / f"{domain}.lock", os.O_RDWR | os.O_CREAT, 0o600)
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -49,18 +49,22 @@ def test_the_acceptance_is_visible_before_feedback(action_server, make_client):
 
 
 def test_a_raising_callback_is_logged_and_counted(action_server, make_client, caplog):
-    action_server("fibonacci", period=0.1)  # the result waits only a moment for callbacks
+    server = action_server("fibonacci", period=0.01, gate=1)
     client = make_client()
+    called = EventLog()
 
     def fail(feedback):
+        called(feedback)
         raise ValueError("from the user's callback")
 
     with caplog.at_level(logging.ERROR, "actionkit"):
         future = client.call_async({"order": 5}, on_feedback=fail)
+        called.wait_for(4, 20)
+        server.release()  # not earlier: the result waits only a moment for callbacks
         assert len(future.result(10).sequence) == 6
     outcome = future.outcome()
     assert outcome.ok
-    assert 1 < outcome.callback_errors <= outcome.feedback_count
+    assert outcome.callback_errors == outcome.feedback_count == 4
     assert all_is_logged()
     first, last = [record for record in caplog.records if "raised" in record.message]
     assert first.exc_info

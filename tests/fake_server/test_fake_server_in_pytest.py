@@ -87,8 +87,7 @@ from actionkit.testing import FakeServer, isolated_domain
 ROBOT = int(os.environ["ROS_DOMAIN_ID"])
 OTHERS = [5]
 
-@pytest.fixture
-def node():
+def initialised():
     rclpy.init()
     node = Node("under_test")
     yield node
@@ -96,12 +95,12 @@ def node():
     rclpy.shutdown()
 
 @pytest.fixture
+def node():
+    yield from initialised()
+
+@pytest.fixture
 def node_in_domain(ros_domain):
-    rclpy.init()
-    node = Node("under_test")
-    yield node
-    node.destroy_node()
-    rclpy.shutdown()
+    yield from initialised()
 
 @pytest.fixture
 def node_of_own_context():

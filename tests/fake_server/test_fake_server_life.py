@@ -51,9 +51,11 @@ def test_many_in_a_row_leave_nothing(ros_domain: int, driver: Driver) -> None:
             if number % 10 == 0:
                 driver.connect().accepted()
                 server.wait_for("executing")
+    # Where a server was slow to answer, the client's node is kept for up to 4 s (`keep_until`).
     for thread in set(threading.enumerate()) - threads:
-        thread.join(20)  # on a busy machine, `stop` has not waited for all to leave the graph
-    assert set(threading.enumerate()) <= threads
+        assert thread.name == "actionkit"
+        thread.join(5)
+        assert not thread.is_alive()
     # A few are of the client, which keeps something of each server that it met.
     assert len(os.listdir("/proc/self/fd")) <= files + 5
 
