@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,28 @@ def test_the_domain_is_none_that_is_used(tmp_path: Path, monkeypatch: pytest.Mon
             pass
         used.shutdown()
     left.shutdown()
+
+
+def test_a_closed_client_that_keeps_its_node_for_a_moment_is_in_no_domain(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from test_msgs.action import Fibonacci
+
+    from actionkit import Client
+
+    domain, lock = _domains._claim(_domains._directory())
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    client = Client(Fibonacci, "fibonacci")
+    runtime = client._session.port.runtime
+    with pytest.raises(RuntimeError, match=f"up in domain {domain} "), isolated_domain():
+        pass
+    runtime.run(lambda: runtime.keep_until(time.monotonic() + 60))
+    client.close()
+    with isolated_domain():
+        pass
+    runtime.keep_no_longer()
+    os.close(lock)
 
 
 def test_the_domain_is_in_the_environment(ros_domain: int) -> None:

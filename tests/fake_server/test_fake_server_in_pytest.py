@@ -166,11 +166,11 @@ def test_refused_later(fake_server, node_of_own_context, monkeypatch):
     refused = {"match": f"but this would go to domain {ROBOT}, where a real robot may be"}
     with pytest.raises(RuntimeError, **refused):
         Client(Fibonacci, "pick", node=node_of_own_context)
+    with pytest.raises(RuntimeError, **refused):
+        FakeServer(Fibonacci, "pick", domain_id=ROBOT).start()
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ROBOT))
     with pytest.raises(RuntimeError, **refused):
         Client(Fibonacci, "pick")
-    with pytest.raises(RuntimeError, **refused):
-        FakeServer(Fibonacci, "pick").start()
     rclpy.init()
     try:
         with pytest.raises(RuntimeError, **refused):
