@@ -6,6 +6,7 @@ import concurrent.futures
 import gc
 import json
 import os
+import subprocess
 import sys
 import threading
 import weakref
@@ -17,7 +18,6 @@ from test_msgs.action import Fibonacci
 from actionkit import Client, GoalState, RetryPolicy, Timeouts
 from actionkit._ros.outbox import WINDOW
 from actionkit._ros.servers.readiness import State
-from tests import forked
 from tests.conftest import without_noise
 from tests.hunting import REPEAT
 
@@ -123,7 +123,7 @@ def test_fresh_processes_that_send_at_once(action_server, ros_domain):
     server = action_server("fibonacci", journal="goals")
 
     def fresh(_: int) -> list:
-        done = forked.run(
+        done = subprocess.run(
             [sys.executable, "-c", FRESH],
             capture_output=True,
             text=True,
