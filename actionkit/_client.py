@@ -92,8 +92,9 @@ class Client(Generic[ActionT_co]):
                 destroyed, or one with a context that was shut down; arguments of the process, or a
                 `ROS_DOMAIN_ID`, that ROS refuses.
             ImportError: rclpy is not importable.
-            RuntimeError: gevent has replaced Python's threads; or a test of this process has a ROS
-                domain for itself (`ros_domain`, `isolated_domain`), which is not the client's.
+            RuntimeError: gevent or eventlet has replaced Python's threads; or a test of this
+                process has a ROS domain for itself (`ros_domain`, `isolated_domain`), which is not
+                the client's.
             ActionTypeMismatchError: This process already uses the name with another type.
         """
         refuse_misplaced(action_type, action_name, misplaced)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
+import sys
 import warnings
+from types import FrameType
 
 from actionkit._threads.event_loop import running_loop
 from actionkit._threads.pool import in_callback
@@ -29,7 +32,7 @@ def warn_on_event_loop(blocking: str, instead: str) -> None:
 
     Call this directly from the public method that blocks. `instead` is code that does not block.
     """
-    if running_loop() is not None and not _warned:
+    if running_loop() is not None and not _warned and not _is_line_of_a_notebook(sys._getframe(2)):
         _warned.append(blocking)
         warnings.warn(
             f"{blocking} blocks the event loop of asyncio that runs in this thread, with all its"
@@ -37,3 +40,18 @@ def warn_on_event_loop(blocking: str, instead: str) -> None:
             RuntimeWarning,
             stacklevel=3,
         )
+
+
+def _is_line_of_a_notebook(frame: FrameType | None) -> bool:
+    """Whether a cell calls this without a coroutine of the user's in between.
+
+    Jupyter runs cells on its event loop, and nothing else goes on there until a cell has ended.
+    """
+    while frame is not None:
+        if str(frame.f_globals.get("__name__")).startswith("IPython."):
+            return True
+        is_cell = frame.f_code.co_name.startswith("<")  # it has a coroutine's flag if it awaits
+        if frame.f_code.co_flags & inspect.CO_COROUTINE and not is_cell:
+            return False
+        frame = frame.f_back
+    return False

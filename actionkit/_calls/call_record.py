@@ -19,8 +19,9 @@ from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.request import Request
 from actionkit._goal.effects import End, Ending
 from actionkit._messages.lazy import LazyMessage
+from actionkit._model import values
 from actionkit._model.timeline import Recorder
-from actionkit._model.values import GoalEvent, GoalState, Outcome
+from actionkit._model.values import GoalEvent, GoalState, Outcome, Timeline
 from actionkit._observers.delivery import ObserverDispatcher
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.function_runner import Clock
@@ -157,3 +158,12 @@ class CallRecord:
     def tell_outcome(self, outcome: Outcome[Any]) -> None:
         """Tell the observers how the call ended."""
         self._dispatcher.outcome(outcome, self._info)
+
+
+def _to_html(timeline: Timeline, outcome: Outcome[Any] | None) -> str:
+    from actionkit._pictures.notebook import to_html
+
+    return to_html(timeline, outcome)
+
+
+values.to_html = _to_html

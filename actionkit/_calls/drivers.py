@@ -17,6 +17,7 @@ from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+from actionkit._calls.signals import waking
 from actionkit._threads.event_loop import running_loop
 from actionkit._threads.waiting import Flag, complete, run_in_thread, wake_future
 
@@ -73,11 +74,16 @@ class Asyncio:
         flag.add_waiter(wake)
         try:
             if not flag.is_set():  # it may have been set before it had `wake`
-                await woken
+                with waking(self._wake_up):
+                    await woken
         finally:
             flag.remove_waiter(wake)
             if timer is not None:
                 timer.cancel()
+
+    def _wake_up(self) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop was closed
+            self._loop.call_soon_threadsafe(int)
 
     async def let_others_begin(self) -> None:
         """Wait for the next turn of the loop."""

@@ -1,4 +1,5 @@
-"""Cancels the goals of a process that a signal tells to end, before it ends (C2.6).
+"""Cancels the goals of a process that a signal tells to end, before it ends (C2.6), and wakes event
+loops that await goals.
 
 Python runs all signal handlers in the main thread, between two bytecodes of that thread. If it
 stays inside C code, as in rclpy's `spin` while nothing happens, no handler runs until it returns.
@@ -42,6 +43,8 @@ _users: Counter[int] = Counter()
 _at_work: dict[str, _Work] = {}
 """The work that cancels the goals now; `setdefault` lets only one begin."""
 _watcher: _Watcher | None = None
+_woken: dict[object, Callable[[], None]] = {}
+"""What wakes the event loops that are to hear signals, one entry for each wait."""
 _libc = ctypes.CDLL(None)
 _pythons_handler = 0
 """The address of Python's own handler in C."""
@@ -134,6 +137,37 @@ class cancel_on_signals:
         self._signals = []
         if not any(_users.values()):
             _stop_watching()
+
+
+class waking:
+    """Wake an event loop when a signal comes, as long as a goal is awaited there.
+
+    In Jupyter, the handler of Ctrl-C (the stop button) only leaves a note for the loop, which finds
+    it when it next wakes up. That may be at the end of the goal.
+    """
+
+    def __init__(self, wake: Callable[[], None]) -> None:
+        """`wake` wakes the loop; it is called on another thread."""
+        self._wake = wake
+
+    def __enter__(self) -> None:
+        # Python hears of signals, and sets the file descriptor, in the main thread only.
+        if threading.current_thread() is threading.main_thread() and _is_of_a_user(
+            signal.getsignal(signal.SIGINT)
+        ):
+            _woken[self] = self._wake
+            _watch()
+
+    def __exit__(self, *exc: object) -> None:
+        if _woken.pop(self, None) and not _woken and not any(_users.values()):
+            _stop_watching()
+
+
+def _is_of_a_user(handler: Handler) -> bool:
+    """Whether it is none of Python's handlers of Ctrl-C, which raise, or wake the loop."""
+    if handler is signal.default_int_handler or not callable(handler):
+        return False
+    return getattr(getattr(handler, "func", None), "__module__", "") != "asyncio.runners"
 
 
 def _check(number: object) -> None:
@@ -283,6 +317,8 @@ class _Watcher:
         while True:
             self._heard = Flag()
             poll.poll()
+            for wake in list(_woken.values()):
+                wake()
             numbers = self._read()
             if numbers and not self._heard.wait(_MAIN_HEARS):
                 for number in numbers[:1]:
@@ -332,4 +368,5 @@ def _after_fork() -> None:
     global _watcher  # noqa: PLW0603
     _stop_watching()
     _watcher = None
+    _woken.clear()
     _at_work.clear()

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import uuid
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from enum import Enum
-from typing import Generic
+from typing import Any, Generic
 
 from actionkit._model.action_type import ResultT
 from actionkit._model.printable import on_one_line
@@ -151,6 +152,10 @@ class GoalReport:
     cancel_refused: bool = False
 
 
+to_html: Callable[[Timeline, Outcome[Any] | None], str] | None = None
+"""Draws for notebooks. `_calls.call_record` sets it, because what draws imports this module."""
+
+
 class Timeline(tuple[GoalEvent, ...]):
     """The events of a call, oldest first. Print it for a bug report.
 
@@ -180,6 +185,13 @@ class Timeline(tuple[GoalEvent, ...]):
             lines.append(f"{line}  {said}".rstrip())
             goal_id = event.goal_id
         return "\n".join(lines)
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        """IPython shows a tuple otherwise."""
+        printer.text(str(self))
+
+    def _repr_html_(self) -> str | None:
+        return None if to_html is None else to_html(self, None)
 
 
 def _said(event: GoalEvent, goal_before: uuid.UUID | None, *, first: bool) -> str:
@@ -239,6 +251,9 @@ class Outcome(Generic[ResultT]):
         attempts = f"{self.attempts} attempt{'' if self.attempts == 1 else 's'}"
         cancel = "" if self.cancel is None else f", cancel {self.cancel}"
         return f"<Outcome {self.status}{error}, {attempts}, {self.elapsed:.3f} s{cancel}>"
+
+    def _repr_html_(self) -> str | None:
+        return None if to_html is None else to_html(self.timeline, self)
 
     @property
     def state(self) -> GoalState:

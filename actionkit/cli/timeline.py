@@ -73,7 +73,7 @@ def command(file: Path, svg: Path | None, last: int | None) -> int:
 
 
 def _draw(calls: list[list[LoggedLine]], file: Path, out: Path | None) -> None:
-    from actionkit.cli._picture_svg import draw
+    from actionkit._pictures.svg import draw
 
     picture = draw(calls, name=file.name)
     if out is None:

@@ -247,6 +247,38 @@ except (asyncio.CancelledError, KeyboardInterrupt) as error:
     assert (code, err) == (3, "")
 
 
+LEAVES_A_NOTE = (
+    HEAD
+    + """
+import asyncio, signal
+loop = asyncio.new_event_loop()
+async def cell():
+    await client.call_async({"order": 1}, on_feedback=lambda fb: print("running"))
+with Client(Fibonacci, "fibonacci") as client:
+    task = loop.create_task(cell())
+    # What Jupyter's handler does: it wakes no loop.
+    signal.signal(signal.SIGINT, lambda *_: loop.call_soon(task.cancel))
+    try:
+        loop.run_until_complete(task)
+    except asyncio.CancelledError:
+        print("cancelled")
+    assert (signal.set_wakeup_fd(-1) == -1) is (len(sys.argv) == 1)
+"""
+)
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_a_handler_that_wakes_no_loop_cancels_what_is_awaited(watched, action_server, run_script):
+    server = action_server("never_finishes")
+    watching = "from actionkit import cancel_on_signals\ncancel_on_signals()\n"
+    script = run_script(watching + LEAVES_A_NOTE, "on") if watched else run_script(LEAVES_A_NOTE)
+    assert script.line() == "running"
+    script.process.send_signal(signal.SIGINT)
+    server.wait_for("canceled")
+    assert script.line() == "cancelled"
+    assert script.finish()[0] == 0
+
+
 @pytest.mark.long
 def test_the_program_goes_on_after_ctrl_c(action_server, run_script):
     # rclpy's handler has shut down every context of the process by then (R10).

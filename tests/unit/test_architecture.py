@@ -23,7 +23,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "_goal": {"_model"},
     "_observers": {"_model", "_threads", "_messages"},
     "_ros": {"_model", "_threads"},
-    "_calls": {"_model", "_threads", "_messages", "_goal", "_observers", "_ros"},
+    "_pictures": {"_model", "_observers"},
+    "_calls": {"_model", "_threads", "_messages", "_goal", "_observers", "_pictures", "_ros"},
     "_client": {"_model", "_threads", "_messages", "_observers", "_ros", "_calls"},
     "": {"_model", "_observers", "_calls", "_client"},
     "_stubs": set(),
@@ -41,6 +42,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "_messages",
         "_observers",
         "_internal_api",
+        "_pictures",
         "_ros",
         "_stubs",
         "servers",
@@ -165,7 +167,7 @@ def test_helpers_for_tests_use_two_tools_of_the_client() -> None:
 
 
 def test_few_entries_at_the_top() -> None:
-    assert len([path for path in ROOT.iterdir() if path.name != "__pycache__"]) <= 19
+    assert len([path for path in ROOT.iterdir() if path.name != "__pycache__"]) <= 20
 
 
 # --- what may be used where --------------------------------------------------------------------

@@ -12,7 +12,9 @@ import re
 import sys
 import uuid
 import xml.etree.ElementTree as ET
+from base64 import b64decode
 from collections.abc import Iterable
+from html import escape
 from pathlib import Path
 
 import pytest
@@ -23,10 +25,10 @@ from hypothesis import strategies as st
 import actionkit as ak
 from actionkit import CallInfo, GoalEvent, GoalState, LoggedLine, Outcome, Timeline
 from actionkit._observers.json_schema import event_line, outcome_line, parse_line
+from actionkit._pictures.layout import Phase, Sign
+from actionkit._pictures.names import shortened
+from actionkit._pictures.svg import draw
 from actionkit.cli._app import app
-from actionkit.cli._picture_layout import Phase, Sign
-from actionkit.cli._picture_names import shortened
-from actionkit.cli._picture_svg import draw
 from actionkit.cli._problems import Problem
 from actionkit.cli.timeline import report
 from tests import forked
@@ -258,6 +260,20 @@ def test_what_is_between_quotes_stays_there() -> None:
 
 
 # --- the command -------------------------------------------------------------------------------
+
+
+def test_a_notebook_shows_the_text_and_the_picture() -> None:
+    timeline = Timeline(line.event for line in call(GOOD) if line.event is not None)
+    error = ak.GoalAbortedError("It hit <a wall>.")
+    outcome = Outcome(S.ABORTED, None, error, 1, timeline, timeline[0].goal_id, None, elapsed=6.0)
+    for shown_as, ends in ((timeline, 0), (outcome, 1)):
+        html = str(shown_as._repr_html_())
+        text, image = html.split("</pre>")
+        assert escape(str(timeline)) in text
+        assert text.count("GoalAbortedError: It hit &lt;a wall&gt;.") == ends
+        (data,) = re.findall(r'src="data:image/svg\+xml;base64,(.*?)"', image)
+        assert shown(groups(b64decode(data).decode(), "attempt")[0]).endswith("succeeded")
+    assert "(no events)" in str(Timeline()._repr_html_())
 
 
 def write(path: Path, *calls: list[LoggedLine]) -> Path:

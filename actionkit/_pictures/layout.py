@@ -1,6 +1,6 @@
 """Computes a picture of goals as plain data: rows for calls, lanes for attempts, bars and marks.
 
-Pure: the input is lines of a log, and the output has times in seconds. `_picture_svg` draws it.
+Pure: the input is lines of a log, and the output has times in seconds. `svg` draws it.
 """
 
 from __future__ import annotations

@@ -12,9 +12,9 @@ from xml.sax.saxutils import escape
 
 from actionkit._model.values import date_text
 from actionkit._observers.json_schema import LoggedLine
-from actionkit.cli._picture_layout import Bar, Lane, Phase, Picture, Row, Sign, lay_out
-from actionkit.cli._picture_names import shortened
-from actionkit.cli._picture_scale import axis_for
+from actionkit._pictures.layout import Bar, Lane, Phase, Picture, Row, Sign, lay_out
+from actionkit._pictures.names import shortened
+from actionkit._pictures.scale import axis_for
 
 WIDTH = 1200
 """Pixels, like all sizes below: the width fits on the screen of a laptop."""

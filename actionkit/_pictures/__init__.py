@@ -1,0 +1,1 @@
+"""Draws goals: for `actionkit timeline --svg`, and for notebooks."""
