@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import threading
 from typing import Any
 
 from actionkit._model.missing import cannot_import
@@ -13,7 +13,7 @@ def transport() -> tuple[Any, Any]:
 
     Raises:
         ImportError: rclpy is not importable.
-        RuntimeError: gevent has replaced Python's threads.
+        RuntimeError: A library, such as gevent or eventlet, has replaced Python's threads.
     """
     _check_threads()
     try:
@@ -26,10 +26,18 @@ def transport() -> tuple[Any, Any]:
     return port, _session
 
 
+_PATCHES = {
+    "gevent": "gevent.monkey.patch_all(thread=False)",
+    "eventlet": "eventlet.monkey_patch(thread=False)",
+}
+
+
 def _check_threads() -> None:
-    monkey = sys.modules.get("gevent.monkey")
-    if monkey is not None and monkey.is_module_patched("threading"):
+    # A lock tells it: debuggers, too, replace the function that starts threads.
+    library = type(threading.Lock()).__module__.partition(".")[0]
+    if library != "_thread":
+        remedy = f"call {_PATCHES[library]}, or " if library in _PATCHES else ""
         raise RuntimeError(
-            "gevent has replaced Python's threads, and ActionKit needs real ones: call"
-            " gevent.monkey.patch_all(thread=False), or make the client in a process of its own"
+            f"{library} has replaced Python's threads, and ActionKit needs real ones: {remedy}make"
+            " the client in a process of its own"
         )
