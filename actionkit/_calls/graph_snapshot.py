@@ -15,7 +15,7 @@ class GraphSnapshot:
 
     domain_id: int
     middleware: str
-    best_effort: tuple[str, ...] = ()  # this action's services and topics served so
+    best_effort: tuple[str, ...] = ()  # this action's services that are served so
 
 
 def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:

@@ -14,7 +14,7 @@ from action_msgs.srv import CancelGoal
 from rclpy.client import Client as ServiceClient
 from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, qos_profile_action_status_default
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_action_status_default
 from rclpy.subscription import Subscription
 
 from actionkit._ros.names import ActionNames
@@ -63,6 +63,8 @@ class Entities:
         self._names = names
         self._clients: list[ServiceClient] = []
         self._subscriptions: list[Subscription] = []
+        self.best_effort = False
+        """Whether feedback is received best-effort."""
         try:
             # The order matters: servers discover the endpoints in the order in which they are
             # made, so a server that answers a cancel request knows all the others (R4).
@@ -88,17 +90,26 @@ class Entities:
         """
         self._node = node
         try:
-            subscription = self._subscribe_feedback()
-            self.feedback.use(subscription)
-            for handler in list(subscription.event_handlers)[:1]:
-                if self.matched is not None:
-                    self.matched.use(handler)
+            self._use_feedback()
             self.goal.use(self._goal_client())
             self.result.use(self._result_client())
             self.cancel.use(self._cancel_client())
         except BaseException:  # as above
             self.destroy()
             raise
+
+    def receive_best_effort(self) -> None:
+        """Subscribe to feedback again, so that servers which publish it best-effort match, too.
+
+        Not at once: from a server that repeats what was lost, this subscription gets no repetition.
+        Any error of rclpy goes to the caller.
+        """
+        self.best_effort = True
+        before = self._subscriptions.copy()
+        self._use_feedback()
+        for subscription in before:
+            self._subscriptions.remove(subscription)
+            self._node.destroy_subscription(subscription)
 
     @property
     def sources(self) -> list[Source]:
@@ -146,6 +157,13 @@ class Entities:
         self._clients.append(client)
         return client
 
+    def _use_feedback(self) -> None:
+        subscription = self._subscribe_feedback()
+        self.feedback.use(subscription)
+        for handler in list(subscription.event_handlers)[:1]:
+            if self.matched is not None:
+                self.matched.use(handler)
+
     def _subscribe_feedback(self) -> Subscription:
         try:
             return self._subscription(
@@ -159,7 +177,12 @@ class Entities:
             self._impl.FeedbackMessage,
             self._names.feedback,
             unused,
-            QoSProfile(depth=_DEEP),
+            QoSProfile(
+                depth=_DEEP,
+                reliability=ReliabilityPolicy.BEST_EFFORT
+                if self.best_effort
+                else ReliabilityPolicy.RELIABLE,
+            ),
             raw=True,
             event_callbacks=events,
         )

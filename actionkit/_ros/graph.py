@@ -28,6 +28,7 @@ class Endpoint:
     gid: bytes  # of its publisher or subscription; a restarted server has another one (R1)
     action_type: str  # such as `test_msgs/action/Fibonacci`
     node: str  # the full name of its node; `""` while it is not known yet
+    best_effort: bool = False  # whether it publishes, or wants to receive, feedback best-effort
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,7 @@ def endpoint_of(info: TopicEndpointInfo) -> Endpoint:
         action_type=info.topic_type.removesuffix(_FEEDBACK_TYPE),
         # For a moment after discovery, the middleware has a placeholder.
         node="" if "_UNKNOWN_" in info.node_name else name,
+        best_effort=_is_best_effort(info),
     )
 
 
@@ -94,8 +96,8 @@ def all_actions(node: Node) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def best_effort(node: Node, names: ActionNames) -> tuple[str, ...]:
-    """Return an action's services and topics that a server offers best-effort: we get nothing.
+def best_effort_services(node: Node, names: ActionNames) -> tuple[str, ...]:
+    """Return an action's services that a server offers best-effort: we get no answer from these.
 
     Raises:
         RCLError: The node's context was shut down.
@@ -105,17 +107,16 @@ def best_effort(node: Node, names: ActionNames) -> tuple[str, ...]:
         "send_goal": f"rr{names.send_goal}Reply",
         "get_result": f"rr{names.get_result}Reply",
         "cancel_goal": f"rr{names.cancel_goal}Reply",
-        "feedback": f"rt{names.feedback}",
-    }
-    offered = {
-        end: node.get_publishers_info_by_topic(topic, no_mangle=True)
-        for end, topic in topics.items()
     }
     return tuple(
         end
-        for end, infos in offered.items()
-        if any(info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for info in infos)
+        for end, topic in topics.items()
+        if any(map(_is_best_effort, node.get_publishers_info_by_topic(topic, no_mangle=True)))
     )
+
+
+def _is_best_effort(info: TopicEndpointInfo) -> bool:
+    return bool(info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT)
 
 
 def versions(node: Node, names: ActionNames, of_client: str | None = None) -> list[Versions]:

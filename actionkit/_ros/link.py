@@ -252,6 +252,8 @@ class Link:
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now; it first looks at the middleware's latest event."""
         self._feedback.poll_now()
+        if self.readiness.count == 0:
+            self.readiness.look_again()  # it may publish feedback best-effort
         return self.readiness.ready
 
     def table_sizes(self) -> dict[str, int]:

@@ -177,9 +177,9 @@ class Port:
             return None
 
     def best_effort(self) -> tuple[str, ...]:
-        """Return which of the action's services and topics are offered best-effort."""
+        """Return which of the action's services are offered best-effort."""
         try:
-            return graph.best_effort(self.runtime.node, self.names)
+            return graph.best_effort_services(self.runtime.node, self.names)
         except (RCLError, InvalidHandle):
             return ()
 

@@ -8,14 +8,15 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from rclpy.action import ActionServer
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from test_msgs.action import Fibonacci
 
 import actionkit as ak
 from actionkit import CancelReport, GoalState, RetryBudget, RetryPolicy, Timeouts, Verdict
 from actionkit.testing import EventLog
-from tests.client.test_node import user_node
+from tests.client.test_node import spinning, user_node
 from tests.conftest import FORMS, NEVER, ask
 
 EAGER = RetryPolicy(attempts=5, initial=0.0, jitter=0.0)
@@ -102,7 +103,45 @@ def test_a_best_effort_server_is_told_of(ros_domain, make_client):
         with pytest.raises(ak.ServerUnavailableError) as caught:
             client.call({"order": 3}, timeout=0.2)
         server.destroy()
-    assert "is visible, but best-effort for send_goal and feedback. It is not" in str(caught.value)
+    assert "is visible, but best-effort for send_goal. It is not" in str(caught.value)
+
+
+@pytest.mark.parametrize("found_by", ["a call", "wait_for_server", "server_is_ready"])
+def test_a_server_with_best_effort_feedback_is_called(found_by, ros_domain, make_client):
+    def execute(goal):
+        until = time.monotonic() + 20
+        while not goal.is_cancel_requested and time.monotonic() < until:
+            goal.publish_feedback(Fibonacci.Feedback(sequence=[goal.request.order]))
+            NEVER.wait(0.01)
+            if goal.request.order < 9:
+                goal.succeed()
+                return Fibonacci.Result(sequence=[goal.request.order])
+        goal.canceled()
+        return Fibonacci.Result()
+
+    profile = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    profiles = {"status_pub_qos_profile": profile, "feedback_pub_qos_profile": profile}
+    accept = {"cancel_callback": lambda _: CancelResponse.ACCEPT}
+    with user_node(ros_domain) as node:
+        group = ReentrantCallbackGroup()
+        server = ActionServer(
+            node, Fibonacci, "fibonacci", execute, callback_group=group, **accept, **profiles
+        )
+        with spinning(node, "multi"):
+            client = make_client()
+            if found_by == "wait_for_server":
+                assert client.wait_for_server(20)
+            until = time.monotonic() + 20
+            while found_by == "server_is_ready" and not client.server_is_ready():
+                assert time.monotonic() < until
+                NEVER.wait(0.01)
+            assert client.call({"order": 2}, 20).sequence[0] == 2
+            feedback = EventLog()
+            future = client.call_async({"order": 9}, timeout=20, on_feedback=feedback)
+            feedback.wait_for(3, 20)
+            assert future.cancel()
+            assert future.outcome(20).cancel is CancelReport.CONFIRMED
+            server.destroy()
 
 
 def test_a_cancel_ends_the_wait_for_a_server(make_client):

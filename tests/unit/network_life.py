@@ -16,6 +16,7 @@ from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
+from rclpy.qos import QoSProfile
 from test_msgs.action import Fibonacci
 
 from actionkit import Timeouts
@@ -63,6 +64,8 @@ class Topic:
 
 class Entities:
     """A client's entities: three services, and topics on which nothing comes."""
+
+    best_effort = False
 
     def __init__(self, life: NetworkLife, _node: Any, _impl: Any, _name: str, **callbacks: Any):
         self.goal = Service(life, "goal", callbacks["on_goal"])
@@ -200,6 +203,7 @@ class NetworkLife(CommunicationThread):
             return []
         return [
             SimpleNamespace(
+                qos_profile=QoSProfile(depth=1),
                 endpoint_gid=list(b"a" * 16),
                 topic_type=TYPE + "_FeedbackMessage",
                 node_name="server",

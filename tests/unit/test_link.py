@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from action_msgs.srv import CancelGoal
+from rclpy.qos import QoSProfile
 from test_msgs.action import Fibonacci
 
 from actionkit._ros import link
@@ -61,6 +62,8 @@ class Topic:
 
 class Entities:
     """The entities of a link, without any middleware."""
+
+    best_effort = False
 
     def __init__(self, node: Any, impl: Any, name: str, **callbacks: Any) -> None:
         self.goal = Service(callbacks["on_goal"])
@@ -157,6 +160,7 @@ class World(CommunicationThread):
             return []
         return [
             SimpleNamespace(
+                qos_profile=QoSProfile(depth=1),
                 endpoint_gid=list(gid),
                 topic_type=TYPE + "_FeedbackMessage",
                 node_name="server",

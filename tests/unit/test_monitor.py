@@ -16,6 +16,7 @@ from typing import Any, cast
 
 import pytest
 from rclpy.exceptions import InvalidHandle
+from rclpy.qos import QoSProfile
 
 from actionkit._ros.entities import Entities
 from actionkit._ros.listener import GoalListener, Waiter
@@ -90,6 +91,7 @@ class World:
                 Entities,
                 SimpleNamespace(
                     matched=matched,
+                    best_effort=False,
                     services_ready=lambda: bool(self.matched),
                     subscribe_status=self._no_status,
                 ),
@@ -116,6 +118,7 @@ class World:
             raise InvalidHandle("the context was shut down")
         return [
             SimpleNamespace(
+                qos_profile=QoSProfile(depth=1),
                 endpoint_gid=list(gid),
                 topic_type=f"{self.action_type}_FeedbackMessage",
                 node_name=self.nodes.get(gid, "server"),

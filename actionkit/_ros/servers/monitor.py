@@ -132,7 +132,7 @@ class ServerMonitor:
         self._look()
 
     def _look(self) -> None:
-        self.readiness.look(lambda: bool(self._awaiting))
+        self.readiness.look(lambda: bool(self._awaiting or self._ready_waiters))
 
     def stop_waiting(self, waiter: Waiter) -> None:
         """Undo `await_server` and `await_next_ready`."""
@@ -141,6 +141,7 @@ class ServerMonitor:
     def add_ready_waiter(self, callback: Callable[[], None]) -> None:
         """Call `callback` whenever a server becomes ready."""
         self._ready_waiters[callback] = None
+        self._look()
 
     def remove_ready_waiter(self, callback: Callable[[], None]) -> None:
         """Undo `add_ready_waiter`."""
@@ -230,9 +231,12 @@ class ServerMonitor:
 
     def _list_servers(self) -> list[graph.Endpoint] | None:
         try:
-            return graph.servers(self._runtime.node, self._names.feedback)
+            listed = graph.servers(self._runtime.node, self._names.feedback)
+            if not self._entities.best_effort and any(server.best_effort for server in listed):
+                self._entities.receive_best_effort()
         except (RCLError, InvalidHandle):
             return None  # the context was shut down, and with it the graph (R10)
+        return listed
 
     def _services_ready(self) -> bool:
         try:
