@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from actionkit._calls.graph_snapshot import GraphSnapshot, seen_instead
+from actionkit._calls.graph_snapshot import GraphSnapshot, no_data, seen_instead
 from actionkit._goal.effects import End, Ending
 from actionkit._model import errors
 from actionkit._model.printable import full_stop
@@ -224,10 +224,15 @@ def _invalid(ending: Ending, call: ErrorContext) -> str:
 
 
 def _no_acceptance(ending: Ending, call: ErrorContext) -> str:
+    reason = (
+        "The server is busy in a callback, or not responding: look at its log, or allow more with"
+        " Timeouts(accept=...)."
+    )
+    if call.surroundings().no_data:
+        reason = no_data(call.action_name)
     return (
         f"{_what(call)} was neither accepted nor rejected within {call.timeouts.accept:g} s."
-        f"{_cancel_sentence(ending, call)} The server is busy in a callback, or not responding:"
-        " look at its log, or allow more with Timeouts(accept=...)."
+        f"{_cancel_sentence(ending, call)} {reason}"
     )
 
 

@@ -16,6 +16,7 @@ class GraphSnapshot:
     domain_id: int
     middleware: str
     best_effort: tuple[str, ...] = ()  # this action's services that are served so
+    no_data: bool = False  # whether this action's servers are in sight, but nothing of them arrives
 
 
 def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
@@ -29,6 +30,8 @@ def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
                 f" {_and(graph.best_effort)}. It is not connected with clients, which are reliable."
                 " Make it reliable, too: its QoS profiles are so by default."
             )
+        if graph.no_data:
+            return no_data(action_name)
         return (
             "A server of this name and type is visible, but has not answered this client yet: it"
             " is just starting, or this machine or the server is too busy. Allow it more time."
@@ -54,6 +57,16 @@ def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
         f"{graph.domain_id}, {graph.middleware})."
     )
     return " ".join(parts)
+
+
+def no_data(action_name: str) -> str:
+    """Return sentences about a server that is visible, but that cannot send anything to here."""
+    return (
+        "The server is visible, but no data from it arrives here. It may run in another container"
+        " or as another user, without shared memory in common: start the containers with"
+        " --ipc=host, or both programs with FASTDDS_BUILTIN_TRANSPORTS=UDPv4. Or a firewall lets"
+        f" only discovery through. Try `actionkit doctor {action_name}`."
+    )
 
 
 def _and(words: tuple[str, ...]) -> str:

@@ -241,6 +241,7 @@ class Session:
             self.identity.domain_id,
             graph.middleware(),
             self.port.best_effort(),
+            self.port.sends_no_data(),
         )
 
     def finished(self, call: Call) -> None:

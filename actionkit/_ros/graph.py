@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from rclpy.node import Node
@@ -113,6 +114,16 @@ def best_effort_services(node: Node, names: ActionNames) -> tuple[str, ...]:
         for end, topic in topics.items()
         if any(map(_is_best_effort, node.get_publishers_info_by_topic(topic, no_mangle=True)))
     )
+
+
+def no_data_from(ends: Iterable[Endpoint]) -> bool:
+    """Return whether none of these servers, if any, has sent anything: they are in sight only.
+
+    The names of nodes are the first data of a process. The middleware sends them by itself, so also
+    those of a process that is busy.
+    """
+    names = [end.node for end in ends]
+    return bool(names) and not any(names)
 
 
 def _is_best_effort(info: TopicEndpointInfo) -> bool:

@@ -183,6 +183,13 @@ class Port:
         except (RCLError, InvalidHandle):
             return ()
 
+    def sends_no_data(self) -> bool:
+        """Return whether the action's servers are in sight, but nothing of them arrives."""
+        try:
+            return graph.no_data_from(graph.servers(self.runtime.node, self.names.feedback))
+        except (RCLError, InvalidHandle):
+            return False
+
     def free(self) -> None:
         """Destroy the entities and release the runtime."""
         self.end_waits()

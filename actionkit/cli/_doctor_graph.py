@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 import statistics
+import subprocess
+import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -49,7 +51,12 @@ def actions_in_sight(survey: Survey, name: str | None, wait: float) -> Iterator[
     yield from _one(survey, action)
     from actionkit._ros.tools.roundtrip import measure
 
-    yield from round_trip_findings(name, len(action.servers), measure(name, _ROUND_TRIP))
+    trip = measure(name, _ROUND_TRIP)
+    silent = trip.first is None and not any(server.node for server in action.servers)
+    if silent:
+        yield _no_data(name)
+    else:
+        yield from round_trip_findings(name, len(action.servers), trip)
 
 
 def _all(survey: Survey, served: dict[str, ActionSeen]) -> Iterator[Finding]:
@@ -168,6 +175,41 @@ def round_trip_findings(name: str, servers: int, trip: RoundTrip) -> Iterator[Fi
             "The silent one was killed, and is not forgotten so far, or is busy in its only"
             " thread.",
         )
+
+
+def _no_data(name: str) -> Finding:
+    """Return what is wrong where servers are in sight, but nothing that they send arrives."""
+    seen = f"the server of {name} is in sight, but no data from it arrives here"
+    if _answers_by_udp(name):
+        return problem(
+            "data",
+            f"{seen}. With UDP alone it answers: the two sides share no memory.",
+            "It runs in another container, or as another user: start the containers with"
+            " --ipc=host, or both programs with FASTDDS_BUILTIN_TRANSPORTS=UDPv4.",
+        )
+    return problem(
+        "data",
+        f"{seen}, also with UDP alone.",
+        "A firewall may let only discovery through: allow UDP in both directions. Or the server was"
+        " killed a moment ago; it stays in sight for up to 20 s.",
+    )
+
+
+_BY_UDP = """
+import sys
+sys.path[:] = sys.argv[2:]
+from actionkit._ros.workarounds.udp_only import use_udp_only
+use_udp_only()
+from actionkit._ros.tools.roundtrip import measure
+print(measure(sys.argv[1], float(5)).answers)
+"""
+
+
+def _answers_by_udp(name: str) -> bool:
+    """Whether the server answers a process that uses no shared memory."""
+    command = [sys.executable, "-c", _BY_UDP, name, *sys.path]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return done.returncode == 0 and done.stdout.strip() not in ("", "0")
 
 
 def _nodes(ends: tuple[object, ...]) -> str:

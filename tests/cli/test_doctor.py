@@ -224,6 +224,29 @@ def test_it_does_not_hang_where_nodes_do(empty_world: World) -> None:
     assert not of("middleware", found)
 
 
+_APART = [*_OWN_SHARED_MEMORY, "sh", "-c", 'mount -t tmpfs none /dev/shm && exec "$@"', "sh"]
+
+
+@pytest.mark.long
+def test_a_server_in_another_container_is_in_sight_and_sends_nothing(empty_world: World) -> None:
+    """Containers have a /dev/shm of their own each; discovery goes by UDP, data does not."""
+    if shutil.which("unshare") is None or not can_make_nodes_hang():
+        pytest.skip("needs the right to mount a /dev/shm of its own")
+    serve = [sys.executable, "-m", "actionkit.servers", "fibonacci"]
+    env = empty_world.environment
+    with subprocess.Popen([*_APART, *serve], stdout=subprocess.PIPE, env=env) as server:
+        assert server.stdout is not None
+        assert b"ready" in server.stdout.readline()
+        goal = ("fibonacci", "test_msgs/action/Fibonacci", "{order: 3}", "--timeout", "15")
+        called = empty_world.run("call", *goal)
+        done = empty_world.run("doctor", "fibonacci", "--json")
+        server.terminate()
+    assert "no data from it arrives here" in called.err
+    assert "busy" not in called.err
+    (data,) = of("data", findings(done))
+    assert "With UDP alone it answers" in data.text
+
+
 @pytest.mark.long
 def test_that_no_server_was_started_yet_is_no_problem(empty_world: World) -> None:
     done = empty_world.run("doctor", "--json", "--wait", "0.1")

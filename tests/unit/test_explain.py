@@ -438,6 +438,15 @@ def test_an_error_says_why_it_was_not_tried_again(end: End) -> None:
 TYPE, OTHER = ("test_msgs/action/Fibonacci",), ("a/action/B",)
 
 
+@pytest.mark.parametrize("end", [End.NO_SERVER, End.NO_ACCEPTANCE])
+def test_a_server_in_sight_that_sends_nothing_is_told_of(end: End) -> None:
+    around = GraphSnapshot({"/fibonacci": TYPE}, 7, "rmw_fastrtps_cpp", no_data=True)
+    told = str(explained(ENDINGS[end][0], surroundings=lambda: around))
+    assert "no data from it arrives here" in told
+    assert "FASTDDS_BUILTIN_TRANSPORTS=UDPv4" in told
+    assert "busy" not in told
+
+
 @pytest.mark.parametrize(
     ("actions", "told"),
     [
