@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from actionkit._calls.graph_snapshot import GraphSnapshot, no_data, seen_instead
+from actionkit._calls.graph_snapshot import DISCOVERY, GraphSnapshot, no_data, seen_instead
 from actionkit._goal.effects import End, Ending
 from actionkit._model import errors
 from actionkit._model.printable import full_stop
@@ -32,10 +32,8 @@ _WHY_IT_MAY_RUN = {
     GoalFate.LEFT: "nobody looks after it any more",
 }
 _ELSEWHERE = "one server has stopped it, and another on the same name has not confirmed that it has"
-_DISCOVERY = 3.0
-"""Seconds until a running server is visible, on a machine that is busy with other work."""
 _MORE_TIME = (
-    f" A server that runs can take {_DISCOVERY:g} s to be seen: if yours does, allow more time"
+    f" A server that runs can take {DISCOVERY:g} s to be seen: if yours does, allow more time"
     " with timeout= and Timeouts(server=...)."
 )
 
@@ -194,7 +192,7 @@ def _no_server(ending: Ending, call: ErrorContext) -> str:
     if call.timeout == 0:
         looked = "and timeout=0 leaves no time to look for one; nothing was sent"
     patience = ""
-    if call.elapsed < _DISCOVERY and graph.actions is not None:
+    if call.elapsed < DISCOVERY and graph.actions is not None:
         patience = "" if call.action_name in graph.actions else _MORE_TIME
     return (
         f"No server for action {call.action_name!r} ({call.type_name}) is ready {looked}."

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from actionkit._model.similar_names import similar_names
 
+DISCOVERY = 3.0
+"""Seconds until a running server is visible, on a machine that is busy with other work."""
+
 
 @dataclass(frozen=True)
 class GraphSnapshot:
@@ -17,6 +20,7 @@ class GraphSnapshot:
     middleware: str
     best_effort: tuple[str, ...] = ()  # this action's services that are served so
     no_data: bool = False  # whether this action's servers are in sight, but nothing of them arrives
+    age: float = 60.0  # seconds since our node entered the graph
 
 
 def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
@@ -51,7 +55,11 @@ def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
     if graph.actions is None:
         parts.append("The ROS context was shut down, so the graph cannot be asked.")
     elif not actions:
-        parts.append("No action server at all is visible.")
+        parts.append(
+            "No action server at all is visible."
+            if graph.age > DISCOVERY
+            else "No action server has come into sight so far."
+        )
     parts.append(
         f"Check that the server runs, and in the same domain (here ROS_DOMAIN_ID="
         f"{graph.domain_id}, {graph.middleware})."

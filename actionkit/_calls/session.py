@@ -242,6 +242,7 @@ class Session:
             graph.middleware(),
             self.port.best_effort(),
             self.port.sends_no_data(),
+            self.port.runtime.now() - self.port.runtime.in_graph_since,
         )
 
     def finished(self, call: Call) -> None:

@@ -159,6 +159,14 @@ def _hashes(infos: list[TopicEndpointInfo]) -> tuple[str, ...]:
     return tuple(sorted({str(each) for each in hashes if each.version == _KNOWN_HASH}))
 
 
+def is_alone(node: Node) -> bool:
+    """Return whether this node sees no other one, of any process."""
+    try:
+        return len(node.get_node_names()) <= 1
+    except RCLError:  # the context was shut down
+        return False
+
+
 def is_last(node: Node) -> bool:
     """Return whether no other node in this node's context needs discovery.
 

@@ -30,7 +30,7 @@ from weakref import WeakValueDictionary
 from rclpy.context import Context
 from rclpy.node import Node
 
-from actionkit._ros.graph import is_last
+from actionkit._ros import graph
 from actionkit._ros.native import (
     SOURCES_OF_A_CLIENT,
     Source,
@@ -115,6 +115,7 @@ class Runtime:
         self.rejoining = Rejoining(
             self,
             can_leave=lambda links: self._can_leave(links) and self._owns_participant,
+            is_alone=lambda: graph.is_alone(self.node),
             renew=self._renew_node,
             on_failure=self._on_rejoin_failure,
         )
@@ -341,7 +342,7 @@ class Runtime:
     @property
     def _owns_participant(self) -> bool:
         """Whether the participant ends with our node; nodes of the user would keep it."""
-        return self._own_context is not None or is_last(self.node)
+        return self._own_context is not None or graph.is_last(self.node)
 
     def _renew_node(self) -> Node:
         goes = self._owns_participant

@@ -75,7 +75,10 @@ SCENES = {
         Exit.TIMED_OUT, "never_finishes", words=("--timeout", "6"), says="runs no more"
     ),
     "no-server": Scene(
-        Exit.NO_SERVER, None, words=("--server-timeout", "0.3"), says="No action server at all"
+        Exit.NO_SERVER,
+        None,
+        words=("--server-timeout", "0.3"),
+        says="No action server has come into sight so far",
     ),
     "server-lost": Scene(Exit.SERVER_LOST, "vanishes", says="was lost", apart=True),
     "type-mismatch": Scene(Exit.TYPE_MISMATCH, "wrong_type", says=NESTED),

@@ -47,7 +47,7 @@ SCENARIOS = {
     "no server": Scenario(
         None,
         ak.ServerUnavailableError,
-        "No action server at all is visible",
+        "No action server has come into sight so far",
         timeouts=Timeouts(server=0.2),
         status=GoalState.TIMED_OUT,
         cancel=CancelReport.NOT_NEEDED,

@@ -438,6 +438,15 @@ def test_an_error_says_why_it_was_not_tried_again(end: End) -> None:
 TYPE, OTHER = ("test_msgs/action/Fibonacci",), ("a/action/B",)
 
 
+@pytest.mark.parametrize("age", [2.0, 3.5])
+def test_a_young_node_says_only_that_it_sees_no_server_so_far(age: float) -> None:
+    """The announcement of a server that runs may come 3 s late."""
+    around = GraphSnapshot({}, 7, "rmw_fastrtps_cpp", age=age)
+    told = str(explained(ENDINGS[End.NO_SERVER][0], surroundings=lambda: around, elapsed=2.0))
+    assert ("No action server at all is visible" in told) == (age > 3.0)
+    assert ("No action server has come into sight so far" in told) == (age < 3.0)
+
+
 @pytest.mark.parametrize("end", [End.NO_SERVER, End.NO_ACCEPTANCE])
 def test_a_server_in_sight_that_sends_nothing_is_told_of(end: End) -> None:
     around = GraphSnapshot({"/fibonacci": TYPE}, 7, "rmw_fastrtps_cpp", no_data=True)

@@ -37,10 +37,12 @@ class Graph:
         self.events: list[str] = []
         self.failures: list[Exception] = []
         self.free = True
+        self.alone = False
         self.took = 0.02
         self.rejoining = Rejoining(
             self.clock,
             can_leave=lambda links: self.free and links == len(self.rejoining.links),
+            is_alone=lambda: self.alone,
             renew=self._renew,
             on_failure=self.failures.append,
         )
@@ -74,13 +76,31 @@ def test_who_sees_no_server_enters_the_graph_anew_twice_and_no_more(network):
     assert network.events == []
     network.clock.advance(0.02)
     assert network.events == ["leave", "leave", "renew", "enter node", "enter node"]
-    network.clock.advance(0.38)
+    network.clock.advance(0.18)
     assert network.renewed == 1
     network.clock.advance(0.02)
     assert network.renewed == 2
     network.clock.advance(3600)
     assert network.renewed == 2
     assert len(network.clock.queue) == 0
+
+
+def test_who_sees_no_node_at_all_tries_more_often_for_a_second(network):
+    network.alone = True
+    network.clock.advance(1.1)
+    assert network.renewed == 6
+    network.clock.advance(3600)
+    assert network.renewed == 6
+    assert len(network.clock.queue) == 0
+
+
+def test_who_sees_another_node_later_tries_no_more(network):
+    network.alone = True
+    network.clock.advance(0.8)
+    tried = network.renewed
+    network.alone = False
+    network.clock.advance(3600)
+    assert network.renewed == tried > 2
 
 
 def test_who_has_seen_a_server_stays_for_good(network):
@@ -122,18 +142,18 @@ def test_without_clients_the_node_stays(network):
 
 def test_a_busy_machine_gets_more_time(network):
     network.took = 0.04  # of which its thread had a core for half the time
-    network.clock.advance(0.3)
+    network.clock.advance(0.21)
     assert network.renewed == 1
-    network.clock.advance(0.6)
+    network.clock.advance(0.38)
     assert network.renewed == 1
-    network.clock.advance(0.2)
+    network.clock.advance(0.02)
     assert network.renewed == 2
 
 
 def test_a_machine_that_stood_still_does_not_hold_it_up_for_ever(network):
     network.took = 100.0
     network.clock.advance(0.3)
-    network.clock.advance(2.0)
+    network.clock.advance(1.0)
     assert network.renewed == 2
 
 
