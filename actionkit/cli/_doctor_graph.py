@@ -191,7 +191,7 @@ def _no_data(name: str) -> Finding:
         "data",
         f"{seen}, also with UDP alone.",
         "A firewall may let only discovery through: allow UDP in both directions. Or the server was"
-        " killed a moment ago; it stays in sight for up to 20 s.",
+        " killed a moment ago (it stays in sight for up to 20 s), or is busy in its only thread.",
     )
 
 

@@ -44,7 +44,9 @@ class Liveness:
         self._on_return = on_return
         self._limit: float | None = None
         self.heard_at = 0.0
-        """When something last came from a server."""
+        """When something last came from a server, or when we began to wait for that."""
+        self.has_heard = False
+        """Whether anything ever came from a server."""
         self._silent = False
 
     def start(self, limit: float) -> None:
@@ -61,6 +63,7 @@ class Liveness:
 
     def heard(self) -> None:
         """Note that something came from a server."""
+        self.has_heard = True
         self.heard_at = self._timers.now()
         if self._silent:
             self._silent = False
