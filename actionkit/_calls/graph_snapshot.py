@@ -72,7 +72,7 @@ def no_data(action_name: str) -> str:
     return (
         "The server is visible, but no data from it arrives here. It may run in another container"
         " or as another user, without shared memory in common: start the containers with"
-        " --ipc=host, or both programs with FASTDDS_BUILTIN_TRANSPORTS=UDPv4. Or a firewall lets"
+        " --ipc host, or both programs with FASTDDS_BUILTIN_TRANSPORTS=UDPv4. Or a firewall lets"
         f" only discovery through. Try `actionkit doctor {action_name}`."
     )
 
