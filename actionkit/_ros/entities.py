@@ -63,7 +63,7 @@ class Entities:
         self._names = names
         self._clients: list[ServiceClient] = []
         self._subscriptions: list[Subscription] = []
-        self.best_effort = False
+        self._best_effort = False
         """Whether feedback is received best-effort."""
         try:
             # The order matters: servers discover the endpoints in the order in which they are
@@ -102,9 +102,11 @@ class Entities:
         """Subscribe to feedback again, so that servers which publish it best-effort match, too.
 
         Not at once: from a server that repeats what was lost, this subscription gets no repetition.
-        Any error of rclpy goes to the caller.
+        Does nothing the second time. Any error of rclpy goes to the caller.
         """
-        self.best_effort = True
+        if self._best_effort:
+            return
+        self._best_effort = True
         before = self._subscriptions.copy()
         self._use_feedback()
         for subscription in before:
@@ -180,7 +182,7 @@ class Entities:
             QoSProfile(
                 depth=_DEEP,
                 reliability=ReliabilityPolicy.BEST_EFFORT
-                if self.best_effort
+                if self._best_effort
                 else ReliabilityPolicy.RELIABLE,
             ),
             raw=True,

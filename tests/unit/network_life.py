@@ -65,8 +65,6 @@ class Topic:
 class Entities:
     """A client's entities: three services, and topics on which nothing comes."""
 
-    best_effort = False
-
     def __init__(self, life: NetworkLife, _node: Any, _impl: Any, _name: str, **callbacks: Any):
         self.goal = Service(life, "goal", callbacks["on_goal"])
         self.result = Service(life, "result", callbacks["on_result"])

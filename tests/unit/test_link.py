@@ -63,8 +63,6 @@ class Topic:
 class Entities:
     """The entities of a link, without any middleware."""
 
-    best_effort = False
-
     def __init__(self, node: Any, impl: Any, name: str, **callbacks: Any) -> None:
         self.goal = Service(callbacks["on_goal"])
         self.result = Service(callbacks["on_result"])

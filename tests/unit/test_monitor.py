@@ -16,7 +16,7 @@ from typing import Any, cast
 
 import pytest
 from rclpy.exceptions import InvalidHandle
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from actionkit._ros.entities import Entities
 from actionkit._ros.listener import GoalListener, Waiter
@@ -69,6 +69,7 @@ class World:
         self.graph: list[bytes] | None = []
         self.nodes: dict[bytes, str] = {}
         self.action_type = TYPE
+        self.reliability = ReliabilityPolicy.RELIABLE
         self.probes: list[float] = []
         self.queued: list[Goal] = []
         self.ready = 0
@@ -91,7 +92,7 @@ class World:
                 Entities,
                 SimpleNamespace(
                     matched=matched,
-                    best_effort=False,
+                    receive_best_effort=lambda: self.story.append("again, best effort"),
                     services_ready=lambda: bool(self.matched),
                     subscribe_status=self._no_status,
                 ),
@@ -118,7 +119,7 @@ class World:
             raise InvalidHandle("the context was shut down")
         return [
             SimpleNamespace(
-                qos_profile=QoSProfile(depth=1),
+                qos_profile=QoSProfile(depth=1, reliability=self.reliability),
                 endpoint_gid=list(gid),
                 topic_type=f"{self.action_type}_FeedbackMessage",
                 node_name=self.nodes.get(gid, "server"),
@@ -570,6 +571,18 @@ def test_a_closed_monitor_begins_no_probes(world: World) -> None:
     probes = len(world.probes)
     world.monitor.liveness.start(1.0)
     assert len(world.probes) == probes
+
+
+def test_feedback_is_received_best_effort_only_while_no_server_is_matched(world: World) -> None:
+    world.serve(b"a")
+    world.sent()
+    world.reliability, world.graph = ReliabilityPolicy.BEST_EFFORT, [b"a", b"b"]
+    world.read_event()
+    assert "again, best effort" not in world.story
+    world.serve()
+    world.graph = [b"b"]
+    world.wait()
+    assert world.story[-1] == "again, best effort"
 
 
 # --- after this process itself stood still (contract C5.4) -------------------------------------

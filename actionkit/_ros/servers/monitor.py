@@ -232,7 +232,8 @@ class ServerMonitor:
     def _list_servers(self) -> list[graph.Endpoint] | None:
         try:
             listed = graph.servers(self._runtime.node, self._names.feedback)
-            if not self._entities.best_effort and any(server.best_effort for server in listed):
+            # Not while a server is matched: to its goals, it would seem to go and to come again.
+            if self.readiness.count == 0 and any(server.best_effort for server in listed):
                 self._entities.receive_best_effort()
         except (RCLError, InvalidHandle):
             return None  # the context was shut down, and with it the graph (R10)
