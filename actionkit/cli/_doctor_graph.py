@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from actionkit.cli._findings import Finding, note, ok, problem
+from actionkit.cli._versions import not_ours
 from actionkit.cli.info import nothing_there
 
 if TYPE_CHECKING:
@@ -117,6 +118,13 @@ def _one(survey: Survey, action: ActionSeen) -> Iterator[Finding]:
                 f"{name} has two versions of its {versions}.",
                 "Build both sides from the same .action file: each misreads what the other sends.",
             )
+    if different := not_ours(survey, action):
+        yield problem(
+            "type",
+            f"{name} is served with another version of its type than is installed here:"
+            f" {different}.",
+            "A call from here is refused: build both sides from the same .action file.",
+        )
     for kind in types:
         package = kind.split("/", 1)[0]
         if importlib.util.find_spec(package) is None:

@@ -12,6 +12,7 @@ from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option, json_option, name_argument, wait_option
 from actionkit.cli._problems import full_name, open_survey
 from actionkit.cli._say import say
+from actionkit.cli._versions import not_ours
 
 if TYPE_CHECKING:
     from actionkit._ros.graph import Endpoint
@@ -41,7 +42,8 @@ def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool
             enough=lambda seen: full in seen and bool(seen[full].servers),
         )
         versions = [each for each in survey.versions(full) if each.servers or each.clients]
-    action = actions.get(full)
+        action = actions.get(full)
+        different = not_ours(survey, action) if action else ""
     servers = action.servers if action else ()
     clients = action.clients if action else ()
     if as_json:
@@ -55,6 +57,7 @@ def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool
                         each.end: {"servers": each.servers, "clients": each.clients}
                         for each in versions
                     },
+                    "differs_from_here": bool(different),
                 }
             )
         )
@@ -65,6 +68,8 @@ def command(name: str, show_types: bool, count: bool, wait: float, as_json: bool
         for each in versions:
             if each.differ:
                 say(f"Two versions of the {each}")
+        if different:
+            say(f"Another version is installed here: {different}")
     if not servers:
         say(f"Error: {nothing_there(full, actions)}", err=True)
         return Exit.NO_SERVER

@@ -9,6 +9,7 @@ from actionkit.cli._exits import Exit
 from actionkit.cli._options import HELP, debug_option, json_option, wait_option
 from actionkit.cli._problems import open_survey
 from actionkit.cli._say import say
+from actionkit.cli._versions import not_ours
 
 _MOST = 4.0
 """Seconds to look at most if nothing is seen."""
@@ -30,6 +31,7 @@ def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -
     with open_survey() as survey:
         actions = survey.settled(least=wait, most=_MOST)
         torn = {name for name in actions if any(v.differ for v in survey.versions(name))}
+        strange = {name for name, action in actions.items() if not_ours(survey, action)}
     if as_json:
         for action in actions.values():
             say(
@@ -40,6 +42,7 @@ def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -
                         "servers": [end.node for end in action.servers],
                         "clients": [end.node for end in action.clients],
                         "versions_differ": action.name in torn,
+                        "differs_from_here": action.name in strange,
                     }
                 )
             )
@@ -48,6 +51,10 @@ def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -
     else:
         for action in actions.values():
             types = f" [{', '.join(action.types)}]" if show_types else ""
-            warning = " (in two versions: see `actionkit info`)" if action.name in torn else ""
+            warning = ""
+            if action.name in torn:
+                warning = " (in two versions: see `actionkit info`)"
+            elif action.name in strange:
+                warning = " (another version is installed here: see `actionkit info`)"
             say(f"{action.name}{types}{warning}")
     return Exit.OK

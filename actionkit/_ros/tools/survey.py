@@ -10,6 +10,7 @@ from typing import Any
 from typing_extensions import Self
 
 from actionkit._ros import graph, runtimes
+from actionkit._ros.entities import Entities
 from actionkit._ros.names import ActionNames, check_name
 from actionkit._ros.own_node import resolve_without_node
 
@@ -92,6 +93,25 @@ class Survey:
     def versions(self, name: str) -> list[graph.Versions]:
         """Return the type hashes of an action's servers and clients."""
         return graph.versions(self.runtime.node, ActionNames.of(name))
+
+    def versions_here(self, name: str, action_type: Any) -> list[graph.Versions]:
+        """Return the type hashes of an action's servers, and of this class of the action's type.
+
+        For that it makes the entities of a client for a moment. Any error of rclpy goes to the
+        caller, above all where the library of the type cannot be loaded.
+        """
+        node, names = self.runtime.node, ActionNames.of(name)
+
+        def look() -> list[graph.Versions]:
+            nothing = {f"on_{what}": lambda *_: None for what in ("goal", "result", "cancel")}
+            more = {f"on_{what}": lambda *_: None for what in ("feedback", "matched")}
+            entities = Entities(node, action_type.Impl, names, **nothing, **more)
+            try:
+                return graph.versions(node, names, of_client=node.get_name())
+            finally:
+                entities.destroy()
+
+        return self.runtime.run(look)
 
     def settled(
         self,
