@@ -219,8 +219,13 @@ class Cancelling:
 
     @property
     def _waits_for_answers(self) -> bool:
-        answers = (self._answers[number] for number in range(self._first, self._number + 1))
-        return max(answers, default=0) < max(1, len(self.board.servers))
+        return self._answered < max(1, len(self.board.servers))
+
+    @property
+    def _answered(self) -> int:
+        """How many servers have answered the last request, or one that repeats it."""
+        numbers = range(self._first, self._number + 1)
+        return max((self._answers[number] for number in numbers), default=0)
 
     # --- what happened to it ---------------------------------------------------------------
 
@@ -242,8 +247,7 @@ class Cancelling:
     @property
     def missing(self) -> int:
         """How many servers in sight have not answered for all goals; some may be unknown."""
-        answered = max(self._answers.values(), default=0)
-        return max(0, len(self.board.servers) - answered) if self.every else 0
+        return max(0, len(self.board.servers) - self._answered) if self.every else 0
 
     @property
     def unheard(self) -> str:

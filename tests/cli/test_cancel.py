@@ -297,6 +297,24 @@ def test_a_goal_that_had_ended_is_not_asked_about() -> None:
     assert cancelling.to_ask(9.0) is None, "all goals would be canceled"
 
 
+def test_an_answer_to_an_earlier_request_is_none_to_the_last() -> None:
+    """The server may have accepted a goal in between, and stopped answering."""
+    cancelling = Cancelling("/a")
+    cancelling.seen(["/server"])
+    cancelling.take_news(("/server",), 0.0)
+    first = cancelling.to_ask(0.0)
+    cancelling.take_all(SimpleNamespace(request=first, canceling=()), 0.1)
+    assert (cancelling.done, cancelling.exit) == (True, Exit.OK)
+    cancelling.once_more()
+    assert cancelling.to_ask(4.0) == 2
+    cancelling.settle(9.0, over=True)
+    assert cancelling.exit is Exit.CANCEL_UNKNOWN
+    assert cancelling.unheard == "/a: 1 of 1 servers did not answer. GOALS MAY STILL BE RUNNING."
+    third = cancelling.to_ask(9.0)  # it repeats the second
+    cancelling.take_all(SimpleNamespace(request=third, canceling=()), 9.1)
+    assert (cancelling.unheard, cancelling.exit) == ("", Exit.OK)
+
+
 @pytest.mark.long
 def test_the_exit_code_is_that_of_the_worst() -> None:
     goals = [str(uuid.UUID(int=number)) for number in range(1, 4)]
