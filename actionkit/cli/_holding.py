@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import os
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from actionkit._model.domain import environment_domain
+from actionkit._model.own_module import command_for
 from actionkit._ros.holds.state import Hold, HoldState, encode
 from actionkit._ros.holds.words import since
 from actionkit.cli._exits import Exit
@@ -38,7 +38,7 @@ class Keeper:
         self._process: subprocess.Popen[bytes] | None = None
         with contextlib.suppress(OSError):  # no more processes: `is_ready` reports it
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "actionkit.cli._keeper"],
+                command_for("actionkit.cli._keeper"),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,

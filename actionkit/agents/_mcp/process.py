@@ -13,7 +13,6 @@ import select
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import traceback
 from collections import defaultdict
@@ -23,6 +22,7 @@ from typing import Any, NoReturn
 
 from mcp.server import Server
 
+from actionkit._model.own_module import command_for
 from actionkit.agents._mcp import http
 from actionkit.agents._mcp.address import Address
 from actionkit.agents._mcp.calls import Calls
@@ -201,11 +201,11 @@ def go_on_cancelling(toolbox: Toolbox) -> list[str]:
             by_action[toolbox.action_of(goal["tool"])].append(goal["goal_id"])
     lines = []
     for action, ids in by_action.items():
-        command = ["-m", "actionkit", "cancel", action, *ids, "--timeout", _GOES_ON]
+        words = ["cancel", action, *ids, "--timeout", _GOES_ON]
         goes_on = f"another process goes on cancelling it for {_GOES_ON} seconds"
         try:
             subprocess.Popen(
-                [sys.executable, *command, "--server-timeout", _GOES_ON, "--may-come"],
+                command_for("actionkit", *words, "--server-timeout", _GOES_ON, "--may-come"),
                 # The host may wait for all processes that have its pipes, or kill our group.
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
