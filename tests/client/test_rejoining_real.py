@@ -97,7 +97,7 @@ def test_waits_and_calls_survive_a_second_try(action_server, make_client):
     client.call(GOAL, on_feedback=feedback.append, timeout=60)
     assert feedback
     assert list(make_client().call(GOAL, timeout=60).sequence) == [0, 1, 1, 2]
-    assert tries(client) == _TRIES_ALONE
+    assert 2 <= tries(client) <= _TRIES_ALONE  # more only while no other node was in sight
 
 
 def test_in_a_context_of_the_users_there_is_no_second_try(action_server, make_client, ros_domain):
