@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from actionkit._ros.holds import topic as topics
 from actionkit._ros.holds import view as views
 from actionkit._ros.holds.ours import new_hold
 from actionkit._ros.holds.state import Hold, HoldState
@@ -27,6 +26,18 @@ from tests.waiting import until
 
 LONG = 30.0
 RunScript = Callable[..., Script]
+SILENT = """
+import sys, time
+from actionkit._ros.holds.view import HoldView
+HoldView._tell = lambda self: None
+view = HoldView(None, "agent", speaks=True)
+view.start()
+while view._topic is None:
+    time.sleep(0.01)
+print("ready", flush=True)
+sys.stdin.read()
+view.close()
+"""
 
 
 @pytest.fixture
@@ -249,8 +260,30 @@ def test_whoever_is_in_sight_and_silent_makes_it_unknown(
             # One on the same computer has a file, too. (Two users' agents never hear each other.)
             monkeypatch.setattr(views, "_FILES_DO", 2.0)
             assert known(agent, LONG)
-            monkeypatch.setattr(topics.Speaker, "computer", property(lambda self: self.gid))
-            until(lambda: not agent.is_known)
+
+
+@pytest.mark.long
+def test_who_is_not_heard_and_has_other_files_makes_it_unknown(
+    ros_domain: int,
+    apart: Callable[[], None],
+    run_script: RunScript,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Agents in two containers, each with a /tmp of its own."""
+    monkeypatch.setattr(views, "SETTLE", 0.0)
+    monkeypatch.setattr(views, "_FILES_DO", 2.0)
+    silent = run_script(SILENT)
+    assert silent.line() == "ready"
+    with listening() as beside:
+        until(lambda: len(beside._view._speakers) == 2)
+        assert not beside.is_known
+        assert known(beside, LONG)
+    apart()
+    with listening() as contained:
+        until(lambda: len(contained._view._speakers) == 2)
+        assert not known(contained, 2 * views._FILES_DO)
+        assert "give both the same folder" in (contained.why_held() or "")
+    assert silent.finish()[0] == 0
 
 
 @pytest.mark.long

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import stat
+import subprocess
+import sys
 from functools import reduce
 from pathlib import Path
 
@@ -173,12 +175,43 @@ def test_of_two_users_each_has_a_file(directory: Path) -> None:
     HoldFiles(7).write(of(one("1")))
     (ours,) = directory.iterdir()
     prefix = ours.name.rpartition("-")[0]
-    # A file with another user's name in its own name is ignored.
-    (directory / f"{prefix}-4711").write_text(encode(of(one("2"))))
-    assert HoldFiles(7).read().active == (one("1"),)
+    # Of a rootless container: its users have other numbers than the same users here.
+    (directory / f"{prefix}-0.4026532207").write_text(encode(of(one("2"))))
     if os.getuid() == 0:
-        os.chown(directory / f"{prefix}-4711", 4711, 4711)
-        assert HoldFiles(7).read().active == (one("1"), one("2"))
+        os.chown(directory / f"{prefix}-0.4026532207", 4711, 4711)
+    assert HoldFiles(7).read().active == (one("1"), one("2"))
+
+
+def test_a_rootless_container_writes_a_file_of_its_own(directory: Path) -> None:
+    """There, the number 0 is that of an ordinary user, who cannot replace the file of root."""
+    script = (
+        "from actionkit._ros.holds.files import HoldFiles; from tests.agents.test_hold_state import"
+        " of, one; HoldFiles(7).write(of(one('2'))); print(HoldFiles(7).shared_by())"
+    )
+    apart = ("unshare", "--user", "--map-root-user")
+    if subprocess.run([*apart, "true"], check=False, capture_output=True).returncode:
+        pytest.skip("this computer lets nobody make a user namespace")
+    HoldFiles(7).write(of(one("1")))
+    told = subprocess.run(
+        [*apart, sys.executable, "-c", script], check=True, capture_output=True, text=True
+    )
+    assert len(list(directory.iterdir())) == 2
+    assert HoldFiles(7).read().active == (one("1"), one("2"))
+    assert told.stdout.strip() == HoldFiles(7).shared_by()
+
+
+def test_who_has_other_files_is_told_apart(
+    directory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = HoldFiles(7).shared_by()
+    assert here == HoldFiles(8).shared_by()
+    assert here.replace("_", "").isalnum()
+    monkeypatch.setenv("ACTIONKIT_HOLD_DIR", str(tmp_path / "other"))
+    assert here != HoldFiles(7).shared_by()
+    # Nobody shares what cannot be written.
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("ACTIONKIT_HOLD_DIR", str(tmp_path / "file"))
+    assert HoldFiles(7).shared_by() != HoldFiles(7).shared_by()
 
 
 def test_a_file_that_cannot_be_read_is_no_file_that_tells_nothing(

@@ -34,7 +34,7 @@ pytestmark = [
 
 @dataclass
 class OtherUser:
-    """Another user of this computer, in the same ROS domain, with files of holds of their own."""
+    """Another user of this computer, in the same ROS domain; the folder of holds is for both."""
 
     words: list[str]
     environment: dict[str, str]
@@ -54,7 +54,7 @@ class OtherUser:
 
 
 @pytest.fixture
-def other_user(empty_world: World) -> Iterator[OtherUser]:
+def other_user(empty_world: World, monkeypatch: pytest.MonkeyPatch) -> Iterator[OtherUser]:
     directory = Path("/tmp") / f"actionkit-test-{os.getpid()}-{empty_world.domain}"
     directory.mkdir()
     os.chown(directory, OTHER, OTHER)
@@ -62,7 +62,11 @@ def other_user(empty_world: World) -> Iterator[OtherUser]:
     become = ["setpriv", "--reuid", str(OTHER), "--regid", str(OTHER), "--clear-groups"]
     become += ["--inh-caps", "+dac_read_search", "--ambient-caps", "+dac_read_search"]
 
-    variables = ("ACTIONKIT_HOLD_DIR", "ROS_LOG_DIR", "HOME")
+    holds = directory / "holds"
+    holds.mkdir()
+    holds.chmod(0o1777)  # as /tmp/actionkit-holds
+    monkeypatch.setenv("ACTIONKIT_HOLD_DIR", str(holds))
+    variables = ("ROS_LOG_DIR", "HOME")
     environment = {
         **empty_world.environment,
         **dict.fromkeys(variables, str(directory)),

@@ -11,6 +11,7 @@ import contextlib
 import os
 import stat
 import tempfile
+import uuid
 from functools import cache
 from pathlib import Path
 
@@ -24,6 +25,10 @@ _FOR_ALL = 0o1777
 """Everybody may write files there, and remove or rename only their own, as in /tmp itself."""
 
 
+_FIRST_USER_NAMESPACE = 0xEFFFFFFD
+"""The inode of the computer's own user namespace: PROC_USER_INIT_INO in Linux."""
+
+
 class UnreadableError(OSError):
     """A file cannot be read, so nobody knows whether it has a hold."""
 
@@ -33,13 +38,28 @@ class HoldFiles:
 
     def __init__(self, domain_id: int) -> None:
         self._prefix = f"domain-{domain_id}-"
-        self._own = f"{self._prefix}{_boot()}-{os.getuid()}"
+        self._own = f"{self._prefix}{_boot()}-{os.getuid()}{_user_namespace()}"
         self._read: tuple[object, HoldState] = (None, HoldState())
 
     @property
     def directory(self) -> str:
         """Where they are."""
         return os.environ.get(_VARIABLE) or _DIRECTORY
+
+    def shared_by(self) -> str:
+        """Return what only processes have in common that see, and may write, the same files.
+
+        It is letters and digits. If we cannot write files, nobody else has it.
+        """
+        directory = Path(self.directory)
+        try:
+            _make(directory)
+            info = directory.stat()
+            if os.access(directory, os.W_OK):
+                return f"{_boot()}_{info.st_dev:x}_{info.st_ino:x}"
+        except OSError:
+            pass
+        return uuid.uuid4().hex
 
     def read(self) -> HoldState:
         """Return what the files say. Takes some ten microseconds if nothing has changed.
@@ -66,12 +86,12 @@ class HoldFiles:
         return state
 
     def _is_ours(self, entry: os.DirEntry[str]) -> bool:
-        """Whether it is a file of this domain and boot, owned by the user in its name."""
-        prefix, _, owner = entry.name.rpartition("-")
-        if prefix != f"{self._prefix}{_boot()}":
-            return False
-        info = entry.stat(follow_symlinks=False)
-        return stat.S_ISREG(info.st_mode) and owner == str(info.st_uid)
+        """Whether it is a file of this domain and boot.
+
+        The owner does not matter: a rootless container has other numbers for the same users.
+        """
+        prefix = entry.name.rpartition("-")[0]
+        return prefix == f"{self._prefix}{_boot()}" and entry.is_file(follow_symlinks=False)
 
     def write(self, state: HoldState) -> None:
         """Write all of `state` into our file, unless it is there already.
@@ -117,6 +137,16 @@ def _make(directory: Path) -> None:
         directory.chmod(_FOR_ALL)
     if not stat.S_ISDIR(directory.lstat().st_mode):
         raise NotADirectoryError(f"{directory} is no directory")
+
+
+@cache
+def _user_namespace() -> str:
+    """Return what makes file names differ where the numbers of users mean different users."""
+    try:
+        inode = os.stat("/proc/self/ns/user").st_ino
+    except OSError:
+        return ""
+    return "" if inode == _FIRST_USER_NAMESPACE else f".{inode}"
 
 
 @cache

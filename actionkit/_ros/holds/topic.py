@@ -28,6 +28,8 @@ TOPIC = "/actionkit/hold"
 _NODE = "actionkit_hold_"
 _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 """The middleware's placeholder for a node's name just after discovery."""
+_PROCESS = 12
+"""The first bytes of the id of a publisher, which all of its process have in common."""
 _DEPTH = 200
 """Messages that wait to be read; all publishers share one queue."""
 _JOIN = 5.0
@@ -40,24 +42,24 @@ class Speaker:
     """A publisher of the topic."""
 
     node: str  # the name of its node, or the placeholder while that is not known
-    gid: bytes  # its id; the first bytes stand for the middleware and the computer
-
-    @property
-    def computer(self) -> bytes:
-        """With Fast DDS, an id of the computer."""
-        return self.gid[:4]
+    gid: bytes  # its id
+    shares_files: bool  # whether it has the same hold files as we
 
 
 class HoldTopic:
     """One process's publisher and subscription, on the runtime that its clients share."""
 
-    def __init__(self, domain_id: int, on_text: Callable[[str], None], *, speaks: bool) -> None:
+    def __init__(
+        self, domain_id: int, on_text: Callable[[str], None], *, speaks: bool, files: str
+    ) -> None:
         """Join the topic; errors of rclpy go to the caller.
 
         `on_text` gets the text of each message, on the communication thread. `speaks` says whether
-        `say` will be called: others wait for the first message of a process that speaks.
+        `say` will be called: others wait for the first message of a process that speaks. `files`
+        is what only processes with the same hold files have (`HoldFiles.shared_by`).
         """
         self._on_text = on_text
+        self._files_topic = f"{TOPIC}/files_{files}"
         self._publisher: Any = None
         # Unique on all computers: others identify the process by it.
         self.node_name = f"{_NODE}{uuid.uuid4().hex}"
@@ -79,9 +81,15 @@ class HoldTopic:
 
     def speakers(self) -> list[Speaker]:
         """Return the publishers in sight, also that of this process."""
-        infos = self._node.get_publishers_info_by_topic(TOPIC)
-        seen = [Speaker(info.node_name, bytes(info.endpoint_gid)) for info in infos]
+        sharing = {gid[:_PROCESS] for _, gid in self._publishers(self._files_topic)}
+        seen = [
+            Speaker(node, gid, gid[:_PROCESS] in sharing) for node, gid in self._publishers(TOPIC)
+        ]
         return [speaker for speaker in seen if speaker.node.startswith((_NODE, _UNKNOWN_NODE))]
+
+    def _publishers(self, topic: str) -> list[tuple[str, bytes]]:
+        infos = self._node.get_publishers_info_by_topic(topic)
+        return [(info.node_name, bytes(info.endpoint_gid)) for info in infos]
 
     def close(self) -> None:
         """Leave the topic: nobody gets this process's last message any more."""
@@ -107,6 +115,9 @@ class HoldTopic:
         self._source = subscribe_raw(self._node, Log, TOPIC, _qos(_DEPTH), self._take)
         self._runtime.enable(self._source)
         if speaks:
+            # Never published on: its name tells who has our files, also to those who get none of
+            # our data, as other users of this computer, and containers, may not.
+            self._node.create_publisher(Log, self._files_topic, 1)
             self._publisher = self._node.create_publisher(Log, TOPIC, _qos(1))
 
     def _end(self) -> None:

@@ -35,11 +35,15 @@ nothing counts as known, because messages may have been lost."""
 _JOIN = 5.0
 """Seconds for the thread to end."""
 _FILES_DO = 10.0
-"""Seconds to wait for the message of a process on the same computer: it is in a file, too."""
+"""Seconds to wait for the message of a process with the same files: it is in a file, too."""
 _WORN_OUT = 30.0
 """Seconds that a process out of sight is remembered."""
-NOT_YET = "others have not all been heard yet"
-"""This reason ends soon after `start`; any other reason may last."""
+_NOT_YET = "others have not all been heard yet"
+_CUT_OFF = (
+    "another agent or terminal is in sight, but its messages do not arrive here, as between two"
+    " containers: start both with --ipc=host, or give both the same folder in ACTIONKIT_HOLD_DIR"
+)
+"""Unlike the reason before, this one may last."""
 _RETRY = 1.0
 """Seconds until the topic is joined again after a failure."""
 
@@ -96,6 +100,7 @@ class HoldView:
         self._joined = 0.0
         self._looked = 0.0
         self._settled = False
+        self._cut_off = False
         self._told: HoldState | None = None
         self._trouble = ""
         self._stopping = False
@@ -132,13 +137,21 @@ class HoldView:
         unknown = self._unknown() or unread
         return self._take_texts(), unknown
 
+    @property
+    def surely_free(self) -> bool:
+        """Whether nothing is held, as far as `known` knew at most a second ago.
+
+        Takes no lock and reads no file: the communication thread may ask.
+        """
+        return not (self._texts or self._unknown() or self._state.active)
+
     def _unknown(self) -> str:
         if self._trouble:
             return self._trouble
         if self._pid != os.getpid():
             return "this process was forked from the one that listened"
         if not self._settled or _uptime() - self._looked > _GAP:
-            return NOT_YET
+            return _CUT_OFF if self._cut_off else _NOT_YET
         return ""
 
     @property
@@ -195,15 +208,18 @@ class HoldView:
     def _read_files(self) -> str:
         """Add the state in the files; return what was wrong with them."""
         try:
-            if self._files is None:
-                self._files = HoldFiles(self._domain())
-            state = self._files.read()
+            state = self._own_files().read()
         except (OSError, ValueError) as error:
             return f"{type(error).__name__}: {error}"
         if state:
             with self._lock:
                 self._state = states.merged(self._state, state)
         return ""
+
+    def _own_files(self) -> HoldFiles:
+        if self._files is None:
+            self._files = HoldFiles(self._domain())
+        return self._files
 
     def _domain(self) -> int:
         """Return the domain: the first one is kept, even if the environment changes."""
@@ -257,7 +273,8 @@ class HoldView:
             self._leave()
         now = _uptime()
         if self._topic is None:
-            self._topic = HoldTopic(self._domain(), self._on_text, speaks=self._speaks)
+            files = self._own_files().shared_by()
+            self._topic = HoldTopic(self._domain(), self._on_text, speaks=self._speaks, files=files)
             self._joined = now = _uptime()
         elif now - self._looked > _GAP:
             # We were away: messages may have been lost, and others may not see us any more.
@@ -275,13 +292,12 @@ class HoldView:
 
     def _who_is_silent(self, speakers: list[Speaker], own: str, now: float) -> bool:
         """Whether a process in sight may know a hold, and has not sent it."""
-        here = {speaker.computer for speaker in speakers if speaker.node == own}
         silent = [s for s in speakers if s.node != own and s.node not in self._heard]
         self._silent_since = {s.gid: self._silent_since.get(s.gid, now) for s in silent}
+        long = [s for s in silent if now - self._silent_since[s.gid] >= _FILES_DO]
         # Agents of two users on one computer never get each other's messages; they use the files.
-        return any(
-            s.computer not in here or now - self._silent_since[s.gid] < _FILES_DO for s in silent
-        )
+        self._cut_off = not all(s.shares_files for s in long)
+        return self._cut_off or len(silent) > len(long)
 
     def _forget(self, now: float) -> None:
         with self._lock:
