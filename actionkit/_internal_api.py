@@ -75,15 +75,17 @@ def prepare_call(
     client: Client[Any],
     goal: object,
     timeout: Any,
-    retry: RetryPolicy | None,
-    classify: Classify | None,
+    retry: RetryPolicy | None = None,
+    classify: Classify | None = None,
+    on_feedback: Callable[[Any], object] | None = None,
+    before_resend: Callable[[], object] | None = None,
 ) -> tuple[GoalFuture[Any, Any], Callable[[], None]]:
     """Return the future of a call that has not begun, and the function that begins it.
 
     So the future can be kept before there is a goal, and no interruption loses it. The arguments
-    and errors are those of `Client.call_async`.
+    and errors are those of `Client.call_async`; `before_resend` is that of `Request`.
     """
-    call = client._prepare(goal, None, timeout, retry, classify)
+    call = client._prepare(goal, on_feedback, timeout, retry, classify, before_resend)
     return call.future, partial(client._session.begin, call)
 
 

@@ -158,6 +158,8 @@ class Call:
 
     def on_turn(self) -> None:
         """Its goal may be sent; it is sent now, or after it is queued again."""
+        if self.machine.attempts > 1 and self._request.before_resend is not None:
+            self._request.before_resend()
         self._do(self.machine.turn(time.monotonic()))
 
     def on_server_lost(self, reason: str) -> None:

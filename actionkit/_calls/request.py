@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,3 +27,6 @@ class Request:
     callbacks: Callbacks | None  # pass on the feedback
     pool: Pool  # for done callbacks
     function_pool: Pool  # for `classify` and the strategies of `retry`
+    before_resend: Callable[[], object] | None = None
+    """Called on the communication thread before another goal is sent. It may cancel the call, and
+    then nothing is sent; it never blocks."""

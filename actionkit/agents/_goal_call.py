@@ -8,7 +8,7 @@ import logging
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from actionkit._internal_api import in_thread, status_topic, unless_by_anyio
+from actionkit._internal_api import in_thread, prepare_call, status_topic, unless_by_anyio
 from actionkit._messages.convert import from_plain, to_plain
 from actionkit._messages.json_text import to_json
 from actionkit._model.field_errors import FieldProblem
@@ -29,6 +29,10 @@ _log = logging.getLogger("actionkit")
 _UNTIL_KNOWN = 13.0
 """Seconds to wait until it is known whether a human has stopped the robot. It takes four; ten where
 another agent on the computer was killed shortly before, and is still in sight."""
+_NOT_SENT_AGAIN = (
+    "the goal failed, and was not sent again: it was not known any more that no human has stopped"
+    " the robot"
+)
 _CANCEL_GRACE = 1.0
 """Seconds on top of `timeouts.cancel`, which bounds the confirmation by itself."""
 _LONGEST_QUESTION = 4000
@@ -166,13 +170,25 @@ class GoalCalls:
         if not self._goals.add(record, tool.concurrent - len(others)):
             raise _too_many(tool, self._goals.counting(record.action), others)
         sent = False
+
+        def before_resend() -> None:
+            if not hold.surely_free:
+                record.cancel(_NOT_SENT_AGAIN)
+
         try:
             self._check(tool, hold)
             if self.stops != stops:
                 text = "everything was cancelled while this waited to be sent"
                 raise _Refused(tool, "cancelled", text, "Ask before going on.")
             with telling(on_progress, lambda: record.state) as on_feedback:
-                future = client.call_async(goal, on_feedback, tool.timeout)
+                future, begin = prepare_call(
+                    client,
+                    goal,
+                    tool.timeout,
+                    on_feedback=on_feedback,
+                    before_resend=before_resend,
+                )
+                begin()
                 sent = True
                 record.follow(future)
                 await record.over()

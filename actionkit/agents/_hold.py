@@ -61,6 +61,14 @@ class HoldListener:
         )
 
     @property
+    def surely_free(self) -> bool:
+        """Whether it was known at most a second ago that nobody has stopped the robot.
+
+        For ActionKit's own threads: it takes no lock and reads no file.
+        """
+        return not self._closed and self._view.surely_free
+
+    @property
     def is_known(self) -> bool:
         """Whether it is known that a human has stopped the robot, or that nobody has."""
         holds, unknown = self._known()

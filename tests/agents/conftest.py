@@ -29,7 +29,7 @@ class FakeHold:
     def __init__(self) -> None:
         self.runtime: Any = None
         self.reason: str | None = None
-        self.is_known = True
+        self.is_known = self.surely_free = True
         self.asked = 0
         self.stop_when_asked: int | None = None
         self.callbacks: list[Callable[[str], object]] = []

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 from typing import Any
 
 import pytest
 from test_msgs.action import Fibonacci
 
-from actionkit import Client
-from actionkit.agents import ApprovalRequest
+from actionkit import Client, Verdict
+from actionkit.agents import ApprovalRequest, _clients
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import FIBONACCI, FakeHold, Make, seen, told
 from tests.waiting import until_in_loop
@@ -300,3 +301,29 @@ def test_a_call_waits_again_where_a_look_for_goals_made_the_stop_unknown(
     asyncio.run(main())
     server.sync()
     assert server.count("goal_received") == (error is None)
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_a_failed_goal_is_sent_again_only_if_surely_nobody_has_stopped_the_robot(
+    make_toolbox: Make,
+    action_server: ActionServerFactory,
+    hold: FakeHold,
+    monkeypatch: pytest.MonkeyPatch,
+    free: bool,
+) -> None:
+    server = action_server("aborts")
+    transient = partial(_clients.client_in_domain, classify=lambda outcome: Verdict.TRANSIENT)
+    monkeypatch.setattr(_clients, "client_in_domain", transient)
+    hold.surely_free = free
+
+    async def main() -> dict[str, Any]:
+        async with make_toolbox({"fib": FIBONACCI}) as toolbox:
+            value: dict[str, Any] = told(toolbox, await toolbox.call("fib", {"order": 1}))
+            return value
+
+    error = asyncio.run(main())["error"]
+    server.sync()
+    assert server.count("goal_received") == (3 if free else 1)
+    if not free:
+        assert error["type"] == "cancelled"
+        assert "not sent again: it was not known any more" in error["message"]
