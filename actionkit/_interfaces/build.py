@@ -18,7 +18,7 @@ from actionkit._interfaces import checks, compile, dependencies, generators, pro
 from actionkit._interfaces.dependencies import BuildRecord, Dependency
 from actionkit._interfaces.processes import Progress
 from actionkit._interfaces.selection import select
-from actionkit._interfaces.source_tree import Package, find_packages
+from actionkit._interfaces.source_tree import GROUP, Package, find_packages
 from actionkit._interfaces.wheel import Target
 
 _FORMAT = 4
@@ -82,6 +82,9 @@ def _build(package: Package, target: Target, progress: Callable[[Package, float]
     if undeclared := sorted(named - package.declared):
         tags = "".join(f"<depend>{other}</depend>" for other in undeclared)
         notes.append(f"{package.folder / 'package.xml'}: add {tags}")
+    if not package.in_group:
+        tag = f"<member_of_group>{GROUP}</member_of_group>"
+        notes.append(f"{package.folder / 'package.xml'}: add {tag}")
     there = target.stage / package.name
     key = _fingerprint(package, used.values(), target)
     before = dependencies.read_record(there)

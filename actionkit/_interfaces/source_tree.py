@@ -21,6 +21,8 @@ _VERSION = re.compile(r"\d+\.\d+\.\d+")
 _IGNORE = ("COLCON_IGNORE", "AMENT_IGNORE", "pyvenv.cfg")
 """Files that mean: there are no packages in this folder."""
 _SKIPPED = {"build", "install", "log", "node_modules", "__pycache__"}
+GROUP = "rosidl_interface_packages"
+"""The group that a package.xml has to name, for colcon."""
 _MINIMAL = """<package format="3">
   <name>{name}</name>
   <version>0.1.0</version>
@@ -38,6 +40,7 @@ class Package:
     version: str
     summary: str
     declared: frozenset[str]  # the dependencies in its package.xml
+    in_group: bool  # whether its package.xml says that it has interfaces
     folder: Path
     files: tuple[InterfaceFile, ...]
 
@@ -106,8 +109,9 @@ def _read(folder: Path) -> Package:
     if not _VERSION.fullmatch(version):
         raise BadSourceError(f"{path}: <version> is {version!r}; it has to be as 0.1.0")
     declared = {(node.text or "").strip() for node in root if node.tag.endswith("depend")}
+    in_group = any((node.text or "").strip() == GROUP for node in root.iter("member_of_group"))
     files = tuple(interface_file.read(name, folder, path) for path in _files(folder))
-    return Package(name, version, summary, frozenset(declared), folder, files)
+    return Package(name, version, summary, frozenset(declared), in_group, folder, files)
 
 
 def _files(folder: Path) -> Iterator[Path]:

@@ -20,7 +20,7 @@ import sysconfig
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import distributions
 from pathlib import Path
 from typing import Literal
@@ -64,6 +64,8 @@ def opened(kind: Kind, folder: Path | None) -> Iterator[Target]:
     folder = (folder or Path(sysconfig.get_paths()["platlib"])).absolute()
     with contextlib.ExitStack() as stack:
         try:
+            if not folder.exists():
+                stack.push(partial(_remove_empty, folder))
             folder.mkdir(parents=True, exist_ok=True)
             handle = os.open(folder, os.O_RDONLY)
             stack.callback(os.close, handle)
@@ -79,6 +81,13 @@ def opened(kind: Kind, folder: Path | None) -> Iterator[Target]:
                 " with -o, or install into a virtual environment of your own"
             ) from None
         yield Target(kind, folder, work if kind == "wheels" else folder)
+
+
+def _remove_empty(folder: Path, failed: type[BaseException] | None, *_: object) -> None:
+    """Remove a folder that was made for a build which has failed."""
+    if failed is not None:
+        with contextlib.suppress(OSError):  # it is not empty
+            folder.rmdir()
 
 
 def workshop(folder: Path) -> tempfile.TemporaryDirectory[str]:

@@ -19,6 +19,7 @@ PACKAGE = """<package format="3">
   <maintainer email="me@example.com">Me</maintainer>
   <license>Apache-2.0</license>
   {depends}
+  <member_of_group>rosidl_interface_packages</member_of_group>
 </package>
 """
 SHIPPED = Path(sys.prefix, "share", "test_msgs")
