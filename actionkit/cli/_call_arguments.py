@@ -22,18 +22,23 @@ _NAME = re.compile(r"[\w/.-]+")
 
 
 def told_apart(
-    name: str, type_name: str | None, goal: str | None, stdin: bool
+    name: str, type_name: str | None, words: tuple[str, ...], stdin: bool
 ) -> tuple[str | None, str | None]:
     """Return TYPE and GOAL, each `None` if it was left out.
 
-    The arguments are in the user's order: if TYPE was left out, `type_name` is GOAL. `stdin` means
-    that the goal comes by `--stdin`.
+    The arguments are in the user's order: if TYPE was left out, `type_name` is GOAL. `words` are
+    what follows; more than one if GOAL was not put in quotes. `stdin` means that the goal comes by
+    `--stdin`.
 
     Raises:
-        click.UsageError: NAME and TYPE are swapped, NAME is missing, or TYPE and GOAL are.
+        click.UsageError: NAME and TYPE are swapped, NAME is missing, TYPE and GOAL are, or GOAL is
+            more than one word.
     """
-    if goal is None and type_name is not None and not _NAME.fullmatch(type_name):
-        type_name, goal = None, type_name
+    if type_name is not None and not _NAME.fullmatch(type_name):
+        words, type_name = (type_name, *words), None
+    if len(words) > 1:
+        raise click.UsageError(_several(name, type_name, words))
+    goal = words[0] if words else None
     if stdin and goal is not None:
         raise click.UsageError("Give the goal as GOAL or by --stdin, not both.")
     source = ["--stdin"] if stdin else [] if goal is None else [goal]
@@ -45,6 +50,15 @@ def told_apart(
         right = shlex.join(["actionkit", "call", name, "{}"])
         raise click.UsageError(f"GOAL is missing. {{}} is a goal with all defaults: {right}")
     return type_name, goal
+
+
+def _several(name: str, type_name: str | None, words: tuple[str, ...]) -> str:
+    """Return the error for a goal that the shell has split, or for words behind a whole one."""
+    if words[0].endswith("}"):
+        return f"What is {' '.join(words[1:])!r} behind GOAL? An option begins with two dashes."
+    named = [name] if type_name is None else [name, type_name]
+    right = shlex.join(["actionkit", "call", *named, " ".join(words)])
+    return f"GOAL has {len(words)} words, because it is not in quotes. Write: {right}"
 
 
 def action_class(text: str) -> Any:

@@ -26,6 +26,8 @@ _MOST_WORDS = 2000
 """Characters of an error, which may quote the input: enough to see what is wrong."""
 _NUMBER = re.compile(r"[-+]?((\.\d+|\d+(\.\d*)?)e[-+]?\d+|inf|nan)", re.I | re.A)
 """Numbers in YAML 1.2 and for Python's `float` (as in `ros2`), but text in YAML 1.1."""
+_COLON = re.compile(r":\S")
+"""A colon that YAML takes for a part of the text."""
 _TIME = "builtin_interfaces/msg/Time"
 _HEADER = "std_msgs/msg/Header"
 
@@ -55,13 +57,14 @@ def _message(value: Any, goal_class: type) -> Any:
     if not isinstance(value, Mapping):
         fields = ", ".join(slots_of(goal_class)) or "none"
         raise _bad(
-            f"{shown(value)} is not a mapping of fields to values, as '{{order: 5}}' is. The"
-            f" fields of {type_name(goal_class)} are: {fields}."
+            f"{shown(value)} is not a mapping of fields to values, as '{{order: 5}}' is."
+            f"{_space(value)} The fields of {type_name(goal_class)} are: {fields}."
         )
     try:
         return from_plain(goal_class, fill_now(goal_class, value, time.time_ns()))
     except FieldProblem as error:
-        raise _bad(f"{error}") from error
+        unset = [key for key, given in value.items() if given is None]
+        raise _bad(f"{error}{''.join(map(_space, unset[:1]))}") from error
 
 
 def fill_now(cls: type, value: Any, nanoseconds: int) -> Any:
@@ -108,8 +111,25 @@ def _read(text: str) -> Any:
     except RecursionError:
         raise
     except Exception as error:  # such as an IndexError for `!!int ''`
-        problem = " ".join(str(error).split())
-        raise _bad(f"it is neither YAML nor JSON: {problem}.") from error
+        raise _bad(
+            f"it is neither YAML nor JSON: {_where(error)}. A goal is written as '{{order: 5}}', in"
+            " quotes."
+        ) from error
+
+
+def _space(value: object) -> str:
+    """Return the remedy for what YAML takes for one text, such as `order:5`."""
+    unspaced = isinstance(value, str) and _COLON.search(value)
+    return " Put a space after each colon." if unspaced else ""
+
+
+def _where(error: Exception) -> str:
+    """Return what is wrong with a text of YAML, and where, on one line."""
+    if not isinstance(error, yaml.MarkedYAMLError) or error.problem_mark is None:
+        return " ".join(str(error).split())
+    mark = error.problem_mark
+    problem = str(error.problem).replace("'<stream end>'", "the end of the text")
+    return f"line {mark.line + 1}, column {mark.column + 1}: {problem}"
 
 
 def _bad(problem: str) -> click.BadParameter:

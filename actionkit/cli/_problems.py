@@ -9,6 +9,7 @@ import click
 
 from actionkit._model.missing import cannot_import
 from actionkit.cli._exits import Exit
+from actionkit.cli._similar_hint import hint_at_similar
 from actionkit.cli._stdout import keep_clean
 from actionkit.cli._wording import in_options
 
@@ -59,12 +60,16 @@ def open_survey() -> Survey:
 
 
 def full_name(survey: Survey, name: str) -> str:
-    """Return the full name of an action.
+    """Return the full name of an action that this survey is to find.
+
+    From now on, the survey tells the user of a similar name.
 
     Raises:
         click.BadParameter: It is not a valid name.
     """
     try:
-        return survey.resolve(name)
+        full = survey.resolve(name)
     except ValueError as error:
         raise click.BadParameter(in_options(str(error)), param_hint="NAME") from error
+    hint_at_similar(survey, full)
+    return full

@@ -53,7 +53,7 @@ def _timeout(name: str, words: str, default: float | None) -> Callable[[_F], _F]
 @click.command("call", context_settings=HELP, epilog=_EPILOG)
 @name_argument
 @click.argument("type_name", metavar="[TYPE]", required=False, shell_complete=complete_types)
-@click.argument("goal", metavar="[GOAL]", required=False)
+@click.argument("words", metavar="[GOAL]", nargs=-1)
 @click.option("-f", "--feedback", is_flag=True, help="Show each feedback message.")
 @click.option("--stdin", is_flag=True, help="Read the goal from standard input.")
 @click.option(
@@ -98,7 +98,7 @@ def _timeout(name: str, words: str, default: float | None) -> Callable[[_F], _F]
 def command(
     name: str,
     type_name: str | None,
-    goal: str | None,
+    words: tuple[str, ...],
     feedback: bool,
     stdin: bool,
     timeout: float | None,
@@ -118,7 +118,7 @@ def command(
     """
     from actionkit.cli import _call_arguments, _goals
 
-    type_name, goal = _call_arguments.told_apart(name, type_name, goal, stdin)
+    type_name, goal = _call_arguments.told_apart(name, type_name, words, stdin)
     keep_clean()
     import_ros()
     with contextlib.ExitStack() as until_made:

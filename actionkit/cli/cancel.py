@@ -19,10 +19,11 @@ from actionkit.cli._goal_board import Board
 from actionkit.cli._options import HELP, SECONDS, debug_option, json_option, name_argument
 from actionkit.cli._problems import full_name, open_survey
 from actionkit.cli._say import say
+from actionkit.cli.info import nothing_there
 from actionkit.cli.watch import FIRST, first_look
 
 if TYPE_CHECKING:
-    from actionkit._ros.tools.survey import Survey
+    from actionkit._ros.tools.survey import ActionSeen, Survey
 
 _EPILOG = """\b
 Examples:
@@ -94,7 +95,7 @@ def command(
     with open_survey() as survey:
         full = full_name(survey, name)
         if not goal_ids and not every:
-            return _list(full, server_timeout)
+            return _list(survey, full, server_timeout)
         cancelling = Cancelling(full, goal_ids or None, may_come=may_come)
         try:
             _cancel(survey, cancelling, timeout, server_timeout, partial(_show, full, as_json))
@@ -102,8 +103,8 @@ def command(
             if cancelling.has_server:
                 for fate in cancelling.settle(time.monotonic(), over=True):
                     _show(full, as_json, fate)
-    if not cancelling.has_server:
-        return _no_server(full)
+        if not cancelling.has_server:
+            return _no_server(survey, full)
     if cancelling.unheard:
         say(cancelling.unheard, err=True)
     elif not cancelling.fates and not as_json:
@@ -111,14 +112,19 @@ def command(
     return cancelling.exit
 
 
-def _no_server(name: str) -> int:
-    say(f"Error: Action {name!r} has no server in sight.", err=True)
+def _no_server(survey: Survey, name: str) -> int:
+    say(f"Error: {nothing_there(name, survey.actions())}", err=True)
     return Exit.NO_SERVER
 
 
-def _list(name: str, server_timeout: float) -> int:
+def _list(survey: Survey, name: str, server_timeout: float) -> int:
     from actionkit._ros.tools.watch import StatusReader
 
+    def is_served(actions: dict[str, ActionSeen]) -> bool:
+        return name in actions and bool(actions[name].servers)
+
+    if not is_served(survey.settled(least=0.0, most=server_timeout, enough=is_served)):
+        return _no_server(survey, name)
     board = Board()
     inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
     reader = StatusReader(name, on_goals=inbox.put, on_servers=inbox.put)
@@ -127,7 +133,7 @@ def _list(name: str, server_timeout: float) -> int:
     finally:
         reader.close()
     if not board.servers:
-        return _no_server(name)
+        return _no_server(survey, name)
     running = [goal for goal in board.sorted() if not goal.ended]
     if not running:
         say("No goal is running.")

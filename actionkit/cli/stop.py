@@ -23,6 +23,7 @@ from actionkit.cli._problems import full_name, import_ros, open_survey
 from actionkit.cli._say import say
 from actionkit.cli._stdout import keep_clean
 from actionkit.cli._stop_table import table, worst
+from actionkit.cli.info import nothing_there
 
 if TYPE_CHECKING:
     from actionkit._ros.holds.state import Hold
@@ -122,7 +123,7 @@ def _stop_named(names: tuple[str, ...], timeout: float, as_json: bool) -> int:
             cancel_goals(survey, stopped, over=_passed(timeout), look=_LOOK, least=_NAMED)
         missing = [action.name for action in stopped if not action.has_server]
         for name in missing:
-            say(f"Error: Action {name!r} has no server in sight.", err=True)
+            say(f"Error: {nothing_there(name, survey.actions())}", err=True)
         codes = [action.exit if action.has_server else Exit.NO_SERVER for action in stopped]
     say("Agents are not held: `actionkit stop` without names does that, too.", err=True)
     return worst(codes)

@@ -82,6 +82,8 @@ def test_several_types_are_listed(empty_world: World) -> None:
         ),
         ((FIBONACCI, GOAL), "NAME is missing", ("NAME", FIBONACCI, GOAL)),
         (("a/fibonacci",), "GOAL is missing", ("a/fibonacci", "{}")),
+        (("f", FIBONACCI, "{order:", "5}"), "GOAL has 2 words", ("f", FIBONACCI, "{order: 5}")),
+        (("f", "{order:", "5}"), "it is not in quotes", ("f", "{order: 5}")),
     ],
 )
 def test_what_is_swapped_or_missing_is_told(

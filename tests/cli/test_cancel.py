@@ -202,7 +202,17 @@ def test_a_goal_that_may_still_be_accepted_is_asked_for_until_then(
 def test_without_a_server(empty_world: World) -> None:
     done = empty_world.run("cancel", "/fibonacci", "--all", "--server-timeout", "0.3")
     assert (done.code, done.out) == (Exit.NO_SERVER, "")
-    assert done.err == "Error: Action '/fibonacci' has no server in sight.\n"
+    assert done.err.startswith(
+        "Error: Action '/fibonacci' has no server in sight. `actionkit list`"
+    )
+
+
+def test_a_similar_name_is_told_while_the_looking_goes_on(world: World) -> None:
+    world.server("fibonacci")
+    cancel = world.start("cancel", "/fibonaci", "--server-timeout", "60")
+    cancel.until("/fibonaci has no server in sight so far. Did you mean /fibonacci? Still looking")
+    cancel.signal(signal.SIGINT)
+    assert cancel.finish() == Exit.INTERRUPTED
 
 
 # --- what is known when, on a clock of the test's ----------------------------------------------

@@ -173,6 +173,24 @@ def test_quoted_twice_it_is_checked_as_well(text: str, told: str) -> None:
         parse(text, Fibonacci.Goal)
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            "{order: 5",
+            r"line 1, column 10: expected ',' or '}', but got the end of the text\. A goal",
+        ),
+        ("[1, 2}", r"is written as '{order: 5}', in quotes\. Nothing was sent\.$"),
+        ("order:5", r"not a mapping of .* Put a space after each colon\. The fields"),
+        ("{order:5}", r"did you mean 'order'\? .* Put a space after each colon\. Nothing"),
+    ],
+)
+def test_what_is_no_yaml_is_told_on_one_line_with_the_remedy(text: str, told: str) -> None:
+    with pytest.raises(click.BadParameter, match=told) as caught:
+        parse(text, Fibonacci.Goal)
+    assert "\n" not in caught.value.message
+
+
 @settings(deadline=None)  # the first one imports
 @given(text=st.text(max_size=40))
 def test_any_text_is_a_goal_or_is_refused_in_words(text: str) -> None:

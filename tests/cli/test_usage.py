@@ -53,6 +53,7 @@ CALL = ("call", "/fibonacci", FIBONACCI)
         ((*CALL, "{order: five}"), "order: 'five' is of type str"),
         ((*CALL, "{order: 99999999999}"), "order: 99999999999"),
         ((*CALL, "[1, 2]"), "not a mapping"),
+        ((*CALL, "{order: 5}", "5", "f"), "What is '5 f' behind GOAL?"),
         ((*CALL, "["), "neither YAML nor JSON"),
         ((*CALL, "[" * 100_000), "nested too deeply"),
         ((*CALL, ""), "Give {} for a goal with all defaults"),

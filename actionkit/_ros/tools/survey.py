@@ -53,6 +53,8 @@ class Survey:
         """Seconds that making the context and the node took."""
         self.first_seen: dict[str, float] = {}
         """For each action, the seconds from `opened` until a server of it was seen."""
+        self.on_look: list[Callable[[dict[str, ActionSeen]], object]] = []
+        """Called with the actions in sight at each look."""
 
     @property
     def domain_id(self) -> int:
@@ -88,6 +90,8 @@ class Survey:
             seen[name] = action
             if action.servers:
                 self.first_seen.setdefault(name, time.monotonic() - self.opened)
+        for call in self.on_look:
+            call(seen)
         return seen
 
     def versions(self, name: str) -> list[graph.Versions]:
