@@ -25,6 +25,9 @@ _STOP_TIMEOUT = 3.0
 """Seconds for a clean end; normally much less. Then the process is ended."""
 
 
+_QUESTION = "(no goal of this server: mostly a client that asks whether the server answers)"
+
+
 class StdoutJournal:
     """Writes events: JSON lines for a program, readable ones for a person."""
 
@@ -44,6 +47,8 @@ class StdoutJournal:
             now = time.monotonic()
             if self._human:
                 extra = " ".join(f"{key}={value}" for key, value in details.items())
+                if event == "cancel_requested" and not details["running"]:
+                    extra += f"  {_QUESTION}"
                 short = (goal_id or "")[:8]
                 line = f"{now - self._began:9.3f}  {event:<16} {short:<8}  {extra}".rstrip()
             else:

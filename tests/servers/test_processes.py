@@ -11,8 +11,9 @@ import time
 from typing import Any
 
 import pytest
+from test_msgs.action import Fibonacci
 
-from actionkit import servers
+from actionkit import Client, servers
 from tests import forked
 from tests.conftest import Script
 from tests.rclpy_client import PATIENCE, Driver, story
@@ -157,6 +158,9 @@ def test_a_person_reads_lines_and_ends_it_with_ctrl_c(ros_domain: int) -> None:
     ) as process:
         person = Script(process)
         assert "ready" in person.line()
+        with Client(Fibonacci, "fibonacci") as client:
+            assert client.wait_for_server(10.0)
+        assert person.line().rstrip().endswith("that asks whether the server answers)")
         process.send_signal(signal.SIGINT)
         assert person.finish(PATIENCE)[::2] == (0, "")
 
