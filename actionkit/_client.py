@@ -16,6 +16,7 @@ from actionkit._calls.call import Call
 from actionkit._calls.classify import Classify, check_classify
 from actionkit._calls.closing import await_cancel, close
 from actionkit._calls.drivers import in_thread
+from actionkit._calls.explain import invalid_goal
 from actionkit._calls.feedback import callbacks_for
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.request import Request
@@ -133,6 +134,12 @@ class Client(Generic[ActionT_co]):
     def __deepcopy__(self, _: dict[int, Any]) -> Never:
         self.__copy__()
 
+    def __reduce__(self) -> Never:
+        raise TypeError(
+            "a Client cannot be pickled: make one in the process that uses it; results, outcomes"
+            " and errors can be pickled"
+        )
+
     @property
     def action_name(self) -> str:
         """The fully qualified name of the action."""
@@ -226,7 +233,8 @@ class Client(Generic[ActionT_co]):
 
         Args:
             goal: The action's goal message, or a mapping of its field names. One that does
-                not fit fails the future with an `InvalidGoalError`.
+                not fit fails the future with an `InvalidGoalError`; `check_goal` raises that at
+                once.
             on_feedback: As for `call`; a coroutine function runs on the event loop of the caller.
             timeout: As for `call`.
             retry: In place of the client's policy.
@@ -245,6 +253,26 @@ class Client(Generic[ActionT_co]):
         self._session.begin(call)
         return call.future
 
+    def check_goal(
+        self: Client[ActionType[GoalT, ResultT, FeedbackT]], goal: GoalT | Mapping[str, Any]
+    ) -> GoalT:
+        """Check a goal without sending it. Needs no server, and never blocks.
+
+        Args:
+            goal: As for `call`.
+
+        Returns:
+            The goal message that `call` would send; a copy.
+
+        Raises:
+            InvalidGoalError: The goal does not fit the action type; `error.field` names the field.
+        """
+        try:
+            message: GoalT = from_plain(self._action_type.Goal, goal)
+        except (FieldError, FieldTypeError) as error:
+            raise invalid_goal(self.action_name, error) from error
+        return message
+
     def _prepare(
         self,
         goal: object,
@@ -252,6 +280,7 @@ class Client(Generic[ActionT_co]):
         timeout: float | Unset | None,
         retry: RetryPolicy | None,
         classify: Classify | None,
+        before_resend: Callable[[], object] | None = None,
     ) -> Call:
         self._session.check()
         unset = isinstance(timeout, Unset)
@@ -277,6 +306,7 @@ class Client(Generic[ActionT_co]):
                 callbacks=callbacks,
                 pool=self._pool,
                 function_pool=self._function_pool,
+                before_resend=before_resend,
             )
         )
 

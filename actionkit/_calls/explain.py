@@ -15,6 +15,7 @@ from typing import Any
 from actionkit._calls.graph_snapshot import DISCOVERY, GraphSnapshot, no_data, seen_instead
 from actionkit._goal.effects import End, Ending
 from actionkit._model import errors
+from actionkit._model.field_errors import FieldProblem
 from actionkit._model.printable import full_stop
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalFate, GoalState, Timeline, Verdict
@@ -216,9 +217,20 @@ def _type_mismatch(ending: Ending, call: ErrorContext) -> str:
     )
 
 
+def invalid_goal(action_name: str, problem: FieldProblem) -> errors.InvalidGoalError:
+    """Return the error for a goal that was only checked, and belongs to no call."""
+    error = errors.InvalidGoalError(_invalid_text(action_name, problem), action_name=action_name)
+    error.field = problem.path
+    return error
+
+
 def _invalid(ending: Ending, call: ErrorContext) -> str:
-    problem = full_stop(str(ending.error))
-    return f"The goal for action {call.action_name!r} is not valid, nothing was sent: {problem}"
+    return _invalid_text(call.action_name, ending.error)
+
+
+def _invalid_text(action_name: str, problem: BaseException | None) -> str:
+    said = full_stop(str(problem))
+    return f"The goal for action {action_name!r} is not valid, nothing was sent: {said}"
 
 
 def _no_acceptance(ending: Ending, call: ErrorContext) -> str:
@@ -378,14 +390,20 @@ def _classifier_failed(ending: Ending, call: ErrorContext) -> str:
 
 
 def _closed(ending: Ending, call: ErrorContext) -> str:
-    left = " It was left to run on the server."
-    became = left if ending.abandoned else _cancel_sentence(ending, call)
     because = ending.lost_because or CLIENT_CLOSED
     closed = because == CLIENT_CLOSED
     remedy = "close(), or leave the `with` block later" if closed else "that"
-    return (
-        f"{_what(call)} was in flight when {because}.{became} Wait for the result before {remedy}."
-    )
+    wait = f"Wait for the result before {remedy}."
+    if ending.status is GoalState.SENDING:
+        return f"{_what(call)} was not sent: {because} first. {wait}"
+    if ending.own_cancel is CancelReport.NOT_NEEDED:  # between two attempts
+        return (
+            f"{_what(call)} ran no more ({ending.status}), and was not tried again, because"
+            f" {because}. {wait}"
+        )
+    left = " It was left to run on the server."
+    became = left if ending.abandoned else _cancel_sentence(ending, call)
+    return f"{_what(call)} was in flight when {because}.{became} {wait}"
 
 
 _TEXTS: dict[End, tuple[type[errors.ActionKitError], Callable[[Ending, ErrorContext], str]]] = {

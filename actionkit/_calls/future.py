@@ -89,6 +89,12 @@ class GoalFuture(
     def __deepcopy__(self, _: dict[int, Any]) -> Self:
         return self
 
+    def __reduce__(self) -> Never:
+        raise TypeError(
+            "a GoalFuture cannot be pickled: wait in the process that called, and pickle the"
+            " result or outcome()"
+        )
+
     # --- waiting ---------------------------------------------------------------------------
 
     def result(self, timeout: float | None = None, **unknown: Never) -> ResultT:
@@ -351,6 +357,7 @@ class GoalFuture(
     def _check_process(self) -> None:
         if os.getpid() != self._pid:
             raise RuntimeError(
-                "this GoalFuture belongs to the process that was forked; its goal cannot be"
-                " followed here"
+                f"this GoalFuture belongs to process {self._pid}; its goal cannot be followed in"
+                f" process {os.getpid()}, which was forked from it. Wait for it there, or call"
+                " with a Client that was made here"
             )

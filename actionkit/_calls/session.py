@@ -135,7 +135,9 @@ class Session:
             raise RuntimeError(
                 f"this Client was made in process {self._pid} and cannot be used in process"
                 f" {os.getpid()}, which was forked from it: the middleware's threads are not here."
-                " Start processes with the 'spawn' method, or before the first Client"
+                " Make the Client in the process that uses it (gunicorn: without preload, Celery:"
+                " in worker_process_init), and start processes with the 'spawn' method, or before"
+                " the first Client"
             )
         if self._closed:
             raise ClientClosedError(

@@ -197,6 +197,15 @@ def test_closing_settles_what_is_in_flight(policy, action_server, make_client, o
         client.call({"order": 1})
 
 
+def test_closing_says_that_a_goal_was_never_sent(make_client):
+    client = make_client()
+    future = client.call_async({"order": 1})
+    client.close()
+    with pytest.raises(ak.ClientClosedError, match=r"was not sent: its client was closed first\."):
+        future.result(0)
+    assert future.outcome().cancel is CancelReport.NOT_NEEDED
+
+
 @pytest.mark.long
 def test_a_goal_that_is_watched_no_more_leaves_nothing_on_a_shared_thread(
     action_server, make_client, monkeypatch

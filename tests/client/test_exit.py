@@ -86,7 +86,7 @@ if (child := os.fork()) == 0:
             use()
             os._exit(1)
         except RuntimeError as error:
-            assert 'forked' in str(error)
+            assert 'forked' in str(error) and ' Client ' in str(error)
     client.close()
     os._exit(9)  # as multiprocessing does; rclpy itself crashes in a forked child's sys.exit
 assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9

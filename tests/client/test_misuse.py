@@ -6,6 +6,7 @@ import asyncio
 import copy
 import inspect
 import math
+import pickle
 import re
 from functools import partial
 
@@ -16,7 +17,7 @@ from test_msgs.action import Fibonacci
 from test_msgs.msg import BasicTypes
 
 import actionkit as ak
-from actionkit import Client, RetryPolicy, Timeouts, Verdict
+from actionkit import Client, InvalidGoalError, RetryPolicy, Timeouts, Verdict
 from actionkit.testing import EventLog, FakeServer, tick_until
 from actionkit.trees import ActionBehaviour
 
@@ -153,6 +154,30 @@ def test_a_client_is_not_copied(copied, make_client):
     with pytest.raises(TypeError, match="use the same one everywhere"):
         copied(client)
     assert not client.closed
+
+
+def test_clients_and_futures_say_what_to_pickle_instead(make_client):
+    client = make_client()
+    future = client.call_async({"order": "no number"})
+    with pytest.raises(TypeError, match="make one in the process that uses it"):
+        pickle.dumps(client)
+    with pytest.raises(TypeError, match=r"pickle the result or outcome\(\)"):
+        pickle.dumps(future)
+    assert pickle.loads(pickle.dumps(future.outcome())).status == future.state
+
+
+def test_a_goal_can_be_checked_without_a_call(make_client):
+    client = make_client()
+    given = Fibonacci.Goal(order=3)
+    checked = client.check_goal(given)
+    assert checked == given
+    assert checked is not given
+    assert client.check_goal({"order": 3}) == given
+    with pytest.raises(InvalidGoalError, match=r"nothing was sent: order: ") as caught:
+        client.check_goal({"order": "three"})
+    assert caught.value.field == "order"
+    assert str(caught.value) == str(client.call_async({"order": "three"}).exception(10.0))
+    assert client.pending == 0
 
 
 def test_calling_from_a_callback(action_server, make_client):

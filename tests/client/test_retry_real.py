@@ -236,7 +236,7 @@ def test_closing_ends_a_pause_at_once(action_server, make_client):
     with pytest.raises(TimeoutError, match="RETRYING"):
         future.result(0.5)
     client.close()
-    with pytest.raises(ak.ClientClosedError):
+    with pytest.raises(ak.ClientClosedError, match=r"ran no more \(ABORTED\), and was not tried"):
         future.result(0)
 
 

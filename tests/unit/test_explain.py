@@ -55,7 +55,7 @@ REPORTS: dict[CancelReport, dict[str, Any]] = {
     CancelReport.UNKNOWN: {"given_up": True, "news": LastNews.NOTHING},
     CancelReport.NOT_NEEDED: {"given_up": True, "news": LastNews.STOPPED},
 }
-CONFIRMED, REFUSED, UNKNOWN, _ = REPORTS.values()
+CONFIRMED, REFUSED, UNKNOWN, NOT_NEEDED = REPORTS.values()
 ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
     # How it ends, its error, and what the text is to say: what happened, and the remedy.
     ending.end: (ending, cls, happened, remedy)
@@ -190,6 +190,22 @@ def test_every_way_to_fail_has_its_own_error() -> None:
 
 def test_a_success_has_none() -> None:
     assert explain(Ending(End.SUCCEEDED, GoalState.SUCCEEDED, result=ABORTED), CONTEXT) is None
+
+
+@pytest.mark.parametrize(
+    ("status", "said"),
+    [
+        (GoalState.SENDING, "was not sent: its client was closed first. Wait for the result"),
+        (
+            GoalState.ABORTED,
+            "ran no more (ABORTED), and was not tried again, because its client was closed. Wait",
+        ),
+    ],
+)
+def test_closing_says_it_where_no_goal_was_in_flight(status: GoalState, said: str) -> None:
+    text = str(explained(Ending(End.CLOSED, status, **NOT_NEEDED)))
+    assert said in text
+    assert "in flight" not in text
 
 
 def test_the_callers_own_cancel_is_pythons_own_error() -> None:
