@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from functools import partial
 from typing import Any
 
 from actionkit._calls.drivers import Driver, find_driver
+from actionkit._threads.clock import TimerHandle
 from actionkit._threads.event_loop import running_task
 from actionkit._threads.function_runner import Clock
 from actionkit._threads.waiting import Flag
@@ -19,6 +21,37 @@ up to this much later."""
 
 Wait = Callable[[], Coroutine[Any, Any, Any]]
 """Makes a coroutine that waits for the goal and returns its result."""
+
+
+@contextlib.contextmanager
+def _limited(flag: Flag, seconds: float | None, clock: Clock) -> Iterator[Flag]:
+    """Yield a flag that is set with `flag`, or after `seconds`; `None` means no limit."""
+    if seconds is None:
+        yield flag
+        return
+    limited = Flag()
+    at = time.monotonic() + seconds
+    timers: list[TimerHandle] = []
+
+    def begin() -> None:  # timers belong to the communication thread
+        if not limited.is_set():
+            timers.append(clock.call_at(at, limited.set))
+
+    def end() -> None:
+        for timer in timers:
+            clock.cancel_timer(timer)
+
+    flag.add_waiter(limited.set)
+    try:
+        if flag.is_set():
+            limited.set()
+        else:
+            clock.call_soon(begin)
+        yield limited
+    finally:
+        flag.remove_waiter(limited.set)
+        limited.set()
+        clock.call_soon(end)
 
 
 class Awaiters:
@@ -34,11 +67,18 @@ class Awaiters:
         """The waits of asyncio tasks that use the future itself as their coroutine. Each task is at
         a step of its own."""
 
-    async def wait(self, cancel: Callable[[], object], grace: float) -> type[BaseException]:
+    async def wait(
+        self,
+        cancel: Callable[[], object],
+        grace: float,
+        until: Flag | None = None,
+        seconds: float | None = None,
+    ) -> type[BaseException]:
         """Wait until the call is over; return the error to raise if somebody else cancelled it.
 
         `cancel` cancels the goal. It is called if no coroutine waits any more, or can wait. A
-        cancelled task waits `grace` seconds for the confirmation.
+        cancelled task waits `grace` seconds for the confirmation. `until` is another end of the
+        wait, which comes no later than the call's; after `seconds` it ends, too.
 
         Raises:
             RuntimeError: The coroutine runs under nothing that can wait for a goal.
@@ -50,7 +90,8 @@ class Awaiters:
             driver = find_driver()
             if driver.has_ended is not None:
                 self._clock.call_soon(partial(self._look, driver.has_ended, waiting, cancel))
-            await driver.wait(self._over)
+            with _limited(until or self._over, seconds, self._clock) as end:
+                await driver.wait(end)
             self._waiting.discard(waiting)
             return driver.was_cancelled
         except BaseException as error:

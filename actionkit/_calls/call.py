@@ -170,11 +170,13 @@ class Call:
 
     def on_record(self, attempt: Attempt, record: fx.Record) -> None:
         """Write the timeline, also after the end, to log what happens to a goal given up on."""
-        self._record.note(
+        event = self._record.note(
             attempt.goal_id, attempt.number, record.state, record.detail, record.cancel_refused
         )
         if not self._settled and attempt is self.machine.attempt:
             self.state = record.state
+            if record.state is GoalState.ACCEPTED:
+                self.future._accept(event)
 
     def on_feedback(self, attempt: Attempt, messages: list[bytes]) -> None:
         """Pass on feedback without decoding it."""

@@ -75,13 +75,14 @@ class CallRecord:
         detail: str,
         cancel_refused: bool = False,
         feedback: Callable[[], Any] | None = None,
-    ) -> None:
-        """Add an event to the timeline, and tell the observers."""
+    ) -> GoalEvent:
+        """Add an event to the timeline, tell the observers, and return it."""
         event = GoalEvent(
             goal_id, attempt, state, time.monotonic(), time.time(), detail, cancel_refused
         )
         self.timeline.add(event)
         self._dispatcher.event(event, self._info, feedback)
+        return event
 
     def note_feedback(self, attempt: Attempt, messages: list[bytes]) -> None:
         """Pass on feedback without decoding it."""

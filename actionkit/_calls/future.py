@@ -22,7 +22,8 @@ from actionkit._goal.effects import End
 from actionkit._model.action_type import FeedbackT, ResultT
 from actionkit._model.arguments import refuse_unknown
 from actionkit._model.errors import ActionKitError, ClientClosedError
-from actionkit._model.values import GoalState, Outcome
+from actionkit._model.settings import check_seconds
+from actionkit._model.values import GoalEvent, GoalState, Outcome
 from actionkit._threads.diagnostics import is_interrupt, log_here, log_later
 from actionkit._threads.function_runner import Clock
 from actionkit._threads.in_hand import Label
@@ -76,6 +77,9 @@ class GoalFuture(
         self._pool = pool
         self._cancelled = False
         self._over = Flag()
+        self._answered = Flag()
+        """Set when a server has accepted the goal, or the call is over."""
+        self._acceptance: GoalEvent | None = None
         self._pid = os.getpid()
         self._user_callbacks: deque[Callable[[Any], object]] = deque()
         self._awaiters = Awaiters(self._over, clock)
@@ -160,6 +164,57 @@ class GoalFuture(
         if error is not None and not (isinstance(error, ClientClosedError) or is_ending()):
             self._call.goals.tell()
         return error
+
+    def wait_accepted(self, timeout: float | None = None, **unknown: Never) -> GoalEvent:
+        """Wait until a server has accepted the goal, and return that event of the timeline.
+
+        It has the goal's id and the time. A retry does not change it. For a call that succeeded
+        though its goal's acceptance was never seen, it is the last event.
+
+        Args:
+            timeout: The same as for `result`.
+
+        Raises:
+            TimeoutError: The local wait took too long; the goal is not affected.
+            concurrent.futures.CancelledError: The goal was cancelled before it was accepted.
+            ActionKitError: The call ended before that; it is what `result` raises.
+        """
+        refuse_unknown(unknown, self.wait_accepted)
+        self._check_process()
+        self._answered.wait(timeout)
+        return self._accepted_or_raise()
+
+    async def wait_accepted_async(
+        self, timeout: float | None = None, **unknown: Never
+    ) -> GoalEvent:
+        """Like `wait_accepted`, without blocking what runs this coroutine.
+
+        That may be asyncio, trio, or an executor of rclpy. Cancelling the waiting task cancels the
+        goal, unless another task awaits this future. So does `asyncio.timeout` around it; to let
+        the goal go on, use the timeout of this method. After the acceptance, nothing cancels the
+        goal until you await the future: if your task ends before, the goal runs to its deadline.
+
+        Raises:
+            RuntimeError: The coroutine runs under nothing that can wait; the goal is cancelled.
+        """
+        refuse_unknown(unknown, self.wait_accepted_async)
+        seconds = check_seconds("timeout", timeout)
+        self._check_process()
+        was_cancelled = await self._awaiters.wait(
+            self._give_up, self._call.cancel_grace, self._answered, seconds
+        )
+        if self._acceptance is None and self.cancelled():
+            self._looked_at = True
+            raise was_cancelled(f"goal {self.goal_id} was cancelled")
+        return self._accepted_or_raise()
+
+    def _accepted_or_raise(self) -> GoalEvent:
+        if self._acceptance is not None:
+            return self._acceptance
+        if not self.done():
+            raise LocalTimeout("no server accepted the goal within the local wait")
+        self.result(0)  # raises, unless a goal that was lost turned out to have succeeded
+        return self.timeline[-1]
 
     def done(self) -> bool:
         """Whether the call is over."""
@@ -292,6 +347,12 @@ class GoalFuture(
 
     # --- for the call only -----------------------------------------------------------------
 
+    def _accept(self, event: GoalEvent) -> None:
+        """Tell that a server has accepted a goal. On the communication thread. Never blocks."""
+        if self._acceptance is None:
+            self._acceptance = event
+            self._answered.set()
+
     def _settle(
         self,
         outcome: Outcome[ResultT],
@@ -314,6 +375,7 @@ class GoalFuture(
         )
         notified = self._notify_base_at_once()
         self._over.set()
+        self._answered.set()
         if not notified:
             run_in_thread(self._notify_base)
         for callback in taken_from(self._user_callbacks):

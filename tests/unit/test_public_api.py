@@ -84,6 +84,7 @@ SIGNATURES = {
     " retry=None, classify=None, **unknown)",
     Client.call_async: "(self, goal, on_feedback=None,"
     " timeout=<as the client's timeouts.total>, *, retry=None, classify=None, **unknown)",
+    Client.check_goal: "(self, goal)",
     Client.wait_for_server: "(self, timeout=None, **unknown)",
     actionkit.RetryBudget.__init__: "(self, capacity=10.0, ratio=0.1)",
     actionkit.classify_by_field: "(path, *, transient=(), permanent=(), ok=())",
@@ -128,6 +129,8 @@ SIGNATURES = {
     GoalFuture.result: "(self, timeout=None, **unknown)",
     GoalFuture.exception: "(self, timeout=None, **unknown)",
     GoalFuture.outcome: "(self, timeout=None, **unknown)",
+    GoalFuture.wait_accepted: "(self, timeout=None, **unknown)",
+    GoalFuture.wait_accepted_async: "(self, timeout=None, **unknown)",
     GoalFuture.cancel: "(self)",
     GoalFuture.feedback: "(self)",
     GoalFuture.add_done_callback: "(self, fn)",

@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 import pytest
 
-from actionkit import GoalState, Outcome
+from actionkit import GoalEvent, GoalState, Outcome
 from actionkit._calls.call_view import GoalsOfCall
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.future import GoalFuture
@@ -159,6 +159,15 @@ def test_whoever_waits_for_several_futures_is_told(how: str) -> None:
     waiting.join(BOUND)
     assert found[0] == 3 if how == concurrent.futures.ALL_COMPLETED else found[0] >= 1
     assert len(list(concurrent.futures.as_completed(futures, BOUND))) == 3
+
+
+def test_a_goal_whose_acceptance_was_never_seen_is_accepted_when_it_has_succeeded() -> None:
+    """A goal that was lost before its acceptance came may turn out to have finished."""
+    future = a_future()
+    end = GoalEvent(future.goal_id, 1, GoalState.SUCCEEDED, 1.0, 2.0)
+    future._call.timeline.add(end)  # type: ignore[attr-defined]
+    elsewhere(future._settle, outcome(), End.SUCCEEDED)
+    assert future.wait_accepted(0) == end
 
 
 def test_a_callback_that_is_added_just_as_the_goal_ends_is_called_once() -> None:
