@@ -19,6 +19,7 @@ from actionkit._calls.drivers import in_thread
 from actionkit._calls.explain import invalid_goal
 from actionkit._calls.feedback import callbacks_for
 from actionkit._calls.future import GoalFuture
+from actionkit._calls.replacing import check_replaces
 from actionkit._calls.request import Request
 from actionkit._calls.transport import transport
 from actionkit._messages.convert import from_plain
@@ -175,6 +176,8 @@ class Client(Generic[ActionT_co]):
         on_feedback: Callable[[FeedbackT], object] | None = None,
         retry: RetryPolicy | None = None,
         classify: Classify | None = None,
+        replaces: GoalFuture[Any, Any] | None = None,
+        preempt: bool = False,
         **unknown: Never,
     ) -> ResultT:
         """Send a goal and wait for its result.
@@ -193,6 +196,13 @@ class Client(Generic[ActionT_co]):
                 is left out, and the log says how much, at level INFO.
             retry: In place of the client's policy.
             classify: In place of the client's.
+            replaces: The future of an earlier call of this client. Its goal is cancelled, and this
+                one is sent when that one is known to have stopped, within `timeouts.cancel`
+                seconds. If it may still be running then, nothing is sent.
+            preempt: With `replaces`: the server stops the earlier goal by itself when this one
+                comes (as Nav2 does), so this one is sent at once. The earlier call ends as
+                `REPLACED`, with `CancelledError`, when its goal has stopped; if that succeeds
+                first, with its result. It is not tried again.
 
         Returns:
             The action's result message.
@@ -206,7 +216,9 @@ class Client(Generic[ActionT_co]):
         refuse_unknown(unknown, self.call)
         refuse_in_callback()
         warn_on_event_loop("Client.call()", "await client.call_async()")
-        call = self._prepare(goal, on_feedback, timeout, retry, classify)
+        call = self._prepare(
+            goal, on_feedback, timeout, retry, classify, replaces=replaces, preempt=preempt
+        )
         future: GoalFuture[ResultT, FeedbackT] = call.future
         try:
             self._session.begin(call)
@@ -225,6 +237,8 @@ class Client(Generic[ActionT_co]):
         *,
         retry: RetryPolicy | None = None,
         classify: Classify | None = None,
+        replaces: GoalFuture[Any, Any] | None = None,
+        preempt: bool = False,
         **unknown: Never,
     ) -> GoalFuture[ResultT, FeedbackT]:
         """Send a goal and return at once. Does not wait for a server.
@@ -239,6 +253,8 @@ class Client(Generic[ActionT_co]):
             timeout: As for `call`.
             retry: In place of the client's policy.
             classify: In place of the client's.
+            replaces: As for `call`.
+            preempt: As for `call`.
 
         Returns:
             A `concurrent.futures.Future` that can also be awaited.
@@ -249,7 +265,9 @@ class Client(Generic[ActionT_co]):
             TypeError, ValueError: An argument other than `goal` is wrong.
         """
         refuse_unknown(unknown, self.call_async)
-        call = self._prepare(goal, on_feedback, timeout, retry, classify)
+        call = self._prepare(
+            goal, on_feedback, timeout, retry, classify, replaces=replaces, preempt=preempt
+        )
         self._session.begin(call)
         return call.future
 
@@ -281,6 +299,9 @@ class Client(Generic[ActionT_co]):
         retry: RetryPolicy | None,
         classify: Classify | None,
         before_resend: Callable[[], object] | None = None,
+        *,
+        replaces: GoalFuture[Any, Any] | None = None,
+        preempt: bool = False,
     ) -> Call:
         self._session.check()
         unset = isinstance(timeout, Unset)
@@ -288,6 +309,7 @@ class Client(Generic[ActionT_co]):
         if retry is not None:
             check_type("retry", retry, RetryPolicy)
         check_classify(classify, self._action_type)
+        check_replaces(replaces, preempt, self._session)
         callbacks = callbacks_for(on_feedback, self.action_name, self._pool)
         message = invalid = None
         try:
@@ -306,6 +328,8 @@ class Client(Generic[ActionT_co]):
                 callbacks=callbacks,
                 pool=self._pool,
                 function_pool=self._function_pool,
+                replaces=replaces,
+                preempt=preempt,
                 before_resend=before_resend,
             )
         )

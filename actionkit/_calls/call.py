@@ -19,16 +19,16 @@ from actionkit._calls.classify_runner import ClassifyRunner
 from actionkit._calls.explain import CLIENT_CLOSED
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.machine import CallMachine, Phase
+from actionkit._calls.replacing import GoalsWatch, Replacing, not_stopped, to_replace
 from actionkit._calls.request import Request
 from actionkit._calls.retry import GiveUp, Retry
 from actionkit._calls.retry_runner import RetryRunner
 from actionkit._goal import effects as fx
 from actionkit._goal.stages import CancelReason, Stage
 from actionkit._model.settings import Timeouts
-from actionkit._model.values import GoalState, Verdict
+from actionkit._model.values import GoalReport, GoalState, Verdict
 from actionkit._observers.delivery import NO_OBSERVERS, ObserverDispatcher
 from actionkit._threads.clock import TimerHandle
-from actionkit._threads.function_runner import Clock
 
 
 class CallLink(Protocol):
@@ -41,7 +41,7 @@ class CallLink(Protocol):
     def dequeue(self, waiter: Call, goal_id: uuid.UUID) -> None: ...
 
 
-class CallSession(ActionView, Clock, Protocol):
+class CallSession(ActionView, GoalsWatch, Protocol):
     """What a call needs of its session."""
 
     @property
@@ -76,6 +76,8 @@ class Call:
         self._deadline_timer: TimerHandle | None = None
         self._given_up_at: float | None = None
         self._grace: TimerHandle | None = None  # ends the wait for confirmations of earlier goals
+        self._replaced: tuple[GoalFuture[Any, Any], ...] = ()
+        self._replacing: Replacing | None = None
         self._settled = False
         self.urgent = False
         """Whether a human waits for the cancellation (C2.5)."""
@@ -109,7 +111,32 @@ class Call:
             self._deadline_timer = self._session.call_at(self._deadline, deadline_passed)
         if self.unwanted:
             self.cancel()
+        request = self._request
+        if request.invalid is None and self.machine.phase is Phase.NEW:
+            self._replaced = to_replace(request.replaces)
+        if self._replaced and not request.preempt:
+            made = Replacing(self._replaced, self._session, self._begin, self._not_replacing)
+            self._replacing = made
+            made.begin(request.timeouts.cancel)
+            return
+        for future in self._replaced:
+            future._call.replace_by(self)
+        self._begin()
+
+    @property
+    def to_replace(self) -> tuple[GoalFuture[Any, Any], ...]:
+        """The calls with goals that this one was to replace, as long as they may run."""
+        return () if self.goals.accepted else not_stopped(self._replaced)
+
+    def _begin(self) -> None:
         self._do(self.machine.begin(self._request.invalid, time.monotonic()))
+
+    def _not_replacing(self, left: tuple[GoalReport, ...]) -> None:
+        self._do(self.machine.not_replacing(left))
+
+    def replace_by(self, call: Call) -> None:
+        """Count as replaced if the goal stops now, and send no other one."""
+        self._do(self.machine.replace_by(call.machine))
 
     def cancel(self) -> None:
         """Cancel the goal, or end the call if it has none in flight."""
@@ -293,6 +320,8 @@ class Call:
                 earlier.on_server_ready()
 
     def _stop_retrying(self, _: mx.StopRetrying) -> None:
+        if self._replacing is not None:
+            self._replacing.drop()
         self._retrying.drop()
         self._stop_waiting()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from actionkit._goal.facts import GoalFacts
 from actionkit._model.timeline import Recorder
@@ -46,13 +46,23 @@ class GoalsOfCall:
         return tuple(goal.goal_id for goal in self._left)
 
     @property
+    def stopped(self) -> bool:
+        """Whether it is certain that no server runs any of them, or will accept it."""
+        return all(goal.is_over for goal in self._goals)
+
+    @property
+    def accepted(self) -> bool:
+        """Whether a server has shown that it has, or had, one of them."""
+        return any(goal.accepted for goal in self._goals)
+
+    @property
     def gone(self) -> bool:
         """Whether each goal that may run was lost with a server that has left the graph."""
         return all(goal.fate is GoalFate.LOST and goal.gone for goal in self._left)
 
     def left(self) -> GoalsOfCall:
-        """Return the goals that may run."""
-        return GoalsOfCall(self._left)
+        """Return the goals that are not known to have stopped."""
+        return GoalsOfCall(goal for goal in self._goals if not goal.is_over)
 
     def tell(self) -> None:
         """Record that the user knows about the goals that may run."""
@@ -75,12 +85,20 @@ class CallView(Protocol):
     cancel_grace: float
 
     @property
+    def to_replace(self) -> tuple[Any, ...]:
+        """The futures of the calls with goals that this one was to replace, and that may run."""
+        ...
+
+    @property
     def goal_id(self) -> uuid.UUID:
         """The id of the current goal, or of the goal that the outcome describes."""
         ...
 
     def request_cancel(self) -> None:
         """Cancel soon. From any thread; never blocks."""
+
+    def replace_by(self, call: Any) -> None:
+        """Count as replaced if the goal stops now. On the communication thread."""
 
 
 @dataclass
@@ -96,6 +114,10 @@ class CallIsOver:
     state: GoalState
     timeline: Recorder
     cancel_grace: float
+    to_replace: tuple[Any, ...]
 
     def request_cancel(self) -> None:
         """Do nothing: it is too late."""
+
+    def replace_by(self, call: Any) -> None:
+        """The same."""

@@ -18,7 +18,7 @@ from actionkit._model import errors
 from actionkit._model.field_errors import FieldProblem
 from actionkit._model.printable import full_stop
 from actionkit._model.settings import Timeouts
-from actionkit._model.values import CancelReport, GoalFate, GoalState, Timeline, Verdict
+from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalState, Timeline, Verdict
 from actionkit._threads.function_runner import LONGEST_ANSWER
 
 CLIENT_CLOSED = "its client was closed"
@@ -62,6 +62,11 @@ def explain(ending: Ending, call: ErrorContext) -> BaseException | None:
     judged_transient = rejected and ending.verdict is Verdict.TRANSIENT
     if ending.strategy_fault is not None or (judged_transient and ending.not_retried):
         return _exhausted(ending, call)
+    if ending.end is End.REPLACED:
+        return concurrent.futures.CancelledError(
+            f"goal {call.goal_id} of action {call.action_name!r} was replaced by its caller after"
+            f" {call.elapsed:.1f} s"
+        )
     if ending.end is End.CANCELLED_BY_CALLER:
         return concurrent.futures.CancelledError(
             f"goal {call.goal_id} of action {call.action_name!r} was cancelled by its caller"
@@ -99,10 +104,13 @@ def _left_running(text: str, ending: Ending, call: ErrorContext) -> str:
     left: dict[str, list[str]] = {}
     for goal in ending.goals:
         if goal.fate.may_run and goal.goal_id != told:
-            refused = goal.fate is GoalFate.RUNNING and goal.cancel_refused
-            why = "the server refused to cancel it" if refused else _WHY_IT_MAY_RUN[goal.fate]
-            left.setdefault(why, []).append(f"goal {goal.goal_id}")
+            left.setdefault(_why_it_may_run(goal), []).append(f"goal {goal.goal_id}")
     return "".join(_may_still_run(goals, why) for why, goals in left.items())
+
+
+def _why_it_may_run(goal: GoalReport) -> str:
+    refused = goal.fate is GoalFate.RUNNING and goal.cancel_refused
+    return "the server refused to cancel it" if refused else _WHY_IT_MAY_RUN[goal.fate]
 
 
 def _may_still_run(goals: list[str], why: str) -> str:
@@ -133,6 +141,8 @@ def _add_facts(error: errors.ActionKitError, ending: Ending, call: ErrorContext)
         error.served = ending.served
     elif isinstance(error, errors.ResultLostError):
         error.status = ending.ended_as
+    elif isinstance(error, errors.GoalNotReplacedError):
+        error.earlier = ending.earlier
     elif isinstance(error, errors.InvalidGoalError):
         error.field = getattr(ending.error, "path", "")
     if ending.error is not None:
@@ -231,6 +241,19 @@ def _invalid(ending: Ending, call: ErrorContext) -> str:
 def _invalid_text(action_name: str, problem: BaseException | None) -> str:
     said = full_stop(str(problem))
     return f"The goal for action {action_name!r} is not valid, nothing was sent: {said}"
+
+
+def _not_replacing(ending: Ending, call: ErrorContext) -> str:
+    kept = " and ".join(
+        f"goal {goal.goal_id} MAY STILL BE RUNNING ({_why_it_may_run(goal)})"
+        for goal in ending.earlier
+    )
+    return (
+        f"{_what(call)} was not sent. It was to replace an earlier goal, and"
+        f" {kept or 'the call of that one is not over'}, {call.timeouts.cancel:g} s after it was"
+        " cancelled. Stop that by other means, or allow more time with Timeouts(cancel=...). If the"
+        " server itself stops a goal when a new one comes, use preempt=True."
+    )
 
 
 def _no_acceptance(ending: Ending, call: ErrorContext) -> str:
@@ -350,6 +373,7 @@ def _deadline(ending: Ending, call: ErrorContext) -> str:
         "accept": "waiting for acceptance",
         "execute": "before the goal ended",
         "pause": "in the pause before another attempt",
+        "replace": "waiting for the goal that it replaces to stop",
     }[ending.phase]
     return (
         f"{_what(call)} did not finish: the time given to the call, {call.timeout:g} s, ran out"
@@ -410,6 +434,7 @@ _TEXTS: dict[End, tuple[type[errors.ActionKitError], Callable[[Ending, ErrorCont
     End.NO_SERVER: (errors.ServerUnavailableError, _no_server),
     End.TYPE_MISMATCH: (errors.ActionTypeMismatchError, _type_mismatch),
     End.INVALID: (errors.InvalidGoalError, _invalid),
+    End.NOT_REPLACING: (errors.GoalNotReplacedError, _not_replacing),
     End.NO_ACCEPTANCE: (errors.AcceptanceTimeoutError, _no_acceptance),
     End.REJECTED: (errors.GoalRejectedError, _rejected),
     End.ABORTED: (errors.GoalAbortedError, _aborted),

@@ -83,6 +83,7 @@ class GoalFuture(
         self._pid = os.getpid()
         self._user_callbacks: deque[Callable[[Any], object]] = deque()
         self._awaiters = Awaiters(self._over, clock)
+        self._clock = clock
 
     def __repr__(self) -> str:
         return f"<GoalFuture {self.goal_id} {self.state}{' done' if self.done() else ''}>"
@@ -347,6 +348,10 @@ class GoalFuture(
 
     # --- for the call only -----------------------------------------------------------------
 
+    def _is_of(self, session: object) -> bool:
+        """Whether the call is one of this session, which has its thread."""
+        return self._clock is session
+
     def _accept(self, event: GoalEvent) -> None:
         """Tell that a server has accepted a goal. On the communication thread. Never blocks."""
         if self._acceptance is None:
@@ -368,10 +373,15 @@ class GoalFuture(
         due = dues.begin(_DONE_CALLBACKS) if self._user_callbacks else None
         count_out()
         self._outcome = outcome
-        self._cancelled = end is End.CANCELLED_BY_CALLER
+        self._cancelled = end in (End.CANCELLED_BY_CALLER, End.REPLACED)
         call = self._call
         self._call = CallIsOver(
-            call.goals.left(), call.goal_id, call.state, call.timeline, call.cancel_grace
+            call.goals.left(),
+            call.goal_id,
+            call.state,
+            call.timeline,
+            call.cancel_grace,
+            call.to_replace,
         )
         notified = self._notify_base_at_once()
         self._over.set()

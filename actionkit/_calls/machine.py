@@ -18,7 +18,7 @@ from actionkit._calls.retry import GiveUp, RejectedByClassifier, Retry, after_no
 from actionkit._goal import effects as fx
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import CancelReason
-from actionkit._model.values import GoalState, Verdict
+from actionkit._model.values import GoalReport, GoalState, Verdict
 
 
 class Phase(Enum):
@@ -149,6 +149,8 @@ Effect: TypeAlias = (
     | Finish
 )
 _GIVEN_UP = (fx.End.CANCELLED_BY_CALLER, fx.End.CLOSED)
+_STOPPED = (fx.End.REJECTED, fx.End.ABORTED, fx.End.CANCELED_BY_OTHER)
+"""How the server ends a goal that it replaces by another one."""
 
 
 class CallMachine:
@@ -185,6 +187,7 @@ class CallMachine:
         self._deadline = deadline
         self._wait_until: float | None = None  # for a server
         self._new_id = new_id
+        self._replacement: CallMachine | None = None  # the call that replaces this one
         self.previous: AttemptView | None = None  # the last attempt that has ended
         self._last: fx.Ending | None = None  # its end, after the verdict
 
@@ -234,6 +237,23 @@ class CallMachine:
             return self._end(fx.Ending(end, GoalState.SENDING, given_up=True))
         # Nothing is cancelled now: the outcome describes the fate of the last goal.
         return self._end(fx.Ending(end, self._last.status, news=self._last.news, given_up=True))
+
+    def not_replacing(self, left: tuple[GoalReport, ...]) -> list[Effect]:
+        """The goals of the call that it was to replace may still run."""
+        return self._end(
+            fx.Ending(fx.End.NOT_REPLACING, GoalState.SENDING, earlier=left, given_up=True)
+        )
+
+    def replace_by(self, call: CallMachine) -> list[Effect]:
+        """Another call replaces it: its server stops the goal, and no other one is sent."""
+        self._replacement = call
+        return [] if self.attempt is not None else self.give_up(CancelReason.CANCELLED)
+
+    @property
+    def _is_replaced(self) -> bool:
+        """Whether another goal has taken its place, or may do so yet."""
+        call = self._replacement
+        return call is not None and (call.phase is not Phase.ENDED or call.goals.accepted)
 
     def end_grace(self, why: str) -> list[Effect]:
         """No time is left for confirmations."""
@@ -294,9 +314,10 @@ class CallMachine:
 
         `ready` means that a server is ready now.
         """
+        if self.phase is Phase.NEW:
+            return self._too_late("replace", "waiting for the goal that it replaces to stop")
         if self.phase is Phase.QUEUED:
-            ending = fx.Ending(fx.End.DEADLINE, GoalState.TIMED_OUT, phase="accept", given_up=True)
-            return [fx.Record(GoalState.TIMED_OUT, "waiting to be sent"), *self._end(ending)]
+            return self._too_late("accept", "waiting to be sent")
         if self.phase is Phase.PAUSING and self._last is not None:
             return self._end(replace(self._last, not_retried="the pause reached the deadline"))
         if self.phase is not Phase.WAITING:
@@ -310,6 +331,11 @@ class CallMachine:
         ending = fx.Ending(fx.End.NO_SERVER, GoalState.TIMED_OUT, given_up=True)
         ending = after_no_server(ending, self._last, self._server_limit, late, ready, in_flight)
         return effects + (self._end if late or self._last is None else self._plan)(ending)
+
+    def _too_late(self, phase: str, detail: str) -> list[Effect]:
+        """The deadline has passed, and nothing was sent."""
+        ending = fx.Ending(fx.End.DEADLINE, GoalState.TIMED_OUT, phase=phase, given_up=True)
+        return [fx.Record(GoalState.TIMED_OUT, detail), *self._end(ending)]
 
     def _is_late(self, now: float) -> bool:
         return self._deadline is not None and now >= self._deadline
@@ -337,6 +363,8 @@ class CallMachine:
             if not each.goal.facts.is_over or each.goal.awaits_result_of
         ]
         self.attempt = None
+        if ending.end in _STOPPED and self._is_replaced:
+            return self._end(replace(ending, end=fx.End.CANCELLED_BY_CALLER, given_up=True))
         return self._judge(ending)
 
     def late_result(self, attempt: AttemptView, state: GoalState, result: Any) -> list[Effect]:
@@ -376,6 +404,8 @@ class CallMachine:
             return effects + self._end(ending)
         effects.append(Count(success=False))
         why = "its caller no longer wants it" if self.unwanted else self.closing
+        if self._replacement is not None:
+            why = "its caller has sent another goal in its place"
         if why:
             return effects + self._end(replace(ending, not_retried=why))
         self.cause = error or RejectedByClassifier()
@@ -437,6 +467,11 @@ class CallMachine:
             )
             if self.goal_id not in may_run:
                 self.goal_id = may_run[-1]
+        effects: list[Effect] = []
+        if ending.end is fx.End.CANCELLED_BY_CALLER and self._is_replaced:
+            assert self._replacement is not None
+            ending = replace(ending, end=fx.End.REPLACED, status=GoalState.REPLACED)
+            effects.append(fx.Record(GoalState.REPLACED, f"by goal {self._replacement.goal_id}"))
         self.ending = ending
         self.previous, self.earlier = None, []  # they keep the call alive while they are watched
-        return [Finish(ending)]
+        return [*effects, Finish(ending)]

@@ -9,6 +9,7 @@ from typing import Any
 from actionkit._calls.budget import RetryBudget
 from actionkit._calls.classify import Classify
 from actionkit._calls.feedback import Callbacks
+from actionkit._calls.future import GoalFuture
 from actionkit._model.settings import RetryPolicy, Timeouts
 from actionkit._threads.pool import Pool
 
@@ -27,6 +28,8 @@ class Request:
     callbacks: Callbacks | None  # pass on the feedback
     pool: Pool  # for done callbacks
     function_pool: Pool  # for `classify` and the strategies of `retry`
+    replaces: GoalFuture[Any, Any] | None = None  # the call with the goal to replace
+    preempt: bool = False  # whether the server stops that goal by itself
     before_resend: Callable[[], object] | None = None
     """Called on the communication thread before another goal is sent. It may cancel the call, and
     then nothing is sent; it never blocks."""

@@ -11,6 +11,7 @@ import math
 import os
 import time
 import uuid
+from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal
 
@@ -87,6 +88,8 @@ class Session:
         """Monotonic time at which Ctrl-C ended a wait for cancellations."""
         self.calls: set[Call] = set()
         """The calls in flight."""
+        self.on_goals_changed: set[Callable[[], None]] = set()
+        """Called soon after a goal has stopped, or was lost, and after a call is over."""
         self._attempts: dict[Attempt, None] = {}
         """The attempts with a goal that may run, oldest first."""
         self._linger_timer: TimerHandle | None = None
@@ -250,6 +253,7 @@ class Session:
     def finished(self, call: Call) -> None:
         """Remove a call; its future is about to end. On the communication thread."""
         self.calls.discard(call)
+        self._goals_changed()
         self._free_if_done()
 
     def _out_of_sight(self, attempt: Attempt) -> None:
@@ -257,7 +261,12 @@ class Session:
             self._attempts.pop(attempt, None)
         elif attempt.goal.stage is Stage.LOST and len(self._attempts) > _MOST:
             self._forget_a_lost_one()
+        self._goals_changed()
         self._free_if_done()
+
+    def _goals_changed(self) -> None:
+        for look in self.on_goals_changed:
+            self.call_soon(look)
 
     def _forget_a_lost_one(self) -> None:
         oldest = next(each for each in self._attempts if each.goal.stage is Stage.LOST)

@@ -57,6 +57,10 @@ class End(Enum):
     STALLED = auto()
     DEADLINE = auto()
     CLOSED = auto()
+    REPLACED = auto()
+    """Its caller has sent another goal in its place, and its server has stopped it for that."""
+    NOT_REPLACING = auto()
+    """The goal that it was to replace may still run, so nothing was sent."""
     REJECTED_BY_CLASSIFIER = auto()
     """The goal succeeded, but `classify=` counts that as a failure."""
     CLASSIFIER_FAILED = auto()
@@ -92,11 +96,13 @@ class Ending:
     abandoned: bool = False  # it was left running on purpose
     refused: bool = False  # the server refused to cancel it, and the attempt ended for that
     goals: tuple[GoalReport, ...] = ()  # of the same call (C2.8)
+    earlier: tuple[GoalReport, ...] = ()  # of the call to replace: those that may run
     served: tuple[str, ...] = ()  # the types of the name, if none is the client's
     error: BaseException | None = None  # what is wrong with the goal, or what broke our side
     lost_because: str = ""
     """Why its server counts as lost, why its result is not available, why nobody waited for its
-    cancellation, or what was shut down, so that the call ended as by closing."""
+    cancellation, what was shut down, so that the call ended as by closing, or why the goal that it
+    was to replace may still run."""
     verdict: Verdict | None = None  # of `classify=` on a goal that succeeded
     not_retried: str = ""  # why the call did not try again, though it might have
     classifier_fault: Fault | None = None  # of `classify=`

@@ -9,6 +9,7 @@ ActionKitError
 ├─ PermanentError                 trying again changes nothing
 │  ├─ InvalidGoalError            the goal does not fit the action type; nothing was sent
 │  ├─ ActionTypeMismatchError     that name is served with another type
+│  ├─ GoalNotReplacedError        the goal to replace may still run; nothing was sent
 │  ├─ GoalRejectedError           the server said no
 │  ├─ GoalAbortedError            the server gave up on the goal
 │  ├─ GoalCanceledError           somebody else cancelled the goal
@@ -25,7 +26,7 @@ import pickle
 import uuid
 from typing import Any, ClassVar
 
-from actionkit._model.values import CancelReport, GoalEvent, GoalState
+from actionkit._model.values import CancelReport, GoalEvent, GoalReport, GoalState
 
 
 def _rebuild(cls: type[ActionKitError], message: str, state: dict[str, Any]) -> ActionKitError:
@@ -157,6 +158,16 @@ class ActionTypeMismatchError(PermanentError):
     served: tuple[str, ...] = ()
 
 
+class GoalNotReplacedError(PermanentError):
+    """Nothing was sent: the goal that this one was to replace may still be running.
+
+    Attributes:
+        earlier: What is known of the goals of the earlier call that may be running.
+    """
+
+    earlier: tuple[GoalReport, ...] = ()
+
+
 class GoalRejectedError(PermanentError):
     """The server refused to accept the goal; it never ran."""
 
@@ -199,7 +210,8 @@ class DeadlineExceededError(ActionKitError, TimeoutError):
     goal goes on.
 
     Attributes:
-        phase: What the call was waiting for: `"server"`, `"accept"`, `"execute"`, `"pause"`
+        phase: What the call was waiting for: `"server"`, `"replace"` (the goal that it replaces
+            has to stop first), `"accept"`, `"execute"`, `"pause"`
             (between two attempts) or `"cancel"` (for a cancellation to be confirmed).
         cancel: How the cancellation went: `CONFIRMED`, `REFUSED`, `UNKNOWN` or `NOT_NEEDED`; never
             `None`.

@@ -42,6 +42,8 @@ class GoalState(str, Enum):
     """Between two attempts of one call."""
     TIMED_OUT = "TIMED_OUT"
     """The caller gave up; the outcome's `cancel` says what happened to the goal."""
+    REPLACED = "REPLACED"
+    """The goal has ended because its caller replaced it by another one, with `preempt=True`."""
 
     def __str__(self) -> str:
         return self.value

@@ -22,6 +22,7 @@ LEVELS = {
     GoalState.LOST: logging.WARNING,
     GoalState.RETRYING: logging.WARNING,
     GoalState.TIMED_OUT: logging.WARNING,
+    GoalState.REPLACED: logging.INFO,
 }
 
 

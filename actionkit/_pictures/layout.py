@@ -34,6 +34,7 @@ class Sign(Enum):
     REJECTED = "rejected"
     LOST = "server or result lost"
     TIMED_OUT = "time ran out"
+    REPLACED = "replaced"
     FAILED = "ended otherwise"
     UNENDED = "no end in this log"
 
@@ -54,6 +55,7 @@ _SIGNS = {
     GoalState.REJECTED: Sign.REJECTED,
     GoalState.LOST: Sign.LOST,
     GoalState.TIMED_OUT: Sign.TIMED_OUT,
+    GoalState.REPLACED: Sign.REPLACED,
 }
 _NEVER_SENT = {Phase.SERVER, Phase.PAUSE, None}
 

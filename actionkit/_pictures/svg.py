@@ -49,6 +49,7 @@ _SIGN_FILL = {
     Sign.REJECTED: "#cc79a7",
     Sign.LOST: "#000000",
     Sign.TIMED_OUT: "#f0e442",
+    Sign.REPLACED: "#56b4e9",
     Sign.FAILED: "#ffffff",
     Sign.UNENDED: "#ffffff",
 }
@@ -61,6 +62,7 @@ _SHAPES = {
     Sign.REJECTED: [(0, -1.2), (1.2, 0), (0, 1.2), (-1.2, 0)],
     Sign.LOST: [(-1.1, -0.85), (1.1, -0.85), (0, 1.1)],
     Sign.TIMED_OUT: [(-0.9, -1.1), (0.9, -1.1), (-0.9, 1.1), (0.9, 1.1)],
+    Sign.REPLACED: [(-1.1, 0.85), (1.1, 0.85), (0, -1.1)],
     Sign.UNENDED: [(-0.7, -1.1), (0.9, 0), (-0.7, 1.1)],
 }  # fmt: skip
 """The corners of a mark, in units of its radius."""

@@ -11,7 +11,8 @@ import copy
 import random
 import uuid
 from collections import deque
-from dataclasses import astuple
+from dataclasses import astuple, dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 from actionkit import CancelReport, Timeouts
@@ -43,6 +44,23 @@ UNIMPORTANT = (
     "_phase",
     "_denied_lately",
 )
+
+
+@dataclass(frozen=True)
+class Replacement:
+    """What a call asks the one that replaces it; by then, that one is over."""
+
+    name: str
+    goals: SimpleNamespace = field(compare=False)
+    goal_id: int = 7
+    phase: Phase = Phase.ENDED
+
+    def __str__(self) -> str:
+        return self.name
+
+
+TAKEN = Replacement("taken", SimpleNamespace(accepted=True))
+REFUSED = Replacement("refused", SimpleNamespace(accepted=False))
 
 
 class Broken(Exception):
@@ -107,6 +125,7 @@ class World:
         self.expired = False  # the timer of the deadline has fired
         self.settled, self.returns = 0, returns
         self.told_success = False  # a success was told, and nobody has judged it so far
+        self.replaced_in_time = False  # before its goal had ended
         self.ended_well = False
         self.waited = False  # for confirmations, as long as there was time, or until it was closed
         self.do(self.m.begin(None, self.now))
@@ -145,9 +164,10 @@ class World:
         last = m._last and m._last.end
         asked = self.asked and (self.asked.end, self.asked.rejected, self.asked.news)
         time = (self.grace, self.late, self.expired)
-        flags = (time, self.closed, m.unwanted, bool(m.closing), self.told_success)
+        flags = (time, self.closed, m.unwanted, bool(m.closing), self.told_success, m._replacement)
         waits = (self.pause, self.awaiting, self.queued, m._wait_until, self.hurried)
         told = (self.settled, self.returns, self.ended_well, self.waited, self.had_server)
+        told += (self.replaced_in_time,)
         rest = (m.attempts, waits, told)
         return m.phase, ended, last, asked, flags, rest, goals, tuple(self.servers)
 
@@ -242,6 +262,9 @@ class World:
                 yield "deadline", None
             if not m.unwanted or self.hurried:
                 yield "cancel", None
+            if m._replacement is None:
+                yield "is replaced", TAKEN
+                yield "is replaced", REFUSED
             if not self.closed:
                 yield "close", False
                 yield "close", True
@@ -327,6 +350,9 @@ class World:
         elif event == "cancel":
             m.unwanted, self.hurried = True, False
             self.give_up(CancelReason.CANCELLED)
+        elif event == "is replaced":
+            self.replaced_in_time = m.phase is not Phase.JUDGING
+            self.do(m.replace_by(arg))
         elif event == "close":
             self.closed, m.closing = True, "closed"
             self.waited |= arg
@@ -380,6 +406,8 @@ class World:
             return
         if m.unwanted or m.closing or m.ending:
             raise Broken("sent though nobody wants it")
+        if m._replacement is not None:
+            raise Broken("sent though another goal was sent in its place (C1.15)")
         if self.told_success:
             raise Broken("sent though an earlier goal has succeeded (C4.3)")
         succeeded = (e.goal.awaits_result_of is GoalState.SUCCEEDED for e in self.attempts)
@@ -500,6 +528,7 @@ class World:
         }
         gave_up = ending.phase == "cancel" or ending.end in (
             fx.End.CANCELLED_BY_CALLER,
+            fx.End.REPLACED,
             fx.End.CLOSED,
         )
         confirming = any(e.goal.may_run and not e.released for e in self.attempts)
@@ -515,6 +544,11 @@ class World:
             raise Broken("a failure became a success")
         if ending.end is fx.End.CANCELLED_BY_CALLER and left:
             raise Broken("CancelledError, and a goal may run")
+        if ending.end is fx.End.REPLACED and (left or self.m._replacement is not TAKEN):
+            raise Broken("replaced, and it may run, or no other goal has taken its place")
+        taken = self.m._replacement is TAKEN and self.replaced_in_time
+        if ending.end is fx.End.ABORTED and taken:
+            raise Broken("it looks like a failure, and it was replaced (C1.15)")
         if ending.end is fx.End.REJECTED and self.m.goal_id in left:
             raise Broken("rejected, it never ran; but it may run")
         if left - set(ending.may_run):
@@ -631,7 +665,7 @@ def _weight(event: tuple[str, Any]) -> float:
         return 0.01
     if name in ("turn", "plan", "resume") or arg is Verdict.TRANSIENT:
         return 4.0  # the goals of one call meet
-    ends = name in ("cancel", "close", "end grace", "grace", "dies")
+    ends = name in ("cancel", "close", "is replaced", "end grace", "grace", "dies")
     return 0.02 if ends or arg in (Verdict.PERMANENT, Verdict.SUCCESS) else 1.0
 
 

@@ -95,7 +95,7 @@ MUTANTS = {
     ),
     "no server was there, where the goal waited for its turn": (
         CallMachine,
-        "waited",
+        "_too_late",
         "fx.End.DEADLINE,",
         "fx.End.NO_SERVER,",
     ),
@@ -170,6 +170,30 @@ MUTANTS = {
         "judged",
         "if why:",
         "if False:",
+    ),
+    "a goal that was replaced is sent again": (
+        CallMachine,
+        "judged",
+        "if self._replacement is not None:",
+        "if False:",
+    ),
+    "a goal waits to be sent though another was sent in its place": (
+        CallMachine,
+        "replace_by",
+        "if self.attempt is not None else self.give_up",
+        "if True else self.give_up",
+    ),
+    "a goal that was replaced looks like a failure": (
+        CallMachine,
+        "ended",
+        "if ending.end in _STOPPED and self._is_replaced:",
+        "if False:",
+    ),
+    "a goal counts as replaced by one that was refused": (
+        CallMachine,
+        "_is_replaced",
+        "(call.phase is not Phase.ENDED or call.goals.accepted)",
+        "True",
     ),
     "a late acceptance is not cancelled": (
         Goal,

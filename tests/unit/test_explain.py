@@ -80,6 +80,17 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
         ),
         (
             Ending(
+                End.NOT_REPLACING,
+                GoalState.SENDING,
+                earlier=(GoalReport(GOAL_ID, GoalFate.RUNNING, cancel_refused=True),),
+                given_up=True,
+            ),
+            actionkit.GoalNotReplacedError,
+            "MAY STILL BE RUNNING (the server refused to cancel it), 2 s after it was cancelled",
+            "preempt=True",
+        ),
+        (
+            Ending(
                 End.NO_ACCEPTANCE,
                 GoalState.TIMED_OUT,
                 **UNKNOWN,
@@ -182,7 +193,7 @@ def explained(ending: Ending, **changed: Any) -> Any:
 
 
 def test_every_way_to_fail_has_its_own_error() -> None:
-    failures = set(End) - {End.SUCCEEDED, End.CANCELLED_BY_CALLER}
+    failures = set(End) - {End.SUCCEEDED, End.CANCELLED_BY_CALLER, End.REPLACED}
     assert set(_explain._TEXTS) == failures == set(ENDINGS)
     classes = [cls for cls, _ in _explain._TEXTS.values()]
     assert len(set(classes)) == len(classes)

@@ -33,6 +33,7 @@ NAMES = [
     "GoalEvent",
     "GoalFate",
     "GoalFuture",
+    "GoalNotReplacedError",
     "GoalRejectedError",
     "GoalReport",
     "GoalState",
@@ -81,9 +82,10 @@ SIGNATURES = {
     " resend='confirmed_stopped', stop=None, wait=None), classify=None, observers=(),"
     " on_close='cancel', retry_budget=None, **unknown)",
     Client.call: "(self, goal, timeout=<as the client's timeouts.total>, *, on_feedback=None,"
-    " retry=None, classify=None, **unknown)",
+    " retry=None, classify=None, replaces=None, preempt=False, **unknown)",
     Client.call_async: "(self, goal, on_feedback=None,"
-    " timeout=<as the client's timeouts.total>, *, retry=None, classify=None, **unknown)",
+    " timeout=<as the client's timeouts.total>, *, retry=None, classify=None, replaces=None,"
+    " preempt=False, **unknown)",
     Client.check_goal: "(self, goal)",
     Client.wait_for_server: "(self, timeout=None, **unknown)",
     actionkit.RetryBudget.__init__: "(self, capacity=10.0, ratio=0.1)",
@@ -139,7 +141,7 @@ MEMBERS = {
     "CancelReport": "CONFIRMED REFUSED UNKNOWN NOT_NEEDED",
     "GoalFate": "UNANSWERED RUNNING REJECTED ENDED LOST LEFT",
     "GoalState": "SENDING SENT ACCEPTED REJECTED EXECUTING FEEDBACK CANCELING SUCCEEDED CANCELED"
-    " ABORTED LOST RETRYING TIMED_OUT",
+    " ABORTED LOST RETRYING TIMED_OUT REPLACED",
     "Verdict": "SUCCESS TRANSIENT PERMANENT",
 }
 AGENTS_FIELDS = {

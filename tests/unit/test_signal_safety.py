@@ -109,6 +109,7 @@ def a_future() -> GoalFuture[Any, Any]:
         timeline=Recorder(),
         cancel_grace=1.0,
         goals=GoalsOfCall(),
+        to_replace=(),
         request_cancel=lambda: None,
     )
     return GoalFuture(call, FeedbackBroadcast(), Pool(), SimpleNamespace())
