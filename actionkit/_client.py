@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import uuid
 import weakref
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Generic
+from typing import TYPE_CHECKING, Any, Generic, Literal
 
 from typing_extensions import Never, Self
 
@@ -16,6 +17,7 @@ from actionkit._calls.call import Call
 from actionkit._calls.classify import Classify, check_classify
 from actionkit._calls.closing import await_cancel, close
 from actionkit._calls.drivers import in_thread
+from actionkit._calls.everything import cancel_everything
 from actionkit._calls.explain import invalid_goal
 from actionkit._calls.feedback import callbacks_for
 from actionkit._calls.future import GoalFuture
@@ -33,7 +35,9 @@ from actionkit._model.arguments import (
     refuse_unknown,
 )
 from actionkit._model.field_errors import FieldError, FieldTypeError
+from actionkit._model.goal_ids import goal_id_of
 from actionkit._model.settings import RetryPolicy, Timeouts, check_seconds
+from actionkit._model.values import CancelReport
 from actionkit._observers.protocol import Observer, check_observers
 from actionkit._threads.function_runner import function_pool
 
@@ -271,6 +275,55 @@ class Client(Generic[ActionT_co]):
         self._session.begin(call)
         return call.future
 
+    def attach(
+        self: Client[ActionType[GoalT, ResultT, FeedbackT]],
+        goal_id: uuid.UUID | str,
+        *,
+        timeout: float | Unset | None = UNSET,
+        on_feedback: Callable[[FeedbackT], object] | None = None,
+        on_give_up: Literal["leave", "cancel"] = "leave",
+        **unknown: Never,
+    ) -> GoalFuture[ResultT, FeedbackT]:
+        """Follow a goal that another client, process or computer has sent, or an earlier run.
+
+        Returns at once, and sends no goal. The future is as that of `call_async`: feedback, state,
+        result, timeline, `cancel()`. The timeline begins with what the server says now.
+
+        Args:
+            goal_id: The goal's id, as `future.goal_id`, errors, logs and `actionkit watch` have it.
+            timeout: As for `call`.
+            on_feedback: As for `call_async`.
+            on_give_up: What happens to the goal when you stop following it before it ends: at the
+                deadline, when the awaiting task is cancelled, when the client closes or the program
+                ends. `"leave"` lets it run. `"cancel"` cancels it, as if this client had sent it.
+                `future.cancel()` and `cancel_all()` cancel it in any case.
+
+        Returns:
+            A future. It fails with `GoalUnknownError` if no server knows the goal.
+
+        Raises:
+            ClientClosedError: The client was closed.
+            RuntimeError: This process was forked from the client's.
+            TypeError, ValueError: An argument is wrong, or this client follows the goal already.
+        """
+        refuse_unknown(unknown, self.attach)
+        if on_give_up not in ("leave", "cancel"):
+            raise ValueError(f"on_give_up={on_give_up!r} must be 'leave' or 'cancel'")
+        followed = goal_id_of(goal_id)
+        if any(call.goal_id == followed for call in list(self._session.calls)):
+            raise ValueError(f"goal {followed} is followed by this client already: use that future")
+        call = self._prepare(
+            None,
+            on_feedback,
+            timeout,
+            RetryPolicy.none(),
+            None,
+            attach=followed,
+            left_alone=on_give_up == "leave",
+        )
+        self._session.begin(call)
+        return call.future
+
     def check_goal(
         self: Client[ActionType[GoalT, ResultT, FeedbackT]], goal: GoalT | Mapping[str, Any]
     ) -> GoalT:
@@ -302,6 +355,8 @@ class Client(Generic[ActionT_co]):
         *,
         replaces: GoalFuture[Any, Any] | None = None,
         preempt: bool = False,
+        attach: uuid.UUID | None = None,
+        left_alone: bool = False,
     ) -> Call:
         self._session.check()
         unset = isinstance(timeout, Unset)
@@ -313,7 +368,7 @@ class Client(Generic[ActionT_co]):
         callbacks = callbacks_for(on_feedback, self.action_name, self._pool)
         message = invalid = None
         try:
-            message = from_plain(self._action_type.Goal, goal)
+            message = None if attach else from_plain(self._action_type.Goal, goal)
         except (FieldError, FieldTypeError) as error:
             invalid = error
         return self._session.prepare(
@@ -330,6 +385,8 @@ class Client(Generic[ActionT_co]):
                 function_pool=self._function_pool,
                 replaces=replaces,
                 preempt=preempt,
+                attach=attach,
+                left_alone=left_alone,
                 before_resend=before_resend,
             )
         )
@@ -396,6 +453,31 @@ class Client(Generic[ActionT_co]):
             ClientClosedError: The client was closed.
         """
         return self._session.cancel_all()
+
+    def cancel_everything(
+        self, timeout: float = 10.0, **unknown: Never
+    ) -> dict[uuid.UUID, CancelReport]:
+        """Cancel all goals of the action, those of other programs too, and wait for that.
+
+        Args:
+            timeout: Seconds for everything. It takes a second to see which goals there are.
+
+        Returns:
+            What happened to each goal. If a server refuses, that is `REFUSED` after the timeout.
+
+        Raises:
+            ClientClosedError: The client was closed.
+            ServerUnavailableError: No server was ready in time; nothing was cancelled.
+            RuntimeError: Called from one of ActionKit's own callbacks, or after a fork.
+            TypeError, ValueError: A bad `timeout`.
+        """
+        refuse_unknown(unknown, self.cancel_everything)
+        seconds = check_seconds("timeout", timeout, optional=False)
+        assert seconds is not None
+        refuse_in_callback()
+        name = "Client.cancel_everything()"
+        warn_on_event_loop(name, "await asyncio.to_thread(client.cancel_everything)")
+        return cancel_everything(self._session, self.attach, seconds)
 
     def close(self) -> None:
         """End every goal in flight as `on_close` says, and free all that is held.

@@ -9,6 +9,7 @@ import logging
 import uuid
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any, ClassVar, Protocol
 
 from actionkit._calls.goal_timers import Clock, GoalTimers
@@ -37,6 +38,7 @@ class AttemptLink(Protocol):
     @property
     def others_confirmed_at(self) -> float: ...
     def send_goal(self, listener: Attempt, goal: Any) -> int: ...
+    def follow_goal(self, listener: Attempt) -> int: ...
     def leave_outbox(self, listener: Attempt) -> None: ...
     def sees_server_of(self, listener: Attempt) -> bool: ...
     def server_is_gone(self, listener: Attempt) -> bool: ...
@@ -84,6 +86,7 @@ class Attempt:
         self.number = 1
         """Its number among the call's attempts; the owner sets it."""
         self.goal = Goal(goal_id, timeouts)
+        self._first: Callable[[float, int], list[fx.Effect]] = self.goal.sent
         self._link = link
         self._liveness = timeouts.liveness
         self._now = link.runtime.now
@@ -118,11 +121,16 @@ class Attempt:
         """Send the goal. If rclpy raises an error, nothing was sent."""
         self._servers = self._link.send_goal(self, message)
 
+    def attach(self, *, left_alone: bool) -> None:
+        """Have the link tell about a goal that somebody else has sent. Errors: `follow_goal`."""
+        self._servers = self._link.follow_goal(self)
+        self._first = partial(self.goal.attached, left_alone=left_alone)
+
     def start(self) -> None:
-        """Follow the goal after it was sent."""
+        """Follow the goal after `send` or `attach`."""
         if self._liveness is not None:
             self._link.liveness.start(self._liveness)
-        self._apply(self.goal.sent(self._now(), self._servers))
+        self._apply(self._first(self._now(), self._servers))
 
     def give_up(self, why: CancelReason, *, abandon: bool = False) -> None:
         """Cancel the goal because nobody wants it; with `abandon`, let it run instead."""

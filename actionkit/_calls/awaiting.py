@@ -119,10 +119,7 @@ class Awaiters:
 
     def _stop(self, waiting: object, cancel: Callable[[], object]) -> bool:
         self._waiting.discard(waiting)
-        if self._waiting:
-            return False
-        cancel()
-        return True
+        return not self._waiting and cancel() is not False
 
     def _look(
         self, has_ended: Callable[[], bool], waiting: object, cancel: Callable[[], object]

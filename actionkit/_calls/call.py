@@ -25,7 +25,6 @@ from actionkit._calls.retry import GiveUp, Retry
 from actionkit._calls.retry_runner import RetryRunner
 from actionkit._goal import effects as fx
 from actionkit._goal.stages import CancelReason, Stage
-from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalReport, GoalState, Verdict
 from actionkit._observers.delivery import NO_OBSERVERS, ObserverDispatcher
 from actionkit._threads.clock import TimerHandle
@@ -46,7 +45,7 @@ class CallSession(ActionView, GoalsWatch, Protocol):
 
     @property
     def link(self) -> CallLink: ...
-    def send(self, goal_id: uuid.UUID, goal: Any, timeouts: Timeouts, owner: Call) -> Attempt: ...
+    def send(self, goal_id: uuid.UUID, request: Request, owner: Call) -> Attempt: ...
     def server_is_ready(self) -> bool: ...
     def finished(self, call: Call) -> None: ...
 
@@ -58,13 +57,19 @@ class Call:
         self, session: CallSession, request: Request, dispatcher: ObserverDispatcher = NO_OBSERVERS
     ) -> None:
         """Make a call; its time begins now."""
-        self._record = record = CallRecord(session, request, dispatcher, goal_id := uuid.uuid4())
+        goal_id = request.attach or uuid.uuid4()
+        self._record = record = CallRecord(session, request, dispatcher, goal_id)
         self.timeline, tape, began = record.timeline, record.tape, record.began
         self._deadline = None if request.timeout is None else began + request.timeout
         limits = request.timeouts.server, self._deadline
-        self.machine = machine = CallMachine(goal_id, request.retry.resend, *limits)
+        attaches = request.attach is not None
+        self.machine = machine = CallMachine(
+            goal_id, request.retry.resend, *limits, attaches=attaches
+        )
         self.goals = machine.goals
-        self.state = GoalState.SENDING
+        self.state = GoalState.SENT if attaches else GoalState.SENDING
+        self.left_alone = request.left_alone
+        """Whether only an explicit cancel cancels the goal."""
         self.cancel_grace = request.timeouts.cancel
         self._session = session
         self._request = request
@@ -97,6 +102,14 @@ class Call:
         self.machine.unwanted = unwanted
 
     # --- the caller's wishes ---------------------------------------------------------------
+
+    def request_end(self) -> None:
+        """End soon, because the program ends: cancel the goal, unless it is to be left alone."""
+        if self.left_alone:
+            end = partial(self.close, abandon=True, because="the program was told to end")
+            self._session.call_soon(end)
+        else:
+            self.request_cancel(urgent=True)
 
     def request_cancel(self, *, urgent: bool = False) -> None:
         """Cancel soon; if `urgent`, before other goals, as a human waits. From any thread."""
@@ -267,13 +280,15 @@ class Call:
         self._end_wait()
         request = self._request
         try:
-            attempt = self._session.send(self.goal_id, request.goal, request.timeouts, self)
+            attempt = self._session.send(self.goal_id, request, self)
         except Exception as error:  # noqa: BLE001  rclpy raises what its converters raise
             self._do(self.machine.send_failed(error))
             return
         attempt.number = self.machine.attempts
         self.machine.sent(attempt)
         attempt.start()
+        if request.attach is not None and self.unwanted:
+            self.cancel()
 
     def _judge(self, effect: mx.Judge) -> None:
         ending = effect.ending

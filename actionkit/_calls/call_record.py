@@ -140,6 +140,7 @@ class CallRecord:
             timeout=self._request.timeout,
             timeouts=self._request.timeouts,
             surroundings=self._action.graph_snapshot,
+            attached=self._request.attach is not None,
         )
         callbacks = self._request.callbacks
         return Outcome(

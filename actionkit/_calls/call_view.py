@@ -83,6 +83,7 @@ class CallView(Protocol):
     state: GoalState
     timeline: Recorder
     cancel_grace: float
+    left_alone: bool
 
     @property
     def to_replace(self) -> tuple[Any, ...]:
@@ -115,6 +116,7 @@ class CallIsOver:
     timeline: Recorder
     cancel_grace: float
     to_replace: tuple[Any, ...]
+    left_alone: bool = False
 
     def request_cancel(self) -> None:
         """Do nothing: it is too late."""

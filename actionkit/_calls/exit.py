@@ -106,7 +106,7 @@ def cancel_goals(hurry: Callable[[], bool]) -> None:
     began = time.monotonic()
     try:
         for session in sessions:
-            session.cancel_calls(urgent=True)
+            session.end_calls()
         while any(session.calls or session.confirming for session in sessions) and not hurry():
             confirmed_at = max(session.confirmed_at for session in sessions)
             if time.monotonic() >= min(max(began, confirmed_at), began + LONGEST_GRACE) + grace:

@@ -52,6 +52,8 @@ class ErrorContext:
     timeout: float | None
     timeouts: Timeouts
     surroundings: Callable[[], GraphSnapshot]
+    attached: bool = False
+    """Whether somebody else has sent the goal."""
 
 
 def explain(ending: Ending, call: ErrorContext) -> BaseException | None:
@@ -168,6 +170,8 @@ def _what(call: ErrorContext) -> str:
 
 def _cancel_sentence(ending: Ending, call: ErrorContext) -> str:
     """Say what happened to a goal that was given up on."""
+    if ending.abandoned:
+        return " It was left to run on the server."
     if ending.ended_first and ending.result is None:
         return f" It had ended as {ending.ended_as}, and only its result is missing."
     if ending.own_cancel is CancelReport.CONFIRMED:
@@ -256,6 +260,14 @@ def _not_replacing(ending: Ending, call: ErrorContext) -> str:
     )
 
 
+def _unknown(_: Ending, call: ErrorContext) -> str:
+    return (
+        f"No server of action {call.action_name!r} knows goal {call.goal_id}. The id may be wrong"
+        " or of another action, the server may have been restarted, or the goal ended longer ago"
+        " than the server remembers (its result_timeout). `actionkit watch` shows the goals there."
+    )
+
+
 def _no_acceptance(ending: Ending, call: ErrorContext) -> str:
     reason = (
         "The server is busy in a callback, or not responding: look at its log, or allow more with"
@@ -263,6 +275,11 @@ def _no_acceptance(ending: Ending, call: ErrorContext) -> str:
     )
     if call.surroundings().no_data:
         reason = no_data(call.action_name)
+    if call.attached:
+        return (
+            f"No server of action {call.action_name!r} answered within {call.timeouts.accept:g} s"
+            f" whether it has goal {call.goal_id}.{_cancel_sentence(ending, call)} {reason}"
+        )
     return (
         f"{_what(call)} was neither accepted nor rejected within {call.timeouts.accept:g} s."
         f"{_cancel_sentence(ending, call)} {reason}"
@@ -418,6 +435,8 @@ def _closed(ending: Ending, call: ErrorContext) -> str:
     closed = because == CLIENT_CLOSED
     remedy = "close(), or leave the `with` block later" if closed else "that"
     wait = f"Wait for the result before {remedy}."
+    if ending.status is GoalState.SENDING and call.attached:
+        return f"{_what(call)} was not followed: {because} first. {wait}"
     if ending.status is GoalState.SENDING:
         return f"{_what(call)} was not sent: {because} first. {wait}"
     if ending.own_cancel is CancelReport.NOT_NEEDED:  # between two attempts
@@ -425,15 +444,14 @@ def _closed(ending: Ending, call: ErrorContext) -> str:
             f"{_what(call)} ran no more ({ending.status}), and was not tried again, because"
             f" {because}. {wait}"
         )
-    left = " It was left to run on the server."
-    became = left if ending.abandoned else _cancel_sentence(ending, call)
-    return f"{_what(call)} was in flight when {because}.{became} {wait}"
+    return f"{_what(call)} was in flight when {because}.{_cancel_sentence(ending, call)} {wait}"
 
 
 _TEXTS: dict[End, tuple[type[errors.ActionKitError], Callable[[Ending, ErrorContext], str]]] = {
     End.NO_SERVER: (errors.ServerUnavailableError, _no_server),
     End.TYPE_MISMATCH: (errors.ActionTypeMismatchError, _type_mismatch),
     End.INVALID: (errors.InvalidGoalError, _invalid),
+    End.UNKNOWN: (errors.GoalUnknownError, _unknown),
     End.NOT_REPLACING: (errors.GoalNotReplacedError, _not_replacing),
     End.NO_ACCEPTANCE: (errors.AcceptanceTimeoutError, _no_acceptance),
     End.REJECTED: (errors.GoalRejectedError, _rejected),

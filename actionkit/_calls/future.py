@@ -245,10 +245,12 @@ class GoalFuture(
             raise was_cancelled(f"goal {self.goal_id} was cancelled")
         return self.result(0)
 
-    def _give_up(self) -> None:
-        """Cancel the goal, because nobody awaits it any more."""
-        if os.getpid() == self._pid:  # a forked child also closes the coroutines it inherited
-            self.cancel()
+    def _give_up(self) -> bool:
+        """Cancel the goal, because nobody awaits it any more; return whether that was done."""
+        # A forked child also closes the coroutines it inherited.
+        if os.getpid() != self._pid or self._call.left_alone:
+            return False
+        return self.cancel()
 
     # Asyncio calls these if this is a task's coroutine, as in `asyncio.create_task(future)`.
 

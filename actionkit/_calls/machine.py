@@ -163,13 +163,16 @@ class CallMachine:
         server_limit: float | None,
         deadline: float | None,
         new_id: Callable[[], uuid.UUID] = uuid.uuid4,
+        *,
+        attaches: bool = False,
     ) -> None:
         """Begin without attempts.
 
         `resend` and `server_limit` are `RetryPolicy.resend` and `Timeouts.server`. `deadline` is
         the monotonic time of the end of the call, or `None`. `new_id` makes the ids of the goals
-        after the first.
+        after the first. With `attaches`, somebody else has sent the goal.
         """
+        self._attaches = attaches
         self.phase = Phase.NEW
         self.goals = GoalsOfCall()
         self.goal_id = goal_id  # of the goal that the user is told about
@@ -228,6 +231,8 @@ class CallMachine:
 
     def give_up(self, why: CancelReason) -> list[Effect]:
         """Its caller cancels or closes it while it has no goal in flight that could handle that."""
+        if self._attaches and why is CancelReason.CANCELLED and self.previous is None:
+            return []  # the goal may run: it is cancelled as soon as a server is there
         if self.phase is Phase.JUDGING:
             # Its goal ended, and is not tried again. Wait for the verdict as for a cancellation.
             because = "the client was closed" if self.closing else "the call was cancelled"
@@ -273,7 +278,8 @@ class CallMachine:
         if self.attempts:
             self.goal_id = self.latest_id = self._new_id()
         self.attempts += 1
-        return [fx.Record(GoalState.SENDING), *self._await_server(now)]
+        sending = [] if self._attaches else [fx.Record(GoalState.SENDING)]
+        return [*sending, *self._await_server(now)]
 
     def _await_server(self, now: float) -> list[Effect]:
         self.phase = Phase.WAITING
@@ -301,7 +307,7 @@ class CallMachine:
         """It is the goal's turn to be sent."""
         if self.phase is not Phase.QUEUED:
             return []
-        if self.unwanted:  # `cancel` is about to run on this thread
+        if self.unwanted and not self._attaches:  # `cancel` is about to run on this thread
             return self.give_up(CancelReason.CANCELLED)
         if self._is_late(now) or not self.may_send():
             self.phase = Phase.WAITING
@@ -363,8 +369,6 @@ class CallMachine:
             if not each.goal.facts.is_over or each.goal.awaits_result_of
         ]
         self.attempt = None
-        if ending.end in _STOPPED and self._is_replaced:
-            return self._end(replace(ending, end=fx.End.CANCELLED_BY_CALLER, given_up=True))
         return self._judge(ending)
 
     def late_result(self, attempt: AttemptView, state: GoalState, result: Any) -> list[Effect]:
@@ -426,6 +430,8 @@ class CallMachine:
         return self._try(now)
 
     def _judge(self, ending: fx.Ending) -> list[Effect]:
+        if ending.end in _STOPPED and self._is_replaced:
+            return self._end(replace(ending, end=fx.End.CANCELLED_BY_CALLER, given_up=True))
         self.phase = Phase.JUDGING
         return [Judge(ending)]
 

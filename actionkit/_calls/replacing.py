@@ -27,7 +27,7 @@ def check_replaces(replaces: object, preempt: object, session: object) -> None:
     """Check the arguments of a call.
 
     Raises:
-        TypeError: `replaces` is no future, or `preempt` no bool.
+        TypeError: `replaces` is not a future, or `preempt` is not a bool.
         ValueError: The future is of another client, or there is none with `preempt=True`.
     """
     if not isinstance(preempt, bool):
@@ -51,13 +51,13 @@ def to_replace(earlier: AnyFuture | None) -> tuple[AnyFuture, ...]:
     """Return the calls to replace: the earlier one, and those that it was to replace itself.
 
     If three goals are sent soon one after the other, the first may still be stopping when the third
-    replaces the second, which was not sent so far.
+    replaces the second, which was not sent.
     """
     return () if earlier is None else (earlier, *earlier._call.to_replace)
 
 
 def not_stopped(futures: Iterable[AnyFuture]) -> tuple[AnyFuture, ...]:
-    """Return those calls of which a goal may run or may still be sent."""
+    """Return those calls that have a goal that may run, or may still send one."""
     # In this order: while a call is not over, it might send another goal.
     return tuple(one for one in futures if not (one.done() and one._call.goals.stopped))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -30,6 +31,8 @@ class Request:
     function_pool: Pool  # for `classify` and the strategies of `retry`
     replaces: GoalFuture[Any, Any] | None = None  # the call with the goal to replace
     preempt: bool = False  # whether the server stops that goal by itself
+    attach: uuid.UUID | None = None  # the goal of somebody else, to be followed
+    left_alone: bool = False  # only an explicit cancel cancels it
     before_resend: Callable[[], object] | None = None
     """Called on the communication thread before another goal is sent. It may cancel the call, and
     then nothing is sent; it never blocks."""

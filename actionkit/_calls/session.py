@@ -26,7 +26,6 @@ from actionkit._calls.request import Request
 from actionkit._calls.signals import is_ending
 from actionkit._goal.stages import Stage
 from actionkit._model.errors import ClientClosedError
-from actionkit._model.settings import Timeouts
 from actionkit._observers.delivery import ObserverDispatcher
 from actionkit._observers.protocol import Observer
 from actionkit._ros import graph
@@ -171,14 +170,15 @@ class Session:
             RuntimeError: The session belongs to the process that this one was forked from.
         """
         self._check_open()
-        return self.cancel_calls()
-
-    def cancel_calls(self, *, urgent: bool = False) -> int:
-        """The same, even after closing; `urgent` is that of `Call.request_cancel`."""
         calls = list(self.calls)
         for call in calls:
-            call.request_cancel(urgent=urgent)
+            call.request_cancel()
         return len(calls)
+
+    def end_calls(self) -> None:
+        """End every call, even after closing, because the program ends."""
+        for call in list(self.calls):
+            call.request_end()
 
     def wait_for_server(self, timeout: float | None) -> bool:
         """Block until goals can be sent; return whether they can. Raises the errors of `check`.
@@ -227,11 +227,17 @@ class Session:
             if self.port.has_node and self._node_timer is None:
                 self._arm_node_timer()
 
-    def send(self, goal_id: uuid.UUID, goal: Any, timeouts: Timeouts, owner: Call) -> Attempt:
-        """Send a goal, and watch it until it is over. Raises the errors of rclpy's converters."""
+    def send(self, goal_id: uuid.UUID, request: Request, owner: Call) -> Attempt:
+        """Send a goal, or attach to one, and watch it until it is over.
+
+        Raises the errors of rclpy's converters; `ValueError` if it is watched already.
+        """
         forget = self._out_of_sight
-        made = Attempt(self.link, goal_id, timeouts, owner, on_out_of_sight=forget)
-        made.send(goal)
+        made = Attempt(self.link, goal_id, request.timeouts, owner, on_out_of_sight=forget)
+        if request.attach is None:
+            made.send(request.goal)
+        else:
+            made.attach(left_alone=request.left_alone)
         self._attempts[made] = None
         return made
 

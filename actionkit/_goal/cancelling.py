@@ -40,12 +40,20 @@ class CancellableGoal(GoalRecord):
             self._latest = now + self._timeouts.cancel
         if self._unwanted:
             return []
-        if abandon:
-            self.lose_touch()
-            self.stage = Stage.OVER
-            self.abandoned = True
-            return self._settle(fx.End.CLOSED) + self._release()
+        if abandon or (self._left_alone and why is not CancelReason.CANCELLED):
+            return self._leave(why)
         return self._cancel(why, now)
+
+    def _leave(self, why: CancelReason) -> list[fx.Effect]:
+        """Let it run."""
+        self._phase = "accept" if self.stage is Stage.SENT else "execute"
+        self.lose_touch()
+        self.stage = Stage.OVER
+        self.abandoned = True
+        effects: list[fx.Effect] = []
+        if why in WAITED_FOR:
+            effects.append(fx.Record(GoalState.TIMED_OUT, f"waiting for {WAITED_FOR[why]}"))
+        return [*effects, *self._settle(END_AFTER[why]), *self._release()]
 
     def forget(self) -> list[fx.Effect]:
         """Stop tracking the goal, though it may run."""

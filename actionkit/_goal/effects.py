@@ -47,6 +47,8 @@ class End(Enum):
     NO_SERVER = auto()
     TYPE_MISMATCH = auto()
     INVALID = auto()
+    UNKNOWN = auto()
+    """No server knows the goal that the call was attached to."""
     NO_ACCEPTANCE = auto()
     REJECTED = auto()
     ABORTED = auto()

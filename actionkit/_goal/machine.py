@@ -45,6 +45,19 @@ class Goal(CancellableGoal):
             effects.append(fx.Arm(fx.Timer.ACCEPT, now + self._timeouts.accept))
         return [*effects, self._arm_reask(now)]
 
+    def attached(self, now: float, servers: int, *, left_alone: bool) -> list[fx.Effect]:
+        """Somebody else has sent it, and one of so many servers may have it: begin to follow it.
+
+        With `left_alone`, only the caller's explicit cancel cancels it.
+        """
+        self._attached, self._left_alone = True, left_alone
+        self.state = GoalState.SENT
+        self.facts.servers = max(1, servers)
+        effects: list[fx.Effect] = [fx.WatchStatus(), fx.AskResult()]
+        if self._timeouts.accept is not None:
+            effects.append(fx.Arm(fx.Timer.ACCEPT, now + self._timeouts.accept))
+        return [*effects, self._arm_reask(now)]
+
     def server_ready(self, now: float) -> list[fx.Effect]:
         """A server can be used (again)."""
         if self.stage is Stage.LOST:
@@ -234,7 +247,7 @@ class Goal(CancellableGoal):
         if facts.servers > 1 and facts.away:
             # One of the servers that may run it has left, and those in sight do not run it.
             return [] if facts.undecided or self.stage is Stage.LOST else self._gone(now)
-        if self.stage is Stage.ACCEPTED:
+        if self.stage is Stage.ACCEPTED or (self._attached and self.stage is Stage.SENT):
             return self._forgotten(now, asked_at) if own else []
         if self.stage is Stage.LOST and facts.undecided:
             return []
@@ -281,7 +294,7 @@ class Goal(CancellableGoal):
         return self.server_lost("its action server is gone", now)
 
     def _forgotten(self, now: float, asked_at: float) -> list[fx.Effect]:
-        """The server does not know a goal that it has accepted: believed if it answers so again.
+        """The server does not know a goal that it should have: believed if it answers so again.
 
         While one thread of an rclpy server accepts a goal, another one answers as if it did not
         exist.
@@ -292,7 +305,15 @@ class Goal(CancellableGoal):
             return [self._arm_reask(now)]
         if asked_at < self._forgotten_at + DOUBT:
             return []  # on a slow network, such answers may arrive for seconds
+        if self.stage is Stage.SENT:
+            return self._nobody_knows(now)
         return self._result_lost("its server no longer knows the goal", now)
+
+    def _nobody_knows(self, now: float) -> list[fx.Effect]:
+        """No server has the goal that the call was attached to."""
+        self.facts.ended = self.facts.over = True
+        end = END_AFTER[self.cancel_reason] if self.cancel_reason in FINAL else fx.End.UNKNOWN
+        return [self._enter(GoalState.LOST, "no server knows it"), *self._end_here(end, now)]
 
     def cancel_answered(
         self, answer: CancelAnswer, now: float, *, asked_at: float
@@ -305,7 +326,8 @@ class Goal(CancellableGoal):
                 return [fx.AskResult()]  # each server answers this one
             if self.stage is Stage.LOST:
                 return self._unknown_to_another() if self.facts.lost else self._over()
-            return [fx.AskResult()] if self.stage is Stage.ACCEPTED else self._unknown_so_far()
+            known = self.stage is Stage.ACCEPTED or self._attached
+            return [fx.AskResult()] if known else self._unknown_so_far()
         if self.stage is Stage.ELSEWHERE:
             self.facts.refused = answer is CancelAnswer.REFUSED
             return [fx.AskResult()]
@@ -352,7 +374,8 @@ class Goal(CancellableGoal):
         effects.append(self._enter(GoalState.LOST, reason))
         if self.cancel_reason in FINAL:
             return effects + self._settle_given_up()
-        return effects + self._settle(fx.End.LOST, lost_because=reason)
+        effects += self._settle(fx.End.LOST, lost_because=reason)
+        return effects + (self.forget() if self._is_left_alone else [])
 
     def timer(
         self, timer: fx.Timer, now: float, *, others_confirmed_at: float = -math.inf

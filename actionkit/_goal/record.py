@@ -32,7 +32,9 @@ class GoalRecord:
         self.settled = False
         self.cancel_reason: CancelReason | None = None
         self._final_reason: CancelReason | None = None  # the first one that is in `FINAL`
-        self.abandoned = False  # the client closed and let it run, as the user chose
+        self.abandoned = False  # it was let run, as the user chose
+        self._attached = False  # somebody else has sent it
+        self._left_alone = False  # only an explicit cancel cancels it
         self._timeouts = timeouts
         self.facts = GoalFacts(goal_id)
         self._unknown_to_server = False
@@ -81,6 +83,11 @@ class GoalRecord:
         return self.stage in (Stage.SENT, Stage.LOST)
 
     @property
+    def _is_left_alone(self) -> bool:
+        """Whether it is only followed: nothing that happens to it makes us cancel it."""
+        return self._left_alone and self.cancel_reason is None
+
+    @property
     def _unwanted(self) -> bool:
         return self.settled or self.cancel_reason is not None
 
@@ -106,7 +113,9 @@ class GoalRecord:
         self, end: fx.End, now: float, *, result: Any = None, lost_because: str = ""
     ) -> list[fx.Effect]:
         """One server's answer ends it for the caller; another server may still run it (R14)."""
-        if not self.facts.may_run:
+        if self._is_left_alone:
+            self.lose_touch()
+        if not self.facts.may_run or self._is_left_alone:
             self.stage = Stage.OVER
             return [*self._settle(end, result=result, lost_because=lost_because), *self._release()]
         self.stage = Stage.ELSEWHERE

@@ -9,6 +9,7 @@ ActionKitError
 ├─ PermanentError                 trying again changes nothing
 │  ├─ InvalidGoalError            the goal does not fit the action type; nothing was sent
 │  ├─ ActionTypeMismatchError     that name is served with another type
+│  ├─ GoalUnknownError            no server knows the goal that was attached to
 │  ├─ GoalNotReplacedError        the goal to replace may still run; nothing was sent
 │  ├─ GoalRejectedError           the server said no
 │  ├─ GoalAbortedError            the server gave up on the goal
@@ -156,6 +157,13 @@ class ActionTypeMismatchError(PermanentError):
 
     expected: str = ""
     served: tuple[str, ...] = ()
+
+
+class GoalUnknownError(PermanentError):
+    """No server of the action knows the goal that the call was attached to.
+
+    The id is wrong, the server was restarted, or the goal ended long ago.
+    """
 
 
 class GoalNotReplacedError(PermanentError):

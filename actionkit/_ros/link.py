@@ -147,6 +147,20 @@ class Link:
         self._listeners[key] = listener
         return self.monitor.goal_sent(key)
 
+    def follow_goal(self, listener: GoalListener) -> int:
+        """Follow a goal that somebody else has sent; return how many servers may have it.
+
+        Raises:
+            ValueError: It is followed already.
+        """
+        key = listener.goal_id.bytes
+        if key in self._listeners:
+            raise ValueError(f"goal {listener.goal_id} is followed by this client already")
+        self._feedback.start()
+        self._requests.follow(key)
+        self._listeners[key] = listener
+        return self.monitor.goal_sent(key)
+
     def leave_outbox(self, listener: GoalListener) -> None:
         """Give the goal's place in the window to the next goal."""
         self._outbox.discard(listener.goal_id.bytes)

@@ -124,6 +124,10 @@ class ServiceRequests:
         self._made.setdefault(key, [])
         self._register("goal", key, seq)
 
+    def follow(self, key: bytes) -> None:
+        """Allow requests about a goal that somebody else has sent."""
+        self._made.setdefault(key, [])
+
     def ask_result(self, key: bytes, *, supersedes_earlier: bool = False) -> None:
         """Ask for a sent goal's result; at once the first time, later at a limited rate.
 

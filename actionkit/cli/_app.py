@@ -36,6 +36,9 @@ _COMMANDS = {
         "watch",
         "Show the goals of the action NAME as their states change, and whether agents are held.",
     ),
+    "attach": _Known(
+        "attach", "Follow a goal of the action NAME that another program has sent, to its result."
+    ),
     "cancel": _Known("cancel", "Cancel goals of the action NAME, and tell what happened to each."),
     "stop": _Known(
         "stop", "Cancel every goal of every action in sight, and hold agents until --release."

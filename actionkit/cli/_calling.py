@@ -1,4 +1,7 @@
-"""Makes one call from the command line, reports it, and cancels its goal if it ends early."""
+"""Makes one call from the command line, reports it, and cancels its goal if it ends early.
+
+Or it follows the goal of another program, and lets it run.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +29,8 @@ _ROOM = 256
 """Feedback messages that may wait to be written: some seconds of feedback, and little memory."""
 _SLOW = 0.5
 """Seconds for which a message waits for such a place; then it is not shown, only counted."""
+_SECOND_PRESS = 2.0
+"""Seconds for a second Ctrl-C, which cancels the goal of another program."""
 _MARGIN = 0.5
 """Seconds more than the client's own limit for a cancel, so that its report comes first."""
 
@@ -40,12 +45,15 @@ class Calling:
         *,
         echo: bool,
         progress: Progress | None,
+        detaches: bool = False,
     ) -> None:
         """Take what the call needs. `run` closes the client at its end.
 
         `echo` means to write each feedback message. `progress` reads from feedback how much is
-        done.
+        done. With `detaches`, the first signal lets the goal run, and the second one cancels it.
         """
+        self._detaches = detaches
+        self._detach_at: float | None = None
         self._client = client
         self._report = report
         self._echo = echo
@@ -61,26 +69,28 @@ class Calling:
         self._give_up_at: float | None = None
         self._future: GoalFuture[Any, Any] | None = None
 
-    def run(self, goal: Any, timeout: float | None) -> Exit:
-        """Make the call; return its exit code. A timeout of `None` means no limit."""
+    def run(self, begin: Callable[[Callable[[Any], None]], GoalFuture[Any, Any]]) -> Exit:
+        """Make the call, with `begin`, which gets a feedback callback; return its exit code."""
+        times = 2 if self._detaches else 1
         try:
-            with handled(self._interrupt_soon, self._farewell), self._client:
+            with handled(self._interrupt_soon, self._farewell, times=times), self._client:
                 watch_output(lambda: self._interrupt_soon(Exit.OUTPUT_CLOSED))
-                return self._run(goal, timeout)
+                return self._run(begin)
         finally:
             with contextlib.suppress(OSError):
                 self._report.close()
 
-    def _run(self, goal: Any, timeout: float | None) -> Exit:
+    def _run(self, begin: Callable[[Callable[[Any], None]], GoalFuture[Any, Any]]) -> Exit:
         self._tell(self._report.begin)
         self._began = time.monotonic()
-        future = self._client.call_async(goal, on_feedback=self._on_feedback, timeout=timeout)
-        self._future = future
+        self._future = future = begin(self._on_feedback)
         future.add_done_callback(lambda _: self._inbox.put(_nothing))
         while not future.done():
             self._turn()
             if self._give_up_at is not None and time.monotonic() >= self._give_up_at:
                 # The cancel was refused, so the goal runs: closing ends the wait, not the goal.
+                self._client.close()
+            if self._detach_at is not None and time.monotonic() >= self._detach_at:
                 self._client.close()
         with contextlib.suppress(queue.Empty):
             while True:
@@ -146,9 +156,17 @@ class Calling:
         self._inbox.put(lambda: self._interrupt(code))
 
     def _interrupt(self, code: Exit) -> None:
-        if self._code is not None or self._future is None or self._future.done():
+        if self._future is None or self._future.done():
             return
-        self._code = code
+        if self._detaches and self._code is None:
+            self._code = code
+            pressed = code is Exit.INTERRUPTED
+            self._detach_at = time.monotonic() + (_SECOND_PRESS if pressed else 0.0)
+            self._tell(lambda: self._report.detaching(code))
+            return
+        if self._code is not None and self._detach_at is None:
+            return
+        self._code, self._detach_at = code, None
         self._give_up_at = time.monotonic() + self._client.timeouts.cancel + _MARGIN
         self._future.cancel()
         self._catch_up(time.monotonic())
@@ -164,13 +182,16 @@ class Calling:
     def _last_words(self, outcome: Outcome[Any]) -> None:
         """If nobody reads the output, write to standard error that the goal may still run."""
         safe = (None, CancelReport.CONFIRMED, CancelReport.NOT_NEEDED)
-        if self._code is Exit.OUTPUT_CLOSED and outcome.cancel not in safe:
+        detached = self._detach_at is not None
+        if self._code is Exit.OUTPUT_CLOSED and not detached and outcome.cancel not in safe:
             with contextlib.suppress(OSError):
                 print(became(outcome), file=sys.stderr, flush=True)
 
     def _farewell(self) -> str:
         if self._future is None or self._future.state is GoalState.SENDING:
             return "Left at once. Nothing was sent."
+        if self._detach_at is not None:
+            return f"Left at once. Goal {self._future.goal_id} runs on."
         if self._future.done():
             return "Left at once. The goal had ended."
         return (

@@ -48,7 +48,7 @@ class Exit(IntEnum):
         "A goal may still be running: its end was not seen. Of `call`: also if other things went"
         " wrong, except for codes 15 and 18.",
     )
-    NO_SUCH_GOAL = 24, "Of `cancel`: no server in sight knows a goal of that id."
+    NO_SUCH_GOAL = 24, "Of `cancel` and `attach`: no server in sight knows a goal of that id."
     HELD = (
         25,
         "Of `stop --status`: a human has stopped the robot, and agents send no goals. Of `stop"
@@ -69,6 +69,7 @@ class Exit(IntEnum):
 _OF_ERRORS = (
     # The first one that fits counts.
     ("InvalidGoalError", Exit.USAGE),
+    ("GoalUnknownError", Exit.NO_SUCH_GOAL),
     ("GoalRejectedError", Exit.REJECTED),
     ("GoalAbortedError", Exit.ABORTED),
     ("GoalCanceledError", Exit.CANCELED),

@@ -50,6 +50,7 @@ class Report:
     def not_shown(self, count: int) -> None: ...
     def now(self, now: Now) -> None: ...
     def interrupted(self, code: Exit) -> None: ...
+    def detaching(self, code: Exit) -> None: ...
     def finished(self, outcome: Outcome[Any], code: Exit) -> None: ...
     def close(self) -> None: ...
 
@@ -79,6 +80,7 @@ class TextReport(Report):
         self._told = 0.0
         self._share: float | None = None
         self._known: set[uuid.UUID] = set()
+        self._detaching = False
 
     def out(self, text: str) -> None:
         """Write a line to standard output, at once."""
@@ -123,14 +125,23 @@ class TextReport(Report):
         say(f"Progress: {described(now)}", err=True)
 
     def interrupted(self, code: Exit) -> None:
+        self._detaching = False
         self.out(f"Canceling goal... ({_CAUSES[code]}; once more leaves at once)")
+
+    def detaching(self, code: Exit) -> None:
+        self._detaching = True
+        again = "; once more cancels it" if code is Exit.INTERRUPTED else ""
+        self.out(f"Detaching; the goal goes on ({_CAUSES[code]}{again})")
 
     def finished(self, outcome: Outcome[Any], code: Exit) -> None:
         if outcome.result is not None and outcome.status in _WITH_RESULT:
             self.out(f"Result:\n{as_yaml(outcome.result)}")
         if outcome.status.is_terminal and outcome.status is not GoalState.REJECTED:
             self.out(f"Goal finished with status: {outcome.status}")
-        if code in _CAUSES:
+        if code in _CAUSES and self._detaching:
+            if not outcome.status.is_terminal:
+                self.out(f"Detached from goal {outcome.goal_id}, which runs on.")
+        elif code in _CAUSES:
             self.out(became(outcome))
         elif outcome.error is not None:
             say(f"Error: {outcome.error}", err=True)
@@ -140,7 +151,10 @@ class JsonReport(Report):
     """One JSON object on each line of standard output, as the observer `JsonLines` writes them."""
 
     def __init__(self, goal: Any, action_name: str, action_type: str) -> None:
-        """Take the goal message, the action's full name, and the name of its type."""
+        """Take the goal message, the action's full name, and the name of its type.
+
+        Of a goal that another program has sent, the message is not known: `None`.
+        """
         self._goal = goal
         self._action = (action_name, action_type)
         self._call: CallInfo | None = None
@@ -154,7 +168,8 @@ class JsonReport(Report):
             return
         first = self._call is None
         call = self._info(event.goal_id, event.monotonic, event.wall)
-        say(event_line(event, call, goal=to_plain(self._goal) if first else None))
+        told = first and self._goal is not None
+        say(event_line(event, call, goal=to_plain(self._goal) if told else None))
         self._last = event
 
     def feedback(self, message: Any, number: int, at: float) -> None:

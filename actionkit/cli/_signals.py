@@ -27,23 +27,26 @@ processes, and a wrapper such as `uv run` sends us its own one, too."""
 
 
 @contextlib.contextmanager
-def handled(first: Callable[[Exit], object], farewell: Callable[[], str]) -> Iterator[None]:
-    """Handle SIGINT, SIGTERM and SIGHUP: the first calls `first`, the second ends the process.
+def handled(
+    first: Callable[[Exit], object], farewell: Callable[[], str], *, times: int = 1
+) -> Iterator[None]:
+    """Handle SIGINT, SIGTERM and SIGHUP: the first calls `first`, the next ends the process.
 
     Signals that were ignored before, as with `nohup` or a shell's `&`, stay ignored. `first` gets
-    the exit code and runs in the main thread, in the middle of its work. `farewell` returns the
-    text for the second signal.
+    the exit code and runs in the main thread, in the middle of its work. It is called so many
+    `times` before another signal ends the process. `farewell` returns the text for that.
     """
     told: list[float] = []
 
     def handle(number: int, frame: FrameType | None) -> None:
         now = time.monotonic()
         code = _EXITS[signal.Signals(number)]
-        if not told:
-            told.append(now)
+        if told and now - told[-1] <= _ONE_PRESS:
+            return
+        told.append(now)  # before: another signal may come during this
+        if len(told) <= times:
             first(code)
-        elif len(told) == 1 and now - told[0] > _ONE_PRESS:
-            told.append(now)  # a third signal may come during this
+        elif len(told) == times + 1:
             leave_at_once(code, farewell())
 
     before = {

@@ -168,7 +168,9 @@ def command(
         echo=feedback,
         progress=None if field is None else Progress(field),
     )
-    return calling.run(message, timeout)
+    return calling.run(
+        lambda on_feedback: client.call_async(message, on_feedback=on_feedback, timeout=timeout)
+    )
 
 
 def _read_goal() -> str:

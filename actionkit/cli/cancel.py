@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import queue
 import time
-import uuid
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from actionkit._model.goal_ids import goal_id_of
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._observers.json_schema import note_line
 from actionkit.cli._cancelling import Cancelling, Fate, cancel_goals
@@ -39,15 +39,9 @@ knows the id, 14 without a server, and 2 where there are goals and neither ID no
 
 def _goal_id(text: str) -> str:
     try:
-        goal_id = uuid.UUID(text)
-    except ValueError:
-        raise click.BadParameter(
-            f"{text!r} is no goal id, which has 32 hexadecimal digits, with dashes or without",
-            param_hint="ID",
-        ) from None
-    if not goal_id.int:  # servers understand this as all goals
-        raise click.BadParameter("this is no goal's id; --all cancels all goals", param_hint="ID")
-    return str(goal_id)
+        return str(goal_id_of(text))
+    except ValueError as error:
+        raise click.BadParameter(f"{error}; --all cancels all goals", param_hint="ID") from None
 
 
 @click.command("cancel", context_settings=HELP, epilog=_EPILOG)

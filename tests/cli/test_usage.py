@@ -24,6 +24,7 @@ COMMANDS = (
     "list",
     "info",
     "watch",
+    "attach",
     "cancel",
     "stop",
     "serve",

@@ -239,9 +239,10 @@ class CallLife:
 
     # --- the session, and the thread's clock -----------------------------------------------
 
-    def send(self, goal_id: uuid.UUID, goal: Any, timeouts: Timeouts, owner: Call) -> Attempt:
-        attempt = Attempt(self.link, goal_id, timeouts, owner, on_out_of_sight=lambda _: None)
-        attempt.send(goal)
+    def send(self, goal_id: uuid.UUID, request: Request, owner: Call) -> Attempt:
+        forget = lambda _: None  # noqa: E731
+        attempt = Attempt(self.link, goal_id, request.timeouts, owner, on_out_of_sight=forget)
+        attempt.send(request.goal)
         return attempt
 
     def now(self) -> float:

@@ -110,13 +110,18 @@ class Attempt:
 class World:
     """The truth, with the machines in it."""
 
+    attaches = left_alone = False
+
     def __init__(self, resend: str, attempts: int, servers: int, returns: int = 1) -> None:
         self.ids = iter(uuid.UUID(int=number + 1) for number in range(100))
-        self.m = CallMachine(next(self.ids), resend, 5.0, DEADLINE, lambda: next(self.ids))
+        ids = (next(self.ids), resend, 5.0, DEADLINE, lambda: next(self.ids))
+        self.m = CallMachine(*ids, attaches=self.attaches)
         self.most = attempts
         self.servers = [ABSENT] * servers
         self.attempts: list[Attempt] = []
         self.truth: dict[uuid.UUID, list[list[Any]]] = {}
+        if self.attaches:  # somebody has sent it, and the first server runs it
+            self.truth[self.m.goal_id] = [[0, NO if s else UNSEEN] for s in range(servers)]
         self.asked: Any = None  # what is judged or planned
         self.pause = self.awaiting = self.queued = False
         self.fails = self.hurried = False  # the next to be sent; to cancel, and was not told so far
@@ -399,7 +404,21 @@ class World:
         self.told_success = False
         self.do(self.m.judged(ending, None, verdict))
 
+    def attach(self) -> None:
+        m = self.m
+        goal = Goal(m.goal_id, Timeouts(feedback=3.0, result=None))
+        made = Attempt(m.goal_id, goal, m.attempts)
+        made.in_sight = made.sent_to = self.up
+        self.attempts.append(made)
+        m.sent(made)
+        self.apply(made, goal.attached(self.now, len(self.up), left_alone=self.left_alone))
+        if m.unwanted and m.attempt is made:
+            self.give_up(CancelReason.CANCELLED)
+
     def send(self) -> None:
+        if self.attaches and not self.fails:
+            self.attach()
+            return
         m = self.m
         if self.fails:
             self.do(m.send_failed(ValueError()))
@@ -521,11 +540,7 @@ class World:
     # --- what must hold --------------------------------------------------------------------
 
     def check_ending(self, ending: fx.Ending) -> None:
-        left = {
-            key
-            for key, goal in self.truth.items()
-            if any(may_run(*t) for t in goal) and not self.is_guess(key)
-        }
+        left = {key for key in self.truth if any(self.there(key)) and not self.is_guess(key)}
         gave_up = ending.phase == "cancel" or ending.end in (
             fx.End.CANCELLED_BY_CALLER,
             fx.End.REPLACED,
@@ -536,7 +551,7 @@ class World:
             raise Broken("it ended before a server in sight could confirm that all goals stopped")
         if ending.phase == "cancel" and not ending.lost_because and not self.waited:
             raise Broken("its text says that a server was waited for, and nobody waited")
-        if ending.end is fx.End.NO_SERVER and (self.truth or self.up):
+        if ending.end is fx.End.NO_SERVER and (self.attempts or self.up):
             raise Broken("there was a server (C2.7)")
         if ending.end is fx.End.DEADLINE and not self.had_server:
             raise Broken("the deadline's error, and there was no server (C2.7)")
@@ -556,6 +571,15 @@ class World:
         if left and ending.cancel in (CancelReport.NOT_NEEDED, CancelReport.CONFIRMED):
             raise Broken(f"{ending.cancel}, and a goal may run")
 
+    def there(self, key: uuid.UUID) -> list[bool]:
+        """Return for each server whether it runs a goal or may yet take it.
+
+        Of a goal that is attached to, those count that were asked about it.
+        """
+        told = [e.sent_to for e in self.attempts if e.goal_id == key]
+        asked = told[-1] if told and self.attaches else range(0 if self.attaches else 99)
+        return [may_run(*t) and s in asked for s, t in enumerate(self.truth[key])]
+
     def is_guess(self, key: uuid.UUID) -> bool:
         """One that is over for its caller by what one server said, and no other has accepted it.
 
@@ -569,8 +593,12 @@ class World:
     def check(self, *, ends: bool = True) -> None:
         running = 0
         for key, goal in self.truth.items():
-            there = [may_run(*t) for t in goal]
+            there = self.there(key)
             mine = [each for each in self.attempts if each.goal_id == key]
+            if not mine:
+                continue  # not attached to it so far
+            if self.left_alone and mine[-1].asked and not self.m.unwanted:
+                raise Broken("a goal is cancelled that was to be left alone (C1.16)")
             running += any(t[1] in (UNSEEN, SEEN) for t in goal)
             if self.is_guess(key):
                 continue
@@ -627,9 +655,23 @@ class World:
             raise Broken(f"it does not end: {world.m.phase}")
 
 
-def explore(resend: str, attempts: int, servers: int, most: int = 2_000_000) -> tuple[int, int]:
+class Attached(World):
+    """The call follows a goal that somebody else has sent, and that it cancels when it gives up."""
+
+    attaches = True
+
+
+class LeftAlone(Attached):
+    """The same, but it lets the goal run when it gives up."""
+
+    left_alone = True
+
+
+def explore(
+    resend: str, attempts: int, servers: int, most: int = 2_000_000, kind: type[World] = World
+) -> tuple[int, int]:
     """Return how many states and transitions there are."""
-    first = World(resend, attempts, servers)
+    first = kind(resend, attempts, servers)
     parents: dict[Any, Any] = {first.key(): None}
     queue, transitions = deque([(first, first.key())]), 0
     while queue:
@@ -669,11 +711,18 @@ def _weight(event: tuple[str, Any]) -> float:
     return 0.02 if ends or arg in (Verdict.PERMANENT, Verdict.SUCCESS) else 1.0
 
 
-def hunt(resend: str, attempts: int, servers: int, walks: int, seed: int = 0) -> int:
+def hunt(
+    resend: str,
+    attempts: int,
+    servers: int,
+    walks: int,
+    seed: int = 0,
+    kind: type[World] = World,
+) -> int:
     """Walk at random, deeper than all states can be visited; return how many steps it were."""
     chance, steps = random.Random(seed), 0
     for _ in range(walks):
-        world, way = World(resend, attempts, servers), []
+        world, way = kind(resend, attempts, servers), []
         while len(way) < LONGEST_WALK and (events := list(world.events())):
             ((event, arg),) = chance.choices(events, list(map(_weight, events)))
             way.append(f"{event} {arg}")

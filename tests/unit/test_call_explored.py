@@ -17,7 +17,7 @@ from actionkit._calls.machine import CallMachine
 from actionkit._goal.facts import GoalFacts
 from actionkit._goal.machine import Goal
 from tests.hunting import many
-from tests.unit.explore_call import Broken, explore, hunt
+from tests.unit.explore_call import Attached, Broken, LeftAlone, World, explore, hunt
 
 POLICIES = ("never_accepted", "confirmed_stopped", "server_gone", "always")
 SMALL = 1_000
@@ -39,6 +39,13 @@ def test_no_promise_is_broken(resend: str, servers: int, most: int) -> None:
     assert transitions > states >= SMALL
 
 
+@pytest.mark.parametrize("kind", [Attached, LeftAlone])
+@pytest.mark.parametrize("servers", [1, 2])
+def test_no_promise_is_broken_for_goals_of_others(kind: type[World], servers: int) -> None:
+    explore("never_accepted", attempts=1, servers=servers, most=SMALL, kind=kind)
+    hunt("never_accepted", 1, servers, walks=many(200), kind=kind)
+
+
 def broken(cls: type, name: str, old: str, new: str) -> Any:
     """Return a method of a class with a part of its source replaced."""
     found = inspect.getattr_static(cls, name)
@@ -54,7 +61,7 @@ MUTANTS = {
     "a goal is sent that nobody wants": (
         CallMachine,
         "turn",
-        "if self.unwanted:",
+        "if self.unwanted and not self._attaches:",
         "if False:",
     ),
     "a goal is sent when the time is up": (
@@ -185,7 +192,7 @@ MUTANTS = {
     ),
     "a goal that was replaced looks like a failure": (
         CallMachine,
-        "ended",
+        "_judge",
         "if ending.end in _STOPPED and self._is_replaced:",
         "if False:",
     ),
@@ -194,6 +201,18 @@ MUTANTS = {
         "_is_replaced",
         "(call.phase is not Phase.ENDED or call.goals.accepted)",
         "True",
+    ),
+    "a goal that is left alone is cancelled when its server is back": (
+        Goal,
+        "server_lost",
+        "self.forget() if self._is_left_alone else []",
+        "[]",
+    ),
+    "a goal that is left alone is cancelled at the deadline": (
+        Goal,
+        "give_up",
+        "(self._left_alone and why is not CancelReason.CANCELLED)",
+        "False",
     ),
     "a late acceptance is not cancelled": (
         Goal,
@@ -275,7 +294,7 @@ MUTANTS = {
     ),
     "an abandoned goal is not known to be left": (
         Goal,
-        "give_up",
+        "_leave",
         "self.lose_touch()",
         "pass",
     ),
@@ -342,6 +361,8 @@ LUCKY = (
 
 def look_everywhere() -> None:
     """Where most is found, first."""
+    for kind in (Attached, LeftAlone):
+        hunt("never_accepted", 1, 1, walks=100, kind=kind)
     for hunting, seed in LUCKY:
         hunt(*hunting, walks=300, seed=seed)
     explore("confirmed_stopped", attempts=2, servers=1, most=3000)

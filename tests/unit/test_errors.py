@@ -26,6 +26,7 @@ TREE: dict[str, tuple[str, ...]] = {
     "PermanentError": ("ActionKitError",),
     "InvalidGoalError": ("PermanentError", "TypeError", "ValueError"),
     "ActionTypeMismatchError": ("PermanentError",),
+    "GoalUnknownError": ("PermanentError",),
     "GoalNotReplacedError": ("PermanentError",),
     "GoalRejectedError": ("PermanentError",),
     "GoalAbortedError": ("PermanentError",),

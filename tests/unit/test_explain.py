@@ -79,6 +79,12 @@ ENDINGS: dict[End, tuple[Ending, type[BaseException], str, str]] = {
             "order: be positive",
         ),
         (
+            Ending(End.UNKNOWN, GoalState.LOST),
+            actionkit.GoalUnknownError,
+            "No server of action '/fibonacci' knows goal",
+            "`actionkit watch` shows the goals there",
+        ),
+        (
             Ending(
                 End.NOT_REPLACING,
                 GoalState.SENDING,

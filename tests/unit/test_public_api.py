@@ -37,6 +37,7 @@ NAMES = [
     "GoalRejectedError",
     "GoalReport",
     "GoalState",
+    "GoalUnknownError",
     "InvalidGoalError",
     "JsonLines",
     "LogFile",
@@ -87,6 +88,9 @@ SIGNATURES = {
     " timeout=<as the client's timeouts.total>, *, retry=None, classify=None, replaces=None,"
     " preempt=False, **unknown)",
     Client.check_goal: "(self, goal)",
+    Client.attach: "(self, goal_id, *, timeout=<as the client's timeouts.total>,"
+    " on_feedback=None, on_give_up='leave', **unknown)",
+    Client.cancel_everything: "(self, timeout=10.0, **unknown)",
     Client.wait_for_server: "(self, timeout=None, **unknown)",
     actionkit.RetryBudget.__init__: "(self, capacity=10.0, ratio=0.1)",
     actionkit.classify_by_field: "(path, *, transient=(), permanent=(), ok=())",

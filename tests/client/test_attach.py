@@ -1,0 +1,233 @@
+"""Attaching to a goal that somebody else has sent (C1.16)."""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import uuid
+
+import pytest
+
+import actionkit as ak
+from actionkit import CancelReport, GoalFate, GoalState, RetryPolicy, Timeouts
+from tests.conftest import cancels, runs_nothing
+from tests.waiting import until
+
+LONG = {"order": 100}
+SETTINGS = {"timeouts": Timeouts(server=30.0, cancel=5.0)}
+
+
+@pytest.fixture
+def others(make_client):
+    """A client that sends goals; another one attaches to them."""
+    return make_client(**SETTINGS, on_close="abandon", retry=RetryPolicy.none())
+
+
+@pytest.fixture
+def client(make_client):
+    return make_client(**SETTINGS)
+
+
+def running(server, others, goal=LONG):
+    future = others.call_async(goal)
+    server.wait_for("executing", goal_id=str(future.goal_id))
+    return future
+
+
+def test_it_follows_a_goal_to_its_end(action_server, others, client):
+    server = action_server("fibonacci", period=0.2, gate=1)
+    theirs, heard = others.call_async({"order": 9}), []
+    server.wait_for("executing")
+    ours = client.attach(theirs.goal_id, on_feedback=heard.append)
+    assert ours.goal_id == theirs.goal_id
+    assert ours.wait_accepted(20).goal_id == theirs.goal_id
+    until(lambda: ours.state is GoalState.EXECUTING and heard)
+    server.release()
+    outcome = ours.outcome(20)
+    assert list(outcome.result.sequence) == list(theirs.result(20).sequence)
+    assert (outcome.status, outcome.ok, outcome.cancel) == (GoalState.SUCCEEDED, True, None)
+    assert outcome.feedback_count == len(heard) > 0
+    states = [event.state for event in outcome.timeline if event.state is not GoalState.FEEDBACK]
+    assert states == [GoalState.ACCEPTED, GoalState.EXECUTING, GoalState.SUCCEEDED]
+    assert server.count("goal_received") == 1
+
+
+def test_it_cancels_a_goal_of_another_client(action_server, others, client):
+    server = action_server("never_finishes")
+    theirs = running(server, others)
+    ours = client.attach(str(theirs.goal_id))
+    ours.cancel()
+    assert ours.outcome(20).cancel is CancelReport.CONFIRMED
+    assert ours.cancelled()
+    with pytest.raises(ak.GoalCanceledError):
+        theirs.result(20)
+    assert runs_nothing(server)
+
+
+def test_a_goal_that_has_ended_gives_its_result(action_server, others, client):
+    action_server("fibonacci")
+    theirs = others.call_async({"order": 4})
+    result = theirs.result(20)
+    assert client.attach(theirs.goal_id).result(20) == result
+
+
+def test_clear_ends(action_server, make_client, others, client):
+    with pytest.raises(ak.ServerUnavailableError, match="is ready after"):
+        make_client(name="nobody", timeouts=Timeouts(server=0.3)).attach(uuid.uuid4()).result(20)
+    action_server("expires")
+    unknown = uuid.uuid4()
+    future = client.attach(unknown)
+    with pytest.raises(ak.GoalUnknownError, match=f"'/fibonacci' knows goal {unknown}") as caught:
+        future.result(20)
+    assert "`actionkit watch` shows" in str(caught.value)
+    assert future.outcome(0).goals[0].fate is GoalFate.ENDED
+    expired = others.call_async({"order": 1})
+    expired.outcome(20)
+    lost = (ak.ResultLostError, ak.GoalUnknownError)  # it forgets the result first
+    until(lambda: isinstance(client.attach(expired.goal_id).exception(20), lost))
+
+
+def test_wrong_arguments_are_explained(client):
+    for wrong, error, told in (
+        ("abc", ValueError, "'abc' is no goal id, which has 32 hexadecimal digits"),
+        (uuid.UUID(int=0), ValueError, "servers take it for all goals"),
+        (7, TypeError, "7 must be the id of a goal: a uuid.UUID, or text"),
+    ):
+        with pytest.raises(error, match=told):
+            client.attach(wrong)
+    with pytest.raises(ValueError, match="on_give_up='stop' must be 'leave' or 'cancel'"):
+        client.attach(uuid.uuid4(), on_give_up="stop")
+    future = client.attach(goal := uuid.uuid4())
+    with pytest.raises(ValueError, match="is followed by this client already"):
+        client.attach(goal)
+    future.cancel()
+
+
+@pytest.mark.parametrize("on_give_up", ["leave", "cancel"])
+@pytest.mark.parametrize("how", ["deadline", "task", "close"])
+def test_giving_up_leaves_it_or_cancels_it(how, on_give_up, action_server, others, client):
+    server = action_server("never_finishes")
+    theirs = running(server, others)
+    timeout = 0.5 if how == "deadline" else None
+    ours = client.attach(theirs.goal_id, timeout=timeout, on_give_up=on_give_up)
+    ours.wait_accepted(20)
+    if how == "task":
+
+        async def main():
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(ours, 0.05)
+
+        asyncio.run(main())
+        assert ours.done() == (on_give_up == "cancel")
+    elif how == "close":
+        client.close()
+        with pytest.raises(ak.ClientClosedError) as caught:
+            ours.result(0)
+    else:
+        with pytest.raises(ak.DeadlineExceededError) as caught:
+            ours.result(20)
+    if on_give_up == "leave":
+        if how != "task":
+            assert " It was left to run on the server. " in str(caught.value)
+            assert caught.value.cancel is CancelReport.UNKNOWN
+        assert not theirs.done()
+        assert str(theirs.goal_id) in server.running()
+        assert cancels(server) == []
+        theirs.cancel()
+    with pytest.raises((ak.GoalCanceledError, concurrent.futures.CancelledError)):
+        theirs.result(20)
+    assert runs_nothing(server)
+
+
+@pytest.mark.parametrize("how", ["terminate", "kill"])
+def test_a_server_that_ends_is_noticed(how, action_server, others, client):
+    server = action_server("never_finishes")
+    theirs = running(server, others)
+    ours = client.attach(theirs.goal_id)
+    ours.wait_accepted(20)
+    getattr(server, how)()
+    server.restart()
+    with pytest.raises((ak.ServerLostError, ak.ResultLostError)):
+        ours.result(60)
+    # The new one does not know it. One that was killed is in sight for 20 s more, and silent.
+    unknown = ak.GoalUnknownError
+    until(lambda: isinstance(client.attach(theirs.goal_id).exception(60), unknown), bound=60.0)
+
+
+def test_two_attach_while_another_cancels(action_server, others, client, make_client):
+    server = action_server("slow_cancel", gate=1)
+    theirs = running(server, others)
+    second = make_client(**SETTINGS)
+    futures = [client.attach(theirs.goal_id), second.attach(theirs.goal_id)]
+    theirs.cancel()
+    server.wait_for("cancel_accepted")
+    futures.append(make_client(**SETTINGS).attach(theirs.goal_id))
+    until(lambda: all(future.state is GoalState.CANCELING for future in futures))
+    server.release()
+    for future in futures:
+        with pytest.raises(ak.GoalCanceledError):
+            future.result(20)
+    assert theirs.outcome(20).cancel is CancelReport.CONFIRMED
+
+
+def test_a_silent_server_is_not_waited_for_without_end(action_server, client, make_client):
+    server = action_server("blocking", gate=1)
+    others = make_client(**SETTINGS, on_close="abandon")
+    theirs = others.call_async({"order": 1})
+    server.wait_for("executing")
+    asking = make_client(timeouts=Timeouts(server=30.0, accept=0.5))
+    assert others.server_is_ready()
+    future = asking.attach(uuid.uuid4(), timeout=20)
+    with pytest.raises((ak.AcceptanceTimeoutError, ak.ServerUnavailableError)):
+        future.result(40)
+    server.release()
+    theirs.outcome(20)
+
+
+def test_a_program_that_is_told_to_end_leaves_it_too(action_server, others, run_script):
+    server = action_server("never_finishes")
+    theirs = running(server, others)
+    program = run_script(
+        f"""
+import actionkit, signal
+from test_msgs.action import Fibonacci
+actionkit.cancel_on_signals(signal.SIGTERM)
+client = actionkit.Client(Fibonacci, "fibonacci")
+future = client.attach("{theirs.goal_id}")
+future.wait_accepted()
+print("attached", flush=True)
+print(type(future.exception()).__name__, flush=True)
+"""
+    )
+    assert program.line() == "attached"
+    program.process.terminate()
+    program.finish()
+    assert not theirs.done()
+    assert str(theirs.goal_id) in server.running()
+    assert cancels(server) == []
+    theirs.cancel()
+    theirs.outcome(20)
+
+
+def test_everything_is_cancelled_also_what_others_have_sent(action_server, others, client):
+    server = action_server("never_finishes")
+    theirs = [running(server, others) for _ in range(3)]
+    ours = running(server, client)
+    told = client.cancel_everything()
+    assert told == {future.goal_id: CancelReport.CONFIRMED for future in (*theirs, ours)}
+    assert runs_nothing(server)
+    assert client.cancel_everything() == {}
+    assert client.pending == 0
+
+
+def test_what_refuses_is_told_and_followed_no_more(action_server, others, client):
+    server = action_server("refuses_cancel", period=0.1)
+    theirs = running(server, others)
+    assert client.cancel_everything(3.0) == {theirs.goal_id: CancelReport.REFUSED}
+    until(lambda: client.pending == 0)
+    assert str(theirs.goal_id) in server.running()
+
+
+def test_without_a_server_nothing_counts_as_cancelled(client):
+    with pytest.raises(ak.ServerUnavailableError, match="so no goal was cancelled"):
+        client.cancel_everything(0.2)
