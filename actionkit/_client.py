@@ -460,14 +460,16 @@ class Client(Generic[ActionT_co]):
         """Cancel all goals of the action, those of other programs too, and wait for that.
 
         Args:
-            timeout: Seconds for everything. It takes a second to see which goals there are.
+            timeout: Seconds that the goals have to stop. Looking which there are takes 1 to 4 s
+                more.
 
         Returns:
             What happened to each goal. If a server refuses, that is `REFUSED` after the timeout.
 
         Raises:
             ClientClosedError: The client was closed.
-            ServerUnavailableError: No server was ready in time; nothing was cancelled.
+            ServerUnavailableError: No server was ready in time; only this client's own calls were
+                cancelled.
             RuntimeError: Called from one of ActionKit's own callbacks, or after a fork.
             TypeError, ValueError: A bad `timeout`.
         """

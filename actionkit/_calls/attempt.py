@@ -136,6 +136,11 @@ class Attempt:
         """Cancel the goal because nobody wants it; with `abandon`, let it run instead."""
         self._apply(self.goal.give_up(why, self._now(), abandon=abandon))
 
+    def cancel_again(self) -> None:
+        """Ask once more for the cancellation of a goal that was given up on."""
+        if self.goal.stage is not Stage.OVER:
+            self._link.ask_cancel(self, urgent=True)
+
     def end_grace(self) -> None:
         """End the wait for the confirmation of a cancellation."""
         self._apply(self.goal.timer(fx.Timer.CANCEL, self._now()))

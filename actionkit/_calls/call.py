@@ -16,7 +16,7 @@ from actionkit._calls import machine as mx
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.call_record import ActionView, CallRecord
 from actionkit._calls.classify_runner import ClassifyRunner
-from actionkit._calls.explain import CLIENT_CLOSED
+from actionkit._calls.explain import CLIENT_CLOSED, ENDING
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.machine import CallMachine, Phase
 from actionkit._calls.replacing import GoalsWatch, Replacing, not_stopped, to_replace
@@ -105,8 +105,8 @@ class Call:
 
     def request_end(self) -> None:
         """End soon, because the program ends: cancel the goal, unless it is to be left alone."""
-        if self.left_alone:
-            end = partial(self.close, abandon=True, because="the program was told to end")
+        if self.left_alone and not self.unwanted:
+            end = partial(self.close, abandon=True, because=ENDING)
             self._session.call_soon(end)
         else:
             self.request_cancel(urgent=True)
@@ -125,8 +125,10 @@ class Call:
         if self.unwanted:
             self.cancel()
         request = self._request
-        if request.invalid is None and self.machine.phase is Phase.NEW:
-            self._replaced = to_replace(request.replaces)
+        self._replaced = to_replace(request.replaces)  # now: earlier calls have begun
+        if request.invalid is not None or self.machine.phase is not Phase.NEW:
+            self._begin()
+            return
         if self._replaced and not request.preempt:
             made = Replacing(self._replaced, self._session, self._begin, self._not_replacing)
             self._replacing = made
@@ -139,7 +141,9 @@ class Call:
     @property
     def to_replace(self) -> tuple[GoalFuture[Any, Any], ...]:
         """The calls with goals that this one was to replace, as long as they may run."""
-        return () if self.goals.accepted else not_stopped(self._replaced)
+        if self._request.preempt and self.goals.accepted:
+            return ()  # the server has stopped them
+        return not_stopped(self._replaced or to_replace(self._request.replaces))
 
     def _begin(self) -> None:
         self._do(self.machine.begin(self._request.invalid, time.monotonic()))
@@ -158,6 +162,12 @@ class Call:
     def close(self, *, abandon: bool, because: str = CLIENT_CLOSED) -> None:
         """End because the client closes, or because something else that calls need has ended."""
         self.machine.closing = because
+        if self._request.attach is not None and self.machine.attempt is None:
+            if not (self.left_alone or abandon):
+                self.unwanted = True  # it is cancelled, if a server comes in time
+            if self.unwanted and not self._settled:
+                self.cancel()
+                return
         self._give_up(CancelReason.CLOSED, abandon=abandon)
 
     def _give_up(self, why: CancelReason, *, abandon: bool = False) -> None:
@@ -288,6 +298,7 @@ class Call:
         self.machine.sent(attempt)
         attempt.start()
         if request.attach is not None and self.unwanted:
+            self._stop_awaiting(mx.StopAwaiting())
             self.cancel()
 
     def _judge(self, effect: mx.Judge) -> None:
@@ -345,9 +356,9 @@ class Call:
         self._grace = self._session.call_at(since + self.cancel_grace, self.end_grace)
 
     def _stop_awaiting(self, _: mx.StopAwaiting) -> None:
-        assert self._grace is not None
-        self._session.cancel_timer(self._grace)
-        self._grace = None
+        if self._grace is not None:
+            self._session.cancel_timer(self._grace)
+            self._grace = None
 
     def _finish(self, effect: mx.Finish) -> None:
         if self._deadline_timer is not None:

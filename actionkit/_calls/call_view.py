@@ -29,6 +29,7 @@ class GoalsOfCall:
         over = [each for each in self._goals if not each.may_run]
         forgotten = [goal, *over[: -(_KEPT - 1)]]
         goals = [each for each in self._goals if not any(each is one for one in forgotten)]
+        goals = [each for each in goals if each.goal_id != goal.goal_id]
         self._goals = [*goals, goal]
 
     @property

@@ -11,55 +11,88 @@ from typing import TYPE_CHECKING, Any
 from actionkit._calls.future import GoalFuture
 from actionkit._model.errors import ServerUnavailableError
 from actionkit._model.values import CancelReport
+from actionkit._threads.waiting import Flag
 
 if TYPE_CHECKING:
+    from actionkit._calls.attempt import Attempt
     from actionkit._calls.session import Session
+
+_LOOK = 0.05
+"""Seconds between two looks at goals that were given up on before."""
+AnyFuture = GoalFuture[Any, Any]
 
 
 def cancel_everything(
-    session: Session, attach: Callable[[uuid.UUID], GoalFuture[Any, Any]], timeout: float
+    session: Session, attach: Callable[[uuid.UUID], AnyFuture], timeout: float
 ) -> dict[uuid.UUID, CancelReport]:
     """Cancel each goal that the servers have, and those of the session; see `Client`.
 
-    `attach` returns a future for a goal that another client has sent.
+    `attach` returns a future for a goal that another client has sent; it raises `ValueError` if the
+    session follows the goal already.
     """
     from actionkit._ros.tools.watch import goals_in_flight
 
-    until = time.monotonic() + timeout
+    session.cancel_all()
     if not session.wait_for_server(timeout):
         raise ServerUnavailableError(
-            f"No server for action {session.action_name!r} is ready after {timeout:g} s, so no goal"
-            " was cancelled.",
+            f"No server for action {session.action_name!r} is ready after {timeout:g} s, so only"
+            " this client's own calls were cancelled.",
             action_name=session.action_name,
         )
-    futures: dict[uuid.UUID, GoalFuture[Any, Any]] = {}
+    until = time.monotonic() + timeout
+    futures: dict[uuid.UUID, AnyFuture] = {}
+    given_up: dict[uuid.UUID, Attempt] = {}
+    made: set[uuid.UUID] = set()
     while True:
-        own = {call.goal_id: call.future for call in list(session.calls)}
-        seen = goals_in_flight(
-            session.identity.domain_id,
-            session.port.names.status,
-            lambda: time.monotonic() >= until,
-        )
-        new = {*own, *(uuid.UUID(goal.goal_id) for goal in seen)} - set(futures)
-        if not new:
-            break
+        for call in list(session.calls):
+            futures.setdefault(call.goal_id, call.future)
+        new = set(futures) if not made and not given_up else set()
+        status = session.port.names.status
+        seen = goals_in_flight(session.identity.domain_id, status, lambda: False)
+        for goal_id in {uuid.UUID(goal.goal_id) for goal in seen} - {*futures, *given_up}:
+            attempt = next((a for a in list(session._attempts) if a.goal_id == goal_id), None)
+            if attempt is not None:  # a call of this client gave up on it, and ended
+                given_up[goal_id] = attempt
+                session.call_soon(attempt.cancel_again)
+            else:
+                try:
+                    futures[goal_id] = attach(goal_id)
+                except ValueError:
+                    continue  # it is of a call that has just begun: seen the next time
+                made.add(goal_id)
+            new.add(goal_id)
         for goal_id in new:
-            futures[goal_id] = own[goal_id] if goal_id in own else attach(goal_id)
-            futures[goal_id].cancel()
-        # Goals that came meanwhile are seen the next time.
+            if goal_id in futures:
+                futures[goal_id].cancel()
         for goal_id in new:
-            futures[goal_id]._wait_until_over(max(0.0, until - time.monotonic()))
-        if time.monotonic() >= until:
+            _wait(futures.get(goal_id), given_up.get(goal_id), until)
+        if not new or time.monotonic() >= until:
             break
-    reports = {goal_id: _report(future) for goal_id, future in futures.items()}
     for call in list(session.calls):
-        if call.left_alone and call.goal_id in futures:  # its server has refused, or is silent
+        if call.goal_id in made:  # its server has refused, or is silent
             session.call_soon(partial(call.close, abandon=True, because="its cancel was over"))
-    return reports
+    reports = {goal_id: _of_future(future) for goal_id, future in futures.items()}
+    return reports | {goal_id: _of_attempt(each) for goal_id, each in given_up.items()}
 
 
-def _report(future: GoalFuture[Any, Any]) -> CancelReport:
-    if future.done():
-        return future.outcome(0).cancel or CancelReport.NOT_NEEDED  # it ended by itself
-    refused = any(goal.cancel_refused for goal in future._call.goals.reports)
-    return CancelReport.REFUSED if refused else CancelReport.UNKNOWN
+def _wait(future: AnyFuture | None, attempt: Attempt | None, until: float) -> None:
+    if future is not None:
+        future._wait_until_over(max(0.0, until - time.monotonic()))
+    while attempt is not None and attempt.goal.facts.may_run and time.monotonic() < until:
+        Flag().wait(_LOOK)
+
+
+def _of_future(future: AnyFuture) -> CancelReport:
+    left = future._call.goals.left().reports
+    if any(goal.cancel_refused for goal in left):
+        return CancelReport.REFUSED
+    if left or not future.done():
+        return CancelReport.UNKNOWN
+    return future.outcome(0).cancel or CancelReport.NOT_NEEDED  # it ended by itself
+
+
+def _of_attempt(attempt: Attempt) -> CancelReport:
+    facts = attempt.goal.facts
+    if not facts.may_run:
+        return CancelReport.CONFIRMED
+    return CancelReport.REFUSED if facts.refused else CancelReport.UNKNOWN

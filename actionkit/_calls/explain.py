@@ -23,6 +23,7 @@ from actionkit._threads.function_runner import LONGEST_ANSWER
 
 CLIENT_CLOSED = "its client was closed"
 """Why a call ends that did not end by itself. It is another reason if ROS was shut down."""
+ENDING = "the program was told to end"
 _BY_CLASSIFY = (End.REJECTED_BY_CLASSIFIER, End.CLASSIFIER_FAILED)
 _NAMED = 10
 """How many goals an error names; `Outcome.goals` has all."""
@@ -112,7 +113,9 @@ def _left_running(text: str, ending: Ending, call: ErrorContext) -> str:
 
 def _why_it_may_run(goal: GoalReport) -> str:
     refused = goal.fate is GoalFate.RUNNING and goal.cancel_refused
-    return "the server refused to cancel it" if refused else _WHY_IT_MAY_RUN[goal.fate]
+    return (
+        "the server refused to cancel it" if refused else _WHY_IT_MAY_RUN.get(goal.fate, _ELSEWHERE)
+    )
 
 
 def _may_still_run(goals: list[str], why: str) -> str:

@@ -16,6 +16,7 @@ from actionkit._calls.call_view import GoalsOfCall
 from actionkit._calls.classify import apply_verdict
 from actionkit._calls.retry import GiveUp, RejectedByClassifier, Retry, after_no_server
 from actionkit._goal import effects as fx
+from actionkit._goal.facts import GoalFacts
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import CancelReason
 from actionkit._model.values import GoalReport, GoalState, Verdict
@@ -181,6 +182,9 @@ class CallMachine:
         self.attempt: AttemptView | None = None
         # Earlier attempts with a goal that may run, or a result that may come. Not the current one.
         self.earlier: list[AttemptView] = []
+        if attaches:
+            self.goals.add(GoalFacts(goal_id, left=True))  # it may run, until it is followed
+        self._cancel_waits = False  # for a server, to cancel what the call is attached to
         self.ending: fx.Ending | None = None
         self.cause: BaseException = RejectedByClassifier()  # the last failure, for strategies
         self.unwanted = False  # set by the caller's thread, before it calls `cancel`
@@ -231,8 +235,12 @@ class CallMachine:
 
     def give_up(self, why: CancelReason) -> list[Effect]:
         """Its caller cancels or closes it while it has no goal in flight that could handle that."""
-        if self._attaches and why is CancelReason.CANCELLED and self.previous is None:
-            return []  # the goal may run: it is cancelled as soon as a server is there
+        if self._cancel_waits:
+            return []
+        if self._attaches and why is CancelReason.CANCELLED and self._is_before_goal:
+            # The goal may run: it is cancelled as soon as a server is there.
+            self._cancel_waits = True
+            return [AwaitEarlier()]
         if self.phase is Phase.JUDGING:
             # Its goal ended, and is not tried again. Wait for the verdict as for a cancellation.
             because = "the client was closed" if self.closing else "the call was cancelled"
@@ -260,8 +268,16 @@ class CallMachine:
         call = self._replacement
         return call is not None and (call.phase is not Phase.ENDED or call.goals.accepted)
 
+    @property
+    def _is_before_goal(self) -> bool:
+        return self.phase in (Phase.NEW, Phase.WAITING, Phase.QUEUED)
+
     def end_grace(self, why: str) -> list[Effect]:
         """No time is left for confirmations."""
+        if self._cancel_waits and self._is_before_goal:
+            self._cancel_waits = False
+            end = fx.Ending(fx.End.CANCELLED_BY_CALLER, GoalState.TIMED_OUT, given_up=True)
+            return [StopAwaiting(), *self._end(end)]
         if self.phase is Phase.CONFIRMING:
             return [StopAwaiting(), *self._finish()]
         return [CutJudging(why, at_once=True)] if self.phase is Phase.JUDGING else []
@@ -351,8 +367,9 @@ class CallMachine:
         return self._end(fx.Ending(fx.End.INVALID, GoalState.SENDING, error=error))
 
     def sent(self, attempt: AttemptView) -> None:
-        """The middleware has the goal."""
+        """The middleware has the goal, or it is followed."""
         self.attempt = attempt
+        self._cancel_waits = False
         self.goals.add(attempt.goal.facts)
 
     # --- what happens to goals -------------------------------------------------------------
@@ -479,5 +496,6 @@ class CallMachine:
             ending = replace(ending, end=fx.End.REPLACED, status=GoalState.REPLACED)
             effects.append(fx.Record(GoalState.REPLACED, f"by goal {self._replacement.goal_id}"))
         self.ending = ending
-        self.previous, self.earlier = None, []  # they keep the call alive while they are watched
+        # They keep the call, or later calls, alive while they are watched.
+        self.previous, self.earlier, self._replacement = None, [], None
         return [*effects, Finish(ending)]

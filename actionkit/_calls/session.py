@@ -18,7 +18,7 @@ from typing import Any, Literal
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.call import Call
 from actionkit._calls.drivers import find_driver
-from actionkit._calls.explain import CLIENT_CLOSED
+from actionkit._calls.explain import CLIENT_CLOSED, ENDING
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.left_running import LINGER
@@ -219,6 +219,8 @@ class Session:
             call.fail(DIED, failure)
         elif self._ended_because:
             call.close(abandon=True, because=self._ended_because)  # it has sent nothing
+        elif is_ending() and call.left_alone:
+            call.close(abandon=True, because=ENDING)
         elif is_ending():
             call.unwanted = True  # between the signal and the end of the process nothing begins
             call.start()

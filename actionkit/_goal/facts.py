@@ -33,13 +33,14 @@ class GoalFacts:
     left: bool = False  # nobody tracks it any more
     refused: bool = False  # the server refused the last cancel request
     told: bool = False  # the user was told that it may run
+    attached: bool = False  # somebody else has sent it, so no server answers us whether it accepts
 
     @property
     def undecided(self) -> bool:
         """Whether one of several servers has not answered yet whether it accepts the goal."""
         answers = self.yeses + self.noes
         shown = max(self.yeses, self.ends)
-        return shown < self.servers > 1 and answers < self.servers
+        return shown < self.servers > 1 and answers < self.servers and not self.attached
 
     @property
     def runs_seen(self) -> bool:

@@ -50,7 +50,8 @@ class Goal(CancellableGoal):
 
         With `left_alone`, only the caller's explicit cancel cancels it.
         """
-        self._attached, self._left_alone = True, left_alone
+        self._attached = self.facts.attached = True
+        self._left_alone = left_alone
         self.state = GoalState.SENT
         self.facts.servers = max(1, servers)
         effects: list[fx.Effect] = [fx.WatchStatus(), fx.AskResult()]

@@ -113,9 +113,9 @@ class GoalRecord:
         self, end: fx.End, now: float, *, result: Any = None, lost_because: str = ""
     ) -> list[fx.Effect]:
         """One server's answer ends it for the caller; another server may still run it (R14)."""
-        if self._is_left_alone:
-            self.lose_touch()
         if not self.facts.may_run or self._is_left_alone:
+            if self.facts.may_run:
+                self.lose_touch()
             self.stage = Stage.OVER
             return [*self._settle(end, result=result, lost_because=lost_because), *self._release()]
         self.stage = Stage.ELSEWHERE

@@ -166,6 +166,9 @@ class Calling:
             return
         if self._code is not None and self._detach_at is None:
             return
+        if self._detach_at is not None and code is not Exit.INTERRUPTED:
+            self._detach_at = time.monotonic()  # only Ctrl-C cancels it
+            return
         self._code, self._detach_at = code, None
         self._give_up_at = time.monotonic() + self._client.timeouts.cancel + _MARGIN
         self._future.cancel()

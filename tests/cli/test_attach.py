@@ -81,6 +81,28 @@ def test_a_second_one_or_the_option_cancels_it(
     server.wait_for("canceled", goal_id=str(theirs.goal_id))
 
 
+@pytest.mark.parametrize("how", ["output closed", "SIGTERM", "Ctrl-C, then SIGTERM"])
+def test_only_ctrl_c_cancels_it(
+    how: str, world: World, server: Server, theirs: GoalFuture[Any, Any]
+) -> None:
+    following = world.start("attach", "fibonacci", str(theirs.goal_id))
+    following.until("Feedback:")
+    if how.startswith("Ctrl-C"):
+        following.signal(signal.SIGINT)
+        following.until("Detaching")
+    if how == "output closed":
+        assert following.process.stdout is not None
+        following.process.stdout.close()
+    else:
+        following.signal(signal.SIGTERM)
+    code = following.process.wait(LONG)
+    assert code in (Exit.OUTPUT_CLOSED, Exit.TERMINATED, Exit.INTERRUPTED)
+    server.sync()
+    assert str(theirs.goal_id) in server.running()
+    asked = [e.goal_id for e in server.events if e.event == "cancel_accepted"]
+    assert str(theirs.goal_id) not in asked
+
+
 def test_an_id_that_nobody_knows(world: World, server: Server) -> None:
     done = world.run("attach", "/fibonacci", str(uuid.uuid4()))
     assert done.code == Exit.NO_SUCH_GOAL

@@ -229,5 +229,39 @@ def test_what_refuses_is_told_and_followed_no_more(action_server, others, client
 
 
 def test_without_a_server_nothing_counts_as_cancelled(client):
-    with pytest.raises(ak.ServerUnavailableError, match="so no goal was cancelled"):
+    with pytest.raises(
+        ak.ServerUnavailableError, match="only this client's own calls were cancelled"
+    ):
         client.cancel_everything(0.2)
+
+
+def test_what_this_client_gave_up_on_before_is_cancelled_again(action_server, make_client):
+    server = action_server("refuses_cancel", period=0.1)
+    client = make_client(timeouts=Timeouts(server=30.0, cancel=0.5))
+    future = client.call_async(LONG, timeout=1.0)
+    assert isinstance(future.exception(20), ak.DeadlineExceededError)
+    before = server.count("cancel_refused")
+    assert client.cancel_everything(1.5) == {future.goal_id: CancelReport.REFUSED}
+    assert server.count("cancel_refused") > before
+
+
+def test_a_cancel_before_a_server_is_in_sight_is_not_lost(action_server, make_client, others):
+    server = action_server("never_finishes")
+    theirs = running(server, others)
+    with make_client(timeouts=Timeouts(server=None, cancel=20.0)) as client:
+        ours = client.attach(theirs.goal_id)
+        ours.cancel()
+    assert ours.cancelled()
+    with pytest.raises(ak.GoalCanceledError):
+        theirs.result(20)
+
+
+def test_a_goal_that_was_never_followed_may_run(make_client):
+    client = make_client(timeouts=Timeouts(server=None, cancel=0.3))
+    ours = client.attach(uuid.uuid4())
+    ours.cancel()
+    error = ours.exception(20)
+    assert isinstance(error, ak.DeadlineExceededError)
+    assert (error.phase, error.cancel) == ("cancel", CancelReport.UNKNOWN)
+    with pytest.raises(ak.GoalNotReplacedError, match="MAY STILL BE RUNNING"):
+        client.call(LONG, replaces=ours)

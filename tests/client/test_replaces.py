@@ -198,3 +198,24 @@ def test_replacing_many_in_a_row_leaves_one(preempt, action_server, make_client)
     future.cancel()
     assert future.outcome(20).cancel is CancelReport.CONFIRMED
     until(lambda: runs_nothing(server))
+
+
+@pytest.mark.parametrize("how", ["invalid", "cancelled"])
+def test_a_call_that_replaced_nothing_passes_on_what_it_was_to_replace(
+    how, action_server, make_client
+):
+    server = action_server("slow_cancel", gate=1)
+    client = make_client(timeouts=PATIENT)
+    first = running(server, client)
+    second = client.call_async({"order": "no" if how == "invalid" else 1}, replaces=first)
+    if how == "cancelled":
+        second.cancel()
+    third = client.call_async(LONG, replaces=second)
+    server.wait_for("cancel_accepted", goal_id=str(first.goal_id))
+    assert server.count("goal_received") == 1
+    server.release()
+    server.wait_for("executing", goal_id=str(third.goal_id))
+    assert first.cancelled()
+    assert server.max_running == 1
+    third.cancel()
+    third.outcome(20)

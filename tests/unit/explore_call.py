@@ -110,7 +110,7 @@ class Attempt:
 class World:
     """The truth, with the machines in it."""
 
-    attaches = left_alone = False
+    attaches = left_alone = may_be_replaced = False
 
     def __init__(self, resend: str, attempts: int, servers: int, returns: int = 1) -> None:
         self.ids = iter(uuid.UUID(int=number + 1) for number in range(100))
@@ -130,6 +130,7 @@ class World:
         self.expired = False  # the timer of the deadline has fired
         self.settled, self.returns = 0, returns
         self.told_success = False  # a success was told, and nobody has judged it so far
+        self.replacement: Replacement | None = None
         self.replaced_in_time = False  # before its goal had ended
         self.ended_well = False
         self.waited = False  # for confirmations, as long as there was time, or until it was closed
@@ -169,7 +170,14 @@ class World:
         last = m._last and m._last.end
         asked = self.asked and (self.asked.end, self.asked.rejected, self.asked.news)
         time = (self.grace, self.late, self.expired)
-        flags = (time, self.closed, m.unwanted, bool(m.closing), self.told_success, m._replacement)
+        flags = (
+            time,
+            self.closed,
+            m.unwanted,
+            bool(m.closing),
+            self.told_success,
+            self.replacement,
+        )
         waits = (self.pause, self.awaiting, self.queued, m._wait_until, self.hurried)
         told = (self.settled, self.returns, self.ended_well, self.waited, self.had_server)
         told += (self.replaced_in_time,)
@@ -267,7 +275,7 @@ class World:
                 yield "deadline", None
             if not m.unwanted or self.hurried:
                 yield "cancel", None
-            if m._replacement is None:
+            if self.may_be_replaced and m._replacement is None:
                 yield "is replaced", TAKEN
                 yield "is replaced", REFUSED
             if not self.closed:
@@ -357,6 +365,7 @@ class World:
             self.give_up(CancelReason.CANCELLED)
         elif event == "is replaced":
             self.replaced_in_time = m.phase is not Phase.JUDGING
+            self.replacement = arg
             self.do(m.replace_by(arg))
         elif event == "close":
             self.closed, m.closing = True, "closed"
@@ -425,7 +434,7 @@ class World:
             return
         if m.unwanted or m.closing or m.ending:
             raise Broken("sent though nobody wants it")
-        if m._replacement is not None:
+        if self.replacement is not None:
             raise Broken("sent though another goal was sent in its place (C1.15)")
         if self.told_success:
             raise Broken("sent though an earlier goal has succeeded (C4.3)")
@@ -553,15 +562,16 @@ class World:
             raise Broken("its text says that a server was waited for, and nobody waited")
         if ending.end is fx.End.NO_SERVER and (self.attempts or self.up):
             raise Broken("there was a server (C2.7)")
-        if ending.end is fx.End.DEADLINE and not self.had_server:
+        cancels = self.attaches and ending.phase == "cancel"
+        if ending.end is fx.End.DEADLINE and not (self.had_server or cancels):
             raise Broken("the deadline's error, and there was no server (C2.7)")
         if ending.end is fx.End.SUCCEEDED and not self.ended_well:
             raise Broken("a failure became a success")
         if ending.end is fx.End.CANCELLED_BY_CALLER and left:
             raise Broken("CancelledError, and a goal may run")
-        if ending.end is fx.End.REPLACED and (left or self.m._replacement is not TAKEN):
+        if ending.end is fx.End.REPLACED and (left or self.replacement is not TAKEN):
             raise Broken("replaced, and it may run, or no other goal has taken its place")
-        taken = self.m._replacement is TAKEN and self.replaced_in_time
+        taken = self.replacement is TAKEN and self.replaced_in_time
         if ending.end is fx.End.ABORTED and taken:
             raise Broken("it looks like a failure, and it was replaced (C1.15)")
         if ending.end is fx.End.REJECTED and self.m.goal_id in left:
@@ -655,6 +665,12 @@ class World:
             raise Broken(f"it does not end: {world.m.phase}")
 
 
+class Replaced(World):
+    """Another goal may be sent in its place."""
+
+    may_be_replaced = True
+
+
 class Attached(World):
     """The call follows a goal that somebody else has sent, and that it cancels when it gives up."""
 
@@ -707,7 +723,9 @@ def _weight(event: tuple[str, Any]) -> float:
         return 0.01
     if name in ("turn", "plan", "resume") or arg is Verdict.TRANSIENT:
         return 4.0  # the goals of one call meet
-    ends = name in ("cancel", "close", "is replaced", "end grace", "grace", "dies")
+    if name == "is replaced":
+        return 0.5
+    ends = name in ("cancel", "close", "end grace", "grace", "dies")
     return 0.02 if ends or arg in (Verdict.PERMANENT, Verdict.SUCCESS) else 1.0
 
 

@@ -17,7 +17,15 @@ from actionkit._calls.machine import CallMachine
 from actionkit._goal.facts import GoalFacts
 from actionkit._goal.machine import Goal
 from tests.hunting import many
-from tests.unit.explore_call import Attached, Broken, LeftAlone, World, explore, hunt
+from tests.unit.explore_call import (
+    Attached,
+    Broken,
+    LeftAlone,
+    Replaced,
+    World,
+    explore,
+    hunt,
+)
 
 POLICIES = ("never_accepted", "confirmed_stopped", "server_gone", "always")
 SMALL = 1_000
@@ -39,11 +47,15 @@ def test_no_promise_is_broken(resend: str, servers: int, most: int) -> None:
     assert transitions > states >= SMALL
 
 
-@pytest.mark.parametrize("kind", [Attached, LeftAlone])
+KINDS = {Attached: ("never_accepted", 1), LeftAlone: ("never_accepted", 1), Replaced: ("always", 2)}
+
+
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("servers", [1, 2])
-def test_no_promise_is_broken_for_goals_of_others(kind: type[World], servers: int) -> None:
-    explore("never_accepted", attempts=1, servers=servers, most=SMALL, kind=kind)
-    hunt("never_accepted", 1, servers, walks=many(200), kind=kind)
+def test_no_promise_is_broken_for_other_kinds(kind: type[World], servers: int) -> None:
+    resend, attempts = KINDS[kind]
+    explore(resend, attempts=attempts, servers=servers, most=SMALL, kind=kind)
+    hunt(resend, attempts, servers, walks=many(200), kind=kind)
 
 
 def broken(cls: type, name: str, old: str, new: str) -> Any:
@@ -361,8 +373,8 @@ LUCKY = (
 
 def look_everywhere() -> None:
     """Where most is found, first."""
-    for kind in (Attached, LeftAlone):
-        hunt("never_accepted", 1, 1, walks=100, kind=kind)
+    for kind, (resend, attempts) in KINDS.items():
+        hunt(resend, attempts, 1, walks=300, kind=kind)
     for hunting, seed in LUCKY:
         hunt(*hunting, walks=300, seed=seed)
     explore("confirmed_stopped", attempts=2, servers=1, most=3000)

@@ -19,7 +19,6 @@ from actionkit._ros.holds.ours import who_we_are
 from actionkit._ros.holds.state import Hold, HoldState, Sender
 from actionkit._ros.holds.topic import HoldTopic, Speaker
 from actionkit._threads.diagnostics import log_later
-from actionkit._threads.waiting import taken_from
 
 SETTLE = 4.0
 """Seconds after joining in which a process with a hold may not be in sight yet: the first messages
@@ -198,11 +197,12 @@ class HoldView:
 
     def _take_texts(self) -> HoldState:
         with self._lock:  # so that no text is missing between its removal and its merge
-            for text in taken_from(self._texts):
-                state, sender = states.decode(text)
+            while self._texts:  # taken out only after that: until then, nothing is surely free
+                state, sender = states.decode(self._texts[0])
                 self._state = states.merged(self._state, state)
                 if sender is not None:
                     self._heard[sender.node] = Said(sender, state, _uptime())
+                self._texts.popleft()
             return self._state
 
     def _read_files(self) -> str:
