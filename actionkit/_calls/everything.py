@@ -43,16 +43,15 @@ def cancel_everything(
     futures: dict[uuid.UUID, AnyFuture] = {}
     given_up: dict[uuid.UUID, Attempt] = {}
     made: set[uuid.UUID] = set()
+    asked: set[uuid.UUID] = set()
     while True:
         for call in list(session.calls):
             futures.setdefault(call.goal_id, call.future)
-        new = set(futures) if not made and not given_up else set()
         status = session.port.names.status
         seen = goals_in_flight(session.identity.domain_id, status, lambda: False)
         for goal_id in {uuid.UUID(goal.goal_id) for goal in seen} - {*futures, *given_up}:
-            attempt = next((a for a in list(session._attempts) if a.goal_id == goal_id), None)
-            if attempt is not None:  # a call of this client gave up on it, and ended
-                given_up[goal_id] = attempt
+            if (attempt := session.watched(goal_id)) is not None:
+                given_up[goal_id] = attempt  # a call of this client gave up on it, and ended
                 session.call_soon(attempt.cancel_again)
             else:
                 try:
@@ -60,7 +59,8 @@ def cancel_everything(
                 except ValueError:
                     continue  # it is of a call that has just begun: seen the next time
                 made.add(goal_id)
-            new.add(goal_id)
+        new = {*futures, *given_up} - asked
+        asked |= new
         for goal_id in new:
             if goal_id in futures:
                 futures[goal_id].cancel()

@@ -200,8 +200,16 @@ def _cancel_sentence(ending: Ending, call: ErrorContext) -> str:
 
 def _is_lost(ending: Ending, call: ErrorContext) -> bool:
     """Whether the server of this goal is out of sight: then nobody has waited for it."""
-    fates = (goal.fate for goal in ending.goals if goal.goal_id == call.goal_id)
-    return GoalFate.LOST in fates
+    return GoalFate.LOST in _fates(ending, call)
+
+
+def _is_left(ending: Ending, call: ErrorContext) -> bool:
+    """Whether nobody looks after this goal: it was to be attached to, and was never followed."""
+    return GoalFate.LEFT in _fates(ending, call)
+
+
+def _fates(ending: Ending, call: ErrorContext) -> list[GoalFate]:
+    return [goal.fate for goal in ending.goals if goal.goal_id == call.goal_id]
 
 
 def _no_server(ending: Ending, call: ErrorContext) -> str:
@@ -266,8 +274,9 @@ def _not_replacing(ending: Ending, call: ErrorContext) -> str:
 def _unknown(_: Ending, call: ErrorContext) -> str:
     return (
         f"No server of action {call.action_name!r} knows goal {call.goal_id}. The id may be wrong"
-        " or of another action, the server may have been restarted, or the goal ended longer ago"
-        " than the server remembers (its result_timeout). `actionkit watch` shows the goals there."
+        " or of another action, the server may have been restarted, it may not have accepted the"
+        " goal yet, or the goal ended longer ago than the server remembers (its result_timeout)."
+        " `actionkit watch` shows the goals there."
     )
 
 
@@ -371,6 +380,12 @@ def _deadline(ending: Ending, call: ErrorContext) -> str:
             f"{_what(call)} ended as {ending.ended_as}; its result did not come within"
             f" {call.timeout:g} s, the time given to the call. It runs no more. Look in the"
             " server's log for an error after the goal's end, or give the call more time."
+        )
+    if ending.phase == "cancel" and call.attached and _is_left(ending, call):
+        return (
+            f"{_what(call)} was to be cancelled, and no server was in sight within"
+            f" {call.timeouts.cancel:g} s: IT MAY STILL BE RUNNING, and is not cancelled later."
+            " Cancel it again when its server is there, or stop it by other means."
         )
     if ending.phase == "cancel":
         unconfirmed = f"the server did not confirm that within {call.timeouts.cancel:g} s"

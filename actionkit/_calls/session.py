@@ -243,6 +243,10 @@ class Session:
         self._attempts[made] = None
         return made
 
+    def watched(self, goal_id: uuid.UUID) -> Attempt | None:
+        """Return the attempt with a goal that may run, if there is one. From any thread."""
+        return next((each for each in list(self._attempts) if each.goal_id == goal_id), None)
+
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now. On the communication thread."""
         return self.link.readiness.ready

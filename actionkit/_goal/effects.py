@@ -103,8 +103,7 @@ class Ending:
     error: BaseException | None = None  # what is wrong with the goal, or what broke our side
     lost_because: str = ""
     """Why its server counts as lost, why its result is not available, why nobody waited for its
-    cancellation, what was shut down, so that the call ended as by closing, or why the goal that it
-    was to replace may still run."""
+    cancellation, or what was shut down, so that the call ended as by closing."""
     verdict: Verdict | None = None  # of `classify=` on a goal that succeeded
     not_retried: str = ""  # why the call did not try again, though it might have
     classifier_fault: Fault | None = None  # of `classify=`

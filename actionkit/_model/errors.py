@@ -162,7 +162,8 @@ class ActionTypeMismatchError(PermanentError):
 class GoalUnknownError(PermanentError):
     """No server of the action knows the goal that the call was attached to.
 
-    The id is wrong, the server was restarted, or the goal ended long ago.
+    The id is wrong, the server was restarted or has not accepted the goal yet, or the goal ended
+    long ago.
     """
 
 

@@ -21,11 +21,11 @@ def goal_id_of(value: object) -> uuid.UUID:
             goal_id = uuid.UUID(value)
         except ValueError:
             raise ValueError(
-                f"{shown(value)} is no goal id, which has 32 hexadecimal digits, with dashes or"
+                f"{shown(value)} is not a goal id, which has 32 hexadecimal digits, with dashes or"
                 " without"
             ) from None
     else:
         raise TypeError(f"{shown(value)} must be the id of a goal: a uuid.UUID, or text")
     if not goal_id.int:
-        raise ValueError(f"{goal_id} is no goal's id: servers take it for all goals")
+        raise ValueError(f"{goal_id} cannot be the id of a goal: servers take it for all goals")
     return goal_id

@@ -188,9 +188,9 @@ class GoalCalls:
                     on_feedback=on_feedback,
                     before_resend=before_resend,
                 )
+                record.follow(future)  # first: an interruption cannot lose the goal
                 begin()
                 sent = True
-                record.follow(future)
                 await record.over()
         except _Refused:
             raise

@@ -27,13 +27,13 @@ from tests.waiting import until
 LONG = 30.0
 RunScript = Callable[..., Script]
 SILENT = """
-import sys, time
+import sys, threading
 from actionkit._ros.holds.view import HoldView
 HoldView._tell = lambda self: None
-view = HoldView(None, "agent", speaks=True)
+joined = threading.Event()
+view = HoldView(None, "agent", speaks=True, on_change=joined.set)
 view.start()
-while view._topic is None:
-    time.sleep(0.01)
+assert joined.wait(30)
 print("ready", flush=True)
 sys.stdin.read()
 view.close()

@@ -21,7 +21,7 @@ UNLIMITED = Timeouts(server=None, accept=None, cancel=5.0)
 
 def test_it_returns_while_the_goal_runs(client, server):
     future = client.call_async(LONG)
-    event = future.wait_accepted(20)
+    event = future.wait_accepted()  # without a limit: it must be woken
     assert (event.state, event.attempt, event.goal_id) == (GoalState.ACCEPTED, 1, future.goal_id)
     assert not future.done()
     server.wait_for("accepted", goal_id=str(event.goal_id))

@@ -109,4 +109,4 @@ def test_an_id_that_nobody_knows(world: World, server: Server) -> None:
     assert done.code == Exit.NO_SUCH_GOAL
     assert "No server of action '/fibonacci' knows goal" in done.err
     wrong = world.run("attach", "/fibonacci", "7")
-    assert (wrong.code, "'7' is no goal id" in wrong.err) == (Exit.USAGE, True)
+    assert (wrong.code, "'7' is not a goal id" in wrong.err) == (Exit.USAGE, True)

@@ -92,7 +92,7 @@ CALL = ("call", "/fibonacci", FIBONACCI)
         (("watch", "/fibonacci", "--once", "--for", "1"), "not both"),
         (("info", "not a name"), "not a valid ROS name"),
         (("show", "test_msgs/action/Fibonaci"), f"Did you mean {FIBONACCI}?"),
-        (("cancel", "/fibonacci", "7"), "'7' is no goal id"),
+        (("cancel", "/fibonacci", "7"), "'7' is not a goal id"),
         (("cancel", "/fibonacci", "0" * 32), "--all cancels all goals"),
         (("cancel", "/fibonacci", "0" * 31 + "1", "--all"), "not both"),
     ],

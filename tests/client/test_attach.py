@@ -89,7 +89,7 @@ def test_clear_ends(action_server, make_client, others, client):
 
 def test_wrong_arguments_are_explained(client):
     for wrong, error, told in (
-        ("abc", ValueError, "'abc' is no goal id, which has 32 hexadecimal digits"),
+        ("abc", ValueError, "'abc' is not a goal id, which has 32 hexadecimal digits"),
         (uuid.UUID(int=0), ValueError, "servers take it for all goals"),
         (7, TypeError, "7 must be the id of a goal: a uuid.UUID, or text"),
     ):
@@ -139,7 +139,7 @@ def test_giving_up_leaves_it_or_cancels_it(how, on_give_up, action_server, other
     assert runs_nothing(server)
 
 
-@pytest.mark.parametrize("how", ["terminate", "kill"])
+@pytest.mark.parametrize("how", ["terminate", pytest.param("kill", marks=pytest.mark.long)])
 def test_a_server_that_ends_is_noticed(how, action_server, others, client):
     server = action_server("never_finishes")
     theirs = running(server, others)
@@ -263,5 +263,13 @@ def test_a_goal_that_was_never_followed_may_run(make_client):
     error = ours.exception(20)
     assert isinstance(error, ak.DeadlineExceededError)
     assert (error.phase, error.cancel) == ("cancel", CancelReport.UNKNOWN)
+    assert "no server was in sight within 0.3 s: IT MAY STILL BE RUNNING, and is not" in str(error)
     with pytest.raises(ak.GoalNotReplacedError, match="MAY STILL BE RUNNING"):
         client.call(LONG, replaces=ours)
+
+
+def test_goals_of_this_client_alone_are_waited_for_no_longer_than_they_take(action_server, client):
+    server = action_server("never_finishes")
+    ours = [running(server, client) for _ in range(2)]
+    told = client.cancel_everything(1e6)  # the limit of the test is shorter
+    assert told == {future.goal_id: CancelReport.CONFIRMED for future in ours}
