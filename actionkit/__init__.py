@@ -18,8 +18,10 @@ if _typing.TYPE_CHECKING:  # the same as in `_MODULES`, for type checkers and ed
     from actionkit._calls.budget import RetryBudget
     from actionkit._calls.classify import classify_by_field, retry_aborted
     from actionkit._calls.future import GoalFuture
+    from actionkit._calls.ledger.store import Leftover
     from actionkit._calls.signals import cancel_on_signals
     from actionkit._client import Client
+    from actionkit._leftovers.ledger import Ledger
     from actionkit._messages.convert import from_plain, to_plain
     from actionkit._model.errors import (
         AcceptanceTimeoutError,
@@ -35,6 +37,7 @@ if _typing.TYPE_CHECKING:  # the same as in `_MODULES`, for type checkers and ed
         GoalRejectedError,
         GoalUnknownError,
         InvalidGoalError,
+        LedgerError,
         PermanentError,
         ResultLostError,
         RetriesExhaustedError,
@@ -85,6 +88,9 @@ __all__ = [
     "GoalUnknownError",
     "InvalidGoalError",
     "JsonLines",
+    "Ledger",
+    "LedgerError",
+    "Leftover",
     "LogFile",
     "LoggedLine",
     "Observer",
@@ -133,6 +139,9 @@ _MODULES = {
     "GoalState": "_model.values",
     "InvalidGoalError": "_model.errors",
     "JsonLines": "_observers.json_lines",
+    "Ledger": "_leftovers.ledger",
+    "LedgerError": "_model.errors",
+    "Leftover": "_calls.ledger.store",
     "LogFile": "_observers.json_reader",
     "LoggedLine": "_observers.json_schema",
     "Observer": "_observers.protocol",

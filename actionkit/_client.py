@@ -21,6 +21,7 @@ from actionkit._calls.everything import cancel_everything
 from actionkit._calls.explain import invalid_goal
 from actionkit._calls.feedback import callbacks_for
 from actionkit._calls.future import GoalFuture
+from actionkit._calls.ledger.chosen import ledger_of
 from actionkit._calls.replacing import check_replaces
 from actionkit._calls.request import Request
 from actionkit._calls.transport import transport
@@ -42,6 +43,7 @@ from actionkit._observers.protocol import Observer, check_observers
 from actionkit._threads.function_runner import function_pool
 
 if TYPE_CHECKING:
+    from actionkit._calls.ledger.file import LedgerFile
     from actionkit._calls.session import OnClose, Session
 
 
@@ -70,6 +72,7 @@ class Client(Generic[ActionT_co]):
         observers: Iterable[Observer] = (),
         on_close: OnClose = "cancel",
         retry_budget: RetryBudget | None = None,
+        ledger: LedgerFile | None = None,
         **unknown: Never,
     ) -> None:
         """Make a client. Does not wait for a server.
@@ -91,6 +94,8 @@ class Client(Generic[ActionT_co]):
             observers: Are told of each transition: `JsonLines`, `Rosout`, `OpenTelemetry`, yours.
             on_close: What closing does to goals in flight: `"cancel"` or `"abandon"`.
             retry_budget: A limit on retries to share with other clients; else it has its own.
+            ledger: A `Ledger`: goals are written down there before they are sent. Left out, it is
+                that of the environment variable `ACTIONKIT_LEDGER`, if there is one.
 
         Raises:
             TypeError: An argument of the wrong type, `action_type` and `node` included.
@@ -102,6 +107,7 @@ class Client(Generic[ActionT_co]):
                 process has a ROS domain for itself (`ros_domain`, `isolated_domain`), which is not
                 the client's.
             ActionTypeMismatchError: This process already uses the name with another type.
+            LedgerError: The ledger's file cannot be used.
         """
         refuse_misplaced(action_type, action_name, misplaced)
         refuse_unknown(unknown, Client.__init__, OF_CLIENTS)
@@ -113,6 +119,7 @@ class Client(Generic[ActionT_co]):
         checked = check_observers(observers)
         if on_close not in ("cancel", "abandon"):
             raise ValueError(f"on_close={on_close!r} must be 'cancel' or 'abandon'")
+        written = ledger_of(ledger)
         port, session = transport()
         self._timeouts = timeouts
         self._with_deadline = replace(timeouts, result=None)
@@ -120,7 +127,7 @@ class Client(Generic[ActionT_co]):
         self._classify = classify
         self._budget = RetryBudget() if retry_budget is None else retry_budget
         self._session: Session = session.Session(
-            port.Port(action_type, action_name, node), on_close, timeouts.cancel, checked
+            port.Port(action_type, action_name, node), on_close, timeouts.cancel, checked, written
         )
         self._action_type: Any = action_type  # pyright knows no properties of a class object
         self._pool = self._session.callbacks
@@ -212,7 +219,8 @@ class Client(Generic[ActionT_co]):
             The action's result message.
 
         Raises:
-            ActionKitError: The call failed; each subclass is one way to fail.
+            ActionKitError: The call failed; each subclass is one way to fail. `LedgerError`: the
+                goal could not be written down, and was not sent.
             concurrent.futures.CancelledError: `cancel_all()` cancelled the call.
             RuntimeError: Called from one of ActionKit's own callbacks, or after a fork.
             TypeError, ValueError: An argument is wrong.
@@ -265,6 +273,7 @@ class Client(Generic[ActionT_co]):
 
         Raises:
             ClientClosedError: The client was closed.
+            LedgerError: The goal could not be written down, and was not sent.
             RuntimeError: This process was forked from the client's.
             TypeError, ValueError: An argument other than `goal` is wrong.
         """

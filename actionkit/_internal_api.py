@@ -7,6 +7,8 @@ for users, and may change in any release. Besides what is below, it has:
 - `in_thread`: await a function that blocks. `unless_by_anyio`: wait in a cancelled task.
 - `log_later`, `log_own_error`: log without blocking.
 - `mute`: do not report goals at exit, because the program has done that.
+- `usual_ledger`: the path of the ledger of programs that are guarded.
+- `watch_over`: start a process that cancels what this one leaves running.
 """
 
 from __future__ import annotations
@@ -20,8 +22,10 @@ from actionkit._calls.classify import Classify, check_classify
 from actionkit._calls.closing import end_calls
 from actionkit._calls.drivers import in_thread, unless_by_anyio
 from actionkit._calls.future import GoalFuture
+from actionkit._calls.ledger.chosen import usual_path as usual_ledger
 from actionkit._calls.left_running import mute
 from actionkit._client import Client
+from actionkit._leftovers.watcher import watch_over
 from actionkit._model.domain import Domain
 from actionkit._model.settings import RetryPolicy
 from actionkit._threads.diagnostics import log_later, log_own_error
@@ -41,6 +45,8 @@ __all__ = [
     "status_topic",
     "type_of",
     "unless_by_anyio",
+    "usual_ledger",
+    "watch_over",
 ]
 
 

@@ -10,7 +10,7 @@ import time
 import uuid
 from dataclasses import replace
 from functools import partial
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from actionkit._calls import machine as mx
 from actionkit._calls.attempt import Attempt
@@ -28,6 +28,12 @@ from actionkit._goal.stages import CancelReason, Stage
 from actionkit._model.values import GoalReport, GoalState, Verdict
 from actionkit._observers.delivery import NO_OBSERVERS, ObserverDispatcher
 from actionkit._threads.clock import TimerHandle
+
+if TYPE_CHECKING:
+    from actionkit._calls.ledger.file import LedgerFile
+
+_MOST_ATTEMPTS = 1000
+"""Attempts that a ledger looks for, where a strategy of the user's limits them."""
 
 
 class CallLink(Protocol):
@@ -81,6 +87,8 @@ class Call:
         self._deadline_timer: TimerHandle | None = None
         self._given_up_at: float | None = None
         self._grace: TimerHandle | None = None  # ends the wait for confirmations of earlier goals
+        self._ledger: LedgerFile | None = None
+        self._call_id = goal_id
         self._replaced: tuple[GoalFuture[Any, Any], ...] = ()
         self._replacing: Replacing | None = None
         self._settled = False
@@ -100,6 +108,26 @@ class Call:
     @unwanted.setter
     def unwanted(self, unwanted: bool) -> None:
         self.machine.unwanted = unwanted
+
+    def write_down(self, ledger: LedgerFile, domain_id: int) -> None:
+        """Write the call down before it begins, on the caller's thread. Raises `LedgerError`."""
+        request, call_id = self._request, self.machine.goal_id
+        if request.attach is not None or request.invalid is not None:
+            return
+        retry = request.retry
+        attempts = retry.attempts if retry.stop is None else _MOST_ATTEMPTS
+        session = self._session
+        action = session.action_name, session.type_name, domain_id
+        ledger._add(call_id, *action, attempts, request.classify is not None)
+        self._ledger = ledger
+        self.machine.use_ids(partial(ledger._attempt_id, call_id))
+
+    def _strike_out(self) -> None:
+        """Remove the call from the ledger if none of its goals may run."""
+        left = self.machine.abandoned or self.goals.stopped
+        if self._ledger is not None and self._settled and left:
+            self._ledger._remove_soon(self._call_id)
+            self._ledger = None
 
     # --- the caller's wishes ---------------------------------------------------------------
 
@@ -239,6 +267,7 @@ class Call:
 
     def on_over(self, attempt: Attempt) -> None:
         """An attempt's goal is known not to run any more, or its server is out of sight."""
+        self._strike_out()
         self._do(self.machine.earlier_over())
         if self.machine.phase is Phase.WAITING and self._session.server_is_ready():
             self.on_server_ready()
@@ -388,6 +417,7 @@ class Call:
         ending = self.machine.ending
         assert ending is not None
         self.state = ending.status
+        self._strike_out()
         self._record.end_feedback(ending, client_closes=self.machine.closing == CLIENT_CLOSED)
         outcome = self._record.outcome(ending, self.goal_id, self.machine.attempts)
         self._record.tell_outcome(outcome)

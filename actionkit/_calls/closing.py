@@ -36,6 +36,8 @@ def close(session: Session) -> None:
             session.callbacks.dues.finish(time.monotonic() + patience(session.cancel_grace))
     finally:
         session.callbacks.dues.end()
+    if session.ledger is not None:
+        session.ledger._flush()
     session.dispatcher.flush(time.monotonic() + OBSERVERS_TIMEOUT)
 
 

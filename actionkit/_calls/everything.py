@@ -30,7 +30,7 @@ def cancel_everything(
     `attach` returns a future for a goal that another client has sent; it raises `ValueError` if the
     session follows the goal already.
     """
-    from actionkit._ros.tools.watch import goals_in_flight
+    from actionkit._ros.tools.watch import goals_seen
 
     session.cancel_all()
     if not session.wait_for_server(timeout):
@@ -44,12 +44,14 @@ def cancel_everything(
     given_up: dict[uuid.UUID, Attempt] = {}
     made: set[uuid.UUID] = set()
     asked: set[uuid.UUID] = set()
+    missed = 0
     while True:
         for call in list(session.calls):
             futures.setdefault(call.goal_id, call.future)
         status = session.port.names.status
-        seen = goals_in_flight(session.identity.domain_id, status, lambda: False)
-        for goal_id in {uuid.UUID(goal.goal_id) for goal in seen} - {*futures, *given_up}:
+        seen = goals_seen(session.identity.domain_id, status, lambda: False)
+        in_flight = {uuid.UUID(goal.goal_id) for goal in seen if goal.in_flight}
+        for goal_id in in_flight - {*futures, *given_up}:
             if (attempt := session.watched(goal_id)) is not None:
                 given_up[goal_id] = attempt  # a call of this client gave up on it, and ended
                 session.call_soon(attempt.cancel_again)
@@ -66,7 +68,9 @@ def cancel_everything(
                 futures[goal_id].cancel()
         for goal_id in new:
             _wait(futures.get(goal_id), given_up.get(goal_id), until)
-        if not new or time.monotonic() >= until:
+        if not seen and (made or given_up) and not missed:
+            missed += 1  # there are goals, and their status did not come in time
+        elif not new or time.monotonic() >= until:
             break
     for call in list(session.calls):
         if call.goal_id in made:  # its server has refused, or is silent

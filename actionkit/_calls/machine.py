@@ -198,6 +198,15 @@ class CallMachine:
         self.previous: AttemptView | None = None  # the last attempt that has ended
         self._last: fx.Ending | None = None  # its end, after the verdict
 
+    def use_ids(self, id_of: Callable[[int], uuid.UUID]) -> None:
+        """Make the ids of later goals by the number of the attempt, from 1."""
+        self._new_id = lambda: id_of(self.attempts + 1)
+
+    @property
+    def abandoned(self) -> bool:
+        """Whether its goal was left running on purpose."""
+        return self.ending is not None and self.ending.abandoned
+
     # --- may another goal be sent? ---------------------------------------------------------
 
     def may_send(self) -> bool:

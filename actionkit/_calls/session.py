@@ -13,7 +13,7 @@ import time
 import uuid
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.call import Call
@@ -33,6 +33,9 @@ from actionkit._ros.port import DIED, Port, ServerWait
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.diagnostics import log_later
 from actionkit._threads.pool import Pool
+
+if TYPE_CHECKING:
+    from actionkit._calls.ledger.file import LedgerFile
 
 OnClose = Literal["cancel", "abandon"]
 _INTERRUPTED_FOR = 2.0
@@ -61,6 +64,7 @@ class Session:
         on_close: OnClose,
         cancel_grace: float,
         observers: tuple[Observer, ...] = (),
+        ledger: LedgerFile | None = None,
     ) -> None:
         """Take over a port, which the session will free.
 
@@ -68,6 +72,8 @@ class Session:
         The observers are checked already.
         """
         self.port = port
+        self.ledger = ledger
+        """Where calls are written down before they begin."""
         self.cancel_grace = cancel_grace
         self.identity = port.identity
         self.action_name, self.type_name = port.identity.action_name, port.identity.type_name
@@ -156,9 +162,11 @@ class Session:
         """Begin a prepared call. Calls begin in this order.
 
         If the session closes at that moment, the call ends at once and sends nothing. Raises the
-        errors of `check`.
+        errors of `check`; `LedgerError` if it cannot be written down.
         """
         self.check()
+        if self.ledger is not None:
+            call.write_down(self.ledger, self.identity.domain_id)
         self.calls.add(call)
         self.call_soon(partial(self._start, call))
 

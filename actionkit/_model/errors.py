@@ -18,6 +18,7 @@ ActionKitError
 │  └─ ClassifyError               `classify=` gave no verdict on the goal
 ├─ DeadlineExceededError          the time given to the call ran out
 ├─ RetriesExhaustedError          the retries ended, and no error speaks for itself
+├─ LedgerError                    the ledger's file cannot be used; nothing was sent
 └─ ClientClosedError              the client was closed
 """
 
@@ -243,6 +244,10 @@ class RetriesExhaustedError(ActionKitError):
     `wait=` of the `RetryPolicy` raised, did not answer in time, or returned an invalid value;
     `__cause__` is the error that it raised, or the error of the last attempt.
     """
+
+
+class LedgerError(ActionKitError, OSError):
+    """The file of a `Ledger` cannot be used. Nothing was sent."""
 
 
 class ClientClosedError(ActionKitError):

@@ -17,7 +17,7 @@ from actionkit._observers.words import outcome_word
 
 VERSION = 1
 """Of the schema. Fields may be added; existing fields keep their names and meanings."""
-_NOTES = ("servers", "cancel", "stop", "hold")
+_NOTES = ("servers", "cancel", "stop", "hold", "leftover")
 """Kinds of lines that commands write, and that are not about a call."""
 
 

@@ -43,6 +43,13 @@ _COMMANDS = {
     "stop": _Known(
         "stop", "Cancel every goal of every action in sight, and hold agents until --release."
     ),
+    "guard": _Known(
+        "guard", "Run COMMAND, and cancel the goals that it leaves running, however it ends."
+    ),
+    "leftovers": _Known(
+        "leftovers",
+        "Show the goals of programs that were killed and wrote them down in the file PATH.",
+    ),
     "serve": _Known("serve", "Run the reference action server SERVER and show what it sees."),
     "doctor": _Known("doctor", "Find out why a call does not work, and say what to do about it."),
     "timeline": _Known("timeline", "Show the goals in FILE, a log of the observer JsonLines."),

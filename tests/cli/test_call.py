@@ -241,6 +241,8 @@ ELSEWHERE = {
     Exit.CANCEL_UNKNOWN: "test_cancel.py",
     Exit.NO_SUCH_GOAL: "test_cancel.py",
     Exit.HELD: "test_stop.py",
+    Exit.NOT_EXECUTABLE: "test_guard.py",
+    Exit.NOT_FOUND: "test_guard.py",
     Exit.HANGUP: "test_terminal.py",
     Exit.OUTPUT_CLOSED: "test_a_closed_pipe_cancels_the_goal, below",
     Exit.TERMINATED: "test_sigterm_is_as_ctrl_c, below",

@@ -27,6 +27,8 @@ COMMANDS = (
     "attach",
     "cancel",
     "stop",
+    "guard",
+    "leftovers",
     "serve",
     "doctor",
     "timeline",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from tests.faults import attacks, ending
+from tests.faults import killed as killing
 from tests.faults.lab import (
     ACCEPTED,
     BEFORE_ACCEPT,
@@ -59,7 +60,7 @@ FAULTS: dict[str, list[Key]] = {
     for fault, phases in _FAULTS.items()
 }
 """The keys of the rows of each fault: phase and policy."""
-PAGE = Page("faults.md", FAULTS | attacks.TABLES | ending.TABLES)
+PAGE = Page("faults.md", FAULTS | attacks.TABLES | ending.TABLES | killing.TABLES)
 
 
 def record(rows: Iterable[Row]) -> None:
@@ -82,3 +83,9 @@ def attacked(row: attacks.Row) -> None:
 def ended(row: ending.Row) -> None:
     """Compare the row of a program that was told to end."""
     PAGE.record(row.case.program, {row.case.key: row.cells})
+
+
+def killed(row: killing.Row) -> None:
+    """Compare the row of a program that was killed, and whose goal was written down."""
+    assert (row.received <= 1, row.left) == (True, 0), row
+    PAGE.record(killing.TABLE, {row.case.key: row.cells})

@@ -35,6 +35,7 @@ TREE: dict[str, tuple[str, ...]] = {
     "ClassifyError": ("PermanentError",),
     "DeadlineExceededError": ("ActionKitError", "TimeoutError"),
     "RetriesExhaustedError": ("ActionKitError",),
+    "LedgerError": ("ActionKitError", "OSError"),
     "ClientClosedError": ("ActionKitError",),
 }
 ERRORS = [getattr(actionkit, name) for name in TREE]

@@ -40,6 +40,9 @@ NAMES = [
     "GoalUnknownError",
     "InvalidGoalError",
     "JsonLines",
+    "Ledger",
+    "LedgerError",
+    "Leftover",
     "LogFile",
     "LoggedLine",
     "Observer",
@@ -81,7 +84,7 @@ SIGNATURES = {
     " liveness=None, result=30.0),"
     " retry=RetryPolicy(attempts=3, initial=0.2, factor=2.0, max_pause=5.0, jitter=0.2,"
     " resend='confirmed_stopped', stop=None, wait=None), classify=None, observers=(),"
-    " on_close='cancel', retry_budget=None, **unknown)",
+    " on_close='cancel', retry_budget=None, ledger=None, **unknown)",
     Client.call: "(self, goal, timeout=<as the client's timeouts.total>, *, on_feedback=None,"
     " retry=None, classify=None, replaces=None, preempt=False, **unknown)",
     Client.call_async: "(self, goal, on_feedback=None,"

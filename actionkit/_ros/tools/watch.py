@@ -26,7 +26,7 @@ _PERIOD = 0.25
 """Seconds between two checks for servers, often enough for a person who watches."""
 _STATUS_WAIT = 1.0
 """Seconds for the status of connected servers. One that never had a goal sends none."""
-_IN_FLIGHT = {code for code, state in STATES.items() if not state.is_terminal}
+_IN_FLIGHT = {str(state) for state in STATES.values() if not state.is_terminal}
 _DISCOVERY = 3.5
 """Seconds until a new node has discovered all servers, and has their kept status."""
 
@@ -38,6 +38,11 @@ class GoalSeen:
     goal_id: str  # with dashes, as everywhere in ActionKit
     state: str  # the name of a `GoalState`
     accepted: float  # when the server accepted it: seconds since the epoch, by the server's clock
+
+    @property
+    def in_flight(self) -> bool:
+        """Whether it has not ended."""
+        return self.state in _IN_FLIGHT
 
 
 class StatusReader:
@@ -104,7 +109,14 @@ class StatusReader:
 def goals_in_flight(
     domain_id: int | None, status_topic: str, stopped: Callable[[], bool]
 ) -> list[GoalSeen]:
-    """Return the goals that the servers of an action have now. Errors: see `arriving`.
+    """Return those of `goals_seen` that have not ended."""
+    return [goal for goal in goals_seen(domain_id, status_topic, stopped) if goal.in_flight]
+
+
+def goals_seen(
+    domain_id: int | None, status_topic: str, stopped: Callable[[], bool]
+) -> list[GoalSeen]:
+    """Return the goals that the servers of an action know now. Errors: see `arriving`.
 
     A server that never had a goal sends no status.
     """
@@ -126,7 +138,7 @@ def goals_in_flight(
                 break
     in_order = (goal for _, array in sorted(arrays) for goal in goals(array))
     newest = {goal[0]: goal for goal in in_order}
-    return [_seen(*goal) for goal in newest.values() if goal[3] in _IN_FLIGHT]
+    return [_seen(*goal) for goal in newest.values()]
 
 
 def _seen(goal_id: bytes, seconds: int, nanoseconds: int, code: int) -> GoalSeen:

@@ -1,0 +1,68 @@
+"""The ledger of a command, and what is told of the goals that are left over in it."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from actionkit.cli._exits import Exit
+from actionkit.cli._problems import Problem, import_ros
+from actionkit.cli._say import say
+
+if TYPE_CHECKING:
+    from actionkit import CancelReport, Ledger, Leftover
+
+_SAID = {
+    "CONFIRMED": "It was canceled, and runs no more.",
+    "NOT_NEEDED": "It had ended, or no server knows it.",
+    "REFUSED": "The server refused to cancel it. IT IS STILL RUNNING.",
+    "UNKNOWN": "No server has confirmed it, or its package is not installed here. IT MAY STILL BE"
+    " RUNNING.",
+}
+
+
+def open_ledger(path: str | None) -> Ledger:
+    """Open the ledger at `path`, else the usual one.
+
+    Raises:
+        Problem: It cannot be used.
+    """
+    from actionkit import Ledger
+    from actionkit._internal_api import usual_ledger
+    from actionkit._model.errors import LedgerError
+
+    try:
+        return Ledger(path or usual_ledger())
+    except (LedgerError, OSError) as error:
+        raise Problem(Exit.FAILED, str(error)) from error
+
+
+def cancel(ledger: Ledger, timeout: float) -> dict[Leftover, CancelReport]:
+    """Cancel what is left over, without a word of the library itself.
+
+    Raises:
+        Problem: rclpy is needed, and is not there.
+    """
+    if not ledger.leftovers():
+        return {}
+    import_ros()
+    from actionkit._internal_api import mute
+
+    mute()
+    return ledger.cancel(timeout)
+
+
+def what_happened(report: CancelReport) -> str:
+    """Return it as a sentence."""
+    return _SAID[str(report)]
+
+
+def line_of(goal: Leftover) -> str:
+    """Return a line about a goal that is left over."""
+    at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(goal.sent))
+    return f"{goal.action_name}  {goal.goal_id}  sent {at} by process {goal.pid} on {goal.host}"
+
+
+def tell(goal: Leftover, report: CancelReport, label: str = "") -> None:
+    """Write a line about a goal that was to be cancelled, to standard error."""
+    say(f"{label}goal {goal.goal_id} of {goal.action_name}: {what_happened(report)}", err=True)

@@ -1,0 +1,165 @@
+"""`actionkit guard` and `actionkit leftovers`: programs that were killed (C12)."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from actionkit import Ledger
+from actionkit.cli import main
+from actionkit.cli._exits import Exit
+from tests import forked
+from tests.waiting import until
+
+from .test_terminal import IN_TERMINAL, Terminal
+
+ENOUGH = 30.0
+#: Tells of each signal, and ends with 7 after the second one, or at the end of its input.
+COUNTS = """
+import os, signal, sys
+def told(number, frame):
+    os.write(1, f"{signal.Signals(number).name}\\n".encode())  # `print` is not reentrant
+for name in ("SIGINT", "SIGTERM", "SIGUSR1", "SIGQUIT"):
+    signal.signal(signal.Signals[name], told)
+print(os.environ["ACTIONKIT_LEDGER"], os.getpid(), flush=True)
+for line in sys.stdin:
+    print("got", line, end="", flush=True)
+sys.exit(7)
+"""
+LEAVES = """
+import sys, uuid
+from actionkit import Ledger
+path, goal_id, domain = sys.argv[1:]
+Ledger(path)._add(uuid.UUID(goal_id), "/nobody", "test_msgs/action/Fibonacci", int(domain))
+"""
+
+
+@pytest.fixture
+def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.delenv("ACTIONKIT_LEDGER", raising=False)
+    return tmp_path / "actionkit" / "goals.db"
+
+
+@pytest.fixture
+def guard(path: Path) -> Iterator[subprocess.Popen[str]]:
+    """A guard with COUNTS."""
+    words = [sys.executable, "-m", "actionkit", "guard", sys.executable, "-c", COUNTS]
+    pipe = subprocess.PIPE
+    with forked.Popen(words, stdin=pipe, stdout=pipe, text=True, env=dict(os.environ)) as process:
+        yield process
+        process.kill()
+
+
+def lines(process: subprocess.Popen[str], count: int) -> list[str]:
+    assert process.stdout is not None
+    return [process.stdout.readline().rstrip() for _ in range(count)]
+
+
+def test_signals_input_output_and_the_exit_code_pass_through(
+    guard: subprocess.Popen[str], path: Path
+) -> None:
+    (first,) = lines(guard, 1)
+    assert first.split()[0] == str(path)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGQUIT):
+        guard.send_signal(number)
+        assert lines(guard, 1) == [number.name]
+    assert guard.stdin is not None
+    print("a line", file=guard.stdin, flush=True)
+    assert lines(guard, 1) == ["got a line"]
+    guard.stdin.close()
+    assert guard.wait(ENOUGH) == 7
+
+
+def test_it_ends_by_the_signal_that_has_ended_the_program(guard: subprocess.Popen[str]) -> None:
+    ((_, pid),) = (line.split() for line in lines(guard, 1))
+    os.kill(int(pid), signal.SIGKILL)
+    assert guard.wait(ENOUGH) == -signal.SIGKILL
+
+
+def test_if_the_guard_is_killed_its_program_is_told_to_end(guard: subprocess.Popen[str]) -> None:
+    lines(guard, 1)
+    guard.kill()
+    assert lines(guard, 1) == ["SIGTERM"]
+
+
+def test_ctrl_c_in_a_terminal_reaches_the_program_once(path: Path) -> None:
+    master, slave = pty.openpty()
+    words = [sys.executable, "-c", IN_TERMINAL, "guard", sys.executable, "-c", COUNTS]
+    process = subprocess.Popen(words, stdin=slave, stdout=slave, stderr=slave, close_fds=True)
+    os.close(slave)
+    terminal = Terminal(process, master)
+    try:
+        terminal.until(str(path))
+        terminal.press(b"\x03")
+        terminal.until("SIGINT")
+        terminal.press(b"\x04")  # Ctrl-D, the end of its input
+        assert terminal.finish() == 7
+        assert terminal.text.count("SIGINT") == 1
+    finally:
+        process.kill()
+        process.wait()
+        os.close(master)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        (["/no/such/program"], Exit.NOT_FOUND, "there is no command '/no/such/program'"),
+        (["/etc/passwd"], Exit.NOT_EXECUTABLE, "'/etc/passwd' cannot be run (Permission denied)"),
+        (["--ledger", "/proc/goals.db", "true"], Exit.FAILED, "/proc/goals.db cannot be used"),
+    ],
+)
+def test_a_program_that_cannot_be_run(
+    words: list[str], code: int, told: str, path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert code_of(["guard", *words]) == code
+    assert told in capsys.readouterr().err
+
+
+def code_of(words: list[str]) -> object:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    return ended.value.code
+
+
+def leave(path: Path, domain: int = 0) -> uuid.UUID:
+    """Leave a goal of an action that has no server here; return its id."""
+    goal_id = uuid.uuid4()
+    path.parent.mkdir(exist_ok=True)
+    words = [str(path), str(goal_id), str(domain)]
+    forked.run([sys.executable, "-c", LEAVES, *words], check=True, timeout=ENOUGH)
+    return goal_id
+
+
+def test_leftovers_are_shown(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert code_of(["leftovers"]) == Exit.OK
+    assert capsys.readouterr().out == "No goal is left over.\n"
+    goal_id = leave(path)
+    assert code_of(["leftovers", str(path)]) == Exit.CANCEL_UNKNOWN
+    assert f"/nobody  {goal_id}  sent 20" in capsys.readouterr().out
+    assert code_of(["leftovers", "--json"]) == Exit.CANCEL_UNKNOWN
+    told = json.loads(capsys.readouterr().out)
+    assert (told["kind"], told["goal_id"], told["cancel"]) == ("leftover", str(goal_id), None)
+
+
+def test_a_goal_without_a_server_is_named_and_stays(
+    path: Path, ros_domain: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    goal_id = leave(path, ros_domain)
+    assert code_of(["guard", "--timeout", "1", "true"]) == Exit.OK
+    said = capsys.readouterr().err
+    assert said.count(f"goal {goal_id} of /nobody: No server has confirmed it") == 2
+    assert "left by an earlier program" in said
+    assert code_of(["leftovers", "--cancel", "--timeout", "1"]) == Exit.CANCEL_UNKNOWN
+    assert f"{goal_id}  sent" in capsys.readouterr().out
+    assert [goal.goal_id for goal in until(Ledger(path).leftovers)] == [goal_id]
