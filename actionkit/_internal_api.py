@@ -7,6 +7,7 @@ for users, and may change in any release. Besides what is below, it has:
 - `in_thread`: await a function that blocks. `unless_by_anyio`: wait in a cancelled task.
 - `log_later`, `log_own_error`: log without blocking.
 - `mute`: do not report goals at exit, because the program has done that.
+- `unfinished_goals`: whether a ledger has goals of dead processes that nobody follows.
 - `usual_ledger`: the path of the ledger of programs that are guarded.
 - `watch_over`: start a process that cancels what this one leaves running.
 """
@@ -25,6 +26,7 @@ from actionkit._calls.future import GoalFuture
 from actionkit._calls.ledger.chosen import usual_path as usual_ledger
 from actionkit._calls.left_running import mute
 from actionkit._client import Client
+from actionkit._leftovers.ledger import unfinished as unfinished_goals
 from actionkit._leftovers.watcher import watch_over
 from actionkit._model.domain import Domain
 from actionkit._model.settings import RetryPolicy
@@ -44,6 +46,7 @@ __all__ = [
     "prepare_call",
     "status_topic",
     "type_of",
+    "unfinished_goals",
     "unless_by_anyio",
     "usual_ledger",
     "watch_over",

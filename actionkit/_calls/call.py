@@ -32,8 +32,8 @@ from actionkit._threads.clock import TimerHandle
 if TYPE_CHECKING:
     from actionkit._calls.ledger.file import LedgerFile
 
-_MOST_ATTEMPTS = 1000
-"""Attempts that a ledger looks for, where a strategy of the user's limits them."""
+_MOST_ATTEMPTS = 2**31
+"""Where a strategy of the user's limits them."""
 
 
 class CallLink(Protocol):
@@ -118,7 +118,13 @@ class Call:
         attempts = retry.attempts if retry.stop is None else _MOST_ATTEMPTS
         session = self._session
         action = session.action_name, session.type_name, domain_id
-        ledger._add(call_id, *action, attempts, request.classify is not None)
+        ledger._add(
+            call_id,
+            *action,
+            attempts=attempts,
+            judged=request.classify is not None,
+            parallel=retry.resend in ("server_gone", "always"),
+        )
         self._ledger = ledger
         self.machine.use_ids(partial(ledger._attempt_id, call_id))
 

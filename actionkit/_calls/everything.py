@@ -68,7 +68,7 @@ def cancel_everything(
                 futures[goal_id].cancel()
         for goal_id in new:
             _wait(futures.get(goal_id), given_up.get(goal_id), until)
-        if not seen and (made or given_up) and not missed:
+        if not seen and (made or given_up) and not missed and time.monotonic() < until:
             missed += 1  # there are goals, and their status did not come in time
         elif not new or time.monotonic() >= until:
             break

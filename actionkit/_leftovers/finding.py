@@ -15,9 +15,7 @@ from actionkit._threads.waiting import Flag
 if TYPE_CHECKING:
     from actionkit._client import Client
 
-SERVER = 5.0
-"""Seconds until a server that runs is in sight."""
-_AGAIN = 0.5
+_AGAIN = 0.3
 """Seconds between two looks."""
 
 
@@ -26,7 +24,44 @@ def domain_of(client: Client[Any]) -> int:
     return client._session.identity.domain_id
 
 
-def goals_of(client: Client[Any], until: float) -> dict[uuid.UUID, GoalSeen]:
+def find(
+    client: Client[Any], calls: Iterable[Leftover], until: float
+) -> Iterator[tuple[Leftover, uuid.UUID]]:
+    """Yield each goal of calls that runs; of a call without one, the last that is known.
+
+    A goal that was sent just before its process ended may be accepted late, and so may a retry. So
+    this looks again until the monotonic time `until`, or until no other goal can come. The client
+    must have a server.
+    """
+    found: dict[Leftover, set[uuid.UUID]] = {call: set() for call in calls}
+    waiting = set(found)
+    while waiting:
+        known = _known(client, until)
+        late = time.monotonic() >= until
+        for call in [call for call in found if call in waiting]:
+            goals = {goal_id: goal for goal_id, goal in known.items() if call.has(goal_id)}
+            for goal_id, goal in goals.items():
+                if goal.in_flight and goal_id not in found[call]:
+                    found[call].add(goal_id)
+                    yield call, goal_id
+            # Its process is dead, and sent a retry only when the goal before it had ended.
+            last = found[call] and not call.parallel
+            if last or late or any(_is_last(call, goal.state) for goal in goals.values()):
+                waiting.remove(call)
+                if not found[call]:
+                    yield call, max(goals, default=call.goal_id)
+        if waiting:
+            Flag().wait(_AGAIN)
+
+
+def _is_last(call: Leftover, state: str) -> bool:
+    """Whether a call sends no other goal beside, or after, one that has ended in this state."""
+    if call.attempts == 1:
+        return True
+    return state == "SUCCEEDED" and not call.judged and not call.parallel
+
+
+def _known(client: Client[Any], until: float) -> dict[uuid.UUID, GoalSeen]:
     """Return the goals that the servers of a client's action know now, those of all clients."""
     status, domain = client._session.port.names.status, domain_of(client)
     try:
@@ -34,32 +69,3 @@ def goals_of(client: Client[Any], until: float) -> dict[uuid.UUID, GoalSeen]:
     except StoppedError:  # the time is over
         return {}
     return {uuid.UUID(goal.goal_id): goal for goal in seen}
-
-
-def is_last(call: Leftover, state: str) -> bool:
-    """Whether a call sends no other goal after one that has ended in this state."""
-    return call.attempts == 1 or (state == "SUCCEEDED" and not call.judged)
-
-
-def find(
-    client: Client[Any], calls: Iterable[Leftover], until: float
-) -> Iterator[tuple[Leftover, uuid.UUID]]:
-    """Yield each call with the goal to follow: the one that runs, else the last one known.
-
-    A goal that was sent just before its process ended may be accepted late, and so may a retry. So
-    this looks again until the monotonic time `until`, or until there is nothing more to wait for.
-    """
-    waiting = list(calls)
-    there = bool(waiting) and client.wait_for_server(min(SERVER, until - time.monotonic()))
-    while waiting:
-        known = goals_of(client, until) if there else {}
-        late = not there or time.monotonic() >= until
-        for call in list(waiting):
-            ids = [one for one in call.ids() if one in known]
-            running = [one for one in ids if known[one].in_flight]
-            final = [one for one in ids if is_last(call, known[one].state)]
-            if running or final or late:
-                waiting.remove(call)
-                yield call, (running or final or ids or [call.goal_id])[-1]
-        if waiting:
-            Flag().wait(_AGAIN)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 from actionkit._calls.ledger.file import LedgerFile
 from actionkit._calls.ledger.store import Leftover
 from actionkit._model.arguments import UNSET, Unset
+from actionkit._model.errors import LedgerError
 from actionkit._model.settings import check_seconds
 from actionkit._model.values import CancelReport
+from actionkit._threads.waiting import Flag
 
 if TYPE_CHECKING:
     from actionkit._calls.future import GoalFuture
@@ -20,6 +23,10 @@ if TYPE_CHECKING:
 
 _LOOK = 10.0
 """Seconds to look at most which goals the servers have."""
+_SERVER = 5.0
+"""Seconds until a server that runs is in sight."""
+_AGAIN = 0.1
+"""Seconds between two looks whether other processes have finished."""
 _STOPPED = (CancelReport.CONFIRMED, CancelReport.NOT_NEEDED)
 
 
@@ -45,7 +52,8 @@ class Ledger(LedgerFile):
     def cancel(self, timeout: float = 10.0) -> dict[Leftover, CancelReport]:
         """Cancel the goals that processes have left, and wait until they have stopped.
 
-        Blocks. If several processes do it at once, each goal is in the hands of one of them.
+        Blocks. If several processes do it at once, each goal is in the hands of one of them, and
+        the others wait for it.
 
         Args:
             timeout: Seconds for everything. A goal that no server knows may have been sent just
@@ -55,7 +63,8 @@ class Ledger(LedgerFile):
             What happened to the goals of each call. `CONFIRMED`: the server has stopped them.
             `NOT_NEEDED`: they had ended, or no server knows them. These are removed from the file.
             `REFUSED`: the server does not stop them. `UNKNOWN`: no server was in sight or has
-            answered, or the action's package is not installed here.
+            answered, the action's package is not installed here, or another process has not
+            finished.
 
         Raises:
             LedgerError: The file cannot be used.
@@ -63,19 +72,25 @@ class Ledger(LedgerFile):
         """
         seconds = check_seconds("timeout", timeout, optional=False)
         assert seconds is not None
-        until = time.monotonic() + seconds
-        claimed = self._claim(lambda _: True)
-        told: dict[Leftover, CancelReport] = {}
-        try:
-            if claimed:  # else it needs no rclpy
-                from actionkit._leftovers.cancelling import cancel_all
+        return self._cancel(seconds, server=_SERVER)
 
-                told = cancel_all(claimed, until)
-        finally:
-            self._store.remove(goal.goal_id for goal in claimed if told.get(goal) in _STOPPED)
-            for goal in claimed:
-                self._store.release(goal)  # those that are still there
-        return told
+    def _cancel(self, seconds: float, *, server: float) -> dict[Leftover, CancelReport]:
+        """Cancel; look for a server `server` seconds at most."""
+        until = time.monotonic() + seconds
+        told: dict[Leftover, CancelReport] = {}
+        while True:
+            with self._claimed(lambda goal: goal not in told, follows=False) as (claimed, stopped):
+                if claimed:  # else it needs no rclpy
+                    from actionkit._leftovers.cancelling import cancel_all
+
+                    left = max(0.0, until - time.monotonic())
+                    told.update(cancel_all(claimed, left, server))
+                    stopped += [goal for goal in claimed if told[goal] in _STOPPED]
+            others = [goal for goal, follows in self._store.in_other_hands().items() if not follows]
+            others = [goal for goal in others if goal not in told]
+            if not others or time.monotonic() >= until:
+                return told | dict.fromkeys(others, CancelReport.UNKNOWN)
+            Flag().wait(_AGAIN)
 
     def attach(
         self,
@@ -98,38 +113,82 @@ class Ledger(LedgerFile):
             on_give_up: As for `Client.attach`.
 
         Returns:
-            Their futures, oldest first. One fails with `GoalUnknownError` if no server knows the
-            goal: then it may be sent again.
+            Their futures, that of the oldest call first. One fails with `GoalUnknownError` if no
+            server knows the goal: then it may be sent again.
 
         Raises:
             ClientClosedError: The client was closed.
-            LedgerError: The file cannot be used.
+            LedgerError: The file cannot be used; or another process still cancels or follows such a
+                goal after 10 seconds, so that nothing may be sent.
             TypeError, ValueError: An argument is wrong.
         """
         from actionkit._leftovers.finding import domain_of, find
 
-        futures: list[GoalFuture[ResultT, FeedbackT]] = []
+        until = time.monotonic() + _LOOK
         action = client.action_name, domain_of(client)
-        claimed = self._claim(lambda goal: (goal.action_name, goal.domain_id) == action)
-        followed = set()
-        try:
-            for goal, goal_id in find(client, claimed, time.monotonic() + _LOOK):
+
+        def is_meant(goal: Leftover) -> bool:
+            return (goal.action_name, goal.domain_id) == action
+
+        while others := [goal for goal in self._store.in_other_hands() if is_meant(goal)]:
+            if time.monotonic() >= until:
+                goal = others[0]
+                raise LedgerError(
+                    f"another process cancels or follows goal {goal.goal_id} of"
+                    f" {goal.action_name}, which a process that has ended has left running. Send"
+                    " nothing until it has stopped; `actionkit leftovers` shows the others."
+                )
+            Flag().wait(_AGAIN)
+        followed: dict[Leftover, list[GoalFuture[ResultT, FeedbackT]]] = {}
+        with self._claimed(is_meant, follows=True) as (claimed, _):
+            if claimed and not client.wait_for_server(_SERVER):
+                until = time.monotonic()  # the futures say so
+            for goal, goal_id in find(client, claimed, until):
                 future = client.attach(
                     goal_id, timeout=timeout, on_feedback=on_feedback, on_give_up=on_give_up
                 )
-                followed.add(goal)
-                future.add_done_callback(partial(self._over, goal))
-                futures.append(future)
+                followed.setdefault(goal, []).append(future)
+            for goal in followed:
+                claimed.remove(goal)
+        for goal, futures in followed.items():
+            for future in futures:
+                future.add_done_callback(partial(self._over, goal, futures))
+        by_age = sorted(followed, key=lambda goal: goal.sent)
+        return [future for goal in by_age for future in followed[goal]]
+
+    @contextmanager
+    def _claimed(
+        self, wanted: Callable[[Leftover], bool], *, follows: bool
+    ) -> Iterator[tuple[list[Leftover], list[Leftover]]]:
+        """Take what is wanted in hand; at the end, give back what is left in the list.
+
+        The second list is for those that have stopped, to be removed.
+        """
+        claimed: list[Leftover] = []
+        stopped: list[Leftover] = []
+        try:
+            for goal in filter(wanted, self.leftovers()):
+                claimed.append(goal)  # before: to give back what is not ours does nothing
+                if not self._store.claim(goal, follows=follows):
+                    claimed.remove(goal)
+            yield claimed, stopped
         finally:
-            for goal in set(claimed) - followed:
-                self._store.release(goal)
-        return futures
+            self._store.end_claims(claimed, stopped)
 
-    def _claim(self, wanted: Callable[[Leftover], bool]) -> list[Leftover]:
-        return [goal for goal in self.leftovers() if wanted(goal) and self._store.claim(goal)]
+    def _over(
+        self, goal: Leftover, futures: list[GoalFuture[Any, Any]], _: GoalFuture[Any, Any]
+    ) -> None:
+        if all(future.done() for future in futures):
+            has_stopped = all(future.known_to_run is False for future in futures)
+            stopped = [goal] if has_stopped else []
+            self._writer.soon(None, partial(self._store.end_claims, [goal], stopped))
 
-    def _over(self, goal: Leftover, future: GoalFuture[Any, Any]) -> None:
-        if future.known_to_run is False:
-            self._remove_soon(goal.goal_id)
-        else:
-            self._store.release(goal)
+
+def unfinished(ledger: Ledger) -> bool:
+    """Whether there are goals of dead processes that nobody follows: left over, or being cancelled.
+
+    Raises:
+        LedgerError: The file cannot be used.
+    """
+    others = ledger._store.in_other_hands().values()
+    return bool(ledger.leftovers()) or not all(others)

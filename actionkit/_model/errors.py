@@ -247,7 +247,10 @@ class RetriesExhaustedError(ActionKitError):
 
 
 class LedgerError(ActionKitError, OSError):
-    """The file of a `Ledger` cannot be used. Nothing was sent."""
+    """A `Ledger` cannot be used: its file, or a goal that another process has in hand.
+
+    Nothing was sent.
+    """
 
 
 class ClientClosedError(ActionKitError):

@@ -55,7 +55,7 @@ class Exit(IntEnum):
         " --release`: somebody has stopped it again meanwhile.",
     )
     NOT_EXECUTABLE = 126, "Of `guard`: the program cannot be run."
-    NOT_FOUND = 127, "Of `guard`: there is no such program."
+    NOT_FOUND = 127, "Of `guard`: the program is not there."
     HANGUP = 129, "The terminal was closed; as after Ctrl-C."
     INTERRUPTED = 130, "Ctrl-C. The goal was cancelled, and the output says what happened to it."
     OUTPUT_CLOSED = 141, "The reader of the output ended, as `| head -1` does; as after Ctrl-C."

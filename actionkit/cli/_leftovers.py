@@ -6,8 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from actionkit.cli._exits import Exit
-from actionkit.cli._problems import Problem, import_ros
-from actionkit.cli._say import say
+from actionkit.cli._problems import Problem
 
 if TYPE_CHECKING:
     from actionkit import CancelReport, Ledger, Leftover
@@ -37,21 +36,6 @@ def open_ledger(path: str | None) -> Ledger:
         raise Problem(Exit.FAILED, str(error)) from error
 
 
-def cancel(ledger: Ledger, timeout: float) -> dict[Leftover, CancelReport]:
-    """Cancel what is left over, without a word of the library itself.
-
-    Raises:
-        Problem: rclpy is needed, and is not there.
-    """
-    if not ledger.leftovers():
-        return {}
-    import_ros()
-    from actionkit._internal_api import mute
-
-    mute()
-    return ledger.cancel(timeout)
-
-
 def what_happened(report: CancelReport) -> str:
     """Return it as a sentence."""
     return _SAID[str(report)]
@@ -61,8 +45,3 @@ def line_of(goal: Leftover) -> str:
     """Return a line about a goal that is left over."""
     at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(goal.sent))
     return f"{goal.action_name}  {goal.goal_id}  sent {at} by process {goal.pid} on {goal.host}"
-
-
-def tell(goal: Leftover, report: CancelReport, label: str = "") -> None:
-    """Write a line about a goal that was to be cancelled, to standard error."""
-    say(f"{label}goal {goal.goal_id} of {goal.action_name}: {what_happened(report)}", err=True)

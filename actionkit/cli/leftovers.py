@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
 import click
 
 from actionkit._observers.json_schema import note_line
 from actionkit.cli._exits import Exit
-from actionkit.cli._leftovers import cancel, line_of, open_ledger, what_happened
+from actionkit.cli._leftovers import line_of, open_ledger, what_happened
 from actionkit.cli._options import HELP, SECONDS, debug_option, json_option
+from actionkit.cli._problems import import_ros
 from actionkit.cli._say import say
 from actionkit.cli._stdout import keep_clean
+
+if TYPE_CHECKING:
+    from actionkit import CancelReport, Leftover
 
 _EPILOG = """\b
 Examples:
@@ -32,10 +39,15 @@ running."""
 @debug_option
 def command(path: str | None, cancels: bool, timeout: float, as_json: bool) -> int:
     """Show the goals of programs that were killed and wrote them down in the file PATH."""
+    from actionkit._internal_api import mute, unfinished_goals
+
     keep_clean()
     ledger = open_ledger(path)
-    told = cancel(ledger, timeout) if cancels else {}
-    left = told or dict.fromkeys(ledger.leftovers())
+    left: Mapping[Leftover, CancelReport | None] = dict.fromkeys(ledger.leftovers())
+    if cancels and unfinished_goals(ledger):
+        import_ros()
+        mute()  # this tells what happened
+        left = ledger.cancel(timeout)
     for goal, report in left.items():
         if as_json:
             more = {"goal_id": str(goal.goal_id), "action_type": goal.type_name, "cancel": report}

@@ -80,6 +80,20 @@ def test_signals_input_output_and_the_exit_code_pass_through(
     assert guard.wait(ENOUGH) == 7
 
 
+def test_no_thread_of_the_guard_takes_a_signal_away(guard: subprocess.Popen[str]) -> None:
+    """They are waited for, to know who has sent them; elsewhere they would end the guard."""
+    lines(guard, 1)
+    tasks = list(Path(f"/proc/{guard.pid}/task").iterdir())
+    assert len(tasks) > 1
+    for task in tasks:
+        blocked = next(
+            line for line in (task / "status").read_text().splitlines() if "SigBlk" in line
+        )
+        mask = int(blocked.split()[1], 16)
+        if int(task.name) != guard.pid:  # the main thread waits for them
+            assert mask >> (signal.SIGTERM - 1) & 1, task.name
+
+
 def test_it_ends_by_the_signal_that_has_ended_the_program(guard: subprocess.Popen[str]) -> None:
     ((_, pid),) = (line.split() for line in lines(guard, 1))
     os.kill(int(pid), signal.SIGKILL)
@@ -114,7 +128,7 @@ def test_ctrl_c_in_a_terminal_reaches_the_program_once(path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "code", "told"),
     [
-        (["/no/such/program"], Exit.NOT_FOUND, "there is no command '/no/such/program'"),
+        (["/no/such/program"], Exit.NOT_FOUND, "the command '/no/such/program' is not there"),
         (["/etc/passwd"], Exit.NOT_EXECUTABLE, "'/etc/passwd' cannot be run (Permission denied)"),
         (["--ledger", "/proc/goals.db", "true"], Exit.FAILED, "/proc/goals.db cannot be used"),
     ],
@@ -153,13 +167,15 @@ def test_leftovers_are_shown(path: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_a_goal_without_a_server_is_named_and_stays(
-    path: Path, ros_domain: int, capsys: pytest.CaptureFixture[str]
+    path: Path, ros_domain: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
     goal_id = leave(path, ros_domain)
     assert code_of(["guard", "--timeout", "1", "true"]) == Exit.OK
-    said = capsys.readouterr().err
-    assert said.count(f"goal {goal_id} of /nobody: No server has confirmed it") == 2
-    assert "left by an earlier program" in said
+    said = capfd.readouterr().err
+    assert said.count(f"/nobody  {goal_id}  sent ") == 2
+    assert said.count("UNKNOWN: No server has confirmed it") == 2
+    assert "an earlier program has left goals" in said
+    assert "MAY STILL BE RUNNING. `actionkit leftovers`" in said
     assert code_of(["leftovers", "--cancel", "--timeout", "1"]) == Exit.CANCEL_UNKNOWN
-    assert f"{goal_id}  sent" in capsys.readouterr().out
+    assert f"{goal_id}  sent" in capfd.readouterr().out
     assert [goal.goal_id for goal in until(Ledger(path).leftovers)] == [goal_id]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sqlite3
+import time
 import uuid
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
@@ -11,6 +13,9 @@ import pytest
 
 import actionkit as ak
 from actionkit import Ledger, RetryPolicy
+from actionkit._calls.ledger.store import attempt_id
+from actionkit._leftovers import finding
+from actionkit._ros.tools.watch import GoalSeen
 from tests.conftest import runs_nothing
 from tests.waiting import until
 
@@ -61,11 +66,11 @@ def test_a_goal_that_is_left_on_purpose_is_removed(action_server, make_client, p
     assert rows(path) == 0
 
 
-def killed(run_script, server):
+def killed(run_script, server, source=PROGRAM, count=1):
     """Start a program, and kill it when its goal executes; return the id of its first goal."""
-    program = run_script(PROGRAM)
+    program = run_script(source)
     goal_id = program.line()
-    server.wait_for("executing")
+    server.wait_for("executing", count=count)
     program.process.kill()
     program.process.wait(20)
     return goal_id
@@ -162,7 +167,129 @@ def test_a_goal_that_is_refused_or_lost_is_told_and_stays(action_server, run_scr
     killed(run_script, server)
     ledger = Ledger(path)
     (goal,) = ledger.leftovers()
-    assert ledger.cancel(4.0) == {goal: ak.CancelReport.REFUSED}
+    assert ledger.cancel(8.0) == {goal: ak.CancelReport.REFUSED}
     server.kill()
-    assert ledger.cancel(4.0) == {goal: ak.CancelReport.UNKNOWN}
+    assert ledger.cancel(8.0) == {goal: ak.CancelReport.UNKNOWN}
     assert ledger.leftovers() == [goal]
+
+
+STALLS = """
+from actionkit import Client, RetryPolicy, Timeouts
+from test_msgs.action import Fibonacci
+stalls, again = Timeouts(feedback=1.0), RetryPolicy(initial=0)
+future = Client(Fibonacci, "fibonacci", timeouts=stalls, retry=again).call_async({"order": 100})
+print(future.goal_id, flush=True)
+future.exception()
+"""
+
+
+def test_a_retry_after_a_goal_that_was_cancelled_before_is_cancelled(
+    action_server, run_script, path
+):
+    server = action_server("never_finishes")
+    killed(run_script, server, STALLS, count=2)
+    ledger = Ledger(path)
+    (goal,) = ledger.leftovers()
+    assert ledger.cancel(30) == {goal: ak.CancelReport.CONFIRMED}
+    assert runs_nothing(server)
+    assert rows(path) == 0
+
+
+HOLDS = """
+import os, sys
+from actionkit import Ledger
+store = Ledger(os.environ["ACTIONKIT_LEDGER"])._store
+(goal,) = store.leftovers()
+print(store.claim(goal, follows=False), flush=True)
+sys.stdin.read()
+"""
+
+
+def test_nothing_is_told_to_be_over_while_another_process_cancels_it(
+    action_server, make_client, run_script, path, monkeypatch
+):
+    server = action_server("never_finishes")
+    killed(run_script, server)
+    ledger = Ledger(path)
+    (goal,) = ledger.leftovers()
+    other = run_script(HOLDS)
+    assert other.line() == "True"
+    assert ledger.leftovers() == []
+    monkeypatch.setattr("actionkit._leftovers.ledger._LOOK", 0.5)
+    with pytest.raises(
+        ak.LedgerError, match=f"another process cancels or follows goal {goal.goal_id}"
+    ):
+        ledger.attach(make_client())
+    assert ledger.cancel(0.5) == {goal: ak.CancelReport.UNKNOWN}
+    with ThreadPoolExecutor(1) as threads:
+        cancelling = threads.submit(ledger.cancel, 30)
+        other.process.kill()
+        assert cancelling.result(60) == {goal: ak.CancelReport.CONFIRMED}
+    assert runs_nothing(server)
+
+
+ENDS = """
+from actionkit import Client
+from test_msgs.action import Fibonacci
+future = Client(Fibonacci, "fibonacci").call_async({"order": 1})
+future.wait_accepted(20)
+"""
+
+
+def test_a_goal_that_is_cancelled_at_the_end_of_its_program_is_removed(
+    action_server, run_script, path
+):
+    server = action_server("never_finishes")
+    assert run_script(ENDS, fresh=True).finish()[0] == 0
+    assert runs_nothing(server)
+    assert rows(path) == 0
+
+
+LEAVES_BAD = """
+import os, uuid
+from actionkit import Ledger
+Ledger(os.environ["ACTIONKIT_LEDGER"])._add(uuid.uuid4(), "/fibonacci", "no_such/action/Type", 0)
+"""
+
+
+def test_a_row_that_cannot_be_understood_does_not_hide_the_others(action_server, run_script, path):
+    server = action_server("never_finishes")
+    killed(run_script, server)
+    assert run_script(LEAVES_BAD).finish() == (0, "", "")
+    told = {goal.type_name: report for goal, report in Ledger(path).cancel(30).items()}
+    assert told == {
+        "no_such/action/Type": ak.CancelReport.UNKNOWN,
+        "test_msgs/action/Fibonacci": ak.CancelReport.CONFIRMED,
+    }
+    assert runs_nothing(server)
+
+
+FIRST = uuid.uuid4()
+SECOND = attempt_id(FIRST, 2)
+
+
+@pytest.mark.parametrize(
+    ("how", "state", "finds"),
+    [
+        ({}, "CANCELED", [SECOND]),  # its process had cancelled it, and has sent the next one
+        ({}, "ABORTED", [SECOND]),
+        ({}, "SUCCEEDED", [FIRST]),
+        ({}, "EXECUTING", [FIRST]),
+        ({"judged": True}, "SUCCEEDED", [SECOND]),
+        ({"parallel": True}, "EXECUTING", [FIRST, SECOND]),
+        ({"parallel": True}, "SUCCEEDED", [SECOND]),
+        ({"attempts": 1}, "CANCELED", [FIRST]),
+    ],
+)
+@pytest.mark.every
+def test_a_goal_that_is_accepted_late_is_found(how, state, finds, monkeypatch):
+    """Pure: what the servers say is given, first without the second goal, then with it."""
+    first = GoalSeen(str(FIRST), state, 0.0)
+    looks = iter([{}, {FIRST: first}])
+    later = {FIRST: first, SECOND: GoalSeen(str(SECOND), "EXECUTING", 0.0)}
+    monkeypatch.setattr(finding, "_known", lambda *_: next(looks, later))
+    monkeypatch.setattr(finding, "_AGAIN", 0.01)
+    usual = {"attempts": 3, "judged": False, "parallel": False}
+    call = ak.Leftover(FIRST, "/a", "b/action/C", 0, **(usual | how), sent=0.0, pid=1, host="h")
+    until = time.monotonic() + (0.3 if "parallel" in how else 30)
+    assert list(finding.find(None, [call], until)) == [(call, one) for one in finds]

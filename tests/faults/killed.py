@@ -40,8 +40,8 @@ from test_msgs.action import Fibonacci
 
 add = LedgerFile._add
 
-def tell(ledger, goal_id, *more):
-    add(ledger, goal_id, *more)
+def tell(ledger, goal_id, *more, **how):
+    add(ledger, goal_id, *more, **how)
     print(os.getpid(), goal_id, flush=True)
     if sys.argv[2] == "not sent yet":
         os.kill(os.getpid(), signal.SIGKILL)

@@ -6,6 +6,7 @@ What reached the server is read in its own journal.
 from __future__ import annotations
 
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -166,5 +167,70 @@ def test_a_killed_program_leaves_no_goal_running(
     client.close()
     assert runs_nothing(server)
     assert Ledger(path).leftovers() == []
+    print(f"stopped {seconds:.1f} s after the kill")
     received = server.count("goal_received") - (case.phase == ACCEPTED)
     killed(Row(case, received, len(server.running()), seconds))
+
+
+STEPS = ("lift", "carry", "place")
+MISSION = """
+import os, sys
+from actionkit import Client, GoalUnknownError, Ledger, Timeouts
+from test_msgs.action import Fibonacci
+
+path = sys.argv[1]
+ledger = Ledger(os.environ["ACTIONKIT_LEDGER"])
+for name in sys.argv[2:]:
+    with open(path) as file:
+        if name in file.read().split():
+            continue
+    with Client(Fibonacci, name, ledger=ledger, timeouts=Timeouts(server=60)) as client:
+        result = None
+        for future in ledger.attach(client):
+            try:
+                result = future.result()
+            except GoalUnknownError:
+                pass
+        if result is None:
+            result = client.call({"order": 30})
+    with open(path, "a") as file:
+        print(name, file=file)
+"""
+
+
+@pytest.mark.long
+@pytest.mark.timeout(300)
+def test_a_mission_that_is_killed_twenty_times_finishes_and_sends_nothing_twice(
+    action_server: Callable[..., Server],
+    run_script: Callable[..., Any],
+    path: Path,
+    tmp_path: Path,
+) -> None:
+    servers = {name: action_server("fibonacci", action_name=name, period=0.1) for name in STEPS}
+    done = tmp_path / "done.txt"
+    done.touch()
+    chance = random.Random()
+    kills = missions = 0
+    while kills < 20 or missions == 0:
+        process = run_script(MISSION, str(done), *STEPS).process
+        try:
+            process.wait(chance.uniform(0.2, 3.0) if kills < 20 else 120)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+            kills += 1
+        else:
+            assert (process.returncode, tuple(done.read_text().split())) == (0, STEPS)
+            missions += 1
+            done.write_text("")
+    for name, server in servers.items():
+        server.sync()
+        running = 0
+        for event in server.events:
+            running += {"accepted": 1, "succeeded": -1}.get(event.event, 0)
+            assert running in (0, 1), name
+        print(f"{name}: {server.count('succeeded')} goals for {missions} missions")
+        assert server.count("goal_received") == server.count("succeeded") + len(server.running())
+        # A step is done once more only if its program was killed after the end of its goal, and
+        # before that was written down.
+        assert server.count("goal_received") <= missions + 3

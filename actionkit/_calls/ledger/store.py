@@ -6,6 +6,7 @@ import os
 import socket
 import sqlite3
 import threading
+import time
 import uuid
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -17,15 +18,25 @@ from actionkit._model.errors import LedgerError
 
 _BUSY = 5.0
 """Seconds to wait for another process that writes; a write takes some 50 microseconds."""
-_VERSION = 1
+_AGAIN = 0.01
+"""Seconds between two tries to make the file."""
+_VERSION = 2
 _SCHEMA = """
 CREATE TABLE processes (number INTEGER PRIMARY KEY AUTOINCREMENT, pid INTEGER, host TEXT);
 CREATE TABLE goals (
   goal_id TEXT PRIMARY KEY, action TEXT, type TEXT, domain INTEGER, attempts INTEGER,
-  judged INTEGER, sent REAL, process INTEGER
-);
+  judged INTEGER, parallel INTEGER, sent REAL, owner INTEGER, holder INTEGER, follows INTEGER
+) WITHOUT ROWID;
 """
-_ADD = "INSERT INTO goals VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
+_ADD = "INSERT INTO goals VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, NULL, 0)"
+_REMOVE = "DELETE FROM goals WHERE goal_id = ?"
+_CLAIM = "UPDATE goals SET holder = ?, follows = ? WHERE goal_id = ? AND holder IS ?"
+_RELEASE = "UPDATE goals SET holder = NULL WHERE goal_id = ? AND holder = ?"
+_ALL = (
+    "SELECT goal_id, action, type, domain, attempts, judged, parallel, sent, pid, host, owner,"
+    " holder, follows FROM goals JOIN processes ON number = owner ORDER BY sent"
+)
+_IDLE = "SELECT number FROM processes WHERE number NOT IN (SELECT owner FROM goals)"
 
 
 @dataclass(frozen=True)
@@ -33,7 +44,7 @@ class Leftover:
     """A call of a process that has ended. Its goals may still run."""
 
     goal_id: uuid.UUID
-    """The id of its first goal. `ids()` has those of its retries, too."""
+    """The id of its first goal."""
     action_name: str
     """The full name of the action."""
     type_name: str
@@ -41,21 +52,21 @@ class Leftover:
     domain_id: int
     """The ROS domain of its client."""
     attempts: int
-    """How many goals it can have sent, one after the other."""
+    """How many goals it can have sent."""
     judged: bool
     """Whether `classify=` decides, so that even after a success another goal can be sent."""
+    parallel: bool
+    """Whether `resend=` allows another goal while one may still run."""
     sent: float
     """When the first was sent, or was waiting for a server: in seconds since the epoch."""
     pid: int
     """The number of its process."""
     host: str
     """The name of the computer, or container, of its process."""
-    process: int
-    """A number for its process in the file."""
 
-    def ids(self) -> Iterator[uuid.UUID]:
-        """Yield the ids that its goals can have."""
-        return (attempt_id(self.goal_id, number) for number in range(1, self.attempts + 1))
+    def has(self, goal_id: uuid.UUID) -> bool:
+        """Whether a goal is one of this call: its first, or a retry."""
+        return 0 <= goal_id.int - self.goal_id.int < self.attempts
 
 
 def attempt_id(first: uuid.UUID, number: int) -> uuid.UUID:
@@ -63,7 +74,38 @@ def attempt_id(first: uuid.UUID, number: int) -> uuid.UUID:
 
     So the file need not be written again before a retry.
     """
-    return first if number == 1 else uuid.uuid5(first, str(number))
+    return uuid.UUID(int=first.int + number - 1)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A leftover, and who has it in hand."""
+
+    goal: Leftover
+    owner: int
+    holder: int | None
+    """The process that cancels or follows it, if any."""
+    follows: bool
+    """Whether the holder follows it."""
+
+
+def _row(
+    goal_id: str,
+    action: str,
+    kind: str,
+    domain: int,
+    attempts: int,
+    judged: int,
+    parallel: int,
+    sent: float,
+    pid: int,
+    host: str,
+    owner: int,
+    holder: int | None,
+    follows: int,
+) -> Row:
+    call = uuid.UUID(goal_id), action, kind, domain, attempts, bool(judged), bool(parallel)
+    return Row(Leftover(*call, sent, pid, host), owner, holder, bool(follows))
 
 
 class Store:
@@ -75,102 +117,140 @@ class Store:
     def __init__(self, path: Path) -> None:
         """Open the file, or make it."""
         self._path = path
-        self._lock = threading.Lock()
-        self._inherited: list[object] = []
-        with self._errors():
-            self._open()
-        # So a child finds neither the lock nor SQLite in the hands of a thread that it has not got.
-        os.register_at_fork(
-            before=self._lock.acquire,
-            after_in_parent=self._lock.release,
-            after_in_child=self._lock.release,
-        )
+        self.lock = threading.RLock()  # a signal handler may come in the middle
+        self._pid = 0
+        self._db: sqlite3.Connection | None = None
+        with self._used():
+            pass
 
-    def _open(self) -> None:
-        self._pid = os.getpid()
-        self._lives = Lives(f"{self._path}-alive")
-        self._db = db = sqlite3.connect(
-            self._path, timeout=_BUSY, isolation_level=None, check_same_thread=False
-        )
-        db.execute("PRAGMA journal_mode=WAL")
-        db.execute("PRAGMA synchronous=NORMAL")
-        with self._transaction():
-            (version,) = db.execute("PRAGMA user_version").fetchone()
-            if version == 0:
-                for statement in _SCHEMA.split(";"):
-                    db.execute(statement)
-                db.execute(f"PRAGMA user_version={_VERSION}")
-            elif version != _VERSION:
-                raise sqlite3.DatabaseError(f"its version is {version}, and not {_VERSION}")
-            host = (self._pid, socket.gethostname())
-            cursor = db.execute("INSERT INTO processes (pid, host) VALUES (?, ?)", host)
-            self._number = int(cursor.lastrowid or 0)
-            self._lives.begin(self._number)  # before others can see the number
+    def before_fork(self) -> None:
+        """Hold the lock, until `after_fork`, and have nothing open that both processes would have.
+
+        So a child finds neither the lock nor SQLite in the hands of a thread that it has not got.
+        """
+        self.lock.acquire()
+        if self._db is not None:
+            self._db.close()
+            self._db = None
+
+    def after_fork(self) -> None:
+        """Go on, in both processes. Each opens the file again."""
+        self.lock.release()
 
     def add(self, row: tuple[object, ...]) -> None:
         """Write a call of this process down: the columns from `goal_id` to `sent`."""
-        with self._used():
-            self._db.execute(_ADD, (*row, self._number))
+        with self._used() as db:
+            db.execute(_ADD, (*row, self._number))
 
     def remove(self, goal_ids: Iterable[uuid.UUID]) -> None:
         """Remove calls that have no goal that may run."""
-        with self._used(), self._transaction():
-            rows = [(str(one),) for one in goal_ids]
-            self._db.executemany("DELETE FROM goals WHERE goal_id = ?", rows)
+        with self._used() as db, _transaction(db):
+            db.executemany(_REMOVE, [(str(one),) for one in goal_ids])
 
     def leftovers(self) -> list[Leftover]:
-        """Return the calls of processes that have ended, oldest first."""
-        with self._used():
-            found = self._db.execute(
-                "SELECT goal_id, action, type, domain, attempts, judged, sent, pid, host, process"
-                " FROM goals JOIN processes ON number = process ORDER BY sent"
-            ).fetchall()
-            rows = [Leftover(uuid.UUID(row[0]), *row[1:]) for row in found]
-            alive = {one: self._lives.is_alive(one) for one in {row.process for row in rows}}
-        return [row for row in rows if not alive[row.process]]
+        """Return the calls of dead processes that no living one has in hand, oldest first."""
+        return [row.goal for row in self._rows() if not self._is_held(row)]
 
-    def claim(self, goal: Leftover) -> bool:
-        """Make it this process's own; return whether nobody else was faster."""
-        return self._move(goal, goal.process, self._number)
+    def in_other_hands(self) -> dict[Leftover, bool]:
+        """Return the calls of dead processes that another living one cancels or follows.
 
-    def release(self, goal: Leftover) -> None:
-        """Give a claimed one back: it is left over again."""
-        self._move(goal, self._number, goal.process)
+        The value is whether it follows the goal.
+        """
+        rows = self._rows()
+        return {
+            row.goal: row.follows
+            for row in rows
+            if self._is_held(row) and row.holder != self._number
+        }
 
-    def _move(self, goal: Leftover, old: int, new: int) -> bool:
-        with self._used():
-            cursor = self._db.execute(
-                "UPDATE goals SET process = ? WHERE goal_id = ? AND process = ?",
-                (new, str(goal.goal_id), old),
-            )
-            return cursor.rowcount == 1
+    def claim(self, goal: Leftover, *, follows: bool) -> bool:
+        """Take a leftover in hand; return whether nobody else was faster."""
+        with self._used() as db, _transaction(db):
+            found = [row for row in self._rows() if row.goal == goal and not self._is_held(row)]
+            values = [(self._number, follows, str(goal.goal_id), row.holder) for row in found]
+            db.executemany(_CLAIM, values)
+            return bool(found)
+
+    def end_claims(self, goals: Iterable[Leftover], stopped: Iterable[Leftover] = ()) -> None:
+        """Remove those that have stopped, and give the others back: they are left over again."""
+        with self._used() as db, _transaction(db):
+            db.executemany(_REMOVE, [(str(goal.goal_id),) for goal in stopped])
+            db.executemany(_RELEASE, [(str(goal.goal_id), self._number) for goal in goals])
+
+    def _rows(self) -> list[Row]:
+        """Return the calls of dead processes."""
+        with self._used() as db:
+            rows = [_row(*cells) for cells in db.execute(_ALL).fetchall()]
+            alive = {owner: self._lives.is_alive(owner) for owner in {row.owner for row in rows}}
+        return [row for row in rows if not alive[row.owner]]
+
+    def _is_held(self, row: Row) -> bool:
+        return row.holder is not None and self._lives.is_alive(row.holder)
 
     @contextmanager
-    def _used(self) -> Iterator[None]:
-        with self._lock, self._errors():
-            if self._pid != os.getpid():
-                # A forked child must not use its parent's connection, and not close it either.
-                self._inherited += [self._db, self._lives]
-                self._open()
-            yield
-
-    @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        self._db.execute("BEGIN IMMEDIATE")
+    def _used(self) -> Iterator[sqlite3.Connection]:
         try:
-            yield
-        except BaseException:
-            self._db.execute("ROLLBACK")
+            with self.lock:
+                yield self._db or self._open()
+        except LedgerError:
             raise
-        self._db.execute("COMMIT")
-
-    @contextmanager
-    def _errors(self) -> Iterator[None]:
-        try:
-            yield
         except (sqlite3.Error, OSError) as error:
             raise LedgerError(
                 f"the ledger {self._path} cannot be used ({error}), so nothing was sent. Make room"
                 " on its disk, give another path, or do without it: ledger=None, and no"
                 " ACTIONKIT_LEDGER"
             ) from error
+
+    def _open(self) -> sqlite3.Connection:
+        if self._pid != os.getpid():  # not again in a parent after its fork
+            self._lives = Lives(f"{self._path}-alive")
+        db = sqlite3.connect(
+            self._path, timeout=_BUSY, isolation_level=None, check_same_thread=False
+        )
+        until = time.monotonic() + _BUSY
+        while True:  # SQLite itself does not wait here for another process that makes the file
+            try:
+                db.execute("PRAGMA journal_mode=WAL")
+                break
+            except sqlite3.OperationalError:
+                if time.monotonic() >= until:
+                    raise
+                time.sleep(_AGAIN)
+        db.execute("PRAGMA synchronous=NORMAL")
+        if self._pid != os.getpid():
+            with _transaction(db):
+                self._begin(db)
+            self._pid = os.getpid()
+        self._db = db
+        return db
+
+    def _begin(self, db: sqlite3.Connection) -> None:
+        """Make the tables if there are none, and write this process down."""
+        (version,) = db.execute("PRAGMA user_version").fetchone()
+        if version == 0:
+            for statement in _SCHEMA.split(";"):
+                db.execute(statement)
+            db.execute(f"PRAGMA user_version={_VERSION}")
+        elif version != _VERSION:
+            raise sqlite3.DatabaseError(f"its version is {version}, and not {_VERSION}")
+        me = (os.getpid(), socket.gethostname())
+        cursor = db.execute("INSERT INTO processes (pid, host) VALUES (?, ?)", me)
+        self._number = int(cursor.lastrowid or 0)
+        self._lives.begin(self._number)  # before others can see the number
+        dead = [row for row in db.execute(_IDLE).fetchall() if not self._lives.is_alive(row[0])]
+        db.executemany("DELETE FROM processes WHERE number = ?", dead)
+
+
+@contextmanager
+def _transaction(db: sqlite3.Connection) -> Iterator[None]:
+    """Do it as one; within another one, as a part of that (a signal handler, `claim`)."""
+    if db.in_transaction:
+        yield
+        return
+    db.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+    except BaseException:  # also Ctrl-C: nothing of it may count
+        db.execute("ROLLBACK")
+        raise
+    db.execute("COMMIT")
