@@ -295,6 +295,14 @@ def _hold_files(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _ledger_files(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep the goals of programs that tests kill out of the file of this computer's user."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 @pytest.fixture
 def make_client(ros_domain: int) -> Iterator[Callable[..., Client[Any]]]:
     """Make clients in the test's domain; all are closed at its end."""

@@ -46,7 +46,7 @@ def main() -> None:
     os.read(0, 1)
     while os.getppid() == watched:
         time.sleep(_LOOK)
-    ledger.cancel(_SECONDS)
+    ledger._cancel(_SECONDS, server=_SECONDS)  # a server may be out of sight for a while
 
 
 if __name__ == "__main__":

@@ -15,11 +15,13 @@ import click
 from actionkit._model.domain import LAST_DOMAIN
 from actionkit._ros.workarounds.ros_wheels import find_libraries
 from actionkit.cli._exits import Exit
+from actionkit.cli._leftovers import open_ledger
 from actionkit.cli._options import HELP, debug_option
 from actionkit.cli._problems import Problem, import_ros
 from actionkit.cli._say import say
 
 if TYPE_CHECKING:
+    from actionkit import Ledger
     from actionkit.agents import Toolbox
 
 _EPILOG = """\b
@@ -34,7 +36,7 @@ A host, the program that the language model runs in, starts the first by itself;
 
 It ends when the host closes its input, by SIGTERM or by Ctrl-C, within 4 seconds; all goals are
 cancelled then. The exit code is 143 or 130 after a signal, else 0, or 23 where a goal may still be
-running."""
+running. If it is killed, another process cancels its goals."""
 
 _FOR_PROGRAMS = (
     "Serving MCP on standard input and output, which is for programs: a host starts this command by"
@@ -92,10 +94,10 @@ def command(
         raise Problem(
             Exit.FAILED, f"standard input or output is closed ({error}); a host has to open them"
         ) from error
-    toolbox = _toolbox(file, domain_id)
+    toolbox, ledger = _toolbox(file, domain_id)
     from actionkit.agents._mcp.process import serve_stdio
 
-    serve_stdio(toolbox, stdio, _version())
+    serve_stdio(toolbox, stdio, _version(), ledger)
 
 
 def _serve_http(file: str, where: str, names: tuple[str, ...], domain_id: int | None) -> None:
@@ -107,7 +109,7 @@ def _serve_http(file: str, where: str, names: tuple[str, ...], domain_id: int | 
         checked = address(where, names, os.environ)
     except ValueError as error:
         raise click.BadParameter(str(error), param_hint="--http") from error
-    toolbox = _toolbox(file, domain_id)
+    toolbox, ledger = _toolbox(file, domain_id)
     from actionkit.agents._mcp.http import PATH
     from actionkit.agents._mcp.process import serve_http
 
@@ -117,14 +119,14 @@ def _serve_http(file: str, where: str, names: tuple[str, ...], domain_id: int | 
         raise Problem(Exit.FAILED, f"cannot serve at {where} ({error.strerror})") from error
     host = f"[{checked.host}]" if ":" in checked.host else checked.host
     say(f"Serving MCP at http://{host}:{listening.getsockname()[1]}{PATH}")
-    serve_http(toolbox, checked, listening, _version())
+    serve_http(toolbox, checked, listening, _version(), ledger)
 
 
-def _toolbox(file: str, domain_id: int | None) -> Toolbox:
-    """Read the file.
+def _toolbox(file: str, domain_id: int | None) -> tuple[Toolbox, Ledger]:
+    """Read the file; return the toolbox, and the ledger for its goals.
 
     Raises:
-        Problem: A library is missing, or the file is wrong.
+        Problem: A library is missing, the file is wrong, or the ledger cannot be used.
     """
     _import_libraries()
     import_ros()
@@ -132,9 +134,9 @@ def _toolbox(file: str, domain_id: int | None) -> Toolbox:
 
     with _problems_of(file):
         toolbox = Toolbox.from_file(file, domain_id=domain_id)
-    # For the processes that go on cancelling where a server does not answer.
-    os.environ["ROS_DOMAIN_ID"] = str(toolbox.domain_id)
-    return toolbox
+    ledger = open_ledger(None)
+    os.environ["ACTIONKIT_LEDGER"] = str(ledger.path)  # all clients of the toolbox have it
+    return toolbox, ledger
 
 
 def _import_libraries() -> None:

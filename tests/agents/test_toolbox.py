@@ -16,7 +16,7 @@ from actionkit import Client
 from actionkit.agents import Progress, Toolbox
 from actionkit.agents._clients import Clients
 from actionkit.agents._goals import Goals
-from actionkit.agents._mcp.process import go_on_cancelling
+from actionkit.agents._mcp.process import goals_left
 from actionkit.testing import isolated_domain
 from actionkit.testing.plugin import ActionServerFactory
 from tests.agents.conftest import FIBONACCI, FakeHold, Make, seen, told
@@ -105,7 +105,7 @@ def test_what_waits_for_a_server_does_not_run(make_toolbox: Make, given_up: bool
             assert (goal["status"], goal["may_still_run"], goal["goal_id"]) == (
                 ("running", False, None)
             )
-            assert go_on_cancelling(toolbox) == []  # nor is it seen to by another process
+            assert goals_left(toolbox, None) == []
             if given_up:
                 calling.cancel()
             await asyncio.wait([calling])

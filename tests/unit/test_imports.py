@@ -17,7 +17,7 @@ import pytest
 import actionkit
 from actionkit.cli._app import _COMMANDS, app
 
-SLOW = {"asyncio", "ssl", "tenacity", "typing_extensions", "rich", "rclpy"}
+SLOW = {"sqlite3", "asyncio", "ssl", "tenacity", "typing_extensions", "rich", "rclpy"}
 """Each takes some milliseconds at least, and asyncio as many as all entities of a client."""
 if sys.version_info >= (3, 11):  # uuid of Python 3.10 needs it
     SLOW |= {"subprocess"}

@@ -32,8 +32,10 @@ class EndingError(Exception):
 class Calls:
     """All calls of a process, over all its connections."""
 
-    def __init__(self, toolbox: Toolbox) -> None:
+    def __init__(self, toolbox: Toolbox, after: asyncio.Future[Any] | None = None) -> None:
+        """Make them. They wait until `after` is done, in any way, before they begin."""
         self._toolbox = toolbox
+        self._after = [] if after is None else [after]
         self._tasks: set[asyncio.Task[ToolResult]] = set()
         self._ending = False
 
@@ -105,6 +107,8 @@ class Calls:
     ) -> ToolResult:
         # Looked at here once more: the end may have come before this task's first turn, and what
         # begins after `cancel_all` is not cancelled by it.
+        if self._after:
+            await asyncio.wait(self._after)
         if self._ending:
             raise EndingError(_NOT_BEGUN)
         return await self._toolbox.call(name, arguments, on_progress=on_progress, approve=approve)

@@ -15,14 +15,14 @@ import socket
 import subprocess
 import threading
 import traceback
-from collections import defaultdict
 from collections.abc import Awaitable, Callable, Coroutine
 from types import FrameType
 from typing import Any, NoReturn
 
 from mcp.server import Server
 
-from actionkit._model.own_module import command_for
+from actionkit import Ledger
+from actionkit._internal_api import watch_over
 from actionkit.agents._mcp import http
 from actionkit.agents._mcp.address import Address
 from actionkit.agents._mcp.calls import Calls
@@ -38,8 +38,6 @@ _FREEING = 0.7
 """Seconds to leave the ROS graph in order."""
 _LAST = 3.7
 """Seconds after which the process ends, even if it waits for something."""
-_GOES_ON = "60"
-"""Seconds for which another process goes on cancelling."""
 _UNKNOWN = 23
 """The exit code where a goal may still be running; as `actionkit cancel` has it."""
 _BROKEN = 1
@@ -51,17 +49,17 @@ _EXITS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
 Serve = Callable[[Server[Any], "Ending"], Coroutine[Any, Any, None]]
 
 
-def serve_stdio(toolbox: Toolbox, stdio: Stdio, version: str) -> NoReturn:
+def serve_stdio(toolbox: Toolbox, stdio: Stdio, version: str, ledger: Ledger) -> NoReturn:
     """Serve the host at the other end of standard input and output. Ends the process."""
 
     async def serve(server: Server[Any], ending: Ending) -> None:
         await stdio.serve(server, lambda: ending.ask(0, "the host closed its end"))
 
-    _run(toolbox, version, serve, stdio.flush)
+    _run(toolbox, version, ledger, serve, stdio.flush)
 
 
 def serve_http(
-    toolbox: Toolbox, where: Address, listening: socket.socket, version: str
+    toolbox: Toolbox, where: Address, listening: socket.socket, version: str, ledger: Ledger
 ) -> NoReturn:
     """Serve clients over HTTP. Ends the process."""
     enough, over = asyncio.Event(), asyncio.Event()
@@ -76,24 +74,32 @@ def serve_http(
         enough.set()
         await over.wait()
 
-    _run(toolbox, version, serve, answer_the_last)
+    _run(toolbox, version, ledger, serve, answer_the_last)
 
 
 def _run(
-    toolbox: Toolbox, version: str, serve: Serve, flush: Callable[[], Awaitable[None]]
+    toolbox: Toolbox,
+    version: str,
+    ledger: Ledger,
+    serve: Serve,
+    flush: Callable[[], Awaitable[None]],
 ) -> NoReturn:
     try:
-        asyncio.run(_serve(toolbox, version, serve, flush))
+        asyncio.run(_serve(toolbox, version, ledger, serve, flush))
     except BaseException:  # noqa: BLE001  the process ends with it
         traceback.print_exc()
     os._exit(_BROKEN)
 
 
 async def _serve(
-    toolbox: Toolbox, version: str, serve: Serve, flush: Callable[[], Awaitable[None]]
+    toolbox: Toolbox,
+    version: str,
+    ledger: Ledger,
+    serve: Serve,
+    flush: Callable[[], Awaitable[None]],
 ) -> None:
-    ending = Ending(toolbox)
-    calls = Calls(toolbox)
+    ending = Ending(toolbox, _watcher(ledger))
+    calls = Calls(toolbox, asyncio.ensure_future(asyncio.to_thread(cancel_leftovers, ledger)))
     # Beside serving, as it takes a second, and hosts wait for their first answer.
     opening = asyncio.ensure_future(toolbox.__aenter__())
     opening.add_done_callback(_tell_why)
@@ -104,7 +110,7 @@ async def _serve(
         await calls.end(_PATIENCE)
     with contextlib.suppress(*_NOT_DONE):
         await asyncio.wait_for(flush(), _LAST_WRITES)
-    ending.leave_behind()
+    ending.name_goals_left()
     with contextlib.suppress(*_NOT_DONE):
         await asyncio.wait_for(toolbox.aclose(), _FREEING)
     if serving.done() and not serving.cancelled() and serving.exception() is not None:
@@ -129,11 +135,11 @@ class Ending:
         code: The exit code.
     """
 
-    def __init__(self, toolbox: Toolbox) -> None:
+    def __init__(self, toolbox: Toolbox, watcher: subprocess.Popen[bytes] | None) -> None:
         self.asked = asyncio.Event()
         self.why = ""
         self.code = 0
-        self._toolbox = toolbox
+        self._toolbox, self._watcher = toolbox, watcher
         self._left: list[str] | None = None
         self._loop = asyncio.get_running_loop()
         self._first = threading.Lock()
@@ -159,10 +165,10 @@ class Ending:
         self._loop.call_soon_threadsafe(self.asked.set)
         self._toolbox._calls.cancel_all("all goals were cancelled")  # here, as the loop may hang
 
-    def leave_behind(self) -> None:
-        """Start other processes that go on cancelling the goals that may still run; only once."""
+    def name_goals_left(self) -> None:
+        """Tell people of the goals that may still run; only once."""
         if self._left is None:
-            self._left = go_on_cancelling(self._toolbox)
+            self._left = goals_left(self._toolbox, self._watcher)
             for line in self._left:
                 _say(line)
 
@@ -179,7 +185,7 @@ class Ending:
 
     def _end_late(self) -> None:
         try:
-            self.leave_behind()
+            self.name_goals_left()
             _say("the end took too long")
         finally:
             self.end()
@@ -189,33 +195,38 @@ def _heard_elsewhere(number: int, frame: FrameType | None) -> None:
     """Do nothing: the signal is heard by its wakeup descriptor."""
 
 
-def go_on_cancelling(toolbox: Toolbox) -> list[str]:
-    """Start a process for each action that goes on cancelling the goals that may still run.
+def goals_left(toolbox: Toolbox, watcher: subprocess.Popen[bytes] | None) -> list[str]:
+    """Return a line of text for each goal that may still run when this process ends.
 
     A server that hangs, or is stopped in a debugger, has not read our requests yet; and requests in
-    shared memory are lost when their sender ends. Returns a line of text for each goal.
+    shared memory are lost when their sender ends. So the watcher goes on.
     """
-    by_action: dict[str, list[str]] = defaultdict(list)
-    for goal in toolbox.goals():
-        if goal["may_still_run"] and goal["goal_id"] is not None:
-            by_action[toolbox.action_of(goal["tool"])].append(goal["goal_id"])
-    lines = []
-    for action, ids in by_action.items():
-        words = ["cancel", action, *ids, "--timeout", _GOES_ON]
-        goes_on = f"another process goes on cancelling it for {_GOES_ON} seconds"
-        try:
-            subprocess.Popen(
-                command_for("actionkit", *words, "--server-timeout", _GOES_ON, "--may-come"),
-                # The host may wait for all processes that have its pipes, or kill our group.
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-            )
-        except OSError as error:
-            goes_on = f"nothing goes on cancelling it ({error})"
-        lines += [f"goal {one} of {action} may still be running; {goes_on}" for one in ids]
-    return lines
+    watched = watcher is not None and watcher.poll() is None
+    who = "another process" if watched else "nothing"
+    return [
+        f"goal {goal['goal_id']} of {toolbox.action_of(goal['tool'])} may still be running;"
+        f" {who} goes on cancelling it"
+        for goal in toolbox.goals()
+        if goal["may_still_run"] and goal["goal_id"] is not None
+    ]
+
+
+def _watcher(ledger: Ledger) -> subprocess.Popen[bytes] | None:
+    """Start the process that cancels what this one leaves running."""
+    try:
+        return watch_over(ledger.path)
+    except OSError as error:
+        _say(f"no process can be started ({error}). If this one is killed, its goals run on")
+        return None
+
+
+def cancel_leftovers(ledger: Ledger) -> None:
+    """Cancel what earlier processes have left running, before anything else is sent."""
+    try:
+        for goal, report in ledger.cancel().items():
+            _say(f"goal {goal.goal_id} of {goal.action_name}, left by an earlier process: {report}")
+    except Exception as error:  # noqa: BLE001  they stay in the ledger
+        _say(f"goals of earlier processes may still be running: {error!r}")
 
 
 def _say(words: str) -> None:

@@ -20,7 +20,7 @@ _HELLO = {
 
 
 class Host:
-    """Starts `actionkit mcp` as hosts do, with the six variables that they pass on."""
+    """Starts `actionkit mcp` as hosts do, with the six variables that they pass on and one more."""
 
     def __init__(self, robot: Robot, *, before: str = "", **environment: str) -> None:
         passed = {
@@ -35,7 +35,7 @@ class Host:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._stderr,
-            env=passed | environment,
+            env=passed | {"ACTIONKIT_LEDGER": str(robot.ledger)} | environment,
             start_new_session=True,
         )
         self.serving = Serving(self.process.pid)

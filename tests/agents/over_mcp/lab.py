@@ -157,7 +157,13 @@ class Robot:
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "PYTHONWARNINGS": "default",
             "ACTIONKIT_HOLD_DIR": os.environ["ACTIONKIT_HOLD_DIR"],
+            "ACTIONKIT_LEDGER": str(self.ledger),
         }
+
+    @property
+    def ledger(self) -> Path:
+        """The file in which each `actionkit mcp` writes down its goals."""
+        return self.file.with_name("goals.db")
 
     def words(self, *more: str, before: str = "") -> list[str]:
         """The command; `before` is code to run first, in the same process."""

@@ -71,6 +71,7 @@ FAULTS: dict[str, dict[str, tuple[str, ...]]] = {
         "SIGTERM, and the action server does not answer (SIGSTOP)": ANY_STDIO,
         "standard input is closed, and the action server does not answer": ANY_STDIO,
         "SIGKILL": ANY_HTTP,
+        "SIGKILL of all its processes, and a call of the next start": ANY_HTTP,
     },
     HTTP_ONLY: {
         "the client is gone before its call begins": HTTP,

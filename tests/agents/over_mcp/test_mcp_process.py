@@ -6,11 +6,13 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from actionkit.agents._mcp.process import go_on_cancelling
+from actionkit import Ledger
+from actionkit.agents._mcp.process import _watcher, goals_left
 from tests import forked
 from tests.agents.over_mcp.lab import PATIENCE
 
@@ -33,7 +35,7 @@ class Toolbox:
 async def main():
     if int(ignored):
         signal.signal(int(ignored), signal.SIG_IGN)
-    ending = Ending(Toolbox())
+    ending = Ending(Toolbox(), None)
     if int(ignored):
         os.kill(os.getpid(), int(ignored))
     print("waits", flush=True)
@@ -100,10 +102,10 @@ class Toolbox:
         cancel_all = print
 
 async def main():
-    process.Ending(Toolbox).ask(0, "the host closed its end")
+    process.Ending(Toolbox, None).ask(0, "the host closed its end")
     time.sleep(60)
 
-process.go_on_cancelling = lambda toolbox: ["goal 1 may still be running"]
+process.goals_left = lambda toolbox, watcher: ["goal 1 may still be running"]
 asyncio.run(main())
 """
 
@@ -146,7 +148,8 @@ async def serve(server, ending):
     await asyncio.Event().wait()
 
 process.make_server = lambda *_: None
-process._run(Toolbox(), "", serve, lambda: asyncio.to_thread(print))
+process._watcher = lambda ledger: None
+process._run(Toolbox(), "", None, serve, lambda: asyncio.to_thread(print))
 """
 
 
@@ -159,7 +162,7 @@ def test_it_cancels_and_ends_even_if_no_thread_can_be_started() -> None:
 
 
 def test_a_goal_is_named_even_if_no_process_can_go_on_cancelling_it(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     class Toolbox:
         def goals(self) -> tuple[dict[str, Any], ...]:
@@ -172,7 +175,9 @@ def test_a_goal_is_named_even_if_no_process_can_go_on_cancelling_it(
         raise BlockingIOError("no more processes")
 
     monkeypatch.setattr("subprocess.Popen", refused)
+    watcher = _watcher(Ledger(tmp_path / "goals.db"))
+    assert "(no more processes). If this one is killed, its goals run on" in capfd.readouterr().err
     toolbox: Any = Toolbox()
-    assert go_on_cancelling(toolbox) == [
-        "goal 1 of /arm may still be running; nothing goes on cancelling it (no more processes)"
+    assert goals_left(toolbox, watcher) == [
+        "goal 1 of /arm may still be running; nothing goes on cancelling it"
     ]

@@ -39,25 +39,25 @@ def test_a_goal_of_another_process_counts_and_is_told_of(robot: Robot) -> None:
                 assert told["may_still_run"]
                 # It is none of its own, so it is left alone here.
                 assert await of_others(first) == []
-                # Killed, it has left its goal behind, which counts all the same.
+
+                # And a process that starts now knows of it. Two at a time are allowed here.
+                async with agent(robot, STDIO) as third:
+                    assert words(await third.call("hurry", {})) == "`refused`, retry"
+                    assert [one["goal_id"] for one in await of_others(third)] == [goal]
+                    more = asyncio.ensure_future(third.call("patrol", {}))
+                    await watch.until("executing", 2)
+                    assert words(await third.call("patrol", {})) == "`refused`, retry"
+                    more.cancel()
+                    await asyncio.wait([more])
+                    await watch.until("canceled")
+                assert patrolling.running() == {goal}
+
+                # Killed, it leaves nothing behind.
                 first.serving.signal(signal.SIGKILL)
                 await asyncio.wait([calling])
-            assert words(await second.call("hurry", {})) == "`refused`, retry"
-        assert watch.received == [goal]
-        assert goal in patrolling.running()
-
-        # And a process that starts now knows of it. Two at a time are allowed here.
-        async with agent(robot, STDIO) as third:
-            assert words(await third.call("hurry", {})) == "`refused`, retry"
-            assert [one["goal_id"] for one in await of_others(third)] == [goal]
-            calling = asyncio.ensure_future(third.call("patrol", {}))
-            await watch.until("executing", 2)
-            assert words(await third.call("patrol", {})) == "`refused`, retry"
-            calling.cancel()
-            await asyncio.wait([calling])
-            await watch.until("canceled")
+                await watch.until("canceled", 2)
+            assert await of_others(second) == []
         assert len(watch.received) == 2
-        assert patrolling.running() == {goal}
 
     asyncio.run(scenario())
 
