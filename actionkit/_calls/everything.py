@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import uuid
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 _LOOK = 0.05
 """Seconds between two looks at goals that were given up on before."""
+_ANSWER = 1.0
+"""Seconds for a server to say which goals it is cancelling."""
 AnyFuture = GoalFuture[Any, Any]
 
 
@@ -32,6 +35,9 @@ def cancel_everything(
     """
     from actionkit._ros.tools.watch import goals_seen
 
+    # Before they are cancelled: those that end at once are told of, too.
+    calls = list(session.calls)
+    futures: dict[uuid.UUID, AnyFuture] = {call.goal_id: call.future for call in calls}
     session.cancel_all()
     if not session.wait_for_server(timeout):
         raise ServerUnavailableError(
@@ -40,8 +46,8 @@ def cancel_everything(
             action_name=session.action_name,
         )
     until = time.monotonic() + timeout
-    futures: dict[uuid.UUID, AnyFuture] = {}
     given_up: dict[uuid.UUID, Attempt] = {}
+    stopping = _ask_for_all(session, min(timeout, _ANSWER))
     made: set[uuid.UUID] = set()
     asked: set[uuid.UUID] = set()
     missed = 0
@@ -50,7 +56,7 @@ def cancel_everything(
             futures.setdefault(call.goal_id, call.future)
         status = session.port.names.status
         seen = goals_seen(session.identity.domain_id, status, lambda: False)
-        in_flight = {uuid.UUID(goal.goal_id) for goal in seen if goal.in_flight}
+        in_flight = stopping | {uuid.UUID(goal.goal_id) for goal in seen if goal.in_flight}
         for goal_id in in_flight - {*futures, *given_up}:
             if (attempt := session.watched(goal_id)) is not None:
                 given_up[goal_id] = attempt  # a call of this client gave up on it, and ended
@@ -76,7 +82,32 @@ def cancel_everything(
         if call.goal_id in made:  # its server has refused, or is silent
             session.call_soon(partial(call.close, abandon=True, because="its cancel was over"))
     reports = {goal_id: _of_future(future) for goal_id, future in futures.items()}
+    for goal_id in stopping:
+        if reports.get(goal_id) is CancelReport.NOT_NEEDED:  # it had stopped before we followed it
+            reports[goal_id] = CancelReport.CONFIRMED
     return reports | {goal_id: _of_attempt(each) for goal_id, each in given_up.items()}
+
+
+def _ask_for_all(session: Session, seconds: float) -> set[uuid.UUID]:
+    """Ask the servers to cancel all goals; return those that they say they are cancelling.
+
+    That is beside the look at their status, which a busy server may send too late.
+    """
+    from actionkit._ros.tools.cancel import AllSaid, CancelSaid, GoalCanceller
+
+    stopping: set[uuid.UUID] = set()
+    answered = Flag()
+
+    def hear(said: CancelSaid | AllSaid) -> None:
+        if isinstance(said, AllSaid):
+            stopping.update(map(uuid.UUID, said.canceling))
+            answered.set()
+
+    domain = session.identity.domain_id
+    with closing(GoalCanceller(session.action_name, hear, domain)) as canceller:
+        canceller.cancel_all(0)
+        answered.wait(seconds)
+    return stopping
 
 
 def _wait(future: AnyFuture | None, attempt: Attempt | None, until: float) -> None:

@@ -99,7 +99,8 @@ def test_an_accepted_cancellation_is_no_canceled_goal(world: World) -> None:
     again.until("waiting")
     again.signal(signal.SIGINT)
     assert again.finish() == Exit.INTERRUPTED
-    assert again.text == f"waiting\n{done.out}\n\nInterrupted.\n"
+    # Where discovery takes long, the hint of a similar name comes first.
+    assert again.text.endswith(f"{done.out}\n\nInterrupted.\n")
     server.release(1)
     assert call.finish() == Exit.CANCELED
 

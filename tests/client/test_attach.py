@@ -220,6 +220,17 @@ def test_everything_is_cancelled_also_what_others_have_sent(action_server, other
     assert client.pending == 0
 
 
+def test_what_others_have_sent_is_cancelled_even_if_the_status_comes_too_late(
+    action_server, others, client, monkeypatch
+):
+    server = action_server("never_finishes")
+    theirs = [running(server, others) for _ in range(2)]
+    monkeypatch.setattr("actionkit._ros.tools.watch.goals_seen", lambda *_: [])
+    told = client.cancel_everything()
+    assert told == {future.goal_id: CancelReport.CONFIRMED for future in theirs}
+    assert runs_nothing(server)
+
+
 def test_what_refuses_is_told_and_followed_no_more(action_server, others, client):
     server = action_server("refuses_cancel", period=0.1)
     theirs = running(server, others)
@@ -273,3 +284,14 @@ def test_goals_of_this_client_alone_are_waited_for_no_longer_than_they_take(acti
     ours = [running(server, client) for _ in range(2)]
     told = client.cancel_everything(1e6)  # the limit of the test is shorter
     assert told == {future.goal_id: CancelReport.CONFIRMED for future in ours}
+
+
+def test_a_goal_of_this_client_that_stops_at_once_is_told_of(action_server, client, monkeypatch):
+    future = running(action_server("never_finishes"), client)
+
+    def wait_for_server(self, timeout):
+        until(lambda: not self.calls)
+        return True
+
+    monkeypatch.setattr("actionkit._calls.session.Session.wait_for_server", wait_for_server)
+    assert client.cancel_everything(30) == {future.goal_id: CancelReport.CONFIRMED}

@@ -49,9 +49,12 @@ class GoalCanceller:
     """Sends requests to cancel goals of one action, from any thread, until `close`."""
 
     def __init__(
-        self, action_name: str, on_answer: Callable[[CancelSaid | AllSaid], object]
+        self,
+        action_name: str,
+        on_answer: Callable[[CancelSaid | AllSaid], object],
+        domain_id: int | None = None,
     ) -> None:
-        """Make the client of the servers' cancel service.
+        """Make the client of the servers' cancel service; `None` means the environment's domain.
 
         `on_answer` gets each answer, on another thread. Each server on the name answers.
         """
@@ -62,7 +65,7 @@ class GoalCanceller:
         self._asked_all: dict[int, int] = {}
         """Request to cancel all goals -> its number."""
         self._timer: TimerHandle | None = None
-        self._runtime = runtimes.acquire(None, self)
+        self._runtime = runtimes.acquire(domain_id, self)
         self._runtime.run(self._begin)
 
     def cancel(self, goal_id: str) -> None:
