@@ -37,7 +37,7 @@ def close(session: Session) -> None:
     finally:
         session.callbacks.dues.end()
     if session.ledger is not None:
-        session.ledger._writer.flush()
+        session.ledger._flush()
     session.dispatcher.flush(time.monotonic() + OBSERVERS_TIMEOUT)
 
 

@@ -36,7 +36,7 @@ _Told = dict[Leftover, CancelReport]
 def cancel_all(calls: Iterable[Leftover], seconds: float, server: float) -> _Told:
     """Cancel the goals of calls; return what happened to each call.
 
-    This takes so many `seconds` at most, of which it looks for a server `server` seconds at most.
+    This takes so many `seconds` at most; a server is looked for `server` seconds at most.
     """
     by_action: dict[tuple[int, str, str], list[Leftover]] = defaultdict(list)
     for call in calls:

@@ -181,7 +181,7 @@ class Ledger(LedgerFile):
         if all(future.done() for future in futures):
             has_stopped = all(future.known_to_run is False for future in futures)
             stopped = [goal] if has_stopped else []
-            self._writer.soon(None, partial(self._store.end_claims, [goal], stopped))
+            self._do_soon(partial(self._store.end_claims, [goal], stopped))
 
 
 def unfinished(ledger: Ledger) -> bool:

@@ -122,7 +122,7 @@ def test_late_acceptance_during_the_grace_is_confirmed(action_server, make_clien
 
 @pytest.mark.parametrize(
     ("given_up_by", "grace"),
-    [("cancel", 2.0), ("cancel", 0.03), ("deadline", 2.0), ("deadline", 0.03)],
+    [("cancel", 2.0), ("cancel", 0.1), ("deadline", 2.0), ("deadline", 0.03)],
 )
 def test_a_goal_is_cancelled_while_its_server_is_still_accepting_it(
     run_script, make_client, given_up_by, grace

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import threading
 import time
 import uuid
 from concurrent.futures import ThreadPoolExecutor
@@ -262,6 +263,12 @@ def test_a_row_that_cannot_be_understood_does_not_hide_the_others(action_server,
         "test_msgs/action/Fibonacci": ak.CancelReport.CONFIRMED,
     }
     assert runs_nothing(server)
+
+
+def test_all_ledgers_of_a_process_have_one_thread(tmp_path):
+    ledgers = [Ledger(tmp_path / f"{number}.db") for number in range(3)]
+    assert len({ledger.path for ledger in ledgers}) == 3
+    assert [thread.name for thread in threading.enumerate()].count("actionkit-ledger") == 1
 
 
 FIRST = uuid.uuid4()

@@ -8,6 +8,7 @@ import signal
 import threading
 import time
 import uuid
+from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -20,51 +21,36 @@ _FLUSH = 2.0
 _PAUSE = 0.2
 """Seconds in which goals that have ended are collected, to be removed together. If the process is
 killed meanwhile, they count as left over, and turn out to have ended."""
-_Asked = queue.SimpleQueue[tuple[uuid.UUID | None, Callable[[], object] | None]]
-_writers: dict[Path, Writer] = {}
-_writers_lock = threading.RLock()
+_Asked = queue.SimpleQueue[tuple[Store, "uuid.UUID | None", "Callable[[], object] | None"]]
+_stores: dict[Path, Store] = {}
+_lock = threading.RLock()
+"""For the stores, and for the start of the thread."""
 
 
 def _before_fork() -> None:
-    _writers_lock.acquire()
-    for writer in _writers.values():
-        writer.store.before_fork()
+    _lock.acquire()
+    for store in _stores.values():
+        store.before_fork()
 
 
 def _after_fork() -> None:
-    for writer in _writers.values():
-        writer.store.after_fork()
-    _writers_lock.release()
+    for store in _stores.values():
+        store.after_fork()
+    _lock.release()
 
 
 os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_after_fork)
 
 
-class Writer:
-    """Writes into a file what can wait, on a thread of its own."""
+class _Writer:
+    """Writes into files what can wait, on one thread for all of them."""
 
-    def __init__(self, store: Store) -> None:
-        self.store = store
+    def __init__(self) -> None:
         self._pid = 0
-        self._begin()  # now: while a program ends, Python starts no more threads
 
-    def soon(self, goal_id: uuid.UUID | None, do: Callable[[], object] | None = None) -> None:
-        """Remove a call, or do something else with the file. Never blocks; from any thread."""
-        if self._pid != os.getpid():
-            self._begin()
-        self._asked.put((goal_id, do))
-
-    def flush(self) -> None:
-        """Wait a moment until all that was asked for is done."""
-        if self._pid == os.getpid():
-            done = threading.Event()
-            self.soon(None, done.set)
-            self._hurry.set()
-            done.wait(_FLUSH)
-
-    def _begin(self) -> None:
-        """Start the thread; a forked child has none."""
-        with self.store.lock:
+    def begin(self) -> None:
+        """Start the thread, if there is none. A forked child has none."""
+        with _lock:
             if self._pid == os.getpid():
                 return
             self._asked: _Asked = queue.SimpleQueue()
@@ -81,6 +67,22 @@ class Writer:
             finally:
                 signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
+    def soon(
+        self, store: Store, goal_id: uuid.UUID | None, do: Callable[[], object] | None = None
+    ) -> None:
+        """Remove a call, or do something else with a file. Never blocks; from any thread."""
+        if self._pid != os.getpid():
+            self.begin()
+        self._asked.put((store, goal_id, do))
+
+    def flush(self, store: Store) -> None:
+        """Wait a moment until all that was asked for is done."""
+        if self._pid == os.getpid():
+            done = threading.Event()
+            self.soon(store, None, done.set)
+            self._hurry.set()
+            done.wait(_FLUSH)
+
     def _run(self, asked: _Asked, hurry: threading.Event) -> None:
         while True:
             items = [asked.get()]
@@ -88,13 +90,20 @@ class Writer:
             hurry.clear()
             while not asked.empty():
                 items.append(asked.get())
-            ended = [goal_id for goal_id, _ in items if goal_id is not None]
-            steps: list[Callable[[], object]] = [partial(self.store.remove, ended)]
-            for step in [*steps, *(do for _, do in items if do is not None)]:
+            ended: dict[Store, list[uuid.UUID]] = defaultdict(list)
+            for store, goal_id, _ in items:
+                if goal_id is not None:
+                    ended[store].append(goal_id)
+            steps: list[Callable[[], object]] = []
+            steps += (partial(store.remove, goal_ids) for store, goal_ids in ended.items())
+            for step in [*steps, *(do for _, _, do in items if do is not None)]:
                 try:
                     step()
                 except Exception:  # noqa: BLE001  they count as left over: too many are safe
                     log_own_error()
+
+
+_writer = _Writer()
 
 
 class LedgerFile:
@@ -110,11 +119,11 @@ class LedgerFile:
             LedgerError: It cannot be used.
         """
         self.path = Path(path).resolve()
-        with _writers_lock:  # one for each file: see `Lives`
-            if self.path not in _writers:
-                _writers[self.path] = Writer(Store(self.path))
-        self._writer = _writers[self.path]
-        self._store = self._writer.store
+        with _lock:  # one for each file: see `Lives`
+            if self.path not in _stores:
+                _stores[self.path] = Store(self.path)
+        self._store = _stores[self.path]
+        _writer.begin()  # now: while a program ends, Python starts no more threads
 
     def __repr__(self) -> str:
         return f"Ledger({str(self.path)!r})"
@@ -144,4 +153,12 @@ class LedgerFile:
 
     def _remove_soon(self, goal_id: uuid.UUID) -> None:
         """Remove a call. Never blocks; from any thread."""
-        self._writer.soon(goal_id)
+        _writer.soon(self._store, goal_id)
+
+    def _do_soon(self, do: Callable[[], object]) -> None:
+        """Do something with the file. Never blocks; from any thread."""
+        _writer.soon(self._store, None, do)
+
+    def _flush(self) -> None:
+        """Wait a moment until all that was asked for is done, for all files."""
+        _writer.flush(self._store)
