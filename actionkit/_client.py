@@ -107,6 +107,7 @@ class Client(Generic[ActionT_co]):
                 process has a ROS domain for itself (`ros_domain`, `isolated_domain`), which is not
                 the client's.
             ActionTypeMismatchError: This process already uses the name with another type.
+            SecurityError: ROS security (SROS 2) is on, and keeps this process or the action out.
             LedgerError: The ledger's file cannot be used.
         """
         refuse_misplaced(action_type, action_name, misplaced)

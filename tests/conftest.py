@@ -29,6 +29,7 @@ from actionkit._threads import diagnostics as _diagnostics
 from actionkit.servers import Server, ServerEvent
 from tests import forked, shared_memory
 from tests.cpu import Cpu
+from tests.native import combination
 
 # On a busy machine making an example takes long at times, and trying one does.
 settings.register_profile("tests", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -155,6 +156,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="fail if a tier costs more than a third more CPU time than its budget",
     )
+    combination.add_option(parser)
     parser.addoption("--cpu-table", metavar="FILE", help="write what each test costs, as JSON")
 
 
@@ -178,9 +180,16 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(Cpu(config), "cpu")
 
 
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    combination.enter(config)
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out tests that take long, unless they are asked for."""
-    for item in _further_variants(items):
+    further = list(_further_variants(items))
+    if combination.select(config, items, further):
+        return
+    for item in further:
         item.add_marker(pytest.mark.long)
     if config.getoption("long"):
         return
@@ -285,6 +294,11 @@ def _forked_servers() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_process, "subprocess", forked.SUBPROCESS)
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _servers_of_the_combination(pytestconfig: pytest.Config) -> Iterator[None]:
+    yield from combination.servers(pytestconfig)
 
 
 @pytest.fixture(scope="session", autouse=True)

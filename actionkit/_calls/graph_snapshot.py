@@ -21,6 +21,7 @@ class GraphSnapshot:
     best_effort: tuple[str, ...] = ()  # this action's services that are served so
     no_data: bool = False  # whether this action's servers are in sight, but nothing of them arrives
     age: float = 60.0  # seconds since our node entered the graph
+    enclave: str = ""  # of this process, where security is on
 
 
 def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
@@ -64,6 +65,11 @@ def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
         f"Check that the server runs, and in the same domain (here ROS_DOMAIN_ID="
         f"{graph.domain_id}, {graph.middleware})."
     )
+    if graph.enclave:
+        parts.append(
+            f"ROS security is on, as enclave {graph.enclave!r}: only servers with keys of the same"
+            " keystore are seen."
+        )
     return " ".join(parts)
 
 

@@ -19,6 +19,7 @@ ActionKitError
 ├─ DeadlineExceededError          the time given to the call ran out
 ├─ RetriesExhaustedError          the retries ended, and no error speaks for itself
 ├─ LedgerError                    the ledger's file cannot be used; nothing was sent
+├─ SecurityError                  ROS security keeps this process out
 └─ ClientClosedError              the client was closed
 """
 
@@ -250,6 +251,14 @@ class LedgerError(ActionKitError, OSError):
     """A `Ledger` cannot be used: its file, or a goal that another process has in hand.
 
     Nothing was sent.
+    """
+
+
+class SecurityError(ActionKitError, PermissionError):
+    """ROS security (SROS 2) keeps this process, or this action, out of the graph.
+
+    Files of the enclave are missing, the middleware has no security, or the policy does not allow
+    the action. Nothing was sent.
     """
 
 

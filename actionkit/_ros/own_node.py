@@ -11,6 +11,7 @@ from rclpy.parameter import Parameter
 from actionkit._ros.graph import is_last
 from actionkit._ros.names import ActionNames, resolve
 from actionkit._ros.native import node_is_destroyed
+from actionkit._ros.secured import explained, raise_if_secured
 from actionkit._ros.workarounds.listener_hang import stop_listening
 
 
@@ -19,11 +20,14 @@ def start(context: Context, domain_id: int) -> None:
 
     Raises:
         ValueError: rcl refuses the arguments.
+        SecurityError: Files of security are missing.
     """
     try:
         context.init(None, initialize_logging=False, domain_id=domain_id)
     except (RuntimeError, UnicodeError) as error:
         text = str(error).rsplit(", at ", 1)[0]
+        if "SECURITY ERROR" in text:
+            raise_if_secured(error)
         reason = "one is not UTF-8" if isinstance(error, UnicodeError) else text
         raise ValueError(
             f"ROS cannot be started with the arguments of this process, sys.argv={sys.argv!r}:"
@@ -38,9 +42,11 @@ def make_node(name: str, context: Context) -> Node:
     It ignores the process's ROS arguments: every name that it uses is resolved already.
 
     Raises:
+        SecurityError: Security forbids it.
         Exception: Any error of rclpy, if the node cannot be made.
     """
-    return _node(name, context, use_global_arguments=False)
+    with explained(context):
+        return _node(name, context, use_global_arguments=False)
 
 
 def resolve_without_node(context: Context, node: Node, action_name: str) -> ActionNames:

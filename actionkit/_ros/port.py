@@ -24,6 +24,7 @@ from actionkit._ros.link import Link
 from actionkit._ros.names import ActionNames, Identity, check_name, resolve
 from actionkit._ros.native import RCLError, domain_of, is_up
 from actionkit._ros.own_node import resolve_without_node
+from actionkit._ros.secured import explained
 from actionkit._ros.wire import feedback_alone
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.waiting import Flag
@@ -48,6 +49,7 @@ class Port:
             ValueError: A bad name, arguments of the process that ROS refuses, or a node or context
                 that cannot be used any more.
             ActionTypeMismatchError: The process already uses the name with another type.
+            SecurityError: ROS security keeps the process, or the action, out.
         """
         type_name = type_name_of(action_type)
         domain, node = (node, None) if isinstance(node, Domain) else (None, node)
@@ -72,7 +74,8 @@ class Port:
                     domain_id=domain_of(self.runtime.context),
                     label="" if node is None else node.get_fully_qualified_name(),
                 )
-                self.runtime.run(lambda: self._open(action_type))
+                with explained(self.runtime.context):
+                    self.runtime.run(lambda: self._open(action_type))
             except BaseException:  # also after Ctrl-C: nothing remains
                 self.runtime.call_soon(self._undo)
                 # The middleware's exit handlers crash if a thread still uses it.

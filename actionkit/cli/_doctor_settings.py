@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from actionkit._model.domain import LAST_DOMAIN, domain_of_text
+from actionkit._model.security import KEYSTORE, ON, OVERRIDE, STRATEGY, security
 from actionkit.cli._findings import Finding, note, ok, problem
 
 _RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
@@ -34,6 +35,7 @@ def settings(environment: Mapping[str, str]) -> Iterator[Finding]:
     for name in _PROFILES:
         if value := environment.get(name, ""):
             yield _profile(name, value)
+    yield _security(environment)
     if rmw := environment.get("RMW_IMPLEMENTATION", ""):
         yield ok("RMW_IMPLEMENTATION", f"{rmw}; it must be the same for server and client")
 
@@ -122,6 +124,34 @@ def _profile(name: str, value: str) -> Finding:
         f"{value!r}: a profile may switch off transports or discovery.",
         f"Try once with {name} unset; server and client need profiles that fit.",
     )
+
+
+def _security(environment: Mapping[str, str]) -> Finding:
+    found = security(environment, ())
+    value = environment.get(ON, "")
+    if found is None and value not in ("", "false"):
+        return problem(
+            ON,
+            f"{value!r} does not switch security on: only 'true' does.",
+            f"export {ON}=true, or unset it; the same for the server.",
+        )
+    if found is None:
+        return ok(ON, "security is off; servers of a secured graph are not seen")
+    told = f"security is on, as enclave {found.enclave!r} of the keystore {found.keystore!r}"
+    choose = (
+        f"Correct {KEYSTORE}, name the enclave in {OVERRIDE}, or make it: ros2 security"
+        " create_enclave KEYSTORE ENCLAVE. A program may name its own with --ros-args --enclave."
+    )
+    if not found.enforced:
+        return note(
+            ON,
+            f"{told}, but not enforced: without all files, all goes on without security."
+            + (f" {found.problem()}" if found.problem() else ""),
+            f"export {STRATEGY}=Enforce" + (f". {choose}" if found.problem() else ""),
+        )
+    if found.problem():
+        return problem(ON, f"{told}. {found.problem()}", choose)
+    return ok(ON, f"{told}; its files are there, and servers of the same keystore are seen")
 
 
 def _one_of(words: tuple[str, ...]) -> str:

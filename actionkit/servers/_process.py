@@ -12,7 +12,7 @@ import sys
 import tempfile
 import threading
 from functools import partial
-from typing import IO
+from typing import IO, ClassVar
 
 from typing_extensions import Self
 
@@ -41,6 +41,9 @@ class Server:
         name: The name of the reference server, such as `"fibonacci"`.
         action_name: The action that it serves.
     """
+
+    _program: ClassVar[tuple[str, ...]] = ("-m", "actionkit.servers")
+    """Python's arguments that run a server; our own tests have it run one in C++."""
 
     def __init__(
         self,
@@ -239,7 +242,7 @@ class Server:
     # -- private ---------------------------------------------------------------------------
 
     def _launch(self) -> None:
-        command = [sys.executable, "-m", "actionkit.servers", self.name]
+        command = [sys.executable, *self._program, self.name]
         command += ["--action", self.action_name, "--type", self._type_name]
         for key, value in self._options.items():
             command += ["--option", f"{key}={format_option(value)}"]

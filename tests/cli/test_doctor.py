@@ -282,6 +282,9 @@ def test_settings_that_keep_everybody_apart_are_problems(empty_world: World) -> 
         ("ROS_DISCOVERY_SERVER", "10.0.0.2:11811", "note", "only nodes", "ROS_SUPER_CLIENT"),
         ("FASTDDS_DEFAULT_PROFILES_FILE", "/not/there.xml", "problem", "not there", "unset"),
         ("CYCLONEDDS_URI", "<CycloneDDS/>", "note", "discovery", "unset"),
+        ("ROS_SECURITY_ENABLE", "", "ok", "security is off", ""),
+        ("ROS_SECURITY_ENABLE", "1", "problem", "'1' does not switch", "ROS_SECURITY_ENABLE=true"),
+        ("ROS_SECURITY_ENABLE", "true", "note", "does not name the folder", "STRATEGY=Enforce"),
         ("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp", "ok", "the same", ""),
     ],
 )

@@ -28,6 +28,7 @@ PAGES: dict[str, list[tuple[str, Mapping[str, Any]]]] = {
     "coming-from/rclpy.md": [_FIBONACCI],
     "coming-from/synchros2.md": [_FIBONACCI],
     "losing-the-server.md": [_FIBONACCI],
+    "where-it-runs.md": [],
     "guides/asyncio.md": [_FIBONACCI],
     "guides/callbacks.md": [_FIBONACCI],
     "guides/deployment.md": [_FIBONACCI],
@@ -38,6 +39,7 @@ PAGES: dict[str, list[tuple[str, Mapping[str, Any]]]] = {
         _FIBONACCI,
         ("preemptive", {"action_name": "navigate", "period": 0.02}),
     ],
+    "guides/security.md": [],
     "guides/stuck-arm.md": [_FIBONACCI],
     "guides/several-robots.md": [
         ("fibonacci", {"period": 0.02, "action_name": "robot1/fibonacci"}),

@@ -36,6 +36,7 @@ TREE: dict[str, tuple[str, ...]] = {
     "DeadlineExceededError": ("ActionKitError", "TimeoutError"),
     "RetriesExhaustedError": ("ActionKitError",),
     "LedgerError": ("ActionKitError", "OSError"),
+    "SecurityError": ("ActionKitError", "PermissionError"),
     "ClientClosedError": ("ActionKitError",),
 }
 ERRORS = [getattr(actionkit, name) for name in TREE]

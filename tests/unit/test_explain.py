@@ -480,6 +480,12 @@ def test_a_young_node_says_only_that_it_sees_no_server_so_far(age: float) -> Non
     assert ("No action server has come into sight so far" in told) == (age < 3.0)
 
 
+def test_that_security_is_on_is_told_where_no_server_is_seen() -> None:
+    around = GraphSnapshot({}, 7, "rmw_cyclonedds_cpp", enclave="/robot/client")
+    told = str(explained(ENDINGS[End.NO_SERVER][0], surroundings=lambda: around))
+    assert "ROS security is on, as enclave '/robot/client': only servers with keys of" in told
+
+
 @pytest.mark.parametrize("end", [End.NO_SERVER, End.NO_ACCEPTANCE])
 def test_a_server_in_sight_that_sends_nothing_is_told_of(end: End) -> None:
     around = GraphSnapshot({"/fibonacci": TYPE}, 7, "rmw_fastrtps_cpp", no_data=True)

@@ -54,6 +54,7 @@ NAMES = [
     "RetryBudget",
     "RetryPolicy",
     "Rosout",
+    "SecurityError",
     "ServerLostError",
     "ServerUnavailableError",
     "Timeline",
