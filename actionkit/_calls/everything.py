@@ -33,6 +33,7 @@ def cancel_everything(
     `attach` returns a future for a goal that another client has sent; it raises `ValueError` if the
     session follows the goal already.
     """
+    from actionkit._ros.tools.cancel import AllSaid, CancelSaid, GoalCanceller
     from actionkit._ros.tools.watch import goals_seen
 
     # Before they are cancelled: those that end at once are told of, too.
@@ -47,37 +48,50 @@ def cancel_everything(
         )
     until = time.monotonic() + timeout
     given_up: dict[uuid.UUID, Attempt] = {}
-    stopping = _ask_for_all(session, min(timeout, _ANSWER))
     made: set[uuid.UUID] = set()
     asked: set[uuid.UUID] = set()
     missed = 0
-    while True:
-        for call in list(session.calls):
-            futures.setdefault(call.goal_id, call.future)
-        status = session.port.names.status
-        seen = goals_seen(session.identity.domain_id, status, lambda: False)
-        in_flight = stopping | {uuid.UUID(goal.goal_id) for goal in seen if goal.in_flight}
-        for goal_id in in_flight - {*futures, *given_up}:
-            if (attempt := session.watched(goal_id)) is not None:
-                given_up[goal_id] = attempt  # a call of this client gave up on it, and ended
-                session.call_soon(attempt.cancel_again)
-            else:
-                try:
-                    futures[goal_id] = attach(goal_id)
-                except ValueError:
-                    continue  # it is of a call that has just begun: seen the next time
-                made.add(goal_id)
-        new = {*futures, *given_up} - asked
-        asked |= new
-        for goal_id in new:
-            if goal_id in futures:
-                futures[goal_id].cancel()
-        for goal_id in new:
-            _wait(futures.get(goal_id), given_up.get(goal_id), until)
-        if not seen and (made or given_up) and not missed and time.monotonic() < until:
-            missed += 1  # there are goals, and their status did not come in time
-        elif not new or time.monotonic() >= until:
-            break
+    stopping: list[uuid.UUID] = []
+    answered = Flag()
+
+    def hear(said: CancelSaid | AllSaid) -> None:
+        if isinstance(said, AllSaid):
+            stopping.extend(map(uuid.UUID, said.canceling))
+            answered.set()
+
+    place, status = session.port.runtime.place, session.port.names.status
+    with closing(GoalCanceller(session.action_name, hear, place)) as canceller:
+        # Beside the look at the status, which a busy server may send too late. Not those that are
+        # accepted later: such a server may also take this late.
+        canceller.cancel_all(0, until=time.time())
+        while True:
+            for call in list(session.calls):
+                futures.setdefault(call.goal_id, call.future)
+            seen = goals_seen(place, status, lambda: False)
+            if not seen:
+                answered.wait(min(_ANSWER, max(0.0, until - time.monotonic())))
+            in_flight = {*stopping} | {uuid.UUID(goal.goal_id) for goal in seen if goal.in_flight}
+            for goal_id in in_flight - {*futures, *given_up}:
+                if (attempt := session.watched(goal_id)) is not None:
+                    given_up[goal_id] = attempt  # a call of this client gave up on it, and ended
+                    session.call_soon(attempt.cancel_again)
+                else:
+                    try:
+                        futures[goal_id] = attach(goal_id)
+                    except ValueError:
+                        continue  # it is of a call that has just begun: seen the next time
+                    made.add(goal_id)
+            new = {*futures, *given_up} - asked
+            asked |= new
+            for goal_id in new:
+                if goal_id in futures:
+                    futures[goal_id].cancel()
+            for goal_id in new:
+                _wait(futures.get(goal_id), given_up.get(goal_id), until)
+            if not seen and (made or given_up) and not missed and time.monotonic() < until:
+                missed += 1  # there are goals, and their status did not come in time
+            elif not new or time.monotonic() >= until:
+                break
     for call in list(session.calls):
         if call.goal_id in made:  # its server has refused, or is silent
             session.call_soon(partial(call.close, abandon=True, because="its cancel was over"))
@@ -86,28 +100,6 @@ def cancel_everything(
         if reports.get(goal_id) is CancelReport.NOT_NEEDED:  # it had stopped before we followed it
             reports[goal_id] = CancelReport.CONFIRMED
     return reports | {goal_id: _of_attempt(each) for goal_id, each in given_up.items()}
-
-
-def _ask_for_all(session: Session, seconds: float) -> set[uuid.UUID]:
-    """Ask the servers to cancel all goals; return those that they say they are cancelling.
-
-    That is beside the look at their status, which a busy server may send too late.
-    """
-    from actionkit._ros.tools.cancel import AllSaid, CancelSaid, GoalCanceller
-
-    stopping: set[uuid.UUID] = set()
-    answered = Flag()
-
-    def hear(said: CancelSaid | AllSaid) -> None:
-        if isinstance(said, AllSaid):
-            stopping.update(map(uuid.UUID, said.canceling))
-            answered.set()
-
-    domain = session.identity.domain_id
-    with closing(GoalCanceller(session.action_name, hear, domain)) as canceller:
-        canceller.cancel_all(0)
-        answered.wait(seconds)
-    return stopping
 
 
 def _wait(future: AnyFuture | None, attempt: Attempt | None, until: float) -> None:

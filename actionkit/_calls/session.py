@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import math
 import os
-import sys
 import time
 import uuid
 from collections.abc import Callable
@@ -27,10 +26,9 @@ from actionkit._calls.request import Request
 from actionkit._calls.signals import is_ending
 from actionkit._goal.stages import Stage
 from actionkit._model.errors import ClientClosedError
-from actionkit._model.security import security
 from actionkit._observers.delivery import ObserverDispatcher
 from actionkit._observers.protocol import Observer
-from actionkit._ros import graph
+from actionkit._ros import graph, secured
 from actionkit._ros.port import DIED, Port, ServerWait
 from actionkit._threads.clock import TimerHandle
 from actionkit._threads.diagnostics import log_later
@@ -263,7 +261,6 @@ class Session:
 
     def graph_snapshot(self) -> GraphSnapshot:
         """Return what the graph shows now, for an error's text. On the communication thread."""
-        secured = security(os.environ, sys.argv)
         return GraphSnapshot(
             self.port.actions(),
             self.identity.domain_id,
@@ -271,7 +268,7 @@ class Session:
             self.port.best_effort(),
             self.port.sends_no_data(),
             self.port.runtime.now() - self.port.runtime.in_graph_since,
-            secured.enclave if secured else "",
+            secured.enclave(own=self.port.runtime.own_context is not None),
         )
 
     def finished(self, call: Call) -> None:

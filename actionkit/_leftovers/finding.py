@@ -63,9 +63,9 @@ def _is_last(call: Leftover, state: str) -> bool:
 
 def _known(client: Client[Any], until: float) -> dict[uuid.UUID, GoalSeen]:
     """Return the goals that the servers of a client's action know now, those of all clients."""
-    status, domain = client._session.port.names.status, domain_of(client)
+    port = client._session.port
     try:
-        seen = goals_seen(domain, status, lambda: time.monotonic() >= until)
+        seen = goals_seen(port.runtime.place, port.names.status, lambda: time.monotonic() >= until)
     except StoppedError:  # the time is over
         return {}
     return {uuid.UUID(goal.goal_id): goal for goal in seen}

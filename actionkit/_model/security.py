@@ -37,6 +37,11 @@ class Security:
         """Return the names of the files that are not there."""
         return [name for name in _FILES if not self._has(name)]
 
+    @property
+    def in_force(self) -> bool:
+        """Whether nothing works without keys; where it is not enforced, only with all files."""
+        return self.enforced or not self.problem()
+
     def problem(self) -> str:
         """Return what is wrong with the files, as a sentence; "" if nothing is."""
         if not self.keystore:

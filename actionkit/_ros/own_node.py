@@ -27,7 +27,7 @@ def start(context: Context, domain_id: int) -> None:
     except (RuntimeError, UnicodeError) as error:
         text = str(error).rsplit(", at ", 1)[0]
         if "SECURITY ERROR" in text:
-            raise_if_secured(error)
+            raise_if_secured(error, own=True)
         reason = "one is not UTF-8" if isinstance(error, UnicodeError) else text
         raise ValueError(
             f"ROS cannot be started with the arguments of this process, sys.argv={sys.argv!r}:"
@@ -36,8 +36,8 @@ def start(context: Context, domain_id: int) -> None:
         ) from error
 
 
-def make_node(name: str, context: Context) -> Node:
-    """Make our node in a context.
+def make_node(name: str, context: Context, *, own: bool) -> Node:
+    """Make our node in a context; `own` means that it is one of ours.
 
     It ignores the process's ROS arguments: every name that it uses is resolved already.
 
@@ -45,7 +45,7 @@ def make_node(name: str, context: Context) -> Node:
         SecurityError: Security forbids it.
         Exception: Any error of rclpy, if the node cannot be made.
     """
-    with explained(context):
+    with explained(context, own=own):
         return _node(name, context, use_global_arguments=False)
 
 

@@ -31,6 +31,10 @@ from actionkit._threads.waiting import Flag
 
 _UNDONE_WITHIN = 5.0
 """Seconds that freeing the parts of a failed constructor may take; it takes milliseconds."""
+_OF_A_NODE = (
+    *("context", "handle", "get_fully_qualified_name"),
+    *("resolve_service_name", "resolve_topic_name"),
+)
 DIED = "the communication thread of ActionKit died"
 
 
@@ -53,7 +57,7 @@ class Port:
         """
         type_name = type_name_of(action_type)
         domain, node = (node, None) if isinstance(node, Domain) else (None, node)
-        if node is not None and not isinstance(node, Node):
+        if node is not None and not _is_node(node):
             raise TypeError(f"node={node!r} must be an rclpy node")
         name = check_name(action_name, has_node=node is not None)
         names = None if node is None else resolve(node, name)
@@ -74,7 +78,8 @@ class Port:
                     domain_id=domain_of(self.runtime.context),
                     label="" if node is None else node.get_fully_qualified_name(),
                 )
-                with explained(self.runtime.context):
+                own = self.runtime.own_context is not None
+                with explained(self.runtime.context, own=own):
                     self.runtime.run(lambda: self._open(action_type))
             except BaseException:  # also after Ctrl-C: nothing remains
                 self.runtime.call_soon(self._undo)
@@ -203,6 +208,11 @@ class Port:
         runtimes.release(self.runtime, self)
         self.freed.set()
         self.end_spinning()  # a client that is closed at once may have missed the shutdown
+
+
+def _is_node(node: object) -> bool:
+    """Whether it offers what we need of a node; rclpy may have other kinds than `Node`."""
+    return not isinstance(node, type) and all(hasattr(node, name) for name in _OF_A_NODE)
 
 
 def _users_context(node: Node | None) -> Context | None:

@@ -97,6 +97,8 @@ class Runtime:
         self.was_shut_down = False
         """Whether they were called, or are being called."""
         self._pid = os.getpid()
+        self.place = place
+        """A context of the user, or a ROS domain."""
         self.context = place if isinstance(place, Context) else Context()
         """If this context is shut down, the runtime ends."""
         self._domain_id = domain_of(place) if isinstance(place, Context) else place
@@ -334,7 +336,8 @@ class Runtime:
 
     def _make_node(self) -> None:
         began, worked = time.monotonic(), time.thread_time()
-        self.node = make_node(self._node_name, self._own_context or self.context)
+        own = self._own_context
+        self.node = make_node(self._node_name, own or self.context, own=own is not None)
         self.in_graph_since = time.monotonic()
         if self._owns_participant:
             self.rejoining.joined(time.monotonic() - began, time.thread_time() - worked)

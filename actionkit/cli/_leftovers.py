@@ -32,8 +32,14 @@ def open_ledger(path: str | None) -> Ledger:
 
     try:
         return Ledger(path or usual_ledger())
-    except (LedgerError, OSError) as error:
+    except LedgerError as error:
         raise Problem(Exit.FAILED, str(error)) from error
+    except (OSError, RuntimeError) as error:  # no home, or one that cannot be written
+        raise Problem(
+            Exit.FAILED,
+            f"there is no place for the file of goals ({error}). Name one in the environment"
+            " variable ACTIONKIT_LEDGER",
+        ) from error
 
 
 def what_happened(report: CancelReport) -> str:

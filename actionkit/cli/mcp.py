@@ -134,6 +134,10 @@ def _toolbox(file: str, domain_id: int | None) -> tuple[Toolbox, Ledger]:
 
     with _problems_of(file):
         toolbox = Toolbox.from_file(file, domain_id=domain_id)
+    try:
+        _ = toolbox.domain_id
+    except ValueError as error:  # of the environment
+        raise Problem(Exit.USAGE, str(error)) from error
     ledger = open_ledger(None)
     os.environ["ACTIONKIT_LEDGER"] = str(ledger.path)  # all clients of the toolbox have it
     return toolbox, ledger

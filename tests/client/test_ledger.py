@@ -17,6 +17,7 @@ from actionkit import Ledger, RetryPolicy
 from actionkit._calls.ledger.store import attempt_id
 from actionkit._leftovers import finding
 from actionkit._ros.tools.watch import GoalSeen
+from actionkit.agents._mcp import process
 from tests.conftest import runs_nothing
 from tests.waiting import until
 
@@ -262,6 +263,20 @@ def test_a_row_that_cannot_be_understood_does_not_hide_the_others(action_server,
         "no_such/action/Type": ak.CancelReport.UNKNOWN,
         "test_msgs/action/Fibonacci": ak.CancelReport.CONFIRMED,
     }
+    assert runs_nothing(server)
+
+
+def test_mcp_goes_on_cancelling_what_does_not_stop_at_once(
+    action_server, run_script, path, monkeypatch
+):
+    server = action_server("never_finishes")
+    killed(run_script, server)
+    monkeypatch.setattr(process, "_FIRST", 0.3)
+    monkeypatch.setattr(process, "_PAUSE", 0.1)
+    server.pause()
+    process.cancel_leftovers(Ledger(path))
+    assert rows(path) == 1
+    server.resume()
     assert runs_nothing(server)
 
 

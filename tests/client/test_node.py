@@ -43,6 +43,25 @@ def in_use(node: Node) -> Iterator[Node]:
         node.context.try_shutdown()
 
 
+class OtherNode:
+    """A node that is no `Node`, as rclpy's AsyncNode."""
+
+    def __init__(self, node: Node) -> None:
+        self.context, self.handle = node.context, node.handle
+        self.get_fully_qualified_name = node.get_fully_qualified_name
+        self.resolve_service_name = node.resolve_service_name
+        self.resolve_topic_name = node.resolve_topic_name
+
+
+def test_a_node_of_another_kind_will_do(action_server, ros_domain):
+    action_server("fibonacci", action_name="/robot/fibonacci")
+    with (
+        user_node(ros_domain, namespace="robot") as node,
+        Client(Fibonacci, "fibonacci", node=OtherNode(node)) as client,
+    ):
+        assert len(client.call({"order": 3}, timeout=20).sequence) == 4
+
+
 @contextmanager
 def spinning(node: Node, kind: str) -> Iterator[threading.Thread]:
     """Spin the node in a thread, in one of the ways that users have."""

@@ -44,7 +44,8 @@ def test_what_is_missing_is_told(enclave, told, keystore, run_script, monkeypatc
     monkeypatch.setenv("ROS_SECURITY_ENCLAVE_OVERRIDE", enclave)
     code, out, _ = run_script(OPENS).finish()
     assert code == 0
-    assert out.startswith(f"ROS security keeps this process out, as enclave {enclave!r} of ")
+    assert out.startswith("ROS security keeps this process out: ")
+    assert f"It is enclave {enclave!r} of the keystore" in out
     assert told in out
     assert "`actionkit doctor` checks the settings" in out
 

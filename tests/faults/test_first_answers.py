@@ -20,9 +20,9 @@ from test_msgs.action import Fibonacci
 made = []
 make_node = runtime.make_node
 
-def make(*args):
+def make(*args, **own):
     made.append(time.monotonic())
-    return make_node(*args)
+    return make_node(*args, **own)
 
 runtime.make_node = make
 with Client(Fibonacci, "fibonacci") as client:

@@ -78,7 +78,6 @@ PROMISES: dict[str, tuple[str, ...]] = {
         "cli/test_call.py::test_sigterm_is_as_ctrl_c",
         "cli/test_call.py::test_a_closed_pipe_cancels_the_goal",
         "cli/test_call.py::test_json_tells_every_state_in_order_and_the_outcome_last",
-        "cli/test_cancel.py::test_goals_are_listed_and_canceled_by_id_and_all_at_once",
         "cli/test_cancel.py::test_a_refusal_is_told",
         "cli/test_stop.py::test_the_goals_of_three_servers",
     ),

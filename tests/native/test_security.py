@@ -40,6 +40,7 @@ try:
     with Client(Fibonacci, "fibonacci", node=node) as client:
         seen = []
         print(list(client.call({"order": 3}, timeout=30, on_feedback=seen.append).sequence))
+        print(client.cancel_everything())
 except ActionKitError as error:
     print(type(error).__name__, error)
 """
@@ -85,7 +86,7 @@ def test_a_client_uses_its_enclave(
     if variable is not None:
         monkeypatch.setenv("ROS_SECURITY_ENCLAVE_OVERRIDE", variable)
     code, out, err = run_script(CALLS, *arguments).finish()
-    assert (code, out) == (0, "[0, 1, 1, 2]\n"), err
+    assert (code, out) == (0, "[0, 1, 1, 2]\n{}\n"), err
     assert server.count("succeeded") == 1
 
 
@@ -95,7 +96,7 @@ def test_what_the_policy_does_not_allow_is_told(
     monkeypatch.setenv("ROS_SECURITY_ENCLAVE_OVERRIDE", "/robot/chatter")
     code, out, _ = run_script(CALLS).finish()
     assert code == 0
-    assert out.startswith("SecurityError ROS security keeps this process out, as enclave"), out
+    assert out.startswith("SecurityError ROS security keeps this process out: "), out
     assert server.count("goal_received") == 0
 
 

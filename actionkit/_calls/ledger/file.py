@@ -15,6 +15,7 @@ from pathlib import Path
 
 from actionkit._calls.ledger.store import Store, attempt_id
 from actionkit._threads.diagnostics import log_own_error
+from actionkit._threads.waiting import Flag
 
 _FLUSH = 2.0
 """Seconds to wait at a client's end until the goals that have ended are removed from the file."""
@@ -54,8 +55,8 @@ class _Writer:
             if self._pid == os.getpid():
                 return
             self._asked: _Asked = queue.SimpleQueue()
-            self._hurry = threading.Event()
-            run = partial(self._run, self._asked, self._hurry)
+            self._hurry = Flag()
+            run = partial(self._run, self._asked)
             thread = threading.Thread(target=run, name="actionkit-ledger", daemon=True)
             # It takes no signal: these are for the main thread, which may wait for one.
             before = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
@@ -76,18 +77,18 @@ class _Writer:
         self._asked.put((store, goal_id, do))
 
     def flush(self, store: Store) -> None:
-        """Wait a moment until all that was asked for is done."""
+        """Wait a moment until all that was asked for is done, for all files."""
         if self._pid == os.getpid():
-            done = threading.Event()
+            done = Flag()
             self.soon(store, None, done.set)
             self._hurry.set()
             done.wait(_FLUSH)
 
-    def _run(self, asked: _Asked, hurry: threading.Event) -> None:
+    def _run(self, asked: _Asked) -> None:
         while True:
             items = [asked.get()]
-            hurry.wait(_PAUSE)  # many at once cost hardly more than one
-            hurry.clear()
+            self._hurry.wait(_PAUSE)  # many at once cost hardly more than one
+            self._hurry = Flag()
             while not asked.empty():
                 items.append(asked.get())
             ended: dict[Store, list[uuid.UUID]] = defaultdict(list)

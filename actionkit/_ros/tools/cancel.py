@@ -52,9 +52,9 @@ class GoalCanceller:
         self,
         action_name: str,
         on_answer: Callable[[CancelSaid | AllSaid], object],
-        domain_id: int | None = None,
+        place: runtimes.Place | None = None,
     ) -> None:
-        """Make the client of the servers' cancel service; `None` means the environment's domain.
+        """Make the client of the servers' cancel service; `place` is that of `runtimes.acquire`.
 
         `on_answer` gets each answer, on another thread. Each server on the name answers.
         """
@@ -65,8 +65,14 @@ class GoalCanceller:
         self._asked_all: dict[int, int] = {}
         """Request to cancel all goals -> its number."""
         self._timer: TimerHandle | None = None
-        self._runtime = runtimes.acquire(domain_id, self)
-        self._runtime.run(self._begin)
+        self._client: Any = None
+        self._runtime = runtimes.acquire(place, self)
+        try:
+            self._runtime.run(self._begin)
+        except BaseException:  # also after Ctrl-C: nobody would call `close`
+            self._runtime.call_soon(self._end)
+            runtimes.release(self._runtime, self)
+            raise
 
     def cancel(self, goal_id: str) -> None:
         """Ask for the goal's cancellation until it is answered, a few goals at a time.
@@ -76,9 +82,13 @@ class GoalCanceller:
         key = uuid.UUID(goal_id).bytes
         self._runtime.call_soon(lambda: self._queue.ask(key))
 
-    def cancel_all(self, number: int) -> None:
-        """Ask once for the cancellation of all goals, when a server can take the request."""
-        self._runtime.call_soon(lambda: self._send_all(number))
+    def cancel_all(self, number: int, *, until: float = 0.0) -> None:
+        """Ask once for the cancellation of all goals, when a server can take the request.
+
+        With `until`, only of those that were accepted until then: seconds since the epoch, by the
+        server's clock. A busy server may take the request later.
+        """
+        self._runtime.call_soon(lambda: self._send_all(number, until))
 
     def stop(self, goal_id: str) -> None:
         """Stop asking for a goal."""
@@ -92,10 +102,10 @@ class GoalCanceller:
         self._runtime.join_if_stopping(_JOIN)
 
     def _begin(self) -> None:
-        self._client = self._runtime.node.create_client(
+        client = self._runtime.node.create_client(
             CancelGoal, f"{self._name}/_action/cancel_goal", qos_profile=QoSProfile(depth=_DEPTH)
         )
-        self._source = ResponseSource(self._client, self._take)
+        self._source = ResponseSource(client, self._take)
         self._runtime.enable(self._source)
         self._queue = CancelQueue(
             self._runtime,
@@ -103,8 +113,11 @@ class GoalCanceller:
             send=self._send,
             cancel_timer=self._runtime.cancel_timer,
         )
+        self._client = client
 
     def _end(self) -> None:
+        if self._client is None:
+            return
         self._queue.close()
         self._stop_waiting()
         self._runtime.disable(self._source)
@@ -124,14 +137,16 @@ class GoalCanceller:
         request.goal_info.goal_id.uuid = list(key)
         self._asked[self._source.send(request)] = key, self._runtime.now()
 
-    def _send_all(self, number: int) -> None:
+    def _send_all(self, number: int, until: float) -> None:
         self._stop_waiting()
         if self._is_ready():
-            # All zeros, in the id and in the stamp, mean all goals.
-            self._asked_all[self._source.send(CancelGoal.Request())] = number
+            request = CancelGoal.Request()  # all zeros, in the id and in the stamp, mean all goals
+            stamp = request.goal_info.stamp
+            stamp.sec, stamp.nanosec = int(until), int(until % 1 * 1e9)
+            self._asked_all[self._source.send(request)] = number
         else:
             again = self._runtime.now() + _NOT_READY
-            self._timer = self._runtime.call_at(again, lambda: self._send_all(number))
+            self._timer = self._runtime.call_at(again, lambda: self._send_all(number, until))
 
     def _stop_waiting(self) -> None:
         if self._timer is not None:

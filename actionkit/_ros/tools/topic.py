@@ -49,7 +49,7 @@ class TopicReader:
 
     def __init__(
         self,
-        domain_id: int | None,
+        place: runtimes.Place | None,
         topic: str,
         ros_type: str,
         cls: Any,
@@ -72,7 +72,7 @@ class TopicReader:
         self._timer: TimerHandle | None = None
         self._sources: dict[Qos, MessageSource] = {}
         type(cls).__import_type_support__()  # loads a library: too slow for that thread
-        self.runtime = runtimes.acquire(domain_id, self)
+        self.runtime = runtimes.acquire(place, self)
         try:
             self.runtime.run(self._look)
             if self._error is not None:

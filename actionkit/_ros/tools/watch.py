@@ -14,6 +14,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from actionkit._ros import graph
 from actionkit._ros.codes import STATES
+from actionkit._ros.runtimes import Place
 from actionkit._ros.tools.topic import SETTLE, Stamped, TopicReader
 from actionkit._ros.wire import goals
 
@@ -107,22 +108,22 @@ class StatusReader:
 
 
 def goals_in_flight(
-    domain_id: int | None, status_topic: str, stopped: Callable[[], bool]
+    place: Place | None, status_topic: str, stopped: Callable[[], bool]
 ) -> list[GoalSeen]:
     """Return those of `goals_seen` that have not ended."""
-    return [goal for goal in goals_seen(domain_id, status_topic, stopped) if goal.in_flight]
+    return [goal for goal in goals_seen(place, status_topic, stopped) if goal.in_flight]
 
 
 def goals_seen(
-    domain_id: int | None, status_topic: str, stopped: Callable[[], bool]
+    place: Place | None, status_topic: str, stopped: Callable[[], bool]
 ) -> list[GoalSeen]:
     """Return the goals that the servers of an action know now. Errors: see `arriving`.
 
-    A server that never had a goal sends no status.
+    `place` is that of `runtimes.acquire`. A server that never had a goal sends no status.
     """
     arrays: list[Stamped] = []
     joined = False
-    topic = TopicReader(domain_id, status_topic, _TYPE, GoalStatusArray, depth=_DEPTH)
+    topic = TopicReader(place, status_topic, _TYPE, GoalStatusArray, depth=_DEPTH)
     with closing(topic) as reader:
         found_by = reader.runtime.in_graph_since + _DISCOVERY
         ends = max(time.monotonic() + _STATUS_WAIT, found_by)

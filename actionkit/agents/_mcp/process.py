@@ -14,15 +14,17 @@ import signal
 import socket
 import subprocess
 import threading
+import time
 import traceback
+import uuid
 from collections.abc import Awaitable, Callable, Coroutine
 from types import FrameType
 from typing import Any, NoReturn
 
 from mcp.server import Server
 
-from actionkit import Ledger
-from actionkit._internal_api import watch_over
+from actionkit import CancelReport, Ledger
+from actionkit._internal_api import unfinished_goals, watch_over
 from actionkit.agents._mcp import http
 from actionkit.agents._mcp.address import Address
 from actionkit.agents._mcp.calls import Calls
@@ -38,6 +40,12 @@ _FREEING = 0.7
 """Seconds to leave the ROS graph in order."""
 _LAST = 3.7
 """Seconds after which the process ends, even if it waits for something."""
+_FIRST = 10.0
+"""Seconds to cancel what earlier processes have left, before the first call."""
+_AGAIN = 60.0
+"""Seconds of each further try."""
+_PAUSE = 5.0
+"""Seconds between two tries."""
 _UNKNOWN = 23
 """The exit code where a goal may still be running; as `actionkit cancel` has it."""
 _BROKEN = 1
@@ -216,17 +224,43 @@ def _watcher(ledger: Ledger) -> subprocess.Popen[bytes] | None:
     try:
         return watch_over(ledger.path)
     except OSError as error:
-        _say(f"no process can be started ({error}). If this one is killed, its goals run on")
+        _say(
+            f"no process can be started ({error})."
+            " If this one is killed, its goals run on until the next start"
+        )
         return None
 
 
 def cancel_leftovers(ledger: Ledger) -> None:
-    """Cancel what earlier processes have left running, before anything else is sent."""
+    """Cancel what earlier processes have left running, before anything else is sent.
+
+    What does not stop in ten seconds is cancelled again and again on a thread of its own.
+    """
+    told: dict[uuid.UUID, CancelReport] = {}
+    if _cancel_once(ledger, _FIRST, told):
+        with contextlib.suppress(RuntimeError):  # no more threads
+            threading.Thread(target=_go_on, args=(ledger, told), daemon=True).start()
+
+
+def _go_on(ledger: Ledger, told: dict[uuid.UUID, CancelReport]) -> None:
+    while _cancel_once(ledger, _AGAIN, told):
+        time.sleep(_PAUSE)
+
+
+def _cancel_once(ledger: Ledger, seconds: float, told: dict[uuid.UUID, CancelReport]) -> bool:
+    """Cancel what is left over, and tell what is new; return whether to try again."""
     try:
-        for goal, report in ledger.cancel().items():
-            _say(f"goal {goal.goal_id} of {goal.action_name}, left by an earlier process: {report}")
+        for goal, report in ledger.cancel(seconds).items():
+            if told.get(goal.goal_id) is not report:
+                told[goal.goal_id] = report
+                _say(
+                    f"goal {goal.goal_id} of {goal.action_name}, left by an earlier process:"
+                    f" {report}"
+                )
+        return unfinished_goals(ledger)
     except Exception as error:  # noqa: BLE001  they stay in the ledger
         _say(f"goals of earlier processes may still be running: {error!r}")
+        return False
 
 
 def _say(words: str) -> None:
