@@ -45,7 +45,8 @@ def close_all() -> None:
         grace = max((session.cancel_grace for session in sessions), default=0.0)
         until = time.monotonic() + _in_hand.patience(grace)
         _is_interrupted(partial(_in_hand.finish_all, until, _in_hand.CALLBACKS))
-    for ledger in [session.ledger for session in sessions if session.ledger is not None][:1]:
+    ledger = next((session.ledger for session in sessions if session.ledger is not None), None)
+    if ledger is not None:
         _is_interrupted(ledger._flush)  # that is for all ledgers
     observers_until = time.monotonic() + OBSERVERS_TIMEOUT
     _is_interrupted(partial(delivery.flush_all, observers_until))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -45,7 +45,9 @@ def cancel_all(calls: Iterable[Leftover], seconds: float, server: float) -> _Tol
     # One beside the other: an action without a server must not delay the others.
     done = {action: Flag() for action in by_action}
     for action, left in by_action.items():
-        run = partial(_in_thread, action, left, seconds, server, told, done[action])
+        flag = done[action]
+        cancel = partial(_cancel, *action, left, seconds, server, told, flag)
+        run = partial(_in_thread, cancel, flag)
         threading.Thread(target=run, name="actionkit-leftovers", daemon=True).start()
     until = time.monotonic() + seconds
     for flag in done.values():
@@ -53,16 +55,9 @@ def cancel_all(calls: Iterable[Leftover], seconds: float, server: float) -> _Tol
     return dict(told)
 
 
-def _in_thread(
-    action: tuple[int, str, str],
-    calls: list[Leftover],
-    seconds: float,
-    server: float,
-    told: _Told,
-    done: Flag,
-) -> None:
+def _in_thread(cancel: Callable[[], None], done: Flag) -> None:
     try:
-        _cancel(*action, calls, seconds, server, told, done)
+        cancel()
     except (ImportError, ValueError):
         pass  # the action's package is not installed here
     except Exception:  # noqa: BLE001  the goals of other actions count, too

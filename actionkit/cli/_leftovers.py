@@ -37,7 +37,7 @@ def open_ledger(path: str | None) -> Ledger:
     except (OSError, RuntimeError) as error:  # no home, or one that cannot be written
         raise Problem(
             Exit.FAILED,
-            f"there is no place for the file of goals ({error}). Name one in the environment"
+            f"the file of goals cannot be made ({error}). Name another file in the environment"
             " variable ACTIONKIT_LEDGER",
         ) from error
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
+import time
 import uuid
+from types import SimpleNamespace
 
 import pytest
 
@@ -229,6 +231,21 @@ def test_what_others_have_sent_is_cancelled_even_if_the_status_comes_too_late(
     told = client.cancel_everything()
     assert told == {future.goal_id: CancelReport.CONFIRMED for future in theirs}
     assert runs_nothing(server)
+
+
+def test_a_request_that_comes_late_cancels_nothing_that_was_sent_after_it(
+    action_server, others, client, monkeypatch
+):
+    """The server gets it at once; but for its time stamp, it was sent before the goal."""
+    server = action_server("never_finishes")
+    theirs = running(server, others)
+    monkeypatch.setattr("actionkit._ros.tools.watch.goals_seen", lambda *_: [])
+    earlier = SimpleNamespace(monotonic=time.monotonic, time=lambda: time.time() - 60.0)
+    monkeypatch.setattr("actionkit._calls.everything.time", earlier)
+    assert client.cancel_everything() == {}
+    server.sync()
+    assert str(theirs.goal_id) in server.running()
+    assert not theirs.done()
 
 
 def test_what_refuses_is_told_and_followed_no_more(action_server, others, client):

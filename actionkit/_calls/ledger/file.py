@@ -22,7 +22,8 @@ _FLUSH = 2.0
 _PAUSE = 0.2
 """Seconds in which goals that have ended are collected, to be removed together. If the process is
 killed meanwhile, they count as left over, and turn out to have ended."""
-_Asked = queue.SimpleQueue[tuple[Store, "uuid.UUID | None", "Callable[[], object] | None"]]
+_Item = tuple[Store, uuid.UUID] | Callable[[], object]
+"""A call to remove from a file, or something else to do."""
 _stores: dict[Path, Store] = {}
 _lock = threading.RLock()
 """For the stores, and for the start of the thread."""
@@ -54,7 +55,7 @@ class _Writer:
         with _lock:
             if self._pid == os.getpid():
                 return
-            self._asked: _Asked = queue.SimpleQueue()
+            self._asked: queue.SimpleQueue[_Item] = queue.SimpleQueue()
             self._hurry = Flag()
             run = partial(self._run, self._asked)
             thread = threading.Thread(target=run, name="actionkit-ledger", daemon=True)
@@ -68,23 +69,21 @@ class _Writer:
             finally:
                 signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
-    def soon(
-        self, store: Store, goal_id: uuid.UUID | None, do: Callable[[], object] | None = None
-    ) -> None:
-        """Remove a call, or do something else with a file. Never blocks; from any thread."""
+    def soon(self, item: _Item) -> None:
+        """Do it soon. Never blocks; from any thread."""
         if self._pid != os.getpid():
             self.begin()
-        self._asked.put((store, goal_id, do))
+        self._asked.put(item)
 
-    def flush(self, store: Store) -> None:
+    def flush(self) -> None:
         """Wait a moment until all that was asked for is done, for all files."""
         if self._pid == os.getpid():
             done = Flag()
-            self.soon(store, None, done.set)
+            self.soon(done.set)
             self._hurry.set()
             done.wait(_FLUSH)
 
-    def _run(self, asked: _Asked) -> None:
+    def _run(self, asked: queue.SimpleQueue[_Item]) -> None:
         while True:
             items = [asked.get()]
             self._hurry.wait(_PAUSE)  # many at once cost hardly more than one
@@ -92,12 +91,15 @@ class _Writer:
             while not asked.empty():
                 items.append(asked.get())
             ended: dict[Store, list[uuid.UUID]] = defaultdict(list)
-            for store, goal_id, _ in items:
-                if goal_id is not None:
-                    ended[store].append(goal_id)
+            others: list[Callable[[], object]] = []
+            for item in items:
+                if callable(item):
+                    others.append(item)
+                else:
+                    ended[item[0]].append(item[1])
             steps: list[Callable[[], object]] = []
             steps += (partial(store.remove, goal_ids) for store, goal_ids in ended.items())
-            for step in [*steps, *(do for _, _, do in items if do is not None)]:
+            for step in [*steps, *others]:
                 try:
                     step()
                 except Exception:  # noqa: BLE001  they count as left over: too many are safe
@@ -154,12 +156,12 @@ class LedgerFile:
 
     def _remove_soon(self, goal_id: uuid.UUID) -> None:
         """Remove a call. Never blocks; from any thread."""
-        _writer.soon(self._store, goal_id)
+        _writer.soon((self._store, goal_id))
 
     def _do_soon(self, do: Callable[[], object]) -> None:
         """Do something with the file. Never blocks; from any thread."""
-        _writer.soon(self._store, None, do)
+        _writer.soon(do)
 
     def _flush(self) -> None:
         """Wait a moment until all that was asked for is done, for all files."""
-        _writer.flush(self._store)
+        _writer.flush()
