@@ -118,6 +118,18 @@ def on_shutdown(context: Context, method: Callable[[], None]) -> None:
     context._callbacks.append(WeakMethod(method, context._remove_callback))
 
 
+def outlive_shutdown(node: Node) -> None:
+    """Keep our node in a context that is shut down; its owner destroys it.
+
+    From ROS 2 Kilted on, a context that is shut down destroys its nodes first, on the thread that
+    shuts down. Our communication thread may wait on their entities at that moment, and cancels
+    goals through them after it.
+    """
+    untrack = getattr(node.context, "untrack_node", None)
+    if untrack is not None:
+        untrack(node)
+
+
 class Source:
     """An entity to wait for, and what to call when there is something to read."""
 

@@ -10,7 +10,7 @@ from rclpy.parameter import Parameter
 
 from actionkit._ros.graph import is_last
 from actionkit._ros.names import ActionNames, resolve
-from actionkit._ros.native import node_is_destroyed
+from actionkit._ros.native import node_is_destroyed, outlive_shutdown
 from actionkit._ros.secured import explained, raise_if_secured
 from actionkit._ros.workarounds.listener_hang import stop_listening
 
@@ -83,7 +83,7 @@ def _node(
     use_global_arguments: bool,
     cli_args: list[str] | None = None,
 ) -> Node:
-    return Node(
+    node = Node(
         name,
         context=context,
         cli_args=cli_args,
@@ -92,3 +92,5 @@ def _node(
         start_parameter_services=False,
         parameter_overrides=[Parameter("start_type_description_service", value=False)],
     )
+    outlive_shutdown(node)
+    return node

@@ -15,7 +15,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.context import Context
 from rclpy.node import Node
 
-from actionkit._ros.native import shut_down
+from actionkit._ros.native import outlive_shutdown, shut_down
 from actionkit._ros.workarounds.listener_hang import stop_listening
 from actionkit.servers._behaviour import Behaviour, Process
 from actionkit.servers._contents import message_of
@@ -313,6 +313,7 @@ class Harness:
             enable_rosout=False,
             start_parameter_services=False,
         )
+        outlive_shutdown(node)
         self._nodes.append(node)
         self.executor.add_node(node)
         return node

@@ -16,13 +16,12 @@ from typing import Any
 
 from rcl_interfaces.msg import Log
 from rclpy.exceptions import InvalidHandle
-from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from actionkit._ros import runtimes
 from actionkit._ros.native import RCLError, subscribe_raw
+from actionkit._ros.own_node import make_node
 
 TOPIC = "/actionkit/hold"
 _NODE = "actionkit_hold_"
@@ -104,14 +103,7 @@ class HoldTopic:
 
     def _begin(self, speaks: bool) -> None:
         # A node of its own, for its name. It shares everything else with the runtime's nodes.
-        self._node = Node(
-            self.node_name,
-            context=self._runtime.context,
-            use_global_arguments=False,  # nobody else would be on a remapped topic
-            enable_rosout=False,
-            start_parameter_services=False,
-            parameter_overrides=[Parameter("start_type_description_service", value=False)],
-        )
+        self._node = make_node(self.node_name, self._runtime.context, own=True)
         self._source = subscribe_raw(self._node, Log, TOPIC, _qos(_DEPTH), self._take)
         self._runtime.enable(self._source)
         if speaks:
