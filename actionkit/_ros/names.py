@@ -19,6 +19,7 @@ from rclpy.exceptions import (
 from rclpy.node import Node
 
 from actionkit._ros.native import RCLError
+from actionkit._ros.release import is_kilted_or_later
 
 _NOT_TEXT = ("Cc", "Cs")
 """Control characters, such as NUL, and half characters (surrogates)."""
@@ -97,7 +98,9 @@ def resolve(node: Node, action_name: str) -> ActionNames:
     """Return the names that `action_name` means for `node`, which has the rules.
 
     The node's rules for each of the five names count, as for rclpy's `ActionClient`. If there are
-    none, a rule for the action's own name counts, too; rclpy's client ignores such a rule.
+    none, a rule for the action's own name counts, too; rclpy's client of Jazzy ignores such a
+    rule. From ROS 2 Kilted on, rclpy applies it first, and then those for the five names to what
+    it gives; so does this.
 
     Raises:
         ValueError: It is not a valid action name, or one of the five is not valid after remapping;
@@ -111,7 +114,7 @@ def resolve(node: Node, action_name: str) -> ActionNames:
     try:
         expanded = told(partial(node.resolve_topic_name, only_expand=True))(action_name)
         names = ActionNames.of(expanded, service, topic)
-        if names == ActionNames.of(expanded):
+        if is_kilted_or_later() or names == ActionNames.of(expanded):
             names = ActionNames.of(topic(action_name), service, topic)
     except InvalidHandle as error:
         raise ValueError(f"node={node!r} was destroyed: give one that is in use") from error

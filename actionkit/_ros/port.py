@@ -60,6 +60,7 @@ class Port:
         if node is not None and not _is_node(node):
             raise TypeError(f"node={node!r} must be an rclpy node")
         name = check_name(action_name, has_node=node is not None)
+        context = _users_context(node) if domain is None else None
         names = None if node is None else resolve(node, name)
         self.freed = Flag()
         """Set when the entities are destroyed and the runtime is released."""
@@ -67,7 +68,6 @@ class Port:
         self.server_waits: set[Flag] = set()
         """Flags that are set when the port is freed. On the communication thread, like the next."""
         self.waits_ended = False
-        context = _users_context(node) if domain is None else None
         with _told_if_down(context):
             self.runtime = runtimes.acquire(domain.id if domain else context, self)
             try:

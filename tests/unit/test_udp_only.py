@@ -7,6 +7,7 @@ from importlib.metadata import PackageNotFoundError
 
 import pytest
 
+from actionkit._ros import release
 from actionkit._ros.workarounds import udp_only
 
 EARLIER, LATER = "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"
@@ -27,7 +28,7 @@ def test_variable_follows_the_version_of_rclpy(
             raise PackageNotFoundError(name)
         return rclpy
 
-    monkeypatch.setattr(udp_only, "version", version)
+    monkeypatch.setattr(release, "version", version)
     udp_only.use_udp_only()
     assert {EARLIER, LATER} & os.environ.keys() == {named}
 

@@ -11,8 +11,9 @@ not in 2.14, of ROS 2 Jazzy.
 from __future__ import annotations
 
 import os
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+from actionkit._ros.release import is_kilted_or_later
 
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _LOCALHOST_ONLY = "ROS_LOCALHOST_ONLY"
@@ -21,8 +22,6 @@ _BUILTIN = "FASTDDS_BUILTIN_TRANSPORTS"
 _PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _PROFILES_LATER = "FASTDDS_DEFAULT_PROFILES_FILE"
 """Its name since ROS 2 Kilted, which warns about the old name."""
-_KILTED = 9
-"""The major version of its rclpy; Jazzy has 7."""
 _OWN = (_PROFILES, _PROFILES_LATER, _BUILTIN, "ROS_STATIC_PEERS")
 """Variables of users with their own transports or peers."""
 _FILE = Path(__file__).with_name("udp_on_localhost.xml")
@@ -47,12 +46,4 @@ def use_udp_only() -> None:
         # say otherwise. The file has the same range without it; SYSTEM_DEFAULT makes it count.
         os.environ.pop(_LOCALHOST_ONLY, None)
         os.environ[_RANGE] = "SYSTEM_DEFAULT"
-        os.environ[_profiles_variable()] = str(_FILE)
-
-
-def _profiles_variable() -> str:
-    try:
-        major = int(version("rclpy").partition(".")[0])
-    except (PackageNotFoundError, ValueError):
-        return _PROFILES
-    return _PROFILES_LATER if major >= _KILTED else _PROFILES
+        os.environ[_PROFILES_LATER if is_kilted_or_later() else _PROFILES] = str(_FILE)
