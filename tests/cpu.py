@@ -94,11 +94,14 @@ class Cpu:
         return {tier: cost for tier, cost in costs.items() if cost > BUDGETS[tier] * MARGIN}
 
     def _costs(self) -> dict[str, float]:
-        """Return what each tier costs: its tests, and its share of what is around all tests."""
+        """Return what each tier of this run costs: its tests, and its share of what is around."""
         default = sum(test.cpu for test in self._tests.values() if test.tier == "default")
         tests = sum(test.cpu for test in self._tests.values())
         everything = used()
-        return {"default": everything * default / (tests or 1.0), "long": everything}
+        costs = {"default": everything * default / (tests or 1.0)}
+        if self._config.getoption("long"):
+            costs["long"] = everything
+        return costs
 
     def lines(self) -> list[str]:
         rows: dict[tuple[str, str], list[_Test]] = defaultdict(list)
@@ -111,6 +114,8 @@ class Cpu:
         ):
             cpu, wall = sum(test.cpu for test in tests), sum(test.wall for test in tests)
             lines.append(f"{tier:<8}{cpu:8.1f}{wall:8.1f}{len(tests):7}  {folder}")
+        around = used() - sum(test.cpu for test in self._tests.values())
+        lines.append(f"{'':<8}{around:8.1f}                around the tests")
         for tier, cost in self._costs().items():
             # A first run compiles everything, too, and fails for no budget.
             over = self._config.getoption("hold_budgets") and tier in self._over()

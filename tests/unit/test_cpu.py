@@ -16,7 +16,7 @@ from tests import cpu, forked
 def test_over_budget(budget: float, held: bool, ends: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(forked, "close", lambda: None)
     monkeypatch.setattr(cpu, "BUDGETS", {"default": 1e9, "long": budget})
-    options = {"hold_budgets": held}
+    options = {"hold_budgets": held, "long": True}
     config: Any = SimpleNamespace(getoption=options.get)
     plugin = cpu.Cpu(config)
     for tier in ("default", "long"):

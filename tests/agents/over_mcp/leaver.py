@@ -13,7 +13,9 @@ from mcp.client.streamable_http import streamable_http_client
 
 async def main() -> None:
     told = json.loads(sys.argv[1])
-    async with httpx2.AsyncClient(headers={"Authorization": f"Bearer {told.get('token')}"}) as http:
+    # Its default is 5 s: on a busy machine, a first call has been given up by then.
+    headers = {"Authorization": f"Bearer {told.get('token')}"}
+    async with httpx2.AsyncClient(headers=headers, timeout=60.0) as http:
         server = (
             streamable_http_client(told["url"], http_client=http)
             if told["url"]
