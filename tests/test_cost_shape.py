@@ -108,13 +108,13 @@ def test_nothing_is_left_of_calls_that_failed(action_server, make_client, monkey
                 future.cancel()
             future.outcome(20)
             del future
+        # A goal that was cancelled may end after its future.
+        until(lambda: not any(link_of(client).table_sizes().values()), bound=20)
         return settled()
 
     fail(50)
     before = fail(30)
     assert fail(150) - before < 100
-    # A goal that was cancelled may end after its future.
-    until(lambda: not any(link_of(client).table_sizes().values()), bound=20)
 
 
 @pytest.mark.long

@@ -24,7 +24,7 @@ import actionkit as ak
 from actionkit import CancelReport, Client, GoalUnknownError, Ledger
 from actionkit.servers import Server
 from tests import forked
-from tests.conftest import runs_nothing
+from tests.conftest import Script, runs_nothing
 from tests.faults.killed import (
     ACCEPTED,
     BY_DEFAULT,
@@ -55,8 +55,7 @@ class Scene:
         self.guarded = case.way in (GUARD, NEXT_GUARD)
         words = [sys.executable, "-c", PROGRAM, server.action_name, case.phase]
         self.top = self.guard(*words) if self.guarded else self.popen(words)
-        assert self.top.stdout is not None
-        pid, self.goal_id = self.top.stdout.readline().split()
+        pid, self.goal_id = Script(self.top).line().split()
         self.pid = int(pid)
 
     def popen(self, words: list[str]) -> subprocess.Popen[str]:
