@@ -171,7 +171,8 @@ def test_only_the_last_node_of_a_context_stops_listening(ros_domain, monkeypatch
                 if is_last:
                     users.destroy_node()
             runtime.join(20)
-            assert stopped == [name] * is_last
+            # A runtime of an earlier test may end just now, too.
+            assert stopped.count(name) == is_last
 
 
 @pytest.mark.parametrize(
