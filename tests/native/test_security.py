@@ -46,12 +46,21 @@ except ActionKitError as error:
 """
 
 
+def without_preload() -> dict[str, str]:
+    """Return the environment without CycloneDDS, which `--combination` has every program load.
+
+    It makes threads, and a shell forks: then its child may wait for ever for one of them.
+    """
+    return {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}
+
+
 @pytest.fixture(scope="session")
 def keystore(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("security") / "keys"
     allowed = f"/robot/client={','.join(ALLOWED)}"
     enclaves = ["/robot/server", "/robot/free", "/robot/chatter=rt/chatter", allowed]
-    subprocess.run([SOURCES / "make_keystore.py", folder, *enclaves], check=True)
+    script = str(SOURCES / "make_keystore.py")
+    subprocess.run([sys.executable, script, folder, *enclaves], check=True, env=without_preload())
     return folder
 
 
@@ -117,9 +126,10 @@ def test_a_server_without_keys_is_not_seen_and_that_is_told(
 def test_the_commands_of_the_guide(server: Any, keystore: Path, tmp_path: Path) -> None:
     page = ROOT / "docs" / "guides" / "security.md"
     (block,) = [block for block in blocks(page) if "actionkit call" in block.text]
+    commands = block.text.replace("/opt/robot/keys", str(keystore))
     done = subprocess.run(
-        ["bash", "-ec", block.text.replace("/opt/robot/keys", str(keystore))],
-        env={**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
+        ["bash", "-ec", f"export LD_PRELOAD='{os.environ.get('LD_PRELOAD', '')}'\n{commands}"],
+        env={**without_preload(), "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
         capture_output=True,
         text=True,
         check=False,
