@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
+import tempfile
 import threading
 import time
 import uuid
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -27,7 +29,7 @@ from rclpy.qos import QoSProfile
 from test_msgs.action import Fibonacci
 from unique_identifier_msgs.msg import UUID
 
-from actionkit import Client
+from actionkit import Client, Ledger
 from actionkit._ros.workarounds.listener_hang import stop_listening
 from benchmarks.variant import PATIENCE, OnFeedback, Variant
 
@@ -52,6 +54,25 @@ class Blocking(Variant):
 
     def at_once(self, goals: int, order: int) -> list[float]:
         return from_threads(self, goals, order)
+
+
+class WithLedger(Blocking):
+    """`client.call`, of a client that writes each goal into a file before it sends it."""
+
+    def open(self, name: str) -> None:
+        self._folder = tempfile.TemporaryDirectory()
+        self._ledger = Ledger(Path(self._folder.name, "goals.db"))
+        self.client = Client(Fibonacci, name, ledger=self._ledger)
+        assert self.client.wait_for_server(PATIENCE)
+
+    def close(self) -> None:
+        super().close()
+        self._folder.cleanup()
+
+    def in_a_row(self, calls: int, order: int, on_feedback: OnFeedback | None) -> list[float]:
+        took = super().in_a_row(calls, order, on_feedback)
+        self._ledger._flush()  # what it does a little later counts, too
+        return took
 
 
 class Awaiting(Blocking):
@@ -183,6 +204,7 @@ class MultiThreaded(OneThread):
 
 
 OURS = ("ActionKit blocking", "ActionKit await")
+LEDGER, FLOOR = "ActionKit with ledger", "least in Python"
 BEST_RAW = "rclpy one thread"
 """The best of the raw ones where only one is measured."""
 

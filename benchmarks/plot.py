@@ -19,6 +19,8 @@ _WIDTH = 7.5
 _COLOURS = {
     "ActionKit blocking": "#0b6e4f",
     "ActionKit await": "#5fb49c",
+    "ActionKit with ledger": "#5fb49c",
+    "least in Python": "#bbbbbb",
     "ActionKit": "#0b6e4f",
     "command line": "#5fb49c",
     "rclcpp": "#bbbbbb",

@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 from benchmarks.bridges import SpinningTask, SpinningThread
-from benchmarks.clients import Awaiting, Blocking, MultiThreaded, OneThread, Tutorial
+from benchmarks.clients import (
+    FLOOR,
+    LEDGER,
+    Awaiting,
+    Blocking,
+    MultiThreaded,
+    OneThread,
+    Tutorial,
+    WithLedger,
+)
+from benchmarks.floor import Floor
 from benchmarks.rclcpp_client import Rclcpp, prefix
 from benchmarks.variant import Variant
 
 VARIANTS: dict[str, type[Variant]] = {
     "ActionKit blocking": Blocking,
     "ActionKit await": Awaiting,
+    LEDGER: WithLedger,
+    FLOOR: Floor,
     "rclpy tutorial": Tutorial,
     "rclpy one thread": OneThread,
     "rclpy multi-threaded": MultiThreaded,
