@@ -7,15 +7,17 @@ from contextlib import ExitStack
 from functools import partial
 
 from benchmarks.clients import FLOOR, LEDGER, OURS
-from benchmarks.measure import Report, Samples, Scale, Verdict, alternate, best, figure, ratio
+from benchmarks.measure import Report, Scale, Verdict, alternate, best, figure, ratio
 from benchmarks.pairs import FORGETFUL, Pair
-from benchmarks.variants import RAW, VARIANTS
+from benchmarks.variants import COMPARED, RAW
 
 _CALLS = 10
 _LIMITS = {"rclcpp": {"cpu": 2.0, "latency": 1.5}, FLOOR: {"cpu": 1.4, "latency": 1.4}}
 """What a blocking call may cost, to these."""
 _LEDGER_ADDS = 0.1
 """Milliseconds."""
+_ACTIONS = {OURS[0]: "without", LEDGER: "with_ledger"}
+"""The actions of the clients without and with a ledger."""
 _NAMES = {"cpu": "client CPU", "latency": "latency"}
 
 
@@ -24,11 +26,12 @@ def run_all(scale: Scale) -> Report:
     report = Report(1, "One call at a time")
     with ExitStack() as stack:
         pairs = {
-            name: stack.enter_context(Pair(name, result_timeout=FORGETFUL)) for name in VARIANTS
+            name: stack.enter_context(Pair(name, result_timeout=FORGETFUL)) for name in COMPARED
         }
         for order in (5, 50):
             for feedback in (False, True):
                 _cell(report, scale, pairs, order, feedback)
+    _ledger(report, scale)
     return report
 
 
@@ -57,16 +60,22 @@ def _cell(report: Report, scale: Scale, pairs: dict[str, Pair], order: int, feed
                 Verdict(f"{what}: latency of {name}, to the best raw", latency.ratio, 1.0),
                 Verdict(f"{what}: client CPU of {name}, to the best raw", cpu.ratio, 0.6),
             ]
-    report.verdicts.append(
-        Verdict(f"{what}: CPU that a ledger adds", 1e3 * added(samples), _LEDGER_ADDS, "ms")
-    )
     for other, limits in _LIMITS.items():
         for key, limit in limits.items() if other in pairs else ():
             to = f"{what}: {_NAMES[key]} of {OURS[0]}, to {other}"
             report.verdicts.append(Verdict(to, ratio(samples, OURS[0], other, key), limit))
 
 
-def added(samples: Samples) -> float:
-    """Return the median of the CPU seconds that the ledger's client used more in a round."""
+def _ledger(report: Report, scale: Scale) -> None:
+    """Measure what a ledger adds, in one process: two processes differ by half as much."""
+    with Pair(OURS[0], result_timeout=FORGETFUL) as pair:
+        for name, action in _ACTIONS.items():
+            pair.server.do("renew", name=action, result_timeout=FORGETFUL)
+            pair.client.do("open", name=action, variant=name)
+        turns = {name: partial(pair.turn, _CALLS, 5, name=one) for name, one in _ACTIONS.items()}
+        samples = alternate(scale.pick(100, 300), turns, "1, ledger")
     both = zip(samples[LEDGER], samples[OURS[0]], strict=True)
-    return statistics.median(float(kept["cpu"]) - float(plain["cpu"]) for kept, plain in both)
+    added = statistics.median(float(kept["cpu"]) - float(plain["cpu"]) for kept, plain in both)
+    report.verdicts.append(
+        Verdict("order 5: CPU that a ledger adds", 1e3 * added, _LEDGER_ADDS, "ms")
+    )

@@ -1,4 +1,4 @@
-"""All that are compared, by name."""
+"""All clients that are measured, by name."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ from benchmarks.variant import Variant
 VARIANTS: dict[str, type[Variant]] = {
     "ActionKit blocking": Blocking,
     "ActionKit await": Awaiting,
-    LEDGER: WithLedger,
     FLOOR: Floor,
     "rclpy tutorial": Tutorial,
     "rclpy one thread": OneThread,
@@ -30,4 +29,7 @@ VARIANTS: dict[str, type[Variant]] = {
 }
 if prefix() is not None:
     VARIANTS["rclcpp"] = Rclcpp
+COMPARED = tuple(VARIANTS)
+"""Those that are compared with each other."""
+VARIANTS[LEDGER] = WithLedger
 RAW = tuple(name for name in VARIANTS if name.startswith(("rclpy", "asyncio")))

@@ -26,13 +26,13 @@ class Worker:
     """Carries out commands on clients of one variant."""
 
     def __init__(self, variant: str) -> None:
-        self._make = VARIANTS[variant]
+        self._variant = variant
         self._clients: dict[str, Variant] = {}
         self._endless: list[Any] = []
 
-    def open(self, name: str = NAME) -> None:
-        """Make a client of an action and connect it."""
-        client = self._clients[name] = self._make()
+    def open(self, name: str = NAME, variant: str | None = None) -> None:
+        """Make a client of an action and connect it; with `variant`, of another kind."""
+        client = self._clients[name] = VARIANTS[variant or self._variant]()
         client.open(name)
 
     def close(self, name: str | None = None) -> None:

@@ -20,6 +20,8 @@ _BUSY = 5.0
 """Seconds to wait for another process that writes; a write takes some 50 microseconds."""
 _AGAIN = 0.01
 """Seconds between two tries to make the file."""
+_PAGE = 1024
+"""Bytes of a new file's pages: each write writes some whole, and a goal takes some 100 bytes."""
 _VERSION = 2
 _SCHEMA = """
 CREATE TABLE processes (number INTEGER PRIMARY KEY AUTOINCREMENT, pid INTEGER, host TEXT);
@@ -207,6 +209,7 @@ class Store:
         db = sqlite3.connect(
             self._path, timeout=_BUSY, isolation_level=None, check_same_thread=False
         )
+        db.execute(f"PRAGMA page_size={_PAGE}")
         until = time.monotonic() + _BUSY
         while True:  # SQLite itself does not wait here for another process that makes the file
             try:
