@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from test_msgs.action import Fibonacci
 
 from actionkit import Client, Timeouts
 from actionkit._ros.entities import Entities
@@ -115,6 +116,18 @@ def test_nothing_is_left_of_calls_that_failed(action_server, make_client, monkey
     fail(50)
     before = fail(30)
     assert fail(150) - before < 100
+
+
+def test_the_node_keeps_nothing_of_clients_that_are_closed(action_server, make_client):
+    action_server("fibonacci", journal="none")
+    client = make_client()  # stays open, and so does the node of all clients
+    client.wait_for_server(20)
+    kept = node_of(client).default_callback_group.entities  # for as long as the node lives
+    before = len(kept)
+    for _ in range(3):
+        with Client(Fibonacci, "fibonacci", timeouts=Timeouts(server=30.0)) as other:
+            other.call({"order": 3}, 20)
+    assert len(kept) == before
 
 
 @pytest.mark.long

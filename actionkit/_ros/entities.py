@@ -23,6 +23,7 @@ from actionkit._ros.native import (
     MessageSource,
     ResponseSource,
     Source,
+    own_group,
     subscribe_raw,
     unused,
 )
@@ -155,7 +156,10 @@ class Entities:
         return self._client(CancelGoal, self._names.cancel_goal)
 
     def _client(self, srv_type: Any, name: str) -> ServiceClient:
-        client = self._node.create_client(srv_type, name, qos_profile=QoSProfile(depth=_DEEP))
+        qos = QoSProfile(depth=_DEEP)
+        client = self._node.create_client(
+            srv_type, name, qos_profile=qos, callback_group=own_group()
+        )
         self._clients.append(client)
         return client
 
@@ -185,6 +189,7 @@ class Entities:
                 if self._best_effort
                 else ReliabilityPolicy.RELIABLE,
             ),
+            callback_group=own_group(),
             raw=True,
             event_callbacks=events,
         )

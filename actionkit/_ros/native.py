@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 from weakref import WeakMethod
 
 from rclpy import utilities
+from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
 from rclpy.client import Client as ServiceClient
 from rclpy.context import Context
 from rclpy.event_handler import EventHandler, SubscriptionEventCallbacks
@@ -221,8 +222,24 @@ def subscribe_raw(
 ) -> MessageSource:
     """Subscribe to a topic. Its messages are not decoded."""
     quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
-    made = node.create_subscription(cls, topic, unused, qos, raw=True, event_callbacks=quiet)
+    made = node.create_subscription(
+        cls,
+        topic,
+        unused,
+        qos,
+        callback_group=own_group(),
+        raw=True,
+        event_callbacks=quiet,
+    )
     return MessageSource(made, on_readable)
+
+
+def own_group() -> CallbackGroup:
+    """Return a callback group for one entity, to be dropped together with it.
+
+    The node's own group keeps a weak reference to each entity for as long as the node lives.
+    """
+    return ReentrantCallbackGroup()
 
 
 def unused(_: Any) -> None:
