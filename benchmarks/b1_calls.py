@@ -5,6 +5,7 @@ from __future__ import annotations
 import statistics
 from contextlib import ExitStack
 from functools import partial
+from itertools import product
 
 from benchmarks.clients import FLOOR, LEDGER, OURS
 from benchmarks.measure import Report, Scale, Verdict, alternate, best, figure, ratio
@@ -13,7 +14,7 @@ from benchmarks.variants import COMPARED, RAW
 
 _CALLS = 10
 _LIMITS = {"rclcpp": {"cpu": 2.0, "latency": 1.5}, FLOOR: {"cpu": 1.4, "latency": 1.4}}
-"""What a blocking call may cost, to these."""
+"""What a call may cost, to these."""
 _LEDGER_ADDS = 0.1
 """Milliseconds."""
 _ACTIONS = {OURS[0]: "without", LEDGER: "with_ledger"}
@@ -60,10 +61,10 @@ def _cell(report: Report, scale: Scale, pairs: dict[str, Pair], order: int, feed
                 Verdict(f"{what}: latency of {name}, to the best raw", latency.ratio, 1.0),
                 Verdict(f"{what}: client CPU of {name}, to the best raw", cpu.ratio, 0.6),
             ]
-    for other, limits in _LIMITS.items():
+    for name, (other, limits) in product(OURS, _LIMITS.items()):
         for key, limit in limits.items() if other in pairs else ():
-            to = f"{what}: {_NAMES[key]} of {OURS[0]}, to {other}"
-            report.verdicts.append(Verdict(to, ratio(samples, OURS[0], other, key), limit))
+            to = f"{what}: {_NAMES[key]} of {name}, to {other}"
+            report.verdicts.append(Verdict(to, ratio(samples, name, other, key), limit))
 
 
 def _ledger(report: Report, scale: Scale) -> None:

@@ -6,7 +6,7 @@ import statistics
 from contextlib import ExitStack
 from functools import partial
 
-from benchmarks.clients import BEST_RAW, OURS
+from benchmarks.clients import BEST_RAW, FLOOR, OURS
 from benchmarks.measure import (
     Report,
     Sample,
@@ -17,10 +17,21 @@ from benchmarks.measure import (
     ratio,
 )
 from benchmarks.pairs import Pair, tried_again
+from benchmarks.rclcpp_client import prefix
 
 _ORDER = 5
 _LEVELS = (1, 10, 100, 1000)
-_CLIENTS = {"threads": OURS[0], "asyncio": OURS[1], "rclpy, threads": BEST_RAW}
+_CLIENTS = {
+    "threads": OURS[0],
+    "asyncio": OURS[1],
+    "rclpy, threads": BEST_RAW,
+    "least in Python": FLOOR,
+}
+if prefix() is not None:
+    _CLIENTS["rclcpp"] = "rclcpp"
+_LIMITS = {"rclcpp": {"cpu": 2.0, "wall": 1.5}, "least in Python": {"cpu": 1.4, "wall": 1.4}}
+"""What a goal may cost with a hundred in flight, to these."""
+_NAMES = {"wall": "wall time", "cpu": "client CPU"}
 _WAVES = {1: 30, 10: 10, 100: 2, 1000: 1}
 
 
@@ -45,7 +56,7 @@ def run_all(scale: Scale) -> Report:
             ]
         if who in ("threads", "asyncio"):
             thousand, ten = _name(who, 1000), _name(who, 10)
-            for key, what in (("wall", "wall time"), ("cpu", "client CPU")):
+            for key, what in _NAMES.items():
                 report.verdicts.append(
                     Verdict(
                         f"{what} per goal, 1,000 in flight ({who}), to 10",
@@ -53,6 +64,11 @@ def run_all(scale: Scale) -> Report:
                         2.0,
                     )
                 )
+            for other, limits in _LIMITS.items():
+                for key, limit in limits.items() if other in _CLIENTS else ():
+                    to = f"{_NAMES[key]} per goal, 100 in flight ({who}), to {other}"
+                    measured = ratio(samples, _name(who, 100), _name(other, 100), key)
+                    report.verdicts.append(Verdict(to, measured, limit))
     return report
 
 

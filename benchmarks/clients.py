@@ -33,8 +33,8 @@ from actionkit import Client, Ledger
 from actionkit._ros.workarounds.listener_hang import stop_listening
 from benchmarks.variant import PATIENCE, OnFeedback, Variant
 
-_DEEP = QoSProfile(depth=2000)
-_WINDOW = 8
+DEEP = QoSProfile(depth=2000)
+WINDOW = 8
 
 
 class Blocking(Variant):
@@ -150,11 +150,11 @@ class OneThread(Variant):
             Fibonacci,
             name,
             callback_group=self.make_group(),
-            goal_service_qos_profile=_DEEP,
-            result_service_qos_profile=_DEEP,
-            feedback_sub_qos_profile=_DEEP,
+            goal_service_qos_profile=DEEP,
+            result_service_qos_profile=DEEP,
+            feedback_sub_qos_profile=DEEP,
         )
-        self._window = threading.Semaphore(_WINDOW)
+        self._window = threading.Semaphore(WINDOW)
         self._thread = threading.Thread(target=self.executor.spin, daemon=True)
         self._thread.start()
         assert self.client.wait_for_server(PATIENCE)

@@ -2,6 +2,8 @@
 
 #include <atomic>
 #include <chrono>
+#include <deque>
+#include <future>
 #include <memory>
 #include <string>
 #include <thread>
@@ -14,6 +16,7 @@ using Fibonacci = test_msgs::action::Fibonacci;
 using Client = rclcpp_action::Client<Fibonacci>;
 
 constexpr std::chrono::seconds PATIENCE{60};
+constexpr size_t WINDOW = 8;
 
 struct Caller
 {
@@ -34,7 +37,11 @@ extern "C" void * open_client(const char * name)
   }
   auto caller = std::make_unique<Caller>();
   caller->node = std::make_shared<rclcpp::Node>("rclcpp_client");
-  caller->client = rclcpp_action::create_client<Fibonacci>(caller->node, name);
+  auto options = rcl_action_client_get_default_options();
+  options.goal_service_qos.depth = 2000;
+  options.result_service_qos.depth = 2000;
+  options.feedback_topic_qos.depth = 2000;
+  caller->client = rclcpp_action::create_client<Fibonacci>(caller->node, name, nullptr, options);
   caller->executor = std::make_unique<rclcpp::executors::SingleThreadedExecutor>();
   caller->executor->add_node(caller->node);
   caller->thread = std::thread([executor = caller->executor.get()] {executor->spin();});
@@ -77,6 +84,39 @@ extern "C" int call(Caller * caller, int order, bool with_feedback)
     return -1;
   }
   return static_cast<int>(result.result->sequence.size());
+}
+
+// Have so many goals in flight at a time; write the seconds that each took. Return how many
+// have succeeded, or -1.
+extern "C" int at_once(Caller * caller, int goals, int order, double * took)
+{
+  using Clock = std::chrono::steady_clock;
+  auto succeeded = std::make_shared<std::atomic<int>>(0);
+  auto left = std::make_shared<std::atomic<int>>(goals);
+  auto ended = std::make_shared<std::promise<void>>();
+  std::deque<std::shared_future<rclcpp_action::ClientGoalHandle<Fibonacci>::SharedPtr>> sent;
+  for (int i = 0; i < goals; ++i) {
+    if (sent.size() == WINDOW) {
+      if (sent.front().wait_for(PATIENCE) != std::future_status::ready) {
+        return -1;
+      }
+      sent.pop_front();
+    }
+    Client::SendGoalOptions options;
+    const auto began = Clock::now();
+    options.result_callback = [=](const auto & result) {
+        took[i] = std::chrono::duration<double>(Clock::now() - began).count();
+        *succeeded += result.code == rclcpp_action::ResultCode::SUCCEEDED;
+        if (--*left == 0) {
+          ended->set_value();
+        }
+      };
+    Fibonacci::Goal goal;
+    goal.order = order;
+    sent.push_back(caller->client->async_send_goal(goal, options));
+  }
+  const auto ready = ended->get_future().wait_for(PATIENCE);
+  return ready == std::future_status::ready ? succeeded->load() : -1;
 }
 
 // Return how many feedback messages came since this was asked before.

@@ -72,3 +72,8 @@ class Rclcpp(Variant):
             for _ in range(self._library.feedback(self._caller)):
                 on_feedback(None)
         return range(length)
+
+    def at_once(self, goals: int, order: int) -> list[float]:
+        took = (ctypes.c_double * goals)()
+        assert self._library.at_once(self._caller, goals, order, took) == goals
+        return list(took)
