@@ -27,14 +27,7 @@ from actionkit._calls.request import Request
 from actionkit._calls.transport import transport
 from actionkit._messages.convert import from_plain
 from actionkit._model.action_type import ActionT_co, ActionType, FeedbackT, GoalT, ResultT
-from actionkit._model.arguments import (
-    OF_CLIENTS,
-    UNSET,
-    Unset,
-    check_type,
-    refuse_misplaced,
-    refuse_unknown,
-)
+from actionkit._model.arguments import UNSET, Unset, check_type
 from actionkit._model.field_errors import FieldError, FieldTypeError
 from actionkit._model.goal_ids import goal_id_of
 from actionkit._model.settings import RetryPolicy, Timeouts, check_seconds
@@ -64,7 +57,7 @@ class Client(Generic[ActionT_co]):
         self,
         action_type: type[ActionT_co],
         action_name: str,
-        *misplaced: Never,
+        *,
         node: Any = None,
         timeouts: Timeouts = Timeouts(),  # noqa: B008  frozen
         retry: RetryPolicy = RetryPolicy(),  # noqa: B008  frozen
@@ -73,7 +66,6 @@ class Client(Generic[ActionT_co]):
         on_close: OnClose = "cancel",
         retry_budget: RetryBudget | None = None,
         ledger: LedgerFile | None = None,
-        **unknown: Never,
     ) -> None:
         """Make a client. Does not wait for a server.
 
@@ -110,8 +102,6 @@ class Client(Generic[ActionT_co]):
             SecurityError: ROS security (SROS 2) is on, and keeps this process or the action out.
             LedgerError: The ledger's file cannot be used.
         """
-        refuse_misplaced(action_type, action_name, misplaced)
-        refuse_unknown(unknown, Client.__init__, OF_CLIENTS)
         check_type("timeouts", timeouts, Timeouts)
         check_type("retry", retry, RetryPolicy)
         if retry_budget is not None:
@@ -190,7 +180,6 @@ class Client(Generic[ActionT_co]):
         classify: Classify | None = None,
         replaces: GoalFuture[Any, Any] | None = None,
         preempt: bool = False,
-        **unknown: Never,
     ) -> ResultT:
         """Send a goal and wait for its result.
 
@@ -226,7 +215,6 @@ class Client(Generic[ActionT_co]):
             RuntimeError: Called from one of ActionKit's own callbacks, or after a fork.
             TypeError, ValueError: An argument is wrong.
         """
-        refuse_unknown(unknown, self.call)
         refuse_in_callback()
         warn_on_event_loop("Client.call()", "await client.call_async()")
         call = self._prepare(
@@ -252,7 +240,6 @@ class Client(Generic[ActionT_co]):
         classify: Classify | None = None,
         replaces: GoalFuture[Any, Any] | None = None,
         preempt: bool = False,
-        **unknown: Never,
     ) -> GoalFuture[ResultT, FeedbackT]:
         """Send a goal and return at once. Does not wait for a server.
 
@@ -278,7 +265,6 @@ class Client(Generic[ActionT_co]):
             RuntimeError: This process was forked from the client's.
             TypeError, ValueError: An argument other than `goal` is wrong.
         """
-        refuse_unknown(unknown, self.call_async)
         call = self._prepare(
             goal, on_feedback, timeout, retry, classify, replaces=replaces, preempt=preempt
         )
@@ -292,7 +278,6 @@ class Client(Generic[ActionT_co]):
         timeout: float | Unset | None = UNSET,
         on_feedback: Callable[[FeedbackT], object] | None = None,
         on_give_up: Literal["leave", "cancel"] = "leave",
-        **unknown: Never,
     ) -> GoalFuture[ResultT, FeedbackT]:
         """Follow a goal that another client, process or computer has sent, or an earlier run.
 
@@ -316,7 +301,6 @@ class Client(Generic[ActionT_co]):
             RuntimeError: This process was forked from the client's.
             TypeError, ValueError: An argument is wrong, or this client follows the goal already.
         """
-        refuse_unknown(unknown, self.attach)
         if on_give_up not in ("leave", "cancel"):
             raise ValueError(f"on_give_up={on_give_up!r} must be 'leave' or 'cancel'")
         followed = goal_id_of(goal_id)
@@ -403,7 +387,7 @@ class Client(Generic[ActionT_co]):
 
     # --- the servers -----------------------------------------------------------------------
 
-    def wait_for_server(self, timeout: float | None = None, **unknown: Never) -> bool:
+    def wait_for_server(self, timeout: float | None = None) -> bool:
         """Block until a server is ready for goals. Calls do this by themselves.
 
         Args:
@@ -416,12 +400,11 @@ class Client(Generic[ActionT_co]):
             ClientClosedError: The client was closed.
             TypeError, ValueError: A bad `timeout`.
         """
-        refuse_unknown(unknown, self.wait_for_server)
         seconds = check_seconds("timeout", timeout)
         warn_on_event_loop("Client.wait_for_server()", "await client.wait_for_server_async()")
         return self._session.wait_for_server(seconds)
 
-    async def wait_for_server_async(self, timeout: float | None = None, **unknown: Never) -> bool:
+    async def wait_for_server_async(self, timeout: float | None = None) -> bool:
         """Wait until a server is ready for goals, without blocking what runs this coroutine.
 
         That may be asyncio, trio, or an executor of rclpy.
@@ -437,7 +420,6 @@ class Client(Generic[ActionT_co]):
             RuntimeError: Nothing runs this coroutine that could wait.
             TypeError, ValueError: A bad `timeout`.
         """
-        refuse_unknown(unknown, self.wait_for_server_async)
         return await self._session.wait_for_server_async(check_seconds("timeout", timeout))
 
     def server_is_ready(self) -> bool:
@@ -464,9 +446,7 @@ class Client(Generic[ActionT_co]):
         """
         return self._session.cancel_all()
 
-    def cancel_everything(
-        self, timeout: float = 10.0, **unknown: Never
-    ) -> dict[uuid.UUID, CancelReport]:
+    def cancel_everything(self, timeout: float = 10.0) -> dict[uuid.UUID, CancelReport]:
         """Cancel all goals of the action, those of other programs too, and wait for that.
 
         Args:
@@ -483,7 +463,6 @@ class Client(Generic[ActionT_co]):
             RuntimeError: Called from one of ActionKit's own callbacks, or after a fork.
             TypeError, ValueError: A bad `timeout`.
         """
-        refuse_unknown(unknown, self.cancel_everything)
         seconds = check_seconds("timeout", timeout, optional=False)
         assert seconds is not None
         refuse_in_callback()

@@ -20,7 +20,6 @@ from actionkit._calls.live_goal import LiveGoal
 from actionkit._calls.signals import is_ending
 from actionkit._goal.effects import End
 from actionkit._model.action_type import FeedbackT, ResultT
-from actionkit._model.arguments import refuse_unknown
 from actionkit._model.errors import ActionKitError, ClientClosedError
 from actionkit._model.settings import check_seconds
 from actionkit._model.values import GoalEvent, GoalState, Outcome
@@ -102,7 +101,7 @@ class GoalFuture(
 
     # --- waiting ---------------------------------------------------------------------------
 
-    def result(self, timeout: float | None = None, **unknown: Never) -> ResultT:
+    def result(self, timeout: float | None = None) -> ResultT:
         """Wait for the goal and return the action's result.
 
         Args:
@@ -114,14 +113,13 @@ class GoalFuture(
             concurrent.futures.CancelledError: The goal was cancelled through this future.
             ActionKitError: The call failed; each subclass is one way to fail.
         """
-        refuse_unknown(unknown, self.result)
         error = self._error(timeout)
         if error is not None:
             raise error
         assert self._outcome is not None
         return cast("ResultT", self._outcome.result)
 
-    def exception(self, timeout: float | None = None, **unknown: Never) -> BaseException | None:
+    def exception(self, timeout: float | None = None) -> BaseException | None:
         """Wait for the goal and return what `result` would raise, or `None`.
 
         Args:
@@ -131,13 +129,12 @@ class GoalFuture(
             TimeoutError: The local wait took too long.
             concurrent.futures.CancelledError: The goal was cancelled through this future.
         """
-        refuse_unknown(unknown, self.exception)
         error = self._error(timeout)
         if error is not None and self._cancelled:
             raise error
         return error
 
-    def outcome(self, timeout: float | None = None, **unknown: Never) -> Outcome[ResultT]:
+    def outcome(self, timeout: float | None = None) -> Outcome[ResultT]:
         """Wait for the goal and return all that is known about it; a failure is not raised.
 
         Args:
@@ -146,7 +143,6 @@ class GoalFuture(
         Raises:
             TimeoutError: The local wait took too long.
         """
-        refuse_unknown(unknown, self.outcome)
         self._error(timeout)
         assert self._outcome is not None
         return self._outcome
@@ -166,7 +162,7 @@ class GoalFuture(
             self._call.goals.tell()
         return error
 
-    def wait_accepted(self, timeout: float | None = None, **unknown: Never) -> GoalEvent:
+    def wait_accepted(self, timeout: float | None = None) -> GoalEvent:
         """Wait until a server has accepted the goal, and return that event of the timeline.
 
         It has the goal's id and the time. A retry does not change it. For a call that succeeded
@@ -180,14 +176,11 @@ class GoalFuture(
             concurrent.futures.CancelledError: The goal was cancelled before it was accepted.
             ActionKitError: The call ended before that; it is what `result` raises.
         """
-        refuse_unknown(unknown, self.wait_accepted)
         self._check_process()
         self._answered.wait(timeout)
         return self._accepted_or_raise()
 
-    async def wait_accepted_async(
-        self, timeout: float | None = None, **unknown: Never
-    ) -> GoalEvent:
+    async def wait_accepted_async(self, timeout: float | None = None) -> GoalEvent:
         """Like `wait_accepted`, without blocking what runs this coroutine.
 
         That may be asyncio, trio, or an executor of rclpy. Cancelling the waiting task cancels the
@@ -198,7 +191,6 @@ class GoalFuture(
         Raises:
             RuntimeError: The coroutine runs under nothing that can wait; the goal is cancelled.
         """
-        refuse_unknown(unknown, self.wait_accepted_async)
         seconds = check_seconds("timeout", timeout)
         self._check_process()
         was_cancelled = await self._awaiters.wait(

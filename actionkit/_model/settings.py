@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import wraps
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
-from actionkit._model.arguments import check_function, refuse_unknown
+from actionkit._model.arguments import check_function
 from actionkit._model.field_errors import shown
 
-_T = TypeVar("_T")
 LONGEST_GRACE = 60.0
 """Seconds by which the wait for cancellations is extended at most, while a server confirms them.
 
@@ -49,22 +46,6 @@ def check_seconds(name: str, value: object, *, optional: bool = True) -> float |
     return float(value)
 
 
-def _refusing_unknown(cls: type[_T]) -> type[_T]:
-    """Return the dataclass; its error for an unknown keyword has a hint."""
-    described: Any = cls
-    made = described.__init__
-    known = inspect.signature(made).parameters
-
-    @wraps(made)
-    def init(self: _T, *args: Any, **values: Any) -> None:
-        refuse_unknown({name: v for name, v in values.items() if name not in known}, made)
-        made(self, *args, **values)
-
-    described.__init__ = init
-    return cls
-
-
-@_refusing_unknown
 @dataclass(frozen=True)
 class Timeouts:
     """Caps on the phases of a call, in seconds; `None` means no limit.
@@ -109,7 +90,6 @@ class Timeouts:
             raise ValueError("Timeouts.liveness=0 must be above 0; None means not to ask")
 
 
-@_refusing_unknown
 @dataclass(frozen=True)
 class RetryPolicy:
     """Says when a call is tried again after it failed for a transient reason.

@@ -6,10 +6,6 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar, overload
 
-from typing_extensions import Never
-
-from actionkit._model.arguments import refuse_unknown
-
 T = TypeVar("T")
 
 
@@ -61,9 +57,7 @@ class EventLog(Generic[T]):
     @overload
     def wait_for(self, wanted: Callable[[T], object], timeout: float = 5.0) -> T: ...
 
-    def wait_for(
-        self, wanted: int | Callable[[T], object], timeout: float = 5.0, **unknown: Never
-    ) -> list[T] | T:
+    def wait_for(self, wanted: int | Callable[[T], object], timeout: float = 5.0) -> list[T] | T:
         """Block until the wanted items are there, without polling.
 
         Args:
@@ -77,7 +71,6 @@ class EventLog(Generic[T]):
         Raises:
             TimeoutError: They did not come in time; the message has the items.
         """
-        refuse_unknown(unknown, self.wait_for)
         found: list[T] = []
         asked = 0
 

@@ -11,10 +11,9 @@ import uuid
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Generic, Literal
 
-from typing_extensions import Never, Self
+from typing_extensions import Self
 
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT, type_name_of
-from actionkit._model.arguments import refuse_unknown
 from actionkit._model.domain import LAST_DOMAIN, environment_domain
 from actionkit._model.isolation import check_domain
 from actionkit._model.missing import cannot_import
@@ -71,7 +70,6 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         cancel: Literal["accept", "refuse", "ignore"] | Callable[[GoalT], str] = "accept",
         preempts: bool | Callable[[GoalT], bool] = False,
         domain_id: int | None = None,
-        **unknown: Never,
     ) -> None:
         """Check the settings. The server enters the ROS graph with `start` or `with`.
 
@@ -101,7 +99,6 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             ValueError: An argument, or a field of a message, has a wrong value.
             ImportError: rclpy cannot be imported.
         """
-        refuse_unknown(unknown, FakeServer.__init__)
         if isinstance(action_type, str):
             raise TypeError(f"action_type={action_type!r} must be the class itself, not its name")
         type_name_of(action_type)
@@ -190,7 +187,6 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         goal_id: str | uuid.UUID | None = None,
         count: int = 1,
         timeout: float = 10.0,
-        **unknown: Never,
     ) -> list[ServerEvent]:
         """Block until an event was seen; earlier events count, too. Never polls.
 
@@ -215,7 +211,6 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             TypeError, ValueError: An argument is wrong.
             Exception: An error of one of your functions.
         """
-        refuse_unknown(unknown, self.wait_for)
         checked_event(event)
         if isinstance(count, bool) or not isinstance(count, int):
             raise TypeError(f"count={count!r} must be an int")

@@ -7,9 +7,6 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from typing_extensions import Never
-
-from actionkit._model.arguments import refuse_unknown
 from actionkit._model.settings import check_seconds
 
 if TYPE_CHECKING:
@@ -28,7 +25,6 @@ def tick_until(
     timeout: float = 10.0,
     *,
     period: float = 0.05,
-    **unknown: Never,
 ) -> int:
     """Tick a tree until it has a status, or until a function returns true.
 
@@ -49,7 +45,6 @@ def tick_until(
         AssertionError: (also a `TimeoutError`) It did not come in time; or the tree ended with
             another status, such as SUCCESS instead of FAILURE. The message shows the tree.
     """
-    refuse_unknown(unknown, tick_until)
     check_seconds("timeout", timeout, optional=False)
     check_seconds("period", period, optional=False)
     root: Any = getattr(tree, "root", tree)

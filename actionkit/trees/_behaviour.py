@@ -10,12 +10,12 @@ from typing import Any, Generic, Literal
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Access, Status
-from typing_extensions import Never, Self
+from typing_extensions import Self
 
 from actionkit import Client, GoalFuture
 from actionkit._internal_api import Classify, check_classify, close_together
 from actionkit._model.action_type import ActionType, FeedbackT, GoalT, ResultT
-from actionkit._model.arguments import check_type, refuse_unknown
+from actionkit._model.arguments import check_type
 from actionkit._model.errors import ActionKitError, ClientClosedError, InvalidGoalError
 from actionkit._model.printable import on_one_line
 from actionkit._model.settings import RetryPolicy, check_seconds
@@ -55,7 +55,6 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         result_key: str | None = None,
         earlier_goal: Literal["wait", "fail"] = "wait",
         server_timeout: float | None = 5.0,
-        **unknown: Never,
     ) -> None:
         """Make a leaf. Sends nothing, and makes no client yet.
 
@@ -83,7 +82,6 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
             TypeError, ValueError: An argument is wrong, or the goal does not fit the action.
             AttributeError: Another behaviour is the only permitted writer of a key.
         """
-        refuse_unknown(unknown, ActionBehaviour.__init__)
         super().__init__(name)
         self._hold = ClientHold(client)
         self._timeout = check_seconds("timeout", timeout)

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import copy
-import inspect
 import math
 import pickle
 import re
-from functools import partial
 
-import py_trees
 import pytest
 import rclpy
 from test_msgs.action import Fibonacci
@@ -18,8 +14,7 @@ from test_msgs.msg import BasicTypes
 
 import actionkit as ak
 from actionkit import Client, InvalidGoalError, RetryPolicy, Timeouts, Verdict
-from actionkit.testing import EventLog, FakeServer, tick_until
-from actionkit.trees import ActionBehaviour
+from actionkit.testing import EventLog
 
 
 @pytest.mark.parametrize("bad", [-1, -0.001, math.inf, 1e300, 10**400, math.nan])
@@ -76,76 +71,6 @@ def test_a_timer_beyond_all_clocks_does_not_end_the_thread(at, make_client):
 def test_a_timeout_of_the_wrong_type(make_client):
     with pytest.raises(TypeError, match="timeout='1'"):
         make_client().call({"order": 1}, timeout="1")
-
-
-def test_rclpys_parameter_names_are_explained(make_client):
-    client = make_client()
-    with pytest.raises(TypeError, match="timeout_sec is called timeout here"):
-        client.call({"order": 1}, timeout_sec=1.0)
-    with pytest.raises(TypeError, match="feedback_callback is called on_feedback"):
-        client.call_async({"order": 1}, feedback_callback=print)
-    with pytest.raises(TypeError, match="unknown argument nonsense=1"):
-        client.call_async({"order": 1}, nonsense=1)
-
-
-def test_timeout_sec_is_explained_wherever_a_timeout_is_taken(make_client):
-    client = make_client()
-    future = client.call_async({"order": 1})
-    server = FakeServer(Fibonacci, "fibonacci")
-    tree = py_trees.behaviours.Success("done")
-    for use in (
-        client.wait_for_server,
-        client.wait_for_server_async,
-        future.result,
-        future.exception,
-        future.outcome,
-        partial(server.wait_for, "accepted"),
-        partial(EventLog().wait_for, 1),
-        partial(tick_until, tree, py_trees.common.Status.SUCCESS),
-        partial(ActionBehaviour, "leaf", client, {"order": 1}),
-    ):
-        with pytest.raises(TypeError, match=r"timeout_sec=1\.0: rclpy's timeout_sec is called tim"):
-            asyncio.run(awaited(use))
-    with pytest.raises(TypeError, match=r"timeot=1: did you mean timeout=\?"):
-        client.wait_for_server(timeot=1)
-    with pytest.raises(TypeError, match=r"seconds=1: there is timeout$"):
-        client.wait_for_server(seconds=1)
-    assert not future.done()
-    future.cancel()
-
-
-async def awaited(use):
-    value = use(timeout_sec=1.0)
-    return await value if inspect.isawaitable(value) else value
-
-
-def test_rclpys_order_of_arguments_is_explained():
-    node = object()
-    with pytest.raises(TypeError, match=r"here it is Client\(Fibonacci, 'fib', node=\.\.\.\)"):
-        Client(node, Fibonacci, "fib")
-    with pytest.raises(TypeError, match=r"type comes first: Client\(Fibonacci, 'fib'\)"):
-        Client("fib", Fibonacci)
-    with pytest.raises(TypeError, match=r"Timeouts\(.*must be given by its name, such as node="):
-        Client(Fibonacci, "fib", Timeouts())
-
-
-@pytest.mark.parametrize(
-    ("name", "told"),
-    [
-        ("timeout", r"timeout belongs to a call: client.call\(goal, timeout=3\)"),
-        ("timeout_sec", r"rclpy's timeout_sec belongs to a call: client.call\(goal, timeout=3\)"),
-        ("on_feedback", r"client.call\(goal, on_feedback=...\)"),
-        ("feedback_callback", r"client.call\(goal, on_feedback=...\)"),
-        ("callback_group", "rclpy's callback_group is not needed"),
-        ("goal_service_qos_profile", "rclpy's goal_service_qos_profile cannot be set"),
-        ("status_sub_qos_profile", "rclpy's status_sub_qos_profile cannot be set"),
-        ("observer", "unknown argument observer=3: did you mean observers=?"),
-        ("nonsense", "unknown argument nonsense=3: there are action_type, action_name, node,"),
-    ],
-)
-def test_unknown_arguments_of_a_client_are_explained(name, told):
-    with pytest.raises(TypeError, match=told):
-        Client(Fibonacci, "fib", **{name: 3})
 
 
 @pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy])

@@ -105,7 +105,6 @@ def test_the_reference_has_every_public_member_with_a_readable_signature(tmp_pat
     shown = [each for page in tmp_path.glob("reference/*/index.html") for each in _signatures(page)]
     assert any("    node: Any = None,\n" in each for each in shown)
     for signature in shown:
-        assert not re.search(r"Never|misplaced|unknown", signature)
         assert max(map(len, signature.splitlines())) <= 88
 
 

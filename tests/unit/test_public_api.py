@@ -80,22 +80,22 @@ AGENTS = [
     "Toolbox",
 ]
 SIGNATURES = {
-    Client.__init__: "(self, action_type, action_name, *misplaced, node=None,"
+    Client.__init__: "(self, action_type, action_name, *, node=None,"
     " timeouts=Timeouts(server=5.0, accept=5.0, total=None, feedback=None, cancel=2.0,"
     " liveness=None, result=30.0),"
     " retry=RetryPolicy(attempts=3, initial=0.2, factor=2.0, max_pause=5.0, jitter=0.2,"
     " resend='confirmed_stopped', stop=None, wait=None), classify=None, observers=(),"
-    " on_close='cancel', retry_budget=None, ledger=None, **unknown)",
+    " on_close='cancel', retry_budget=None, ledger=None)",
     Client.call: "(self, goal, timeout=<as the client's timeouts.total>, *, on_feedback=None,"
-    " retry=None, classify=None, replaces=None, preempt=False, **unknown)",
+    " retry=None, classify=None, replaces=None, preempt=False)",
     Client.call_async: "(self, goal, on_feedback=None,"
     " timeout=<as the client's timeouts.total>, *, retry=None, classify=None, replaces=None,"
-    " preempt=False, **unknown)",
+    " preempt=False)",
     Client.check_goal: "(self, goal)",
     Client.attach: "(self, goal_id, *, timeout=<as the client's timeouts.total>,"
-    " on_feedback=None, on_give_up='leave', **unknown)",
-    Client.cancel_everything: "(self, timeout=10.0, **unknown)",
-    Client.wait_for_server: "(self, timeout=None, **unknown)",
+    " on_feedback=None, on_give_up='leave')",
+    Client.cancel_everything: "(self, timeout=10.0)",
+    Client.wait_for_server: "(self, timeout=None)",
     actionkit.RetryBudget.__init__: "(self, capacity=10.0, ratio=0.1)",
     actionkit.classify_by_field: "(path, *, transient=(), permanent=(), ok=())",
     actionkit.retry_aborted: "()",
@@ -107,12 +107,11 @@ SIGNATURES = {
     actionkit.Observer.on_event: "(self, event, call)",
     actionkit.read_json_lines: "(path)",
     ActionBehaviour.__init__: "(self, name, client, goal, *, timeout=None, retry=None,"
-    " classify=None, feedback_key=None, result_key=None, earlier_goal='wait', server_timeout=5.0,"
-    " **unknown)",
+    " classify=None, feedback_key=None, result_key=None, earlier_goal='wait', server_timeout=5.0)",
     ActionBehaviour.setup: "(self, **kwargs)",
     ActionBehaviour.shutdown: "(self)",
     FromBlackboard.__init__: "(self, key)",
-    tick_until: "(tree, wanted, timeout=10.0, *, period=0.05, **unknown)",
+    tick_until: "(tree, wanted, timeout=10.0, *, period=0.05)",
     agents.Toolbox.from_file: "(path, *, domain_id=None)",
     agents.Toolbox.from_config: "(config, *, domain_id=None)",
     agents.Toolbox.call: "(self, name, arguments=None, *, on_progress=None, approve=None)",
@@ -126,21 +125,20 @@ SIGNATURES = {
     Client.cancel_all: "(self)",
     Client.close: "(self)",
     FakeServer.__init__: "(self, action_type, name, *, accept=True, feedback=(), period=0.0,"
-    " result=None, end='succeeded', cancel='accept', preempts=False, domain_id=None,"
-    " **unknown)",
+    " result=None, end='succeeded', cancel='accept', preempts=False, domain_id=None)",
     FakeServer.script: "(self, entries)",
-    FakeServer.wait_for: "(self, event, *, goal_id=None, count=1, timeout=10.0, **unknown)",
+    FakeServer.wait_for: "(self, event, *, goal_id=None, count=1, timeout=10.0)",
     FakeServer.count: "(self, event)",
     FakeServer.running: "(self)",
     FakeServer.start: "(self)",
     FakeServer.stop: "(self)",
     actionkit.servers.start: "(name, *, action_name='fibonacci', action_type=None,"
     " domain_id=None, **options)",
-    GoalFuture.result: "(self, timeout=None, **unknown)",
-    GoalFuture.exception: "(self, timeout=None, **unknown)",
-    GoalFuture.outcome: "(self, timeout=None, **unknown)",
-    GoalFuture.wait_accepted: "(self, timeout=None, **unknown)",
-    GoalFuture.wait_accepted_async: "(self, timeout=None, **unknown)",
+    GoalFuture.result: "(self, timeout=None)",
+    GoalFuture.exception: "(self, timeout=None)",
+    GoalFuture.outcome: "(self, timeout=None)",
+    GoalFuture.wait_accepted: "(self, timeout=None)",
+    GoalFuture.wait_accepted_async: "(self, timeout=None)",
     GoalFuture.cancel: "(self)",
     GoalFuture.feedback: "(self)",
     GoalFuture.add_done_callback: "(self, fn)",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 from typing import Any
 
 import pytest
@@ -25,30 +24,6 @@ def expect(error: type[Exception], cls: type, field: str, value: Any) -> str:
     text = str(caught.value)
     assert text.startswith(f"{cls.__name__}.{field}={value!r} must be ")
     return text
-
-
-@pytest.mark.parametrize(
-    ("cls", "unknown", "told"),
-    [
-        (Timeouts, {"totl": 3}, "totl=3: did you mean total=?"),
-        (Timeouts, {"nonsense": 3}, "nonsense=3: there are server, accept, total,"),
-        (RetryPolicy, {"maximum": 3}, "maximum=3: did you mean max_pause=?"),
-        (RetryPolicy, {"multiplier": 3}, "multiplier=3: did you mean factor=?"),
-        (RetryPolicy, {"max_attempts": 3}, "max_attempts=3: did you mean attempts=?"),
-        (
-            RetryPolicy,
-            {"retries": 3},
-            "retries=3: did you mean attempts=? It includes the first one",
-        ),
-    ],
-)
-def test_a_name_that_is_not_known_gets_a_hint(
-    cls: type, unknown: dict[str, Any], told: str
-) -> None:
-    with pytest.raises(TypeError, match=re.escape(f"unknown argument {told}")):
-        cls(**unknown)
-    with pytest.raises(TypeError, match="unknown argument"):
-        dataclasses.replace(cls(), **unknown)
 
 
 def test_the_defaults_are_those_of_the_contract() -> None:
