@@ -106,9 +106,9 @@ def test_very_many_calls_in_a_row_leave_nothing_behind(action_server, make_clien
 
 FRESH = """
 import json
-from actionkit import Client
+from actionkit import Client, Timeouts
 from test_msgs.action import Fibonacci
-with Client(Fibonacci, "fibonacci") as client:
+with Client(Fibonacci, "fibonacci", timeouts=Timeouts(server=30.0)) as client:
     future = client.call_async({"order": 7})  # sent the moment the server is ready
     result = future.result(60)
     print(json.dumps([str(future.goal_id), list(result.sequence)]))

@@ -25,12 +25,12 @@ def clients() -> None:
     Client(Fibonacci.Impl, "fibonacci")  # error[type-var, reportArgumentType]: no messages in it
     Client(Fibonacci(), "fibonacci")  # error[arg-type, reportArgumentType]: not the class
     Client(Fibonacci, 5)  # error[arg-type, reportArgumentType]: no name
-    Client(Fibonacci, "fibonacci", Timeouts())  # error[arg-type, reportArgumentType]: by name
+    Client(Fibonacci, "fibonacci", Timeouts())  # error[call-arg, reportCallIssue]: by name
     Client(Fibonacci, "fibonacci", timeouts=5.0)  # error[arg-type, reportArgumentType]
     Client(Fibonacci, "fibonacci", retry=3)  # error[arg-type, reportArgumentType]
     Client(Fibonacci, "fibonacci", on_close="wait")  # error[arg-type, reportArgumentType]
     Client(Fibonacci, "fibonacci", observers=[print])  # error[list-item, reportArgumentType]
-    Client(Fibonacci, "fibonacci", timeout=5.0)  # error[arg-type, reportArgumentType]: timeouts
+    Client(Fibonacci, "fibonacci", timeout=5.0)  # error[call-arg, reportCallIssue]: timeouts
 
 
 def goals(client: FibonacciClient) -> None:
