@@ -26,7 +26,7 @@ def keepers(domain: int) -> list[int]:
                 variables = (process / "environ").read_bytes().split(b"\0")
                 ended = b"\nState:\tZ" in (process / "status").read_bytes()
                 ours = f"ROS_DOMAIN_ID={domain}".encode() in variables
-                if b"actionkit.cli._keeper" in words and ours and not ended:
+                if b"actionkit.cli.cancel_and_stop._keeper" in words and ours and not ended:
                     found.append(int(process.name))
     return found
 

@@ -142,7 +142,7 @@ def test_ctrl_c_ends_it_cleanly(moment: str) -> None:
 def test_it_does_not_say_that_all_is_well_when_it_is_not() -> None:
     # A server that rejects what the demo takes for granted
     program = """
-import functools, actionkit.cli.demo as demo
+import functools, actionkit.cli.demo.demo as demo
 demo.start = functools.partial(demo.start, max_order=6)
 """
     done = run("demo", program=program)
@@ -155,7 +155,7 @@ demo.start = functools.partial(demo.start, max_order=6)
 
 def test_a_server_that_does_not_start_is_told() -> None:
     program = """
-import actionkit.cli.demo as demo
+import actionkit.cli.demo.demo as demo
 def start(*arguments, **options):
     raise RuntimeError("the fibonacci server was not up within 20 s")
 demo.start = start
@@ -171,8 +171,8 @@ def test_texts_and_code_fit_the_terminal(width: int, most: int) -> None:
 
     from rich.console import Console
 
-    from actionkit.cli._demo_screen import DemoScreen
-    from actionkit.cli._demo_steps import STEPS
+    from actionkit.cli.demo._screen import DemoScreen
+    from actionkit.cli.demo._steps import STEPS
 
     out = io.StringIO()
     screen = DemoScreen(Console(file=out, width=width, highlight=False, markup=False))

@@ -207,7 +207,7 @@ MADE_FROM = ("test_msgs",)
 def test_the_stubs_of_interface_packages_are_as_actionkit_makes_them() -> None:
     from actionkit._stubs.folders import MARK
     from actionkit._stubs.modules import files, placeholders
-    from actionkit.cli.stubs import load_with_comments
+    from actionkit.cli.interfaces.stubs import load_with_comments
 
     loaded = load_with_comments(MADE_FROM)
     wanted = {

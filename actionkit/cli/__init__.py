@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             print("\nInterrupted.", file=sys.stderr)
     except BrokenPipeError:
         # The program that reads our output (`| head`) ended, and Python flushes again at exit.
-        from actionkit.cli._signals import discard_output
+        from actionkit.cli._shared.signals import discard_output
 
         discard_output()
         code = 141  # Exit.OUTPUT_CLOSED

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import click
 
-from actionkit.cli._exits import Exit
-from actionkit.cli._options import HELP, debug_option, debugging
-from actionkit.cli._problems import Problem
-from actionkit.cli._say import say
+from actionkit.cli._shared.exits import Exit
+from actionkit.cli._shared.options import HELP, debug_option, debugging
+from actionkit.cli._shared.problems import Problem
+from actionkit.cli._shared.say import say
 
 
 class _Known(NamedTuple):
@@ -28,40 +28,74 @@ class _Known(NamedTuple):
 
 
 _COMMANDS = {
-    "call": _Known("call", "Send a goal to the action NAME and wait for its result."),
-    "show": _Known("show", "Show a goal of the action type TYPE to fill in."),
-    "list": _Known("list_actions", "List the actions that have a server or a client."),
-    "info": _Known("info", "Show the clients and servers of the action NAME."),
+    "call": _Known(
+        "call.call",
+        "Send a goal to the action NAME and wait for its result.",
+    ),
+    "show": _Known(
+        "call.show",
+        "Show a goal of the action type TYPE to fill in.",
+    ),
+    "list": _Known(
+        "watch.list_actions",
+        "List the actions that have a server or a client.",
+    ),
+    "info": _Known(
+        "watch.info",
+        "Show the clients and servers of the action NAME.",
+    ),
     "watch": _Known(
-        "watch",
+        "watch.watch",
         "Show the goals of the action NAME as their states change, and whether agents are held.",
     ),
     "attach": _Known(
-        "attach", "Follow a goal of the action NAME that another program has sent, to its result."
+        "call.attach",
+        "Follow a goal of the action NAME that another program has sent, to its result.",
     ),
-    "cancel": _Known("cancel", "Cancel goals of the action NAME, and tell what happened to each."),
+    "cancel": _Known(
+        "cancel_and_stop.cancel",
+        "Cancel goals of the action NAME, and tell what happened to each.",
+    ),
     "stop": _Known(
-        "stop", "Cancel every goal of every action in sight, and hold agents until --release."
+        "cancel_and_stop.stop",
+        "Cancel every goal of every action in sight, and hold agents until --release.",
     ),
     "guard": _Known(
-        "guard", "Run COMMAND, and cancel the goals that it leaves running, however it ends."
+        "guard.guard",
+        "Run COMMAND, and cancel the goals that it leaves running, however it ends.",
     ),
     "leftovers": _Known(
-        "leftovers",
+        "guard.leftovers",
         "Show the goals of programs that were killed and wrote them down in the file PATH.",
     ),
-    "serve": _Known("serve", "Run the reference action server SERVER and show what it sees."),
-    "doctor": _Known("doctor", "Find out why a call does not work, and say what to do about it."),
-    "timeline": _Known("timeline", "Show the goals in FILE, a log of the observer JsonLines."),
-    "stubs": _Known("stubs", "Write what type checkers need to know of the types in PACKAGE."),
+    "serve": _Known(
+        "demo.serve",
+        "Run the reference action server SERVER and show what it sees.",
+    ),
+    "doctor": _Known(
+        "doctor.doctor",
+        "Find out why a call does not work, and say what to do about it.",
+    ),
+    "timeline": _Known(
+        "timeline",
+        "Show the goals in FILE, a log of the observer JsonLines.",
+    ),
+    "stubs": _Known(
+        "interfaces.stubs",
+        "Write what type checkers need to know of the types in PACKAGE.",
+    ),
     "interfaces": _Known(
-        "interfaces",
+        "interfaces.interfaces",
         "Build message, service and action types of your own, without a ROS installation.",
     ),
     "mcp": _Known(
-        "mcp", "Serve the tools that the TOML file FILE describes, to a language model's host."
+        "mcp",
+        "Serve the tools that the TOML file FILE describes, to a language model's host.",
     ),
-    "demo": _Known("demo", "Show what ActionKit does, on an action server of its own (10 s)."),
+    "demo": _Known(
+        "demo.demo",
+        "Show what ActionKit does, on an action server of its own (10 s).",
+    ),
 }
 """The commands by name, in the order in which they are listed."""
 _OTHER_NAMES = {"send_goal": "call"}

@@ -14,11 +14,11 @@ import click
 
 from actionkit._model.domain import LAST_DOMAIN
 from actionkit._ros.workarounds.ros_wheels import find_libraries
-from actionkit.cli._exits import Exit
-from actionkit.cli._leftovers import open_ledger
-from actionkit.cli._options import HELP, debug_option
-from actionkit.cli._problems import Problem, import_ros
-from actionkit.cli._say import say
+from actionkit.cli._shared.exits import Exit
+from actionkit.cli._shared.options import HELP, debug_option
+from actionkit.cli._shared.problems import Problem, import_ros
+from actionkit.cli._shared.say import say
+from actionkit.cli.guard._leftovers import open_ledger
 
 if TYPE_CHECKING:
     from actionkit import Ledger
@@ -102,7 +102,7 @@ def command(
 
 def _serve_http(file: str, where: str, names: tuple[str, ...], domain_id: int | None) -> None:
     from actionkit.agents._mcp.address import address, listen
-    from actionkit.cli._stdout import keep_clean
+    from actionkit.cli._shared.stdout import keep_clean
 
     keep_clean()
     try:

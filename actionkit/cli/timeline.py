@@ -10,10 +10,10 @@ import click
 from actionkit._model.timeline import Recorder
 from actionkit._observers.json_reader import read_json_lines
 from actionkit._observers.json_schema import LoggedLine
-from actionkit.cli._exits import Exit
-from actionkit.cli._options import HELP, debug_option
-from actionkit.cli._problems import Problem
-from actionkit.cli._say import say
+from actionkit.cli._shared.exits import Exit
+from actionkit.cli._shared.options import HELP, debug_option
+from actionkit.cli._shared.problems import Problem
+from actionkit.cli._shared.say import say
 
 _SHOWN = 10
 """Unreadable lines that are reported; more of them would not help."""

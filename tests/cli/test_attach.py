@@ -12,7 +12,7 @@ import pytest
 from test_msgs.action import Fibonacci
 
 from actionkit import Client, GoalFuture, Timeouts
-from actionkit.cli._exits import Exit
+from actionkit.cli._shared.exits import Exit
 from actionkit.servers import Server
 from tests.cli.conftest import World
 

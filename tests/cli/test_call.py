@@ -15,7 +15,7 @@ import pytest
 from test_msgs.action import Fibonacci
 
 from actionkit import Client, JsonLines, Timeouts
-from actionkit.cli._exits import Exit
+from actionkit.cli._shared.exits import Exit
 from actionkit.servers import Server
 from tests.cli.conftest import FIBONACCI, NESTED, Running, World, compare
 from tests.conftest import without_noise

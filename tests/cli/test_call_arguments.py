@@ -8,7 +8,7 @@ import shlex
 import pytest
 
 from actionkit import servers
-from actionkit.cli._exits import Exit
+from actionkit.cli._shared.exits import Exit
 from tests.cli.conftest import FIBONACCI, NESTED, World
 
 GOAL = "{order: 3}"

@@ -10,9 +10,9 @@ from typing import Any, cast
 import pytest
 
 from actionkit import GoalEvent, GoalState
-from actionkit.cli import _signals
-from actionkit.cli._calling import Calling
-from actionkit.cli._exits import Exit
+from actionkit.cli._shared import signals as _signals
+from actionkit.cli._shared.exits import Exit
+from actionkit.cli.call._calling import Calling
 
 
 def test_an_end_is_told_after_the_feedback_that_came_before_it() -> None:

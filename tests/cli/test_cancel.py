@@ -13,8 +13,8 @@ from test_msgs.action import Fibonacci
 
 from actionkit import Client, Timeouts
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit.cli._cancelling import _SETTLE, Cancelling
-from actionkit.cli._exits import Exit
+from actionkit.cli._shared.exits import Exit
+from actionkit.cli.cancel_and_stop._cancelling import _SETTLE, Cancelling
 from tests.cli.conftest import FIBONACCI, Running, World
 from tests.cli.test_call import goal_id
 from tests.waiting import until
@@ -107,7 +107,7 @@ def test_an_accepted_cancellation_is_no_canceled_goal(world: World) -> None:
 
 LATE = """
 import threading, time
-import actionkit.cli._cancelling as c
+import actionkit.cli.cancel_and_stop._cancelling as c
 from actionkit._ros.tools.survey import Survey
 see, put_into, began = Survey.actions, c._putter, []
 def actions(self):
@@ -148,7 +148,7 @@ def test_a_goal_of_a_server_that_comes_into_sight_slowly_is_told_of(
 
 
 AWAKE = """
-import actionkit.cli._cancelling as c
+import actionkit.cli.cancel_and_stop._cancelling as c
 real = c.Cancelling.take_news
 def take(self, *news):
     real(self, *news)

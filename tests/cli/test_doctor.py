@@ -15,11 +15,11 @@ from typing import Any
 
 import pytest
 
-from actionkit.cli._doctor_graph import round_trip_findings
-from actionkit.cli._doctor_machine import origin, shared_memory
-from actionkit.cli._doctor_settings import settings
-from actionkit.cli._exits import Exit
-from actionkit.cli._findings import Finding, problem
+from actionkit.cli._shared.exits import Exit
+from actionkit.cli.doctor._findings import Finding, problem
+from actionkit.cli.doctor._graph import round_trip_findings
+from actionkit.cli.doctor._machine import origin, shared_memory
+from actionkit.cli.doctor._settings import settings
 from tests.cli.conftest import FIBONACCI, PATIENCE, Done, World
 
 
@@ -171,7 +171,7 @@ def test_a_port_that_is_being_made_is_no_finding(tmp_path: Path) -> None:
 _AS_ANOTHER_USER = """
 import os, sys
 from pathlib import Path
-from actionkit.cli._doctor_machine import shared_memory
+from actionkit.cli.doctor._machine import shared_memory
 if os.getuid() == 0:
     os.setuid(54321)
 print(*(finding.remedy for finding in shared_memory(Path(sys.argv[1]), lambda _: None)))

@@ -13,8 +13,8 @@ from test_msgs.action import Fibonacci, NestedMessage
 from test_msgs.msg import Builtins, MultiNested, UnboundedSequences
 
 from actionkit._messages.convert import to_plain
-from actionkit.cli._goals import MOST_TEXT, MOST_YAML, fill_now, parse
-from actionkit.cli._plain import as_yaml
+from actionkit.cli.call._goals import MOST_TEXT, MOST_YAML, fill_now, parse
+from actionkit.cli.call._plain import as_yaml
 
 AT = 1_700_000_000_250_000_000
 

@@ -9,7 +9,7 @@ import pytest
 
 from actionkit._ros import graph
 from actionkit._ros.tools.watch import StatusReader
-from actionkit.cli._goal_board import Board
+from actionkit.cli.watch._goal_board import Board
 from tests.unit.test_wire import status_array
 
 

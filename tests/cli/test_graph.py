@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from actionkit.cli._exits import Exit
+from actionkit.cli._shared.exits import Exit
 from tests.cli.conftest import FIBONACCI, NESTED, World
 
 

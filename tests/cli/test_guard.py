@@ -16,7 +16,7 @@ import pytest
 
 from actionkit import Ledger
 from actionkit.cli import main
-from actionkit.cli._exits import Exit
+from actionkit.cli._shared.exits import Exit
 from tests import forked
 from tests.waiting import until
 

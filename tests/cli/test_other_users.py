@@ -19,7 +19,7 @@ from test_msgs.action import Fibonacci
 
 from actionkit import Client, GoalState
 from actionkit.agents._hold import HoldListener
-from actionkit.cli._exits import Exit
+from actionkit.cli._shared.exits import Exit
 from tests.cli.conftest import Running, World
 from tests.holding import AGENT, end_keepers, keepers, known
 from tests.waiting import until

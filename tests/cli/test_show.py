@@ -14,10 +14,10 @@ from test_msgs.action import Fibonacci, NestedMessage
 
 from actionkit._messages.comments import comments, parsed
 from actionkit._messages.convert import from_plain
-from actionkit.cli import _goal_template
-from actionkit.cli._exits import Exit
-from actionkit.cli._goal_template import template
-from actionkit.cli._goals import parse
+from actionkit.cli._shared.exits import Exit
+from actionkit.cli.call import _goal_template
+from actionkit.cli.call._goal_template import template
+from actionkit.cli.call._goals import parse
 from tests.cli.conftest import FIBONACCI, World
 
 MESSAGES = [

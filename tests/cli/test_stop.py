@@ -19,7 +19,7 @@ from test_msgs.action import Fibonacci
 from actionkit import Client, GoalFuture, GoalState, servers
 from actionkit._ros.holds import view
 from actionkit.agents._hold import HoldListener
-from actionkit.cli._exits import Exit
+from actionkit.cli._shared.exits import Exit
 from actionkit.servers import Server
 from tests import forked
 from tests.cli.conftest import World
@@ -327,7 +327,7 @@ def test_wrong_usage_stops_nothing(
 ) -> None:
     from click.testing import CliRunner
 
-    from actionkit.cli import stop
+    from actionkit.cli.cancel_and_stop import stop
 
     # What belongs to the process would stay with the tests that come next.
     monkeypatch.setattr(stop, "use_udp_only", lambda: None)

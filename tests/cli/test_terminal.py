@@ -17,7 +17,7 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
-from actionkit.cli._exits import Exit
+from actionkit.cli._shared.exits import Exit
 from tests.cli.conftest import FIBONACCI, NESTED, World, compare, without_numbers
 from tests.conftest import without_noise
 

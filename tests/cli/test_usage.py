@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from actionkit.cli._app import app
-from actionkit.cli._exits import Exit
+from actionkit.cli._shared.exits import Exit
 from tests import forked
 from tests.cli.conftest import FIBONACCI, NESTED, Done, World
 

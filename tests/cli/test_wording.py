@@ -14,7 +14,7 @@ from actionkit._calls.budget import RetryBudget
 from actionkit._goal import cancelling
 from actionkit._goal import machine as goal_machine
 from actionkit._threads.function_runner import LONGEST_ANSWER
-from actionkit.cli._wording import _WORDS, in_options
+from actionkit.cli._shared.wording import _WORDS, in_options
 from tests.cli.conftest import FIBONACCI, World
 
 PYTHON = re.compile(r"\b[a-z_]+=|\w\(|`[\w.]+=?`|\b(None|Verdict|Timeouts|RetryPolicy)\b")

@@ -14,7 +14,7 @@ from test_msgs.action import Fibonacci, NestedMessage
 
 import actionkit as ak
 from actionkit import CancelReport, GoalFate, GoalState, RetryPolicy, Timeouts
-from actionkit.cli._exits import Exit, exit_of
+from actionkit.cli._shared.exits import Exit, exit_of
 from tests.conftest import (
     FORMS,
     NEVER,

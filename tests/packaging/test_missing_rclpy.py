@@ -53,7 +53,7 @@ def test_without_rclpy_the_commands_that_work_are_named(program: str) -> None:
     "program",
     [
         f"from actionkit import Client; import sys; sys.platform = 'darwin'\n{CALL}",
-        "import sys; import actionkit.cli._problems; sys.platform = 'darwin'\n"
+        "import sys; import actionkit.cli._shared.problems; sys.platform = 'darwin'\n"
         "from actionkit.cli import main; main(['list'])",
         "import sys; from actionkit.cli import main; sys.platform = 'darwin'; main(['doctor'])",
         "import sys; import asyncio, logging, signal; del signal.SIGHUP; sys.platform = 'win32'\n"

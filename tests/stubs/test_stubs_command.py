@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from actionkit._stubs.folders import MARK
-from actionkit.cli._exits import Exit
+from actionkit.cli._shared.exits import Exit
 from tests.stubs.conftest import Command
 
 AS_OTHERS = ("setpriv", "--bounding-set=-dac_override") if os.geteuid() == 0 else ()

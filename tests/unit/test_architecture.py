@@ -146,6 +146,17 @@ def test_imports_between_packages_run_one_way() -> None:
     assert wrong == []
 
 
+def test_a_family_of_commands_uses_what_all_share_and_few_others() -> None:
+    arrows = {
+        (name.split(".")[1], other.split(".")[1])
+        for name in modules()
+        for other in own_imports(name)
+        if name.startswith("cli.") and other.startswith("cli.")
+    }
+    between = {(one, other) for one, other in arrows if one != other and other != "_shared"}
+    assert between == {("cancel_and_stop", "watch"), ("mcp", "guard")}
+
+
 def test_there_are_no_cycles() -> None:
     # Imports for the type checker and inside functions count: readers of the code follow them.
     left = {name: own_imports(name, runtime=False) & set(modules()) for name in modules()}

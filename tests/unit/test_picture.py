@@ -29,7 +29,7 @@ from actionkit._pictures.layout import Phase, Sign
 from actionkit._pictures.names import shortened
 from actionkit._pictures.svg import draw
 from actionkit.cli._app import app
-from actionkit.cli._problems import Problem
+from actionkit.cli._shared.problems import Problem
 from actionkit.cli.timeline import report
 from tests import forked
 

@@ -12,10 +12,10 @@ from actionkit._ros.holds.state import Hold, HoldState, Sender
 from actionkit._ros.holds.view import Said
 from actionkit._ros.tools.cancel import AllSaid, CancelSaid
 from actionkit._ros.tools.watch import GoalSeen
-from actionkit.cli._cancelling import Cancelling
-from actionkit.cli._exits import Exit
-from actionkit.cli._holding import release
-from actionkit.cli._stop_table import table, worst
+from actionkit.cli._shared.exits import Exit
+from actionkit.cli.cancel_and_stop._cancelling import Cancelling
+from actionkit.cli.cancel_and_stop._holding import release
+from actionkit.cli.cancel_and_stop._stop_table import table, worst
 
 LONG = 30.0
 

@@ -1,0 +1,1 @@
+"""What all commands share: exit codes, options, errors, output and signals."""

@@ -1,0 +1,19 @@
+"""What commands say of an action without a server."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from actionkit._model.similar_names import similar_names
+
+if TYPE_CHECKING:
+    from actionkit._ros.tools.survey import ActionSeen
+
+
+def nothing_there(name: str, actions: dict[str, ActionSeen]) -> str:
+    """Return a sentence about an action without a server, with similar names."""
+    served = [action.name for action in actions.values() if action.servers]
+    near = similar_names(name, served)
+    hint = f" Did you mean {' or '.join(near)}?" if near else ""
+    more = "" if hint else " `actionkit list` shows the actions in sight, `actionkit doctor` more."
+    return f"Action {name!r} has no server in sight.{hint}{more}"

@@ -1,0 +1,386 @@
+"""Cancels goals, and finds out what happened to each. The class is pure: no clock, no ROS."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import queue
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from actionkit._model.cancel_answer import CancelAnswer
+from actionkit.cli._shared.exits import Exit
+from actionkit.cli._shared.say import say
+from actionkit.cli.watch._goal_board import Board, WatchedGoal, arrived
+from actionkit.cli.watch.watch import FIRST
+
+if TYPE_CHECKING:
+    from actionkit._ros.tools.cancel import GoalCanceller
+    from actionkit._ros.tools.survey import Survey
+
+_TICK = 0.05
+"""Seconds between two looks at the graph."""
+_AGAIN = 1.0
+"""Seconds after which a request without an answer counts as lost and is repeated. This is harmless:
+a goal is cancelled only once."""
+_SINGLY = 0.5
+"""Seconds after the answer until a goal must be seen as canceling. Otherwise it is cancelled by its
+id: after each goal that an rclpy server refuses to cancel, it skips the next goal, but answers that
+it is cancelling it (`list.remove` in a loop over that list)."""
+_SETTLE = 1.0
+"""Seconds to wait after a refusal or "unknown goal", because more news may come: the goal's end (if
+a goal ends at the same time, a server answers like a refusal), or another server's answer."""
+_BEST = (
+    CancelAnswer.ACCEPTED,
+    CancelAnswer.TERMINATED,
+    CancelAnswer.REFUSED,
+    CancelAnswer.UNKNOWN_GOAL,
+)
+"""If several servers answer about one goal, the first of these counts."""
+_EXITS = {
+    "REFUSED": Exit.CANCEL_REFUSED,
+    "UNKNOWN": Exit.CANCEL_UNKNOWN,
+    "NO_SUCH_GOAL": Exit.NO_SUCH_GOAL,
+}
+"""The exit codes, the worst first; goals with other answers have stopped."""
+
+
+@dataclass(frozen=True)
+class Fate:
+    """What happened to a goal."""
+
+    goal_id: str  # with dashes
+    cancel: str  # the name of a `CancelReport`, or `"NO_SUCH_GOAL"`
+    state: str  # the last state that was seen, or `""`
+    text: str  # the same as a sentence
+
+
+@dataclass
+class _Target:
+    asked: float | None = None
+    """When the first request to cancel it was sent, alone or with all."""
+    singly: bool = False
+    """Whether it is being cancelled by its id."""
+    answer: CancelAnswer | None = None
+    since: float = 0.0
+    """When that answer came."""
+    fate: Fate | None = None
+
+
+class Cancelling:
+    """The goals of one action that are to be cancelled, and what is known about them."""
+
+    def __init__(
+        self, name: str, goal_ids: Iterable[str] | None = None, *, may_come: bool = False
+    ) -> None:
+        """Begin.
+
+        Args:
+            name: Of the action.
+            goal_ids: The goals to cancel; `None` means all.
+            may_come: Whether goals that no server knows may have been sent, and be accepted yet.
+        """
+        self.name = name
+        self._may_come = may_come
+        self.board = Board(most=math.inf)  # a goal that is left out would have no known end
+        self.servers: tuple[str, ...] = ()
+        """The nodes of all servers that were seen, except those not known by name yet."""
+        self._most = 0
+        """The most servers that were seen at the same time; one node may have several."""
+        self.answers = 0
+        """How many answers have come."""
+        self.every = goal_ids is None
+        """Whether all goals are cancelled."""
+        self._targets = {goal_id: _Target() for goal_id in goal_ids or ()}
+        self._looks_since: float | None = None
+        self._number = 0
+        self._at = 0.0
+        self._want = self.every
+        self._first = 1
+        """The number of the first request since there was a reason for one. Later requests repeat
+        it; an answer to any of them is enough."""
+        self._answers: Counter[int] = Counter()
+        """How many servers have answered each request."""
+
+    # --- what happens ----------------------------------------------------------------------
+
+    def seen(self, servers: Sequence[str]) -> None:
+        """Record the servers of the action; servers that have gone are remembered."""
+        new = {name for name in servers if name} - set(self.servers)
+        if new or len(servers) > self._most:
+            self.once_more()  # a new one has had no request
+        self._most = max(self._most, len(servers))
+        self.servers = tuple(sorted(new | set(self.servers)))
+
+    @property
+    def has_server(self) -> bool:
+        """Whether a server was seen, even if its node is not known yet."""
+        return self._most > 0
+
+    def take_news(self, news: Any, wall: float) -> None:
+        """Record news from a `StatusReader`."""
+        self.board.take(news, wall)
+
+    def take_all(self, said: Any, now: float) -> None:
+        """Record an `AllSaid`, about all goals; `now` is on the monotonic clock."""
+        self.answers += 1
+        self._answers[said.request] += 1
+        for goal_id in said.canceling:
+            self._targets.setdefault(goal_id, _Target(asked=now))
+
+    def take(self, said: Any, now: float) -> None:
+        """Record a `CancelSaid`, about one goal; `now` is on the monotonic clock."""
+        self.answers += 1
+        target = self._targets[said.goal_id]
+        if target.answer is None or _BEST.index(said.answer) < _BEST.index(target.answer):
+            target.answer, target.since = said.answer, now
+
+    def once_more(self) -> None:
+        """Ask the servers again: they may have accepted goals in the meantime."""
+        self._want = self.every
+
+    # --- what is to be done ----------------------------------------------------------------
+
+    def to_ask(self, now: float) -> int | None:
+        """Return the number of a request to send now for all goals, or `None`."""
+        if not self.every:
+            return None
+        lost = self._number and self._waits_for_answers and now - self._at >= _AGAIN
+        reason = self._want or bool(self._running - self._targets.keys())
+        if not (reason or lost):
+            return None
+        self._want = False
+        self._number += 1
+        self._at = now
+        if reason:
+            self._first = self._number
+        for goal_id in self._running:
+            self._targets.setdefault(goal_id, _Target(asked=now))
+        return self._number
+
+    @property
+    def _running(self) -> set[str]:
+        return {goal.goal_id for goal in self.board.goals.values() if not goal.ended}
+
+    def has_looked(self, now: float) -> bool:
+        """Return whether a status has come, or a second has passed since the first call."""
+        if self._looks_since is None:
+            self._looks_since = now
+        return bool(self.board.goals) or now - self._looks_since >= FIRST
+
+    def to_ask_singly(self, now: float) -> list[str]:
+        """Return the goals to cancel by their ids now, each once."""
+        if not self.has_looked(now) and not self.every:
+            return []
+        new = []
+        for goal_id, target in self._targets.items():
+            goal = self.board.goals.get(goal_id)
+            if target.singly or (goal is not None and goal.ended):
+                continue
+            if target.asked is not None:
+                stopping = goal is not None and goal.state == "CANCELING"
+                if stopping or not self.answers or now - target.asked < _SINGLY:
+                    continue
+            target.singly = True
+            target.asked = now if target.asked is None else target.asked
+            new.append(goal_id)
+        return new
+
+    def settle(self, now: float, *, over: bool) -> list[Fate]:
+        """Return the fates that are new since the last call; `now` is on the monotonic clock.
+
+        `over` means that the wait has ended: every goal has a fate then.
+        """
+        for goal_id in self._running if over and self.every else ():
+            self._targets.setdefault(goal_id, _Target())  # seen too late for a request
+        new = []
+        for goal_id, target in self._targets.items():
+            row = self.board.goals.get(goal_id)
+            # A goal that was not cancelled, as its server refused that, may end by itself later.
+            refused = over and target.fate is not None and target.fate.cancel == "REFUSED"
+            told = None
+            if row is not None and row.ended and (target.fate is None or refused):
+                told = _ended(row, target)
+            elif target.fate is None:
+                told = _running(row, target, now, over, self._may_come)
+            if told is not None:
+                target.fate = Fate(goal_id, told[0], row.state if row else "", told[1])
+                new.append(target.fate)
+        return new
+
+    @property
+    def done(self) -> bool:
+        """Whether the fate of every goal is known and, of all goals, all servers have answered."""
+        asks = self.every and (self._want or self._waits_for_answers)
+        return not asks and all(target.fate is not None for target in self._targets.values())
+
+    @property
+    def _waits_for_answers(self) -> bool:
+        return self._answered < max(1, len(self.board.servers))
+
+    @property
+    def _answered(self) -> int:
+        """How many servers have answered the last request, or one that repeats it."""
+        numbers = range(self._first, self._number + 1)
+        return max((self._answers[number] for number in numbers), default=0)
+
+    # --- what happened to it ---------------------------------------------------------------
+
+    @property
+    def fates(self) -> list[Fate]:
+        """The fates of the goals that are settled."""
+        return [target.fate for target in self._targets.values() if target.fate is not None]
+
+    def gets_more(self, now: float) -> bool:
+        """Return whether new goals came in until now, so that more will come."""
+        asked = [target.asked for target in self._targets.values() if target.asked is not None]
+        return bool(asked) and asked[-1] - asked[0] >= _AGAIN and now - asked[-1] < _AGAIN
+
+    @property
+    def silent(self) -> bool:
+        """Whether no server has answered."""
+        return not self.answers
+
+    @property
+    def missing(self) -> int:
+        """How many servers in sight have not answered for all goals; some may be unknown."""
+        return max(0, len(self.board.servers) - self._answered) if self.every else 0
+
+    @property
+    def unheard(self) -> str:
+        """Which servers have not answered for all goals, as a sentence; `""` if all have."""
+        if not self.every or not (self.silent or self.missing):
+            return ""
+        those = f"{self.missing} of {len(self.board.servers)} servers did not answer"
+        told = "no server answered" if self.silent else those
+        return f"{self.name}: {told}. GOALS MAY STILL BE RUNNING."
+
+    @property
+    def exit(self) -> Exit:
+        """The worst exit code of all goals; with a silent server, the fate is not known."""
+        found = {fate.cancel for fate in self.fates}
+        code = next((code for cancel, code in _EXITS.items() if cancel in found), Exit.OK)
+        return Exit.CANCEL_UNKNOWN if code is Exit.OK and self.unheard else code
+
+
+def _ended(row: WatchedGoal, target: _Target) -> tuple[str, str]:
+    if row.state == "LOST":
+        return "UNKNOWN", "Its last server went away; whether it runs on is not known."
+    if row.state == "CANCELED" and target.asked is not None:
+        return "CONFIRMED", "It was canceled, and runs no more."
+    before = "in the meantime" if target.asked is not None else "before"
+    return "NOT_NEEDED", f"It had ended {before}: {row.state}."
+
+
+def _running(
+    row: WatchedGoal | None, target: _Target, now: float, over: bool, may_come: bool
+) -> tuple[str, str] | None:
+    """Return what is known of a goal without a seen end, or `None` if that may still change."""
+    settled = over or now - target.since >= _SETTLE
+    canceling = row is not None and row.state == "CANCELING"
+    if target.answer is CancelAnswer.REFUSED and not canceling and settled:
+        return "REFUSED", "The server refused to cancel it. IT IS STILL RUNNING."
+    unknown = target.answer is CancelAnswer.UNKNOWN_GOAL and row is None
+    if unknown and (over if may_come else settled):
+        return "NO_SUCH_GOAL", "No server in sight knows it: it ended long ago, or never was here."
+    if not over:
+        return None
+    if target.asked is None and not canceling:
+        return "UNKNOWN", "No request to cancel it was sent. IT MAY STILL BE RUNNING."
+    if target.answer in (CancelAnswer.ACCEPTED, CancelAnswer.TERMINATED) or canceling:
+        return (
+            "UNKNOWN",
+            "The server is cancelling it, and did not end it. IT MAY STILL BE RUNNING.",
+        )
+    return "UNKNOWN", "The server did not answer. IT MAY STILL BE RUNNING."
+
+
+def cancel_goals(
+    survey: Survey,
+    actions: list[Cancelling],
+    *,
+    over: Callable[[float], bool],
+    look: float,
+    least: float | None = None,
+    on_fate: Callable[[Fate], object] = lambda _: None,
+) -> None:
+    """Cancel goals until it is known what happened to each, or the time is `over`.
+
+    Args:
+        survey: Sees the actions.
+        actions: The goals of these are cancelled.
+        over: Asked often, with the time on the monotonic clock.
+        look: Seconds to look for servers; one that is not seen at once is seen within 3 s.
+        least: The same, from when each action has a server: there may be a second one, and the
+            status may come later. `None` means that all actions that come into sight are added.
+        on_fate: Gets each fate when it is known.
+    """
+    from actionkit._ros.tools.cancel import AllSaid, CancelSaid, GoalCanceller
+    from actionkit._ros.tools.watch import StatusReader
+
+    inbox: queue.SimpleQueue[tuple[Cancelling, Any]] = queue.SimpleQueue()
+    cancellers: dict[str, GoalCanceller] = {}
+    by_name = {action.name: action for action in actions}
+    began = time.monotonic()
+    complete: float | None = None
+    """Since when each action has a server."""
+    again = False
+    broken: set[str] = set()
+    """Names that rclpy refuses; the program that made them does not use rclpy."""
+    with contextlib.ExitStack() as stack:
+        while True:
+            for seen in survey.actions().values():
+                if not seen.servers or (least is not None and seen.name not in by_name):
+                    continue
+                if seen.name not in by_name:
+                    by_name[seen.name] = Cancelling(seen.name)
+                    actions.append(by_name[seen.name])
+                action = by_name[seen.name]
+                if seen.name not in cancellers and seen.name not in broken:
+                    put = _putter(inbox, action)
+                    try:
+                        reader = StatusReader(seen.name, on_goals=put, on_servers=put)
+                        stack.callback(reader.close)
+                        cancellers[seen.name] = GoalCanceller(seen.name, put)
+                        stack.callback(cancellers[seen.name].close)
+                    except Exception as error:  # noqa: BLE001  cancel those of the other actions
+                        broken.add(seen.name)
+                        say(f"Error: {seen.name}: {type(error).__name__}: {error}", err=True)
+                action.seen([end.node for end in seen.servers])
+            for action, news in arrived(inbox, _TICK):
+                if isinstance(news, AllSaid):
+                    action.take_all(news, time.monotonic())
+                elif isinstance(news, CancelSaid):
+                    action.take(news, time.monotonic())
+                else:
+                    action.take_news(news, time.time())
+            now = time.monotonic()
+            if complete is None and all(action.has_server for action in actions):
+                complete = now
+            if least is None or complete is None:
+                looked = now - began >= look
+            else:
+                looked = now - complete >= least
+            if looked and not again:
+                again = True
+                for action in actions:
+                    action.once_more()
+            for name, canceller in cancellers.items():
+                action = by_name[name]
+                if (number := action.to_ask(now)) is not None:
+                    canceller.cancel_all(number)
+                for goal_id in action.to_ask_singly(now):
+                    canceller.cancel(goal_id)
+                for fate in action.settle(now, over=False):
+                    canceller.stop(fate.goal_id)
+                    on_fate(fate)
+            done = all(by_name[name].done for name in cancellers)
+            if (looked and done) or over(now):
+                return
+
+
+def _putter(inbox: queue.SimpleQueue[Any], action: Cancelling) -> Callable[[Any], None]:
+    return lambda news: inbox.put((action, news))

@@ -1,0 +1,1 @@
+"""Commands with a server of their own: `demo` and `serve`."""

@@ -1,0 +1,1 @@
+"""The command `doctor`: finds out why a call does not work."""

@@ -1,0 +1,1 @@
+"""Commands for programs that are killed: `guard` and `leftovers`."""

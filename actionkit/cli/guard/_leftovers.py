@@ -1,0 +1,53 @@
+"""The ledger of a command, and what is told of the goals that are left over in it."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from actionkit.cli._shared.exits import Exit
+from actionkit.cli._shared.problems import Problem
+
+if TYPE_CHECKING:
+    from actionkit import CancelReport, Ledger, Leftover
+
+_SAID = {
+    "CONFIRMED": "It was canceled, and runs no more.",
+    "NOT_NEEDED": "It had ended, or no server knows it.",
+    "REFUSED": "The server refused to cancel it. IT IS STILL RUNNING.",
+    "UNKNOWN": "No server has confirmed it, or its package is not installed here. IT MAY STILL BE"
+    " RUNNING.",
+}
+
+
+def open_ledger(path: str | None) -> Ledger:
+    """Open the ledger at `path`, else the usual one.
+
+    Raises:
+        Problem: It cannot be used.
+    """
+    from actionkit import Ledger
+    from actionkit._internal_api import usual_ledger
+    from actionkit._model.errors import LedgerError
+
+    try:
+        return Ledger(path or usual_ledger())
+    except LedgerError as error:
+        raise Problem(Exit.FAILED, str(error)) from error
+    except (OSError, RuntimeError) as error:  # no home, or one that cannot be written
+        raise Problem(
+            Exit.FAILED,
+            f"the file of goals cannot be made ({error}). Name another file in the environment"
+            " variable ACTIONKIT_LEDGER",
+        ) from error
+
+
+def what_happened(report: CancelReport) -> str:
+    """Return it as a sentence."""
+    return _SAID[str(report)]
+
+
+def line_of(goal: Leftover) -> str:
+    """Return a line about a goal that is left over."""
+    at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(goal.sent))
+    return f"{goal.action_name}  {goal.goal_id}  sent {at} by process {goal.pid} on {goal.host}"

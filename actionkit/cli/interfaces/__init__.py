@@ -1,0 +1,1 @@
+"""Commands about types: `interfaces` (build your own) and `stubs` (for type checkers)."""
