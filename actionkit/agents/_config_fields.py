@@ -12,7 +12,8 @@ from rosidl_parser.definition import AbstractGenericString, AbstractNestedType, 
 from actionkit._messages.paths import message_class, slots_of
 from actionkit._model.field_errors import shown
 from actionkit._model.similar_names import similar_names
-from actionkit.agents._goal_model import DUMMY, GoalModel, check_value, number_bounds
+from actionkit.agents._goal_model import DUMMY, GoalModel, check_value
+from actionkit.agents._goal_values import number_bounds
 from actionkit.agents._limits import ABSENT, NO_LIMITS, Limits
 from actionkit.agents._problems import TABLE, Place, problems, quoted, refuse
 

@@ -8,34 +8,37 @@ this is slow (pydantic, rosidl_parser); it is loaded with the first configuratio
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy
 from pydantic_core import SchemaValidator, ValidationError, core_schema
 from rosidl_parser.definition import (
     AbstractGenericString,
     AbstractNestedType,
-    AbstractWString,
     NamespacedType,
 )
 
 from actionkit._messages.comments import comments, constants
 from actionkit._messages.convert import to_plain
 from actionkit._messages.paths import message_class, slots_of, type_name
-from actionkit._model.field_errors import shown
 from actionkit.agents._argument_size import check_size
+from actionkit.agents._goal_values import (
+    Part,
+    float32,
+    list_part,
+    number_bounds,
+    number_part,
+    one_of,
+    string_part,
+    unit_of,
+)
 from actionkit.agents._limits import ABSENT, NO_LIMITS, Limits
-from actionkit.agents._problems import said, sentences
+from actionkit.agents._problems import sentences
 from actionkit.agents._values import DIALECT
 
 _MOST_PROBLEMS = 10
-_FLOAT32_MAX = 3.4028234663852886e38
 DUMMY = "structure_needs_at_least_one_member"
 """rosidl's, in messages without fields."""
-_NO_NUL = "^[^\\u0000]*$"
 
 
 class GoalModel:
@@ -99,41 +102,6 @@ def _checked(
         return None, sentences(error, schema, most=_MOST_PROBLEMS)
 
 
-def number_bounds(slot: Any) -> tuple[float | int, float | int] | None:
-    """Return the range of a type of numbers; `None` for any other type."""
-    name = str(getattr(slot, "typename", ""))
-    if name in ("float", "double"):
-        most = _FLOAT32_MAX if name == "float" else sys.float_info.max
-        return -most, most
-    if name == "octet":
-        return 0, 255
-    digits = name.removeprefix("u").removeprefix("int")
-    if digits not in ("8", "16", "32", "64"):
-        return None
-    bits = int(digits)
-    return (0, 2**bits - 1) if name[0] == "u" else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-
-
-@dataclass
-class _Part:
-    """One field, the elements of an array, or the goal itself.
-
-    Attributes:
-        check: Pydantic's; `None` where the model does not see it.
-        schema: What the model sees.
-        sent: Sent if the model does not give it.
-        filled: Taken for given if the model does not give it, because something in it is sent
-            anyway, or must be given.
-        needed: Whether the model must give it, or something in it.
-    """
-
-    check: Any
-    schema: dict[str, Any]
-    sent: Any = ABSENT
-    filled: Any = ABSENT
-    needed: bool = False
-
-
 class _Builder:
     def __init__(self, limits: Mapping[str, Limits]) -> None:
         self.exposed: list[str] = []
@@ -142,7 +110,7 @@ class _Builder:
         self.problems: list[tuple[str, str, str]] = []
         self._limits = limits
 
-    def message(self, cls: type, path: str, value: Any, exposed: bool | None) -> _Part:
+    def message(self, cls: type, path: str, value: Any, exposed: bool | None) -> Part:
         """Build a message.
 
         Args:
@@ -192,11 +160,11 @@ class _Builder:
         if sent:
             check = core_schema.no_info_after_validator_function(_below(sent), check)
         if path and not properties:
-            return _Part(None, {}, sent=sent or ABSENT)
+            return Part(None, {}, sent=sent or ABSENT)
         inside = bool(filled or sent or required)
-        return _Part(check, schema, filled={} if inside else ABSENT, needed=bool(required))
+        return Part(check, schema, filled={} if inside else ABSENT, needed=bool(required))
 
-    def field(self, slot: Any, path: str, value: Any, exposed: bool | None, comment: str) -> _Part:
+    def field(self, slot: Any, path: str, value: Any, exposed: bool | None, comment: str) -> Part:
         """Build one field; `value` and `exposed` as in `message`."""
         own = self._limits.get(path, NO_LIMITS)
         if own.expose is not None:
@@ -217,7 +185,8 @@ class _Builder:
                 self.problems.append((path, "required", text))
         if part.check is None:
             return part
-        if about := " ".join(filter(None, (own.description or comment, _unit(slot, part.schema)))):
+        described = (own.description or comment, unit_of(slot, part.schema))
+        if about := " ".join(filter(None, described)):
             part.schema["description"] = about
         default = value if own.default is ABSENT else part.sent
         if not isinstance(slot, NamespacedType) and not part.needed and _is_json(default):
@@ -226,18 +195,18 @@ class _Builder:
 
     def _messages(
         self, slot: Any, path: str, value: Any, exposed: bool | None, own: Limits
-    ) -> _Part:
+    ) -> Part:
         """Build an array of messages; the model sees it if it sees anything of an element."""
         cls = message_class(slot.value_type)
         element = value[0] if value else to_plain(cls())
         item = self.message(cls, path, element, exposed)
         size: int = getattr(slot, "size", 0)
         if item.check is None:
-            part = _Part(None, {})
+            part = Part(None, {})
             if size and item.sent is not ABSENT:
                 part.sent = [item.sent] * size
         else:
-            part = _list(slot, item.check, item.schema, own)
+            part = list_part(slot, item.check, item.schema, own)
             part.needed = bool(size) and item.needed
             if size and item.filled is not ABSENT and not item.needed:
                 part.filled = [{}] * size
@@ -246,14 +215,14 @@ class _Builder:
             part.filled, part.needed = ABSENT, False
         return part
 
-    def _values(self, slot: Any, path: str, value: Any, own: Limits, *, visible: bool) -> _Part:
+    def _values(self, slot: Any, path: str, value: Any, own: Limits, *, visible: bool) -> Part:
         """Build a single value, or an array of single values."""
         inner = slot.value_type if isinstance(slot, AbstractNestedType) else slot
         part = self._single(inner, path, own)
         if part.check is None:
             return part
         if inner is not slot:
-            part = _list(slot, part.check, part.schema, own)
+            part = list_part(slot, part.check, part.schema, own)
         if own.default is not ABSENT:
             part.sent = self._default(slot, part, path, own)
         elif value is not None and (visible or own.is_limited):
@@ -263,13 +232,13 @@ class _Builder:
                 self.problems.append((path, "", text))
         if not visible:
             self.hidden.append(path)
-            return _Part(None, {}, sent=part.sent)
+            return Part(None, {}, sent=part.sent)
         self.exposed.append(path)
         if number_bounds(inner) and own.enum is None and None in (own.minimum, own.maximum):
             self.unlimited.append(path)
         return part
 
-    def _default(self, slot: Any, part: _Part, path: str, own: Limits) -> Any:
+    def _default(self, slot: Any, part: Part, path: str, own: Limits) -> Any:
         """Return the default of the configuration as it is to be sent."""
         if part.check is None:  # what is hidden has its limits and constants, too
             limits = {
@@ -285,143 +254,31 @@ class _Builder:
         self.problems += [(path, "default", problem) for problem in problems]
         return value
 
-    def _single(self, slot: Any, path: str, own: Limits) -> _Part:
+    def _single(self, slot: Any, path: str, own: Limits) -> Part:
         """Build a value that is neither an array nor a message."""
         if isinstance(slot, AbstractGenericString):
-            part = _string(slot, own)
+            part = string_part(slot, own)
         elif (bounds := number_bounds(slot)) is not None:
             low = bounds[0] if own.minimum is None else max(bounds[0], own.minimum)
             high = bounds[1] if own.maximum is None else min(bounds[1], own.maximum)
-            part = _number(slot, low, high, own.enum)
+            part = number_part(slot, low, high, own.enum)
             for value in (low,) if own.enum is None else own.enum:
-                if slot.typename == "float" and not low <= _float32(low, high)(value) <= high:
+                if slot.typename == "float" and not low <= float32(low, high)(value) <= high:
                     within = f"no {slot.typename} lies within {low!r} to {high!r}"
                     self.problems.append((path, "", within))
         elif slot.typename == "boolean":
-            part = _Part(_one_of(own.enum, core_schema.bool_schema(strict=True)), {})
+            part = Part(one_of(own.enum, core_schema.bool_schema(strict=True)), {})
             part.schema["type"] = "boolean"
         else:  # an IDL type that .msg files do not have
-            return _Part(None, {})
+            return Part(None, {})
         if own.enum is not None:
             part.schema["enum"] = list(own.enum)
         return part
 
 
-def _list(slot: Any, item: Any, schema: dict[str, Any], own: Limits) -> _Part:
-    size: int | None = getattr(slot, "size", None)
-    most = _least(own.max_items, size, getattr(slot, "maximum_size", None))
-    check: Any = core_schema.list_schema(item, min_length=size or 0, max_length=most, strict=True)
-    check = core_schema.no_info_before_validator_function(_as_list, check)
-    array: dict[str, Any] = {"type": "array", "items": schema}
-    if size:
-        array["minItems"] = size
-    if most is not None:
-        array["maxItems"] = most
-    return _Part(check, array)
-
-
-def _number(slot: Any, low: float, high: float, enum: Sequence[Any] | None) -> _Part:
-    whole = isinstance(number_bounds(slot)[0], int)  # type: ignore[index]
-    check: Any
-    if whole:
-        check = core_schema.int_schema(strict=True, ge=int(low), le=int(high))
-        check = core_schema.no_info_before_validator_function(_as_whole, check)
-    else:
-        check = core_schema.float_schema(strict=True, ge=low, le=high, allow_inf_nan=False)
-        check = core_schema.no_info_before_validator_function(_exactly(low, high), check)
-    check = _one_of(enum, check)
-    if slot.typename == "float":
-        check = core_schema.no_info_after_validator_function(_float32(low, high), check)
-    kind = "integer" if whole else "number"
-    return _Part(check, {"type": kind, "minimum": low, "maximum": high})
-
-
-def _string(slot: Any, own: Limits) -> _Part:
-    wide = isinstance(slot, AbstractWString)
-    most = _least(own.max_length, getattr(slot, "maximum_size", None))
-
-    def fits(text: str) -> str:
-        try:
-            size = len(text.encode("utf-16-le")) // 2 if wide else len(text.encode())
-        except UnicodeEncodeError as error:
-            half = f"half a character (a lone surrogate) at index {error.start}"
-            raise ValueError(f"{shown(text)} holds {half}") from None
-        if most is not None and size > most:
-            unit = "16-bit units" if wide else "bytes of UTF-8"
-            raise ValueError(f"{shown(text)} has {size} {unit}, but at most {most} are allowed")
-        if "\0" in text and not wide:
-            raise ValueError(f"{shown(text)} holds a NUL character, which ROS cannot send")
-        return text
-
-    schema: dict[str, Any] = {"type": "string"}
-    if most is not None:
-        schema["maxLength"] = most
-    if not wide:
-        schema["pattern"] = _NO_NUL
-    text = core_schema.str_schema(strict=True)
-    return _Part(
-        _one_of(own.enum, core_schema.no_info_after_validator_function(fits, text)), schema
-    )
-
-
-def _unit(slot: Any, schema: Mapping[str, Any]) -> str:
-    """Return what `maxLength` counts: JSON Schema counts characters."""
-    if "maxLength" not in schema:
-        return ""
-    unit = "16-bit units" if isinstance(slot, AbstractWString) else "bytes of UTF-8"
-    return f"At most {schema['maxLength']} {unit}."
-
-
-def _one_of(enum: Sequence[Any] | None, check: Any) -> Any:
-    if enum is None:
-        return check
-
-    def listed(value: Any) -> Any:
-        if value not in enum:
-            known = ", ".join(map(said, enum))
-            raise ValueError(f"{said(value)} must be one of {known}")
-        return value
-
-    return core_schema.no_info_after_validator_function(listed, check)
-
-
 def _below(values: Mapping[str, Any]) -> Callable[[Any], Any]:
     """Return a function that adds what a mapping does not have."""
     return lambda given: {**values, **given} if isinstance(given, Mapping) else given
-
-
-def _as_list(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
-
-
-def _as_whole(value: Any) -> Any:
-    """JSON has one kind of numbers, so 1.0 is 1."""
-    return int(value) if isinstance(value, float) and value.is_integer() else value
-
-
-def _exactly(low: float, high: float) -> Callable[[Any], Any]:
-    """Compare whole numbers before they are rounded to floats: that could bring them in."""
-
-    def compared(value: Any) -> Any:
-        if isinstance(value, int) and not isinstance(value, bool) and not low <= value <= high:
-            raise ValueError(f"{shown(value)} is outside of {low:g} to {high:g}")
-        return value
-
-    return compared
-
-
-def _float32(low: float, high: float) -> Callable[[float], float]:
-    """Return a function to the nearest 32-bit number within limits: rounding may lead out."""
-
-    def rounded(value: float) -> float:
-        near = numpy.float32(value)
-        if float(near) > high:
-            near = numpy.nextafter(near, numpy.float32(-math.inf))
-        elif float(near) < low:
-            near = numpy.nextafter(near, numpy.float32(math.inf))
-        return float(near)
-
-    return rounded
 
 
 def _accepts(check: Any, value: object) -> bool:
@@ -430,10 +287,6 @@ def _accepts(check: Any, value: object) -> bool:
     except ValidationError:
         return False
     return True
-
-
-def _least(*values: int | None) -> int | None:
-    return min((value for value in values if value is not None), default=None)
 
 
 def _about(cls: type, comment: str) -> str:
