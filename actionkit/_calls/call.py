@@ -16,7 +16,7 @@ from actionkit._calls import machine as mx
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.call_record import ActionView, CallRecord
 from actionkit._calls.classify_runner import ClassifyRunner
-from actionkit._calls.explain import CLIENT_CLOSED, ENDING
+from actionkit._calls.error_texts import CLIENT_CLOSED, ENDING
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.machine import CallMachine, Phase
 from actionkit._calls.replacing import GoalsWatch, Replacing, not_stopped, to_replace

@@ -12,7 +12,8 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from actionkit._calls.attempt import Attempt
-from actionkit._calls.explain import ErrorContext, explain
+from actionkit._calls.error_context import ErrorContext
+from actionkit._calls.explain import explain
 from actionkit._calls.feedback import log_errors, log_left_out
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.graph_snapshot import GraphSnapshot

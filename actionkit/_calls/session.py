@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.call import Call
 from actionkit._calls.drivers import find_driver
-from actionkit._calls.explain import CLIENT_CLOSED, ENDING
+from actionkit._calls.error_texts import CLIENT_CLOSED, ENDING
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.left_running import LINGER

@@ -9,7 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from actionkit._calls import explain, graph_snapshot, machine, retry, retry_runner
+from actionkit._calls import (
+    error_texts,
+    graph_snapshot,
+    machine,
+    retry,
+    retry_runner,
+    still_running,
+)
 from actionkit._calls.budget import RetryBudget
 from actionkit._goal import cancelling
 from actionkit._goal import machine as goal_machine
@@ -44,7 +51,16 @@ def filled_in(part: ast.expr) -> str:
 
 
 def test_no_python_is_left_in_the_texts_of_errors() -> None:
-    modules = (explain, graph_snapshot, machine, retry, retry_runner, cancelling, goal_machine)
+    modules = (
+        error_texts,
+        still_running,
+        graph_snapshot,
+        machine,
+        retry,
+        retry_runner,
+        cancelling,
+        goal_machine,
+    )
     texts = [text for module in modules for text in texts_of(module.__file__)]
     assert len(texts) > 100
     left = {text for text in texts if PYTHON.search(in_options(text))}
@@ -62,7 +78,7 @@ def test_what_an_error_quotes_is_no_python_either() -> None:
 
 @pytest.mark.parametrize("python", _WORDS)
 def test_what_is_replaced_is_there(python: str) -> None:
-    assert any(python in text for text in texts_of(explain.__file__))
+    assert any(python in text for text in texts_of(error_texts.__file__))
 
 
 @pytest.mark.parametrize(

@@ -27,8 +27,9 @@ from actionkit import (
     Timeouts,
     Verdict,
 )
-from actionkit._calls import explain as _explain
-from actionkit._calls.explain import ErrorContext, explain
+from actionkit._calls.error_context import ErrorContext
+from actionkit._calls.error_texts import TEXTS
+from actionkit._calls.explain import explain
 from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._goal.effects import AskCancel, End, Ending, Fault, LastNews
 from actionkit._model.cancel_answer import CancelAnswer
@@ -200,8 +201,8 @@ def explained(ending: Ending, **changed: Any) -> Any:
 
 def test_every_way_to_fail_has_its_own_error() -> None:
     failures = set(End) - {End.SUCCEEDED, End.CANCELLED_BY_CALLER, End.REPLACED}
-    assert set(_explain._TEXTS) == failures == set(ENDINGS)
-    classes = [cls for cls, _ in _explain._TEXTS.values()]
+    assert set(TEXTS) == failures == set(ENDINGS)
+    classes = [cls for cls, _ in TEXTS.values()]
     assert len(set(classes)) == len(classes)
 
 

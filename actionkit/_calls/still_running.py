@@ -1,0 +1,82 @@
+"""Sentences about goals that may still run, and about those that were cancelled (C2.8)."""
+
+from __future__ import annotations
+
+from actionkit._calls.error_context import ErrorContext
+from actionkit._goal.effects import Ending
+from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalState
+
+_NAMED = 10
+"""How many goals an error names; `Outcome.goals` has all."""
+_WHY_IT_MAY_RUN = {
+    GoalFate.UNANSWERED: "the server has not answered, and may accept it yet",
+    GoalFate.RUNNING: "the server has not said that it ended",
+    GoalFate.LOST: "the server is gone, or silent",
+    GoalFate.LEFT: "nobody looks after it any more",
+}
+ELSEWHERE = "one server has stopped it, and another on the same name has not confirmed that it has"
+
+
+def left_running(text: str, ending: Ending, call: ErrorContext) -> str:
+    """Name the goals of the call that may run and that a text does not mention (C2.8)."""
+    told = " STILL " in text and call.goal_id  # the text says that about its own goal
+    left: dict[str, list[str]] = {}
+    for goal in ending.goals:
+        if goal.fate.may_run and goal.goal_id != told:
+            left.setdefault(why_it_may_run(goal), []).append(f"goal {goal.goal_id}")
+    return "".join(_may_still_run(goals, why) for why, goals in left.items())
+
+
+def why_it_may_run(goal: GoalReport) -> str:
+    """Say why a goal may run, as a part of a sentence."""
+    refused = goal.fate is GoalFate.RUNNING and goal.cancel_refused
+    return (
+        "the server refused to cancel it" if refused else _WHY_IT_MAY_RUN.get(goal.fate, ELSEWHERE)
+    )
+
+
+def _may_still_run(goals: list[str], why: str) -> str:
+    more = f" and {len(goals) - _NAMED} more" if len(goals) > _NAMED else ""
+    which = f"{' and '.join(goals[:_NAMED])}{more} of this call"
+    return f" {which[0].upper()}{which[1:]} MAY STILL BE RUNNING: {why}."
+
+
+def cancel_sentence(ending: Ending, call: ErrorContext) -> str:
+    """Say what happened to a goal that was given up on."""
+    if ending.abandoned:
+        return " It was left to run on the server."
+    if ending.ended_first and ending.result is None:
+        return f" It had ended as {ending.ended_as}, and only its result is missing."
+    if ending.own_cancel is CancelReport.CONFIRMED:
+        if ending.status is GoalState.SUCCEEDED:
+            when = "before that" if ending.ended_first else "while it was being cancelled"
+            return f" It succeeded {when}: its result came late, and is in `late_result`."
+        if ending.ended_as is not GoalState.CANCELED:
+            return f" It ended as {ending.ended_as} all the same, and runs no more."
+        return " It was cancelled on the server, which confirmed that it runs no more."
+    if ending.own_cancel is CancelReport.REFUSED:
+        return " The server refused to cancel it: IT IS STILL RUNNING."
+    if ending.own_cancel is CancelReport.UNKNOWN and ending.elsewhere:
+        return f" {ELSEWHERE[0].upper()}{ELSEWHERE[1:]}: IT MAY STILL BE RUNNING."
+    if ending.own_cancel is CancelReport.UNKNOWN and is_lost(ending, call):
+        return " Its server is gone, or silent: IT MAY STILL BE RUNNING."
+    if ending.own_cancel is CancelReport.UNKNOWN:
+        return (
+            f" The server did not confirm its cancellation within {call.timeouts.cancel:g} s:"
+            " IT MAY STILL BE RUNNING."
+        )
+    return ""
+
+
+def is_lost(ending: Ending, call: ErrorContext) -> bool:
+    """Whether the server of this goal is out of sight: then nobody has waited for it."""
+    return GoalFate.LOST in _fates(ending, call)
+
+
+def is_left(ending: Ending, call: ErrorContext) -> bool:
+    """Whether nobody looks after this goal: it was to be attached to, and was never followed."""
+    return GoalFate.LEFT in _fates(ending, call)
+
+
+def _fates(ending: Ending, call: ErrorContext) -> list[GoalFate]:
+    return [goal.fate for goal in ending.goals if goal.goal_id == call.goal_id]
