@@ -78,7 +78,8 @@ def test_what_an_error_quotes_is_no_python_either() -> None:
 
 @pytest.mark.parametrize("python", _WORDS)
 def test_what_is_replaced_is_there(python: str) -> None:
-    assert any(python in text for text in texts_of(error_texts.__file__))
+    texts = [*texts_of(error_texts.__file__), *texts_of(still_running.__file__)]
+    assert any(python in text for text in texts)
 
 
 @pytest.mark.parametrize(
