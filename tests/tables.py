@@ -64,7 +64,7 @@ class Page:
 
     def __init__(self, path: str | Path, tables: Mapping[str, Sequence[Key]]) -> None:
         self.path = DOCS / path
-        self.name = f"docs/{self.path.name}"
+        self.name = os.path.relpath(self.path, DOCS.parent)
         self.tables = tables
 
     def rows(self, table: str) -> dict[Key, tuple[str, ...]]:

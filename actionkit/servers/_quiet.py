@@ -1,9 +1,8 @@
 """Waits until a process does nothing for a moment, before it is killed or paused.
 
 Fast DDS shares memory, with locks in it, with all processes on the machine. If a process is killed
-while it holds such a lock, it blocks each process that talks to it for seconds, and may crash it;
-see `docs/losing-the-server.md`. A test that kills a server for another reason should not sometimes
-get this fault, too.
+while it holds such a lock, it blocks each process that talks to it for up to 3 s, and may crash it.
+A test that kills a server for another reason should not sometimes get this fault, too.
 """
 
 from __future__ import annotations

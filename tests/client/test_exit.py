@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import textwrap
 import time
 from pathlib import Path
 
@@ -313,16 +312,16 @@ def test_the_node_is_kept_while_the_middleware_clears_away(stopped, action_serve
     assert not thread.is_alive()
 
 
-DOCS = Path(__file__).parents[2] / "docs" / "losing-the-server.md"
+DOCS = Path(__file__).parents[2] / "docs" / "when-things-fail.md"
 LONG = "client.call({'order': 90}, on_feedback=lambda fb: print('runs', flush=True))"
 
 
 def as_documented() -> str:
     found = re.search(
-        r"```python\n( +from actionkit import cancel_on_.*?)```", DOCS.read_text("utf-8"), re.S
+        r"```python\n(from actionkit import cancel_on_.*?)```", DOCS.read_text("utf-8"), re.S
     )
     assert found is not None
-    return textwrap.dedent(found[1])
+    return found[1]
 
 
 @pytest.mark.parametrize(

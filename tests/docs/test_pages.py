@@ -27,7 +27,7 @@ PAGES: dict[str, list[tuple[str, Mapping[str, Any]]]] = {
     "coming-from/py_trees_ros.md": [],
     "coming-from/rclpy.md": [_FIBONACCI],
     "coming-from/synchros2.md": [_FIBONACCI],
-    "losing-the-server.md": [_FIBONACCI],
+    "when-things-fail.md": [],
     "where-it-runs.md": [],
     "guides/asyncio.md": [_FIBONACCI],
     "guides/callbacks.md": [_FIBONACCI],

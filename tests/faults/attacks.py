@@ -1,4 +1,4 @@
-"""The attacks of docs/faults.md: the required rows."""
+"""The attacks of docs/maintainers/faults.md: the required rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Programs as users write them, and the ways to end them, as in docs/faults.md."""
+"""Programs as users write them, and the ways to end them, as in docs/maintainers/faults.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A program that is killed, and what then stops its goal, as in docs/faults.md."""
+"""A program that is killed, and what then stops its goal, as in docs/maintainers/faults.md."""
 
 from __future__ import annotations
 

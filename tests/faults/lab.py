@@ -2,7 +2,7 @@
 
 One server follows a script for each goal, and one client sends them, in order. A fault strikes
 them all at once, since the slow part of most faults, the lease of the middleware, can be
-waited for together. What each call came to is a row of the table in docs/faults.md.
+waited for together. What each call came to is a row of the table in docs/maintainers/faults.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The tables of docs/faults.md: the required rows, and how tests record them."""
+"""The tables of docs/maintainers/faults.md: the required rows, and how tests record them."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ FAULTS: dict[str, list[Key]] = {
     for fault, phases in _FAULTS.items()
 }
 """The keys of the rows of each fault: phase and policy."""
-PAGE = Page("faults.md", FAULTS | attacks.TABLES | ending.TABLES | killing.TABLES)
+PAGE = Page("maintainers/faults.md", FAULTS | attacks.TABLES | ending.TABLES | killing.TABLES)
 
 
 def record(rows: Iterable[Row]) -> None:

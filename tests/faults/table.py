@@ -1,4 +1,4 @@
-"""The outcome of a call under a fault: a row of docs/faults.md."""
+"""The outcome of a call under a fault: a row of docs/maintainers/faults.md."""
 
 from __future__ import annotations
 

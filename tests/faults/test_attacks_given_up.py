@@ -77,7 +77,7 @@ def give_up(way: str, n: int, server: Server, start: Callable[..., Crowd]) -> Ro
 @pytest.mark.parametrize("way", attacks.WAYS)
 def test_attack_many_goals_are_given_up_on(way, n, action_server, crowd):
     if not WRITING and (way, n) not in attacks.ALWAYS:
-        pytest.skip("only when docs/faults.md is written")
+        pytest.skip("only when docs/maintainers/faults.md is written")
     server = action_server("never_finishes", journal="goals")
     row = give_up(way, n, server, crowd)
     if way == "deadline":

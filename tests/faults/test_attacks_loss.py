@@ -54,7 +54,7 @@ def plain_client(field: Field, n: int) -> Script:
 @pytest.mark.parametrize(("percent", "n"), _ALWAYS + _WRITTEN)
 def test_attack_packets_are_lost(percent, n, field):
     if not WRITING and (percent, n) not in _ALWAYS:
-        pytest.skip("only when docs/faults.md is written")
+        pytest.skip("only when docs/maintainers/faults.md is written")
     network.skip_where_nothing_can_be_lost(field.cable)
     server = field.serve("fibonacci", journal="goals")
     # Of its own: one server's queue of ten requests is too short for the bursts of both.

@@ -1,6 +1,6 @@
-"""Programs that end in any way leave no goal running (C2.5, C2.6); docs/faults.md says how.
+"""Programs that end in any way leave no goal running (C2.5, C2.6).
 
-What reached the server is read in its own journal.
+docs/maintainers/faults.md says how. What reached the server is read in its own journal.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""No goal of a killed program is left running, and none is sent twice (C12); docs/faults.md.
+"""No goal of a killed program is left running, and none is sent twice (C12).
 
-What reached the server is read in its own journal.
+The table is in docs/maintainers/faults.md. What reached the server is read in its own journal.
 """
 
 from __future__ import annotations

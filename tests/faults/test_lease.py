@@ -1,4 +1,4 @@
-"""The shorter lease of docs/losing-the-server.md works as written there."""
+"""The shorter lease of docs/guides/deployment.md works as written there."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from actionkit import GoalState, RetryPolicy, servers
 
-_PAGE = Path(__file__).parents[2] / "docs" / "losing-the-server.md"
+_PAGE = Path(__file__).parents[2] / "docs" / "guides" / "deployment.md"
 _DEFAULT_LEASE = 20.0
 """Seconds; a server that was killed right after it announced itself is gone 3 s sooner."""
 

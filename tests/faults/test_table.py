@@ -1,4 +1,4 @@
-"""docs/faults.md has all its rows, and its promises are true."""
+"""docs/maintainers/faults.md has all its rows, and its promises are true."""
 
 from __future__ import annotations
 

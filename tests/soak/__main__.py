@@ -50,7 +50,9 @@ _STUCK = 300.0
     help="Where the report goes.",
 )
 @click.option(
-    "--write-docs", is_flag=True, help="Put a good result of an hour into docs/faults.md."
+    "--write-docs",
+    is_flag=True,
+    help="Put a good result of an hour into docs/maintainers/faults.md.",
 )
 def main(
     minutes: float,
@@ -63,7 +65,7 @@ def main(
 ) -> None:
     """Try to make ActionKit break its promises, and count what is broken."""
     if write_docs and f"{minutes:g} minutes" != attacks.SOAK_TIME:
-        raise click.UsageError(f"docs/faults.md tells of {attacks.SOAK_TIME}")
+        raise click.UsageError(f"docs/maintainers/faults.md tells of {attacks.SOAK_TIME}")
     totals = Totals(random.randrange(10_000) if seed is None else seed)
     problem = "asked for" if no_network else network.why_not()
     click.echo(f"seed {totals.seed}" + (f"; no network: {problem}" if problem else ""))

@@ -1,4 +1,4 @@
-"""The tables of docs/agents-faults.md: the required rows, and how a test records a row."""
+"""The tables of docs/maintainers/agents-faults.md: the required rows, and how tests record them."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ FAULTS: dict[str, dict[str, tuple[str, ...]]] = {
 
 
 PAGE = Page(
-    "agents-faults.md",
+    "maintainers/agents-faults.md",
     {
         group: [(fault, over) for fault, ways in faults.items() for over in ways]
         for group, faults in FAULTS.items()

@@ -1,4 +1,4 @@
-"""docs/agents-faults.md has all its rows, and every goal that can be cancelled is cancelled."""
+"""docs/maintainers/agents-faults.md has all its rows; all goals that can be cancelled are."""
 
 from __future__ import annotations
 
