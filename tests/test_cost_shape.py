@@ -17,8 +17,8 @@ from test_msgs.action import Fibonacci
 
 from actionkit import Client, Timeouts
 from actionkit._ros.entities import Entities
-from actionkit._ros.native import MessageSource, Waiter
 from actionkit._ros.port import Port
+from actionkit._ros.wait_set import MessageSource, Waiter
 from tests.conftest import NEVER
 from tests.waiting import until
 

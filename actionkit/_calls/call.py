@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
-from actionkit._calls import machine as mx
+from actionkit._calls import effects as cx
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.call_record import ActionView, CallRecord
 from actionkit._calls.classify_runner import ClassifyRunner
@@ -284,7 +284,7 @@ class Call:
 
     # --- carrying out ----------------------------------------------------------------------
 
-    def _do(self, effects: list[mx.Effect]) -> None:
+    def _do(self, effects: list[cx.Effect]) -> None:
         for effect in effects:
             self._CARRY_OUT[type(effect)](self, effect)
 
@@ -293,7 +293,7 @@ class Call:
         self._record.note(machine.latest_id, machine.attempts, record.state, record.detail)
         self.state = record.state
 
-    def _await_server(self, effect: mx.AwaitServer) -> None:
+    def _await_server(self, effect: cx.AwaitServer) -> None:
         link = self._session.link
         self._stop_waiting()
         (link.await_next_ready if effect.another else link.await_server)(self)
@@ -301,7 +301,7 @@ class Call:
         if effect.until is not None and self._wait is None and self.machine.phase is Phase.WAITING:
             self._wait = self._session.call_at(effect.until, self._waited)
 
-    def _queue(self, _: mx.Queue) -> None:
+    def _queue(self, _: cx.Queue) -> None:
         self._end_wait()
         self._session.link.enqueue(self, self.machine.latest_id)
 
@@ -321,7 +321,7 @@ class Call:
             self._session.cancel_timer(self._wait)
             self._wait = None
 
-    def _send(self, _: mx.Send) -> None:
+    def _send(self, _: cx.Send) -> None:
         self._end_wait()
         request = self._request
         try:
@@ -333,10 +333,10 @@ class Call:
         self.machine.sent(attempt)
         attempt.start()
         if request.attach is not None and self.unwanted:
-            self._stop_awaiting(mx.StopAwaiting())
+            self._stop_awaiting(cx.StopAwaiting())
             self.cancel()
 
-    def _judge(self, effect: mx.Judge) -> None:
+    def _judge(self, effect: cx.Judge) -> None:
         ending = effect.ending
         if ending.end is fx.End.SUCCEEDED and self._request.classify is None:
             self._judged(ending, None, Verdict.SUCCESS)  # the usual case needs no outcome
@@ -350,18 +350,18 @@ class Call:
     ) -> None:
         self._do(self.machine.judged(ending, error, verdict))
 
-    def _cut_judging(self, effect: mx.CutJudging) -> None:
+    def _cut_judging(self, effect: cx.CutJudging) -> None:
         if effect.at_once:
             self._judging.end(effect.why)
         else:
             within = f"{effect.why}, and it did not answer within {self.cancel_grace:g} s"
             self._judging.cut_short(time.monotonic() + self.cancel_grace, within)
 
-    def _count(self, effect: mx.Count) -> None:
+    def _count(self, effect: cx.Count) -> None:
         budget = self._request.budget
         (budget.on_success if effect.success else budget.on_transient_failure)()
 
-    def _plan(self, effect: mx.Plan) -> None:
+    def _plan(self, effect: cx.Plan) -> None:
         machine, planned = self.machine, partial(self._planned, effect.ending)
         attempts, clock = machine.attempts, time.monotonic
         self._retrying.begin(effect.ending, machine.cause, attempts, clock, self._deadline, planned)
@@ -369,7 +369,7 @@ class Call:
     def _planned(self, ending: fx.Ending, plan: Retry | GiveUp | fx.Fault) -> None:
         self._do(self.machine.planned(ending, plan))
 
-    def _pause_for(self, effect: mx.Pause) -> None:
+    def _pause_for(self, effect: cx.Pause) -> None:
         self._wait = self._session.call_at(time.monotonic() + effect.seconds, self._resume)
 
     def _resume(self) -> None:
@@ -380,40 +380,40 @@ class Call:
             if earlier.goal.stage is Stage.LOST and self._session.server_is_ready():
                 earlier.on_server_ready()
 
-    def _stop_retrying(self, _: mx.StopRetrying) -> None:
+    def _stop_retrying(self, _: cx.StopRetrying) -> None:
         if self._replacing is not None:
             self._replacing.drop()
         self._retrying.drop()
         self._stop_waiting()
 
-    def _await_earlier(self, _: mx.AwaitEarlier) -> None:
+    def _await_earlier(self, _: cx.AwaitEarlier) -> None:
         since = self._given_up_at or time.monotonic()
         self._grace = self._session.call_at(since + self.cancel_grace, self.end_grace)
 
-    def _stop_awaiting(self, _: mx.StopAwaiting) -> None:
+    def _stop_awaiting(self, _: cx.StopAwaiting) -> None:
         if self._grace is not None:
             self._session.cancel_timer(self._grace)
             self._grace = None
 
-    def _finish(self, effect: mx.Finish) -> None:
+    def _finish(self, effect: cx.Finish) -> None:
         if self._deadline_timer is not None:
             self._session.cancel_timer(self._deadline_timer)
         self._record.await_callbacks(effect.ending, self._session, self._settle)
 
-    _CARRY_OUT: ClassVar[dict[type[mx.Effect], Any]] = {
+    _CARRY_OUT: ClassVar[dict[type[cx.Effect], Any]] = {
         fx.Record: _note,
-        mx.AwaitServer: _await_server,
-        mx.Queue: _queue,
-        mx.Send: _send,
-        mx.Judge: _judge,
-        mx.CutJudging: _cut_judging,
-        mx.Count: _count,
-        mx.Plan: _plan,
-        mx.Pause: _pause_for,
-        mx.StopRetrying: _stop_retrying,
-        mx.AwaitEarlier: _await_earlier,
-        mx.StopAwaiting: _stop_awaiting,
-        mx.Finish: _finish,
+        cx.AwaitServer: _await_server,
+        cx.Queue: _queue,
+        cx.Send: _send,
+        cx.Judge: _judge,
+        cx.CutJudging: _cut_judging,
+        cx.Count: _count,
+        cx.Plan: _plan,
+        cx.Pause: _pause_for,
+        cx.StopRetrying: _stop_retrying,
+        cx.AwaitEarlier: _await_earlier,
+        cx.StopAwaiting: _stop_awaiting,
+        cx.Finish: _finish,
     }
 
     def _settle(self) -> None:

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum, auto
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol
 
+from actionkit._calls import effects as cx
 from actionkit._calls.call_view import GoalsOfCall
 from actionkit._calls.classify import apply_verdict
 from actionkit._calls.retry import GiveUp, RejectedByClassifier, Retry, after_no_server
@@ -58,97 +59,6 @@ class AttemptView(Protocol):
     def fail(self, reason: str, error: BaseException) -> None: ...
 
 
-@dataclass(slots=True)
-class AwaitServer:
-    """Report when a server is ready, or serves another type; take the goal out of the queue."""
-
-    until: float | None  # when the wait ends, if before the deadline
-    another: bool = False  # whether to report only a new server, and not one that is there
-
-
-@dataclass(slots=True)
-class Queue:
-    """Queue the goal, and report when its turn comes."""
-
-
-@dataclass(slots=True)
-class Send:
-    """Make an attempt: send the goal now."""
-
-
-@dataclass(slots=True)
-class Judge:
-    """Find out how the end of an attempt counts."""
-
-    ending: fx.Ending
-
-
-@dataclass(slots=True)
-class CutJudging:
-    """Limit the wait for the verdict to the time for a cancellation, or end it now."""
-
-    why: str
-    at_once: bool
-
-
-@dataclass(slots=True)
-class Count:
-    """Tell the retry budget about a success or a transient failure."""
-
-    success: bool
-
-
-@dataclass(slots=True)
-class Plan:
-    """Let the policy decide whether there is another attempt."""
-
-    ending: fx.Ending
-
-
-@dataclass(slots=True)
-class Pause:
-    """Wait before the next attempt."""
-
-    seconds: float
-
-
-@dataclass(slots=True)
-class StopRetrying:
-    """Stop asking the policy; end the pause, or the wait for a server or for the goal's turn."""
-
-
-@dataclass(slots=True)
-class AwaitEarlier:
-    """Wait for earlier goals, up to the time for a cancellation after the caller gave up."""
-
-
-@dataclass(slots=True)
-class StopAwaiting:
-    """Stop waiting for earlier goals."""
-
-
-@dataclass(slots=True)
-class Finish:
-    """Give the ending to the caller. Happens once."""
-
-    ending: fx.Ending
-
-
-Effect: TypeAlias = (
-    fx.Record
-    | AwaitServer
-    | Queue
-    | Send
-    | Judge
-    | CutJudging
-    | Count
-    | Plan
-    | Pause
-    | StopRetrying
-    | AwaitEarlier
-    | StopAwaiting
-    | Finish
-)
 _GIVEN_UP = (fx.End.CANCELLED_BY_CALLER, fx.End.CLOSED)
 _STOPPED = (fx.End.REJECTED, fx.End.ABORTED, fx.End.CANCELED_BY_OTHER)
 """How the server ends a goal that it replaces by another one."""
@@ -234,7 +144,7 @@ class CallMachine:
 
     # --- the caller's wishes ---------------------------------------------------------------
 
-    def begin(self, invalid: Exception | None, now: float) -> list[Effect]:
+    def begin(self, invalid: Exception | None, now: float) -> list[cx.Effect]:
         """The call begins; `invalid` is what is wrong with its goal, if anything."""
         if self.phase is not Phase.NEW:
             return []
@@ -242,31 +152,31 @@ class CallMachine:
             return self._end(fx.Ending(fx.End.INVALID, GoalState.REJECTED, error=invalid))
         return self._try(now)
 
-    def give_up(self, why: CancelReason) -> list[Effect]:
+    def give_up(self, why: CancelReason) -> list[cx.Effect]:
         """Its caller cancels or closes it while it has no goal in flight that could handle that."""
         if self._cancel_waits:
             return []
         if self._attaches and why is CancelReason.CANCELLED and self._is_before_goal:
             # The goal may run: it is cancelled as soon as a server is there.
             self._cancel_waits = True
-            return [AwaitEarlier()]
+            return [cx.AwaitEarlier()]
         if self.phase is Phase.JUDGING:
             # Its goal ended, and is not tried again. Wait for the verdict as for a cancellation.
             because = "the client was closed" if self.closing else "the call was cancelled"
-            return [CutJudging(because, at_once=False)]
+            return [cx.CutJudging(because, at_once=False)]
         end = fx.End.CLOSED if why is CancelReason.CLOSED else fx.End.CANCELLED_BY_CALLER
         if self._last is None or self.is_waiting:
             return self._end(fx.Ending(end, GoalState.SENDING, given_up=True))
         # Nothing is cancelled now: the outcome describes the fate of the last goal.
         return self._end(fx.Ending(end, self._last.status, news=self._last.news, given_up=True))
 
-    def not_replacing(self, left: tuple[GoalReport, ...]) -> list[Effect]:
+    def not_replacing(self, left: tuple[GoalReport, ...]) -> list[cx.Effect]:
         """The goals of the call that it was to replace may still run."""
         return self._end(
             fx.Ending(fx.End.NOT_REPLACING, GoalState.SENDING, earlier=left, given_up=True)
         )
 
-    def replace_by(self, call: CallMachine) -> list[Effect]:
+    def replace_by(self, call: CallMachine) -> list[cx.Effect]:
         """Another call replaces it: its server stops the goal, and no other one is sent."""
         self._replacement = call
         return [] if self.attempt is not None else self.give_up(CancelReason.CANCELLED)
@@ -281,17 +191,17 @@ class CallMachine:
     def _is_before_goal(self) -> bool:
         return self.phase in (Phase.NEW, Phase.WAITING, Phase.QUEUED)
 
-    def end_grace(self, why: str) -> list[Effect]:
+    def end_grace(self, why: str) -> list[cx.Effect]:
         """No time is left for confirmations."""
         if self._cancel_waits and self._is_before_goal:
             self._cancel_waits = False
             end = fx.Ending(fx.End.CANCELLED_BY_CALLER, GoalState.TIMED_OUT, given_up=True)
-            return [StopAwaiting(), *self._end(end)]
+            return [cx.StopAwaiting(), *self._end(end)]
         if self.phase is Phase.CONFIRMING:
-            return [StopAwaiting(), *self._finish()]
-        return [CutJudging(why, at_once=True)] if self.phase is Phase.JUDGING else []
+            return [cx.StopAwaiting(), *self._finish()]
+        return [cx.CutJudging(why, at_once=True)] if self.phase is Phase.JUDGING else []
 
-    def broke(self, error: BaseException) -> list[Effect]:
+    def broke(self, error: BaseException) -> list[cx.Effect]:
         """Our own side failed while the call has no goal in flight that could handle that."""
         if self.phase in (Phase.CONFIRMING, Phase.JUDGING):
             return self.end_grace(self.closing)
@@ -299,36 +209,36 @@ class CallMachine:
 
     # --- until a goal is sent --------------------------------------------------------------
 
-    def _try(self, now: float) -> list[Effect]:
+    def _try(self, now: float) -> list[cx.Effect]:
         if self.attempts:
             self.goal_id = self.latest_id = self._new_id()
         self.attempts += 1
         sending = [] if self._attaches else [fx.Record(GoalState.SENDING)]
         return [*sending, *self._await_server(now)]
 
-    def _await_server(self, now: float) -> list[Effect]:
+    def _await_server(self, now: float) -> list[cx.Effect]:
         self.phase = Phase.WAITING
         self._wait_until = None if self._server_limit is None else now + self._server_limit
-        return [AwaitServer(self._wait_until)]
+        return [cx.AwaitServer(self._wait_until)]
 
-    def server_ready(self) -> list[Effect]:
+    def server_ready(self) -> list[cx.Effect]:
         """A server can be used, or an earlier goal is known not to run any more."""
         if self.phase is not Phase.WAITING:
             return []
         self.phase = Phase.QUEUED
-        return [Queue()]
+        return [cx.Queue()]
 
-    def server_lost(self, now: float) -> list[Effect]:
+    def server_lost(self, now: float) -> list[cx.Effect]:
         """No server is ready any more; the goal may be in the queue."""
         return self._await_server(now) if self.phase is Phase.QUEUED else []
 
-    def type_mismatch(self, served: tuple[str, ...]) -> list[Effect]:
+    def type_mismatch(self, served: tuple[str, ...]) -> list[cx.Effect]:
         """The name is served with other types only."""
         if self.phase is not Phase.WAITING:
             return []
         return self._end(fx.Ending(fx.End.TYPE_MISMATCH, GoalState.SENDING, served=served))
 
-    def turn(self, now: float) -> list[Effect]:
+    def turn(self, now: float) -> list[cx.Effect]:
         """It is the goal's turn to be sent."""
         if self.phase is not Phase.QUEUED:
             return []
@@ -336,11 +246,11 @@ class CallMachine:
             return self.give_up(CancelReason.CANCELLED)
         if self._is_late(now) or not self.may_send():
             self.phase = Phase.WAITING
-            return [AwaitServer(self._wait_until, another=True)]
+            return [cx.AwaitServer(self._wait_until, another=True)]
         self.phase = Phase.TRYING
-        return [Send()]
+        return [cx.Send()]
 
-    def waited(self, now: float, *, ready: bool) -> list[Effect]:
+    def waited(self, now: float, *, ready: bool) -> list[cx.Effect]:
         """The time to wait for a server is over, or the deadline has passed.
 
         `ready` means that a server is ready now.
@@ -354,7 +264,7 @@ class CallMachine:
         if self.phase is not Phase.WAITING:
             return []
         waited = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
-        effects: list[Effect] = [waited, StopRetrying()]
+        effects: list[cx.Effect] = [waited, cx.StopRetrying()]
         # If it had a server before, it continues with the ending from that server (C2.7).
         late, in_flight = self._is_late(now), bool(self.goals.may_run)
         if self.previous is not None and (in_flight or not late):
@@ -363,7 +273,7 @@ class CallMachine:
         ending = after_no_server(ending, self._last, self._server_limit, late, ready, in_flight)
         return effects + (self._end if late or self._last is None else self._plan)(ending)
 
-    def _too_late(self, phase: str, detail: str) -> list[Effect]:
+    def _too_late(self, phase: str, detail: str) -> list[cx.Effect]:
         """The deadline has passed, and nothing was sent."""
         ending = fx.Ending(fx.End.DEADLINE, GoalState.TIMED_OUT, phase=phase, given_up=True)
         return [fx.Record(GoalState.TIMED_OUT, detail), *self._end(ending)]
@@ -371,7 +281,7 @@ class CallMachine:
     def _is_late(self, now: float) -> bool:
         return self._deadline is not None and now >= self._deadline
 
-    def send_failed(self, error: Exception) -> list[Effect]:
+    def send_failed(self, error: Exception) -> list[cx.Effect]:
         """The middleware did not accept the goal."""
         return self._end(fx.Ending(fx.End.INVALID, GoalState.SENDING, error=error))
 
@@ -383,7 +293,7 @@ class CallMachine:
 
     # --- what happens to goals -------------------------------------------------------------
 
-    def ended(self, attempt: AttemptView, ending: fx.Ending) -> list[Effect]:
+    def ended(self, attempt: AttemptView, ending: fx.Ending) -> list[cx.Effect]:
         """The current attempt ended; its goal may still run."""
         if attempt is not self.attempt or self.ending is not None:
             return []
@@ -397,42 +307,42 @@ class CallMachine:
         self.attempt = None
         return self._judge(ending)
 
-    def late_result(self, attempt: AttemptView, state: GoalState, result: Any) -> list[Effect]:
+    def late_result(self, attempt: AttemptView, state: GoalState, result: Any) -> list[cx.Effect]:
         """An earlier goal turns out to have finished: that is the call's end (C4.3, C4.4)."""
         canceled = state is GoalState.CANCELED
         if attempt not in self.earlier or self.attempt is not None:
             return []
         if canceled and attempt.cancel_is_ours:
             return []
-        effects: list[Effect] = [StopRetrying()]
+        effects: list[cx.Effect] = [cx.StopRetrying()]
         if self.phase is Phase.CONFIRMING:
             self.ending = None
-            effects.append(StopAwaiting())
+            effects.append(cx.StopAwaiting())
         self.goal_id = attempt.goal_id
         rejected = state is GoalState.REJECTED
         end = fx.End.CANCELED_BY_OTHER if canceled else fx.End[state.name]
         return effects + self._judge(fx.Ending(end, state, result=result, rejected=rejected))
 
-    def earlier_over(self) -> list[Effect]:
+    def earlier_over(self) -> list[cx.Effect]:
         """An earlier goal is known not to run any more, or its server went out of sight."""
         if self.phase is Phase.CONFIRMING and not self.confirming:
-            return [StopAwaiting(), *self._finish()]
+            return [cx.StopAwaiting(), *self._finish()]
         return []
 
     # --- what follows from an end ----------------------------------------------------------
 
     def judged(
         self, ending: fx.Ending, error: BaseException | None, verdict: Verdict | fx.Fault
-    ) -> list[Effect]:
+    ) -> list[cx.Effect]:
         """The verdict on the end of an attempt is known (C3.3)."""
         if self.ending is not None:
             return []  # cancelled or closed in the meantime
-        effects: list[Effect] = [Count(success=True)] if verdict is Verdict.SUCCESS else []
+        effects: list[cx.Effect] = [cx.Count(success=True)] if verdict is Verdict.SUCCESS else []
         self._last = ending = apply_verdict(ending, verdict)
         # A goal that somebody else cancelled is never tried again, even with this verdict (C4.4).
         if verdict is not Verdict.TRANSIENT or ending.end is fx.End.CANCELED_BY_OTHER:
             return effects + self._end(ending)
-        effects.append(Count(success=False))
+        effects.append(cx.Count(success=False))
         why = "its caller no longer wants it" if self.unwanted else self.closing
         if self._replacement is not None:
             why = "its caller has sent another goal in its place"
@@ -441,7 +351,7 @@ class CallMachine:
         self.cause = error or RejectedByClassifier()
         return effects + self._plan(ending)
 
-    def planned(self, ending: fx.Ending, plan: Retry | GiveUp | fx.Fault) -> list[Effect]:
+    def planned(self, ending: fx.Ending, plan: Retry | GiveUp | fx.Fault) -> list[cx.Effect]:
         """The policy has decided whether there is another attempt."""
         if isinstance(plan, fx.Fault):
             return self._end(replace(ending, strategy_fault=plan))
@@ -449,25 +359,25 @@ class CallMachine:
             waited = f"{ending.not_retried}, and " if ending.not_retried else ""
             return self._end(replace(ending, not_retried=waited + plan.reason))
         self.phase = Phase.PAUSING
-        return [fx.Record(GoalState.RETRYING, f"in {plan.seconds:.2f} s"), Pause(plan.seconds)]
+        return [fx.Record(GoalState.RETRYING, f"in {plan.seconds:.2f} s"), cx.Pause(plan.seconds)]
 
-    def resume(self, now: float) -> list[Effect]:
+    def resume(self, now: float) -> list[cx.Effect]:
         """The pause is over."""
         return self._try(now)
 
-    def _judge(self, ending: fx.Ending) -> list[Effect]:
+    def _judge(self, ending: fx.Ending) -> list[cx.Effect]:
         if ending.end in _STOPPED and self._is_replaced:
             return self._end(replace(ending, end=fx.End.CANCELLED_BY_CALLER, given_up=True))
         self.phase = Phase.JUDGING
-        return [Judge(ending)]
+        return [cx.Judge(ending)]
 
-    def _plan(self, ending: fx.Ending) -> list[Effect]:
+    def _plan(self, ending: fx.Ending) -> list[cx.Effect]:
         self.phase = Phase.PLANNING
-        return [Plan(ending)]
+        return [cx.Plan(ending)]
 
     # --- the end ---------------------------------------------------------------------------
 
-    def _end(self, ending: fx.Ending) -> list[Effect]:
+    def _end(self, ending: fx.Ending) -> list[cx.Effect]:
         if self.ending is not None:
             return []
         if ending.end is fx.End.CLOSED:
@@ -475,10 +385,10 @@ class CallMachine:
         self.ending = ending
         if ending.end in _GIVEN_UP and self.confirming:
             self.phase = Phase.CONFIRMING
-            return [StopRetrying(), AwaitEarlier()]
-        return [StopRetrying(), *self._finish()]
+            return [cx.StopRetrying(), cx.AwaitEarlier()]
+        return [cx.StopRetrying(), *self._finish()]
 
-    def _finish(self) -> list[Effect]:
+    def _finish(self) -> list[cx.Effect]:
         """End with what is known now about all goals (C2.8)."""
         ending = self.ending
         assert ending is not None
@@ -499,7 +409,7 @@ class CallMachine:
             )
             if self.goal_id not in may_run:
                 self.goal_id = may_run[-1]
-        effects: list[Effect] = []
+        effects: list[cx.Effect] = []
         if ending.end is fx.End.CANCELLED_BY_CALLER and self._is_replaced:
             assert self._replacement is not None
             ending = replace(ending, end=fx.End.REPLACED, status=GoalState.REPLACED)
@@ -507,4 +417,4 @@ class CallMachine:
         self.ending = ending
         # They keep the call, or later calls, alive while they are watched.
         self.previous, self.earlier, self._replacement = None, [], None
-        return [*effects, Finish(ending)]
+        return [*effects, cx.Finish(ending)]

@@ -9,21 +9,24 @@ cancels the goals if the main thread does not begin to.
 
 from __future__ import annotations
 
-import ctypes
 import os
 import select
 import signal
-import sys
 import threading
 import warnings
 from collections import Counter
 from collections.abc import Callable
 from types import FrameType, TracebackType
-from typing import Any, TypeAlias
 
+from actionkit._calls.signal_handlers import (
+    Handler,
+    end_process,
+    is_of_a_user,
+    rclpy_handles,
+    set_handler,
+)
 from actionkit._threads.waiting import Flag
 
-Handler: TypeAlias = "Callable[[int, FrameType | None], Any] | int | None"
 _DEFAULT = (signal.SIGTERM, signal.SIGHUP)
 _MAIN_HEARS = 0.2
 """Seconds for the main thread to begin, before our thread does its work. If it runs Python code, it
@@ -45,9 +48,6 @@ _at_work: dict[str, _Work] = {}
 _watcher: _Watcher | None = None
 _woken: dict[object, Callable[[], None]] = {}
 """What wakes the event loops that are to hear signals, one entry for each wait."""
-_libc = ctypes.CDLL(None)
-_pythons_handler = 0
-"""The address of Python's own handler in C."""
 
 
 def _nothing(hurry: Callable[[], bool]) -> None:
@@ -117,7 +117,7 @@ class cancel_on_signals:
             _users[number] += 1
             if signal.getsignal(number) is not _on_signal:
                 _before[number] = signal.getsignal(number)
-                _set(number, _on_signal)
+                set_handler(number, _on_signal)
         _watch()
 
     def __enter__(self) -> cancel_on_signals:
@@ -133,7 +133,7 @@ class cancel_on_signals:
             _users[number] -= 1
             # A handler that was set later stays.
             if not _users[number] and signal.getsignal(number) is _on_signal:
-                _set(number, _before[number])
+                set_handler(number, _before[number])
         self._signals = []
         if not any(_users.values()):
             _stop_watching()
@@ -152,7 +152,7 @@ class waking:
 
     def __enter__(self) -> None:
         # Python hears of signals, and sets the file descriptor, in the main thread only.
-        if threading.current_thread() is threading.main_thread() and _is_of_a_user(
+        if threading.current_thread() is threading.main_thread() and is_of_a_user(
             signal.getsignal(signal.SIGINT)
         ):
             _woken[self] = self._wake
@@ -161,13 +161,6 @@ class waking:
     def __exit__(self, *exc: object) -> None:
         if _woken.pop(self, None) and not _woken and not any(_users.values()):
             _stop_watching()
-
-
-def _is_of_a_user(handler: Handler) -> bool:
-    """Whether it is none of Python's handlers of Ctrl-C, which raise, or wake the loop."""
-    if handler is signal.default_int_handler or not callable(handler):
-        return False
-    return getattr(getattr(handler, "func", None), "__module__", "") != "asyncio.runners"
 
 
 def _check(number: object) -> None:
@@ -189,49 +182,6 @@ def _former(number: int) -> Handler:
     if handler is not signal.SIG_IGN:
         return handler
     return signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
-
-
-def _set(number: int, handler: Handler) -> None:
-    """Set Python's handler of a signal, below rclpy's handler if there is one.
-
-    `rclpy.init()` sets a handler in C, which shuts down all contexts, wakes the executors, and
-    passes the signal on to the handler that it found. Python does not know about it, and would
-    replace it with ours. So we take it out and put it in again, which takes microseconds, as if
-    `rclpy.init()` came later. (If somebody has put another handler over rclpy's, rclpy ignores both
-    steps.)
-    """
-    global _pythons_handler  # noqa: PLW0603
-    rclpy = sys.modules.get("rclpy.signals")
-    options = rclpy and rclpy.get_current_signal_handlers_options()
-    listed = options is not None and _lists(options, number)
-    if rclpy and listed:
-        rclpy.uninstall_signal_handlers()
-    signal.signal(number, signal.SIG_DFL if handler is None else handler)
-    if handler is _on_signal:
-        _pythons_handler = _c_handler(number)
-    if rclpy and listed:
-        rclpy.install_signal_handlers(options)
-
-
-def _lists(options: Any, number: int) -> bool:
-    """Whether rclpy says that it handles a signal, even if another handler has replaced it."""
-    mine = {int(signal.SIGINT): "SIGINT", int(signal.SIGTERM): "SIGTERM"}.get(number)
-    return mine is not None and options.name in ("ALL", mine)
-
-
-def _rclpy_handles(number: int) -> bool:
-    """Whether rclpy's handler passed the signal on to ours; it does its own part by itself."""
-    rclpy = sys.modules.get("rclpy.signals")
-    if rclpy is None or _c_handler(number) == _pythons_handler:
-        return False
-    return _lists(rclpy.get_current_signal_handlers_options(), number)
-
-
-def _c_handler(number: int) -> int:
-    """Return the address of a signal's handler in C: the first field of `struct sigaction`."""
-    action = (ctypes.c_size_t * 64)()  # the struct needs 19 of these
-    _libc.sigaction(number, None, action)
-    return action[0]
 
 
 # --- on the signal -----------------------------------------------------------------------------
@@ -269,15 +219,8 @@ def _pass_on(number: int, frame: FrameType | None) -> None:
     if callable(before):
         _at_work.clear()  # the handler may begin goals, and must end them itself
         before(number, frame)
-    elif not _rclpy_handles(number):
-        _end_process(number)
-
-
-def _end_process(number: int) -> None:
-    """Let the signal do its default, which ends the process. From any thread."""
-    _libc.signal(number, None)  # Python's function works only in the main thread
-    os.kill(os.getpid(), number)
-    Flag().wait(1.0)  # another thread may receive it, within microseconds
+    elif not rclpy_handles(number):
+        end_process(number)
 
 
 class _Watcher:
@@ -333,8 +276,8 @@ class _Watcher:
             if self._heard.is_set():
                 return  # it is about to begin
             cancel_goals(lambda: mine.hurry.is_set() or bool(self._read()))
-            if not callable(_former(number)) and not _rclpy_handles(number):
-                _end_process(number)
+            if not callable(_former(number)) and not rclpy_handles(number):
+                end_process(number)
             self._done.add(number)
         finally:
             _leave(mine)

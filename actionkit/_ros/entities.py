@@ -18,7 +18,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_action_status_d
 from rclpy.subscription import Subscription
 
 from actionkit._ros.names import ActionNames
-from actionkit._ros.native import (
+from actionkit._ros.wait_set import (
     EventSource,
     MessageSource,
     ResponseSource,

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container
 
-from actionkit._ros.native import MOST_AT_ONCE, EventSource, MessageSource
 from actionkit._ros.runtime import Runtime
+from actionkit._ros.wait_set import MOST_AT_ONCE, EventSource, MessageSource
 from actionkit._ros.wire import feedback_goal_id
 from actionkit._threads.clock import TimerHandle
 

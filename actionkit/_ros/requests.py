@@ -18,10 +18,10 @@ from unique_identifier_msgs.msg import UUID
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.cancels import CancelQueue, CancelWindow
 from actionkit._ros.entities import Entities
-from actionkit._ros.native import Source
 from actionkit._ros.orphans import OrphanedGoals
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.readiness import UNNAMED
+from actionkit._ros.wait_set import Source
 
 _UUIDS = 64
 """Cached messages; several times as many as there are requests on their way."""

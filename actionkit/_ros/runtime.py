@@ -10,8 +10,8 @@ keep the old participant.
 
 A user's context may be shut down at any time, by `rclpy.shutdown()` or by the signal handler of
 `rclpy.init()`, which shuts down every context of the process (R10). Existing entities go on working
-(see `native`): a cancel request still reaches the server, and its answer wakes this thread. But the
-graph does not work any more, and nothing new can be made. So new clients get a new runtime.
+(see `wait_set`): a cancel request still reaches the server, and its answer wakes this thread. But
+the graph does not work any more, and nothing new can be made. So new clients get a new runtime.
 """
 
 from __future__ import annotations
@@ -31,17 +31,10 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from actionkit._ros import graph
-from actionkit._ros.native import (
-    SOURCES_OF_A_CLIENT,
-    Source,
-    Waiter,
-    domain_of,
-    is_up,
-    on_shutdown,
-    shut_down,
-)
+from actionkit._ros.native import domain_of, is_up, on_shutdown, shut_down
 from actionkit._ros.outbox import Window
 from actionkit._ros.own_node import leave_graph, make_node, start
+from actionkit._ros.wait_set import SOURCES_OF_A_CLIENT, Source, Waiter
 from actionkit._ros.workarounds.rejoining import Rejoining
 from actionkit._ros.workarounds.standstill import Standstill
 from actionkit._threads.clock import TimerQueue

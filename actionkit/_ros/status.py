@@ -14,8 +14,9 @@ from action_msgs.msg import GoalStatus
 from rclpy.exceptions import InvalidHandle
 
 from actionkit._ros.entities import Entities
-from actionkit._ros.native import MessageSource, RCLError
+from actionkit._ros.native import RCLError
 from actionkit._ros.runtime import Runtime
+from actionkit._ros.wait_set import MessageSource
 from actionkit._ros.wire import count_goals, goal_states
 from actionkit._threads.clock import TimerHandle
 

@@ -15,11 +15,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from actionkit._ros import runtimes
-from actionkit._ros.native import MessageSource, RCLError
+from actionkit._ros.native import RCLError
 from actionkit._ros.tools import topic as topics
 from actionkit._ros.tools import watch
 from actionkit._ros.tools.topic import Reading, TopicReader, latest
 from actionkit._ros.tools.watch import goals_in_flight
+from actionkit._ros.wait_set import MessageSource
 from actionkit.testing import isolated_domain
 from tests.waiting import until
 

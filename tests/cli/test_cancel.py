@@ -107,7 +107,7 @@ def test_an_accepted_cancellation_is_no_canceled_goal(world: World) -> None:
 
 LATE = """
 import threading, time
-import actionkit.cli.cancel_and_stop._cancelling as c
+import actionkit.cli.cancel_and_stop._cancel_goals as c
 from actionkit._ros.tools.survey import Survey
 see, put_into, began = Survey.actions, c._putter, []
 def actions(self):

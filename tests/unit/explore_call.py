@@ -16,7 +16,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from actionkit import CancelReport, Timeouts
-from actionkit._calls import machine as mx
+from actionkit._calls import effects as cx
 from actionkit._calls.machine import CallMachine, Phase
 from actionkit._calls.retry import GiveUp, Retry, may_try_again
 from actionkit._goal import effects as fx
@@ -194,33 +194,33 @@ class World:
     def up(self) -> frozenset[int]:
         return frozenset(s for s, state in enumerate(self.servers) if state == UP)
 
-    def do(self, effects: list[mx.Effect]) -> None:
+    def do(self, effects: list[cx.Effect]) -> None:
         m = self.m
         for effect in effects:
-            if isinstance(effect, mx.AwaitServer):
+            if isinstance(effect, cx.AwaitServer):
                 self.awaiting, self.queued = True, False
                 self.had_server |= bool(self.up)
                 if self.up and not effect.another:
                     self.do(m.server_ready())
-            elif isinstance(effect, mx.Queue):
+            elif isinstance(effect, cx.Queue):
                 self.awaiting, self.queued = False, True
-            elif isinstance(effect, mx.Send):
+            elif isinstance(effect, cx.Send):
                 self.queued = False
                 self.send()
-            elif isinstance(effect, (mx.Judge, mx.Plan)):
+            elif isinstance(effect, (cx.Judge, cx.Plan)):
                 self.asked = effect.ending
-            elif isinstance(effect, mx.CutJudging):
+            elif isinstance(effect, cx.CutJudging):
                 self.grace = True
-            elif isinstance(effect, mx.Pause):
+            elif isinstance(effect, cx.Pause):
                 self.pause = True
-            elif isinstance(effect, mx.StopRetrying):
+            elif isinstance(effect, cx.StopRetrying):
                 self.asked, self.pause = None, False
                 self.awaiting = self.queued = False
-            elif isinstance(effect, mx.AwaitEarlier):
+            elif isinstance(effect, cx.AwaitEarlier):
                 self.grace = True
-            elif isinstance(effect, mx.StopAwaiting):
+            elif isinstance(effect, cx.StopAwaiting):
                 self.grace = False
-            elif isinstance(effect, mx.Finish):
+            elif isinstance(effect, cx.Finish):
                 self.settled += 1
                 self.grace = False
                 self.check_ending(effect.ending)

@@ -103,7 +103,7 @@ MUTANTS = {
     "who waited for a server in vain waits on": (
         CallMachine,
         "waited",
-        ", StopRetrying()]",
+        ", cx.StopRetrying()]",
         "]",
     ),
     "the time was up, where no server was there": (
@@ -127,14 +127,14 @@ MUTANTS = {
     "what is over waits for its turn": (
         CallMachine,
         "_end",
-        "[StopRetrying(), *self._finish()]",
+        "[cx.StopRetrying(), *self._finish()]",
         "self._finish()",
     ),
     "a goal waits for its turn, though an earlier one has succeeded": (
         CallMachine,
         "late_result",
-        "effects: list[Effect] = [StopRetrying()]",
-        "effects: list[Effect] = []",
+        "effects: list[cx.Effect] = [cx.StopRetrying()]",
+        "effects: list[cx.Effect] = []",
     ),
     "a goal is sent while an earlier one may run": (
         CallMachine,

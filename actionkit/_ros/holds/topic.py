@@ -20,8 +20,9 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.serialization import deserialize_message
 
 from actionkit._ros import runtimes
-from actionkit._ros.native import RCLError, subscribe_raw
+from actionkit._ros.native import RCLError
 from actionkit._ros.own_node import make_node
+from actionkit._ros.wait_set import subscribe_raw
 
 TOPIC = "/actionkit/hold"
 _NODE = "actionkit_hold_"

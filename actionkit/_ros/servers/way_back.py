@@ -13,8 +13,9 @@ from collections.abc import Callable
 from rclpy.exceptions import InvalidHandle
 
 from actionkit._ros.entities import Entities
-from actionkit._ros.native import MessageSource, RCLError
+from actionkit._ros.native import RCLError
 from actionkit._ros.runtime import Runtime
+from actionkit._ros.wait_set import MessageSource
 
 
 class WayBack:

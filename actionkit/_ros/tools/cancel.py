@@ -18,7 +18,8 @@ from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros import runtimes
 from actionkit._ros.cancels import CancelQueue, CancelWindow
 from actionkit._ros.codes import cancel_answer
-from actionkit._ros.native import RCLError, ResponseSource
+from actionkit._ros.native import RCLError
+from actionkit._ros.wait_set import ResponseSource
 from actionkit._threads.clock import TimerHandle
 
 _DEPTH = 100

@@ -16,8 +16,8 @@ from action_msgs.srv import CancelGoal
 from rclpy.qos import QoSProfile
 
 from actionkit._ros import runtimes
-from actionkit._ros.native import ResponseSource
 from actionkit._ros.runtime import Runtime
+from actionkit._ros.wait_set import ResponseSource
 
 _DEPTH = 100
 """Depth of the queue of answers; far more than there are servers on one name."""

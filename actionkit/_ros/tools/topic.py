@@ -18,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from actionkit._ros import runtimes
-from actionkit._ros.native import MessageSource, subscribe_raw
+from actionkit._ros.wait_set import MessageSource, subscribe_raw
 from actionkit._threads.clock import TimerHandle
 
 PERIOD = 0.05

@@ -1,28 +1,21 @@
-"""Cancels goals, and finds out what happened to each. The class is pure: no clock, no ROS."""
+"""Decides which goals to ask a server to cancel, and what happened to each. No clock, no ROS."""
 
 from __future__ import annotations
 
-import contextlib
 import math
-import queue
-import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit.cli._shared.exits import Exit
-from actionkit.cli._shared.say import say
-from actionkit.cli.watch._goal_board import Board, WatchedGoal, arrived
+from actionkit.cli.watch._goal_board import Board, WatchedGoal
 from actionkit.cli.watch.watch import FIRST
 
 if TYPE_CHECKING:
-    from actionkit._ros.tools.cancel import GoalCanceller
-    from actionkit._ros.tools.survey import Survey
+    pass
 
-_TICK = 0.05
-"""Seconds between two looks at the graph."""
 _AGAIN = 1.0
 """Seconds after which a request without an answer counts as lost and is repeated. This is harmless:
 a goal is cancelled only once."""
@@ -296,91 +289,3 @@ def _running(
             "The server is cancelling it, and did not end it. IT MAY STILL BE RUNNING.",
         )
     return "UNKNOWN", "The server did not answer. IT MAY STILL BE RUNNING."
-
-
-def cancel_goals(
-    survey: Survey,
-    actions: list[Cancelling],
-    *,
-    over: Callable[[float], bool],
-    look: float,
-    least: float | None = None,
-    on_fate: Callable[[Fate], object] = lambda _: None,
-) -> None:
-    """Cancel goals until it is known what happened to each, or the time is `over`.
-
-    Args:
-        survey: Sees the actions.
-        actions: The goals of these are cancelled.
-        over: Asked often, with the time on the monotonic clock.
-        look: Seconds to look for servers; one that is not seen at once is seen within 3 s.
-        least: The same, from when each action has a server: there may be a second one, and the
-            status may come later. `None` means that all actions that come into sight are added.
-        on_fate: Gets each fate when it is known.
-    """
-    from actionkit._ros.tools.cancel import AllSaid, CancelSaid, GoalCanceller
-    from actionkit._ros.tools.watch import StatusReader
-
-    inbox: queue.SimpleQueue[tuple[Cancelling, Any]] = queue.SimpleQueue()
-    cancellers: dict[str, GoalCanceller] = {}
-    by_name = {action.name: action for action in actions}
-    began = time.monotonic()
-    complete: float | None = None
-    """Since when each action has a server."""
-    again = False
-    broken: set[str] = set()
-    """Names that rclpy refuses; the program that made them does not use rclpy."""
-    with contextlib.ExitStack() as stack:
-        while True:
-            for seen in survey.actions().values():
-                if not seen.servers or (least is not None and seen.name not in by_name):
-                    continue
-                if seen.name not in by_name:
-                    by_name[seen.name] = Cancelling(seen.name)
-                    actions.append(by_name[seen.name])
-                action = by_name[seen.name]
-                if seen.name not in cancellers and seen.name not in broken:
-                    put = _putter(inbox, action)
-                    try:
-                        reader = StatusReader(seen.name, on_goals=put, on_servers=put)
-                        stack.callback(reader.close)
-                        cancellers[seen.name] = GoalCanceller(seen.name, put)
-                        stack.callback(cancellers[seen.name].close)
-                    except Exception as error:  # noqa: BLE001  cancel those of the other actions
-                        broken.add(seen.name)
-                        say(f"Error: {seen.name}: {type(error).__name__}: {error}", err=True)
-                action.seen([end.node for end in seen.servers])
-            for action, news in arrived(inbox, _TICK):
-                if isinstance(news, AllSaid):
-                    action.take_all(news, time.monotonic())
-                elif isinstance(news, CancelSaid):
-                    action.take(news, time.monotonic())
-                else:
-                    action.take_news(news, time.time())
-            now = time.monotonic()
-            if complete is None and all(action.has_server for action in actions):
-                complete = now
-            if least is None or complete is None:
-                looked = now - began >= look
-            else:
-                looked = now - complete >= least
-            if looked and not again:
-                again = True
-                for action in actions:
-                    action.once_more()
-            for name, canceller in cancellers.items():
-                action = by_name[name]
-                if (number := action.to_ask(now)) is not None:
-                    canceller.cancel_all(number)
-                for goal_id in action.to_ask_singly(now):
-                    canceller.cancel(goal_id)
-                for fate in action.settle(now, over=False):
-                    canceller.stop(fate.goal_id)
-                    on_fate(fate)
-            done = all(by_name[name].done for name in cancellers)
-            if (looked and done) or over(now):
-                return
-
-
-def _putter(inbox: queue.SimpleQueue[Any], action: Cancelling) -> Callable[[Any], None]:
-    return lambda news: inbox.put((action, news))

@@ -18,7 +18,8 @@ from actionkit.cli._shared.no_server import nothing_there
 from actionkit.cli._shared.options import HELP, SECONDS, debug_option, json_option, name_argument
 from actionkit.cli._shared.problems import full_name, open_survey
 from actionkit.cli._shared.say import say
-from actionkit.cli.cancel_and_stop._cancelling import Cancelling, Fate, cancel_goals
+from actionkit.cli.cancel_and_stop._cancel_goals import cancel_goals
+from actionkit.cli.cancel_and_stop._cancelling import Cancelling, Fate
 from actionkit.cli.watch._goal_board import Board
 from actionkit.cli.watch.watch import FIRST, first_look
 

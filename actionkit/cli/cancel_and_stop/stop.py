@@ -22,7 +22,8 @@ from actionkit.cli._shared.options import HELP, SECONDS, complete_names, debug_o
 from actionkit.cli._shared.problems import full_name, import_ros, open_survey
 from actionkit.cli._shared.say import say
 from actionkit.cli._shared.stdout import keep_clean
-from actionkit.cli.cancel_and_stop._cancelling import Cancelling, cancel_goals
+from actionkit.cli.cancel_and_stop._cancel_goals import cancel_goals
+from actionkit.cli.cancel_and_stop._cancelling import Cancelling
 from actionkit.cli.cancel_and_stop._stop_table import table, worst
 
 if TYPE_CHECKING:
