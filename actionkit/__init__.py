@@ -64,7 +64,7 @@ if _typing.TYPE_CHECKING:  # the same as in `_MODULES`, for type checkers and ed
     from actionkit._observers.rosout import Rosout
     from actionkit._observers.telemetry import OpenTelemetry
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 __all__ = [
     "AcceptanceTimeoutError",

@@ -198,7 +198,7 @@ def test_without_ros_it_says_what_to_install(module: str) -> None:
 @pytest.mark.long
 def test_the_command_line_around_it() -> None:
     version = run("--version")
-    assert (version.returncode, version.stdout) == (0, "actionkit, version 0.1.0\n")
+    assert (version.returncode, version.stdout) == (0, "actionkit, version 1.0.0\n")
     for words in (("--help",), ("-h",)):
         shown = run(*words)
         assert shown.returncode == 0

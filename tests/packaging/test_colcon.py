@@ -1,4 +1,4 @@
-"""colcon builds ActionKit as a ROS package (C9.3), and pip's sdist and wheel do not change.
+"""colcon builds ActionKit as a ROS package (C9.3).
 
 Where no colcon is found these tests are skipped: `.ci/run` installs one from PyPI in an environment
 of its own and names it in ACTIONKIT_COLCON.
@@ -6,20 +6,18 @@ of its own and names it in ACTIONKIT_COLCON.
 
 from __future__ import annotations
 
-import importlib.metadata
-import importlib.util
 import os
 import re
 import shutil
 import subprocess
 import sys
 import sysconfig
-import tarfile
 import xml.etree.ElementTree as ET
-import zipfile
 from pathlib import Path
 
 import pytest
+
+from tests.packaging.release import NOT_COPIED
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -39,9 +37,6 @@ KEYS = {
 """Name on PyPI -> the name that rosdep knows."""
 UNKNOWN = "tenacity"
 """rosdep has no name for it; the README tells how to get it."""
-NOT_COPIED = shutil.ignore_patterns(
-    "__pycache__", ".venv*", ".colcon", ".git*", ".*_cache", "build", "dist"
-)
 
 
 @pytest.fixture
@@ -134,38 +129,3 @@ def test_colcon_builds_it_and_the_command_runs(how: str, copy: Path, tmp_path: P
         groups = next(install.rglob("entry_points.txt")).read_text()
         assert "actionkit = actionkit.cli:main" in groups
         assert "actionkit = actionkit.testing.plugin" in groups
-
-
-# --- pip ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.long
-def test_sdist_and_wheel_are_those_of_hatchling(copy: Path, tmp_path: Path) -> None:
-    if importlib.util.find_spec("hatchling") is None:
-        pytest.skip("hatchling is not installed")
-    code = (
-        "from hatchling import build as b; print(b.build_wheel('../out'), b.build_sdist('../out'))"
-    )
-    (copy.parent / "out").mkdir()
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=copy, capture_output=True, text=True, check=True,
-        timeout=100,
-    )  # fmt: skip
-    wheel, sdist = done.stdout.split()[-2:]
-    with zipfile.ZipFile(copy.parent / "out" / wheel) as archive:
-        names = archive.namelist()
-    version = importlib.metadata.version("actionkit")
-    # The stubs for rclpy, above all, are for this repository alone.
-    assert {name.split("/")[0] for name in names} == {"actionkit", f"actionkit-{version}.dist-info"}
-    assert "actionkit/py.typed" in names
-    assert not [name for name in names if name.endswith(".pyi")]
-    with tarfile.open(copy.parent / "out" / sdist) as archive_of_sources:
-        files = {name.partition("/")[2] for name in archive_of_sources.getnames()}
-    assert {
-        "pyproject.toml",
-        "package.xml",
-        "setup.py",
-        "setup.cfg",
-        "resource/actionkit",
-        "stubs/rclpy/node.pyi",
-    } <= files
