@@ -38,7 +38,7 @@ PYTHON = re.compile(r"`error\.|\w=|\w\(|None\b|\b[A-Z]\w*Error\b|\bTimeouts\b|Tr
 """What only people who write Python understand."""
 ERRORS = [
     one
-    for _, one in sorted(vars(actionkit).items())
+    for one in (getattr(actionkit, name) for name in sorted(actionkit.__all__))
     if inspect.isclass(one) and issubclass(one, actionkit.ActionKitError)
 ]
 

@@ -51,6 +51,18 @@ def test_silence_is_told_once_and_the_return_once(world: World) -> None:
     assert world.told[2:] == [(13.0, 3.0)]  # silent for 3 s again
 
 
+def test_silence_is_told_again_for_a_goal_that_is_sent_in_it(world: World) -> None:
+    world.liveness.start(3.0)
+    world.clock.advance(9.5)
+    for _ in range(6):  # many do not put it off
+        world.liveness.start(3.0)
+        world.clock.advance(0.5)
+    world.clock.advance(7.0)
+    assert world.told == [(3.0, 3.0), (13.0, 3.0)]  # at the first check after 3 s
+    world.liveness.heard()
+    assert world.told[2:] == [(19.5, "back")]
+
+
 def test_a_server_that_answers_in_time_is_alive(world: World) -> None:
     world.liveness.start(3.0)
     for _ in range(50):

@@ -34,7 +34,8 @@ class Liveness:
         Args:
             probe: Sends a question that every live server answers.
             wanted: Whether goals are in flight. If not, this stops until the next `start`.
-            on_silence: Called with the limit when nothing was heard for that many seconds.
+            on_silence: Called with the limit when nothing was heard for that many seconds, and
+                again if a goal is sent in that silence.
             on_return: Called when something is heard after that.
         """
         self._timers = timers
@@ -48,39 +49,46 @@ class Liveness:
         self.has_heard = False
         """Whether anything ever came from a server."""
         self._silent = False
+        self._silent_from = 0.0
+        """From when the silence counts."""
+        self._told = False
+        """Whether `on_silence` was called for all goals in flight."""
 
     def start(self, limit: float) -> None:
-        """Probe the server until no goal is in flight.
+        """Probe the server until no goal is in flight. Called for each goal that is sent.
 
-        It counts as dead after `limit` seconds of silence. The smallest limit counts.
+        It counts as dead after `limit` seconds of silence. The smallest limit counts. For
+        goals that are sent to a silent server, the seconds count from the first of them.
         """
         if self._limit is not None:
             self._limit = min(limit, self._limit)
+            if self._told:
+                self._silent_from, self._told = self._timers.now(), False
             return
         self._limit = limit
-        self.heard_at = self._timers.now()
+        self.start_over()
         self._check()
 
     def heard(self) -> None:
         """Note that something came from a server."""
         self.has_heard = True
-        self.heard_at = self._timers.now()
+        self.start_over()
         if self._silent:
-            self._silent = False
+            self._silent = self._told = False
             self._on_return()
 
     def start_over(self) -> None:
-        """Count the silence from now on, because this process itself did not listen."""
-        self.heard_at = self._timers.now()
+        """Count the silence from now on, because this process itself did not listen before."""
+        self.heard_at = self._silent_from = self._timers.now()
 
     def _check(self) -> None:
         if not self._wanted() or self._limit is None:
-            self._silent = False
+            self._silent = self._told = False
             self._limit = None
             return
         now = self._timers.now()
-        if not self._silent and now - self.heard_at >= self._limit:
-            self._silent = True
+        if not self._told and now - self._silent_from >= self._limit:
+            self._silent = self._told = True
             self._on_silence(self._limit)
         self._probe()
         self._timers.call_at(
