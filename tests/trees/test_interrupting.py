@@ -29,22 +29,8 @@ REFUSING = "executing, the server refuses to cancel"
 ENDED = "ended, not ticked since"
 PHASES = (NOBODY, UNANSWERED, RUNNING, REFUSING, ENDED)
 
-SELECTOR = "A selector turns to a child of higher priority"
-TIMEOUT = "The time of a `Timeout` decorator is up"
-GUARD = "The condition of an `EternalGuard` fails"
-ONE = "Another child ends a `Parallel` with `SuccessOnOne`"
-STOP = "`root.stop(Status.INVALID)`"
-SHUTDOWN = "`tree.shutdown()`"
-DROPPED = "The tree is dropped without `shutdown()`"
-CTRL_C = "Ctrl-C in a program that ticks"
-SIGTERM = "SIGTERM in a program that ticks, with `cancel_on_signals()`"
-EVENTS = (SELECTOR, TIMEOUT, GUARD, ONE, STOP, SHUTDOWN, DROPPED)
-PROGRAMS = (CTRL_C, SIGTERM)
-PAGE = Page(
-    "interrupting-a-tree.md",
-    {event: [(phase,) for phase in PHASES] for event in EVENTS}
-    | {event: [(RUNNING,)] for event in PROGRAMS},
-)
+PAGE = Page("behaviour-trees.md", {"interrupted": [(phase,) for phase in PHASES]})
+"""One table for all ways to interrupt a tree: the same has to reach the server."""
 
 SCRIPTS = {
     UNANSWERED: ["gate", "accept", "never"],
@@ -55,9 +41,9 @@ SCRIPTS = {
 ACTIONS = {phase: f"phase_{number}" for number, phase in enumerate(PHASES)}
 
 
-def record(event: str, phase: str, reached: str, ended: str, new_run: str) -> None:
+def record(phase: str, reached: str, ended: str) -> None:
     """Compare a row with the page."""
-    PAGE.record(event, {(phase,): (reached, ended, new_run)})
+    PAGE.record("interrupted", {(phase,): (reached, ended)})
 
 
 class Always(py_trees.behaviour.Behaviour):
@@ -135,12 +121,12 @@ def shutdown(leaf: Any) -> tuple[Any, Interrupt]:
 
 
 TREES = {
-    SELECTOR: selector,
-    TIMEOUT: timeout,
-    GUARD: guard,
-    ONE: parallel,
-    STOP: stop,
-    SHUTDOWN: shutdown,
+    "a selector turns to a child of higher priority": selector,
+    "the time of a Timeout decorator is up": timeout,
+    "the condition of an EternalGuard fails": guard,
+    "another child ends a Parallel with SuccessOnOne": parallel,
+    "root.stop(INVALID)": stop,
+    "tree.shutdown()": shutdown,
 }
 
 
@@ -182,18 +168,18 @@ def serve(phase: str, place: Place) -> Server | None:
     return place.server(ACTIONS[phase], script=SCRIPTS[phase]) if phase in SCRIPTS else None
 
 
-@pytest.mark.parametrize("event", TREES)
+@pytest.mark.parametrize("way", TREES.values(), ids=TREES)
 @pytest.mark.every
-def test_a_tree_that_gives_up(event: str, place: Place) -> None:
+def test_a_tree_that_gives_up(way: Callable[[Any], tuple[Any, Interrupt]], place: Place) -> None:
     for phase in PHASES:
         server, action = serve(phase, place), ACTIONS[phase]
         leaf = ActionBehaviour("leaf", place.client(action), {"order": 1})
-        root, interrupt = TREES[event](leaf)
+        root, interrupt = way(leaf)
         reach(phase, root, leaf, server)
         first, goal_id = leaf.future, str(leaf.future.goal_id)
         interrupt()
         root.parent = leaf.parent = None  # the leaf goes on alone
-        if event == SHUTDOWN:
+        if way is shutdown:
             leaf.stop(Status.INVALID)  # py_trees leaves the statuses as they are
         if phase != ENDED:
             assert leaf.status is Status.INVALID
@@ -201,19 +187,19 @@ def test_a_tree_that_gives_up(event: str, place: Place) -> None:
         what, ended = reached(phase, server, goal_id)
         leaf.stop(Status.INVALID)
         tick_until(leaf, lambda: leaf.future not in (None, first), BOUND)  # noqa: B023
-        new_run = "at once"
         if server is not None:
             again = server.wait_for("goal_received", goal_id=str(leaf.future.goal_id))[0]
             over = server.wait_for(ended, goal_id=goal_id)[0]
-            assert over.monotonic < again.monotonic
-            new_run = "after its end"
+            assert over.monotonic < again.monotonic, (
+                "the next goal was sent before the end of the first"
+            )
         leaf.future.cancel()
         if phase in (UNANSWERED, REFUSING, ENDED) and server is not None:
             server.release(1)
         if server is not None:
             until = "canceled" if phase in (UNANSWERED, RUNNING) else "executing"
             server.wait_for(until, goal_id=str(leaf.future.goal_id))
-        record(event, phase, what, ended, new_run)  # last, as it may raise
+        record(phase, what, ended)  # last, as it may raise
 
 
 @pytest.mark.long
@@ -239,7 +225,7 @@ def test_a_tree_that_is_dropped(place: Place) -> None:
         if server is None:
             assert future.outcome(BOUND).attempts <= 1
             assert future.known_to_run is False
-        record(DROPPED, phase, what, ended, "-")
+        record(phase, what, ended)
 
 
 PROGRAM = """
@@ -261,11 +247,10 @@ while True:
 """
 
 
-@pytest.mark.parametrize("event", PROGRAMS)
-def test_a_program_that_ticks(event: str, place: Place) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
+def test_a_program_that_ticks(number: signal.Signals, place: Place) -> None:
     server = serve(RUNNING, place)
     assert server is not None
-    number = signal.SIGINT if event == CTRL_C else signal.SIGTERM
     program = forked.Popen(
         [sys.executable, "-c", PROGRAM, ACTIONS[RUNNING], number.name],
         stdout=subprocess.PIPE,
@@ -280,7 +265,7 @@ def test_a_program_that_ticks(event: str, place: Place) -> None:
         program.kill()
         program.communicate()
     what, ended = reached(RUNNING, server, goal_id)
-    record(event, RUNNING, what, ended, "-")
+    record(RUNNING, what, ended)
 
 
 def test_every_row_is_there() -> None:
