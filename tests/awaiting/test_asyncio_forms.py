@@ -93,6 +93,8 @@ def test_form(code, server, client, begun):
         return reached(server, client, begun)
 
     seen = asyncio.run(main())
+    if form is wrapped:  # it is told at once that it is cancelled; the goal may be faster
+        seen = seen.partition(",")[0]
     record(ASYNCIO, code, "yes", seen)
 
 

@@ -23,6 +23,7 @@ VARIES = {
     Case(_LIVENESS, "executing, no feedback", "always"),
     Case(_LIVENESS, "during feedback", "always"),
     Case(_LIVENESS, "before accept", "always"),
+    Case("Network outage, shorter than the lease", "before accept", "always"),
     Case(_OUTAGE, "executing, no feedback", "always"),
     Case(_OUTAGE, "during feedback", "always"),
 }

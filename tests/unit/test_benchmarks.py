@@ -74,15 +74,13 @@ def test_what_is_not_measured_is_no_success():
     assert verdict.share > 1.0
 
 
-def test_the_page_tells_first_what_is_missed(tmp_path):
+def test_the_page_tells_how_many_targets_are_met(tmp_path):
     page = tmp_path / "cost.md"
     page.write_text("<!-- begin: targets -->\nold\n<!-- end: targets -->\n")
     verdicts = [measure.Verdict("CPU", 0.5, 0.6), measure.Verdict("time", 1.2, 1.0)]
     report.write_docs({1: measure.Report(1, "One call", verdicts=verdicts)}, page)
     text = page.read_text()
     assert "| 1 of 2 | time: 1.2 x (<= 1 x) |" in text
-    assert "| 1 | time | 1.2 x | <= 1 x |" in text
-    assert "| 1 | CPU |" not in text
 
 
 @pytest.fixture
