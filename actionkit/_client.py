@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal
 
 from typing_extensions import Never, Self
 
-from actionkit._calls.blocking import refuse_in_callback, warn_on_event_loop
+from actionkit._calls.blocking_guards import refuse_in_callback, warn_on_event_loop
 from actionkit._calls.budget import RetryBudget, check_budget
 from actionkit._calls.call import Call
 from actionkit._calls.classify import Classify, check_classify

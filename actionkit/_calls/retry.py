@@ -10,6 +10,7 @@ from typing import Any
 
 import tenacity
 
+from actionkit._calls.budget import RetryBudget
 from actionkit._goal.effects import End, Ending, Fault, LastNews
 from actionkit._model.settings import MOST, RetryPolicy
 from actionkit._threads.function_runner import described, name_of
@@ -70,6 +71,25 @@ class GiveUp:
     """Do not try again; `reason` is a clause for the error's text."""
 
     reason: str
+
+
+def plan(
+    seconds: float, ending: Ending, resend: str, budget: RetryBudget, *, too_late: bool
+) -> Retry | GiveUp:
+    """Decide after a failure that may pass, with a pause of `seconds` by the schedule.
+
+    A rule that forbids a retry belongs here, or into `CallMachine.judged` if it is to hold before
+    the user's strategies are asked. `too_late` means that the pause would cross the deadline.
+    """
+    if too_late:
+        return GiveUp(f"a pause of {seconds:.2g} s would have crossed the deadline")
+    if not may_try_again(ending.rejected, ending.news, resend):
+        gone = ending.news is LastNews.SERVER_GONE and resend == "confirmed_stopped"
+        hint = "; resend='server_gone' tries again after that" if gone else ""
+        return GiveUp(f"the goal may still run, or have run (resend={resend!r}{hint})")
+    if not budget.allows_retry:
+        return GiveUp(f"the retry budget forbids it ({budget!r})")
+    return Retry(seconds)
 
 
 class Schedule:

@@ -1,6 +1,5 @@
-"""Finds out whether one call tries again: by its policy, its budget, and its goal's fate.
-
-`retry` makes the decisions. The user's strategies run off the communication thread.
+"""Finds out whether one call tries again, and asks the user's strategies off the communication
+thread. `retry` makes the decisions.
 """
 
 from __future__ import annotations
@@ -9,8 +8,8 @@ from collections.abc import Callable
 from functools import partial
 
 from actionkit._calls.budget import RetryBudget
-from actionkit._calls.retry import GiveUp, Retry, Schedule, may_try_again
-from actionkit._goal.effects import Ending, Fault, LastNews
+from actionkit._calls.retry import GiveUp, Retry, Schedule, plan
+from actionkit._goal.effects import Ending, Fault
 from actionkit._model.settings import RetryPolicy
 from actionkit._threads.function_runner import Clock, FunctionRunner, NoAnswer
 from actionkit._threads.pool import Pool
@@ -56,7 +55,8 @@ class RetryRunner:
             elif isinstance(pause, (GiveUp, Fault)):
                 on_plan(pause)
             else:
-                on_plan(self._plan(pause, ending, now(), deadline))
+                too_late = deadline is not None and now() + pause >= deadline
+                on_plan(plan(pause, ending, self._policy.resend, self._budget, too_late=too_late))
 
         if self._policy.stop is None and self._policy.wait is None:
             answer(schedule.next_pause(error, attempts, now()))
@@ -67,17 +67,3 @@ class RetryRunner:
     def drop(self) -> None:
         """Stop deciding, and call nobody."""
         self._runner.drop()
-
-    def _plan(
-        self, seconds: float, ending: Ending, now: float, deadline: float | None
-    ) -> Retry | GiveUp:
-        if deadline is not None and now + seconds >= deadline:
-            return GiveUp(f"a pause of {seconds:.2g} s would have crossed the deadline")
-        resend = self._policy.resend
-        if not may_try_again(ending.rejected, ending.news, resend):
-            gone = ending.news is LastNews.SERVER_GONE and resend == "confirmed_stopped"
-            hint = "; resend='server_gone' tries again after that" if gone else ""
-            return GiveUp(f"the goal may still run, or have run (resend={resend!r}{hint})")
-        if not self._budget.allows_retry:
-            return GiveUp(f"the retry budget forbids it ({self._budget!r})")
-        return Retry(seconds)

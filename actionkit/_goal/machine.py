@@ -292,7 +292,9 @@ class Goal(CancellableGoal):
     def _gone(self, now: float) -> list[fx.Effect]:
         """One of several servers has left, and may run the goal; those in sight do not."""
         self.facts.gone = True
-        return self.server_lost("its action server is gone", now)
+        return self.server_lost(
+            "one of its action servers is gone, and the others do not have it", now
+        )
 
     def _forgotten(self, now: float, asked_at: float) -> list[fx.Effect]:
         """The server does not know a goal that it should have: believed if it answers so again.

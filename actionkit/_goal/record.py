@@ -50,7 +50,9 @@ class GoalRecord:
         self._refused_at = 0.0  # when it refused the first time
         self._refused_reason: CancelReason | None = None  # why we cancelled, until the refusal
         self._phase = ""  # what the call waited for, as in `DeadlineExceededError.phase`
-        self._shown_at = -math.inf  # when a server last showed that it has the goal
+        self._shown_at = (
+            -math.inf
+        )  # when a server last showed that it has the goal; not the acceptance
         # How it ends for its caller, after other servers have stopped it, too.
         self._held: tuple[fx.End, Any, str] | None = None
 

@@ -125,7 +125,8 @@ class AcceptanceTimeoutError(TransientError):
 class ServerLostError(TransientError):
     """The server went away, or was restarted, with the goal in flight.
 
-    It is not raised for a server that is alive but silent: only deadlines end such a call.
+    A server that is alive but silent is not lost, unless `Timeouts.liveness` says so. Only
+    deadlines end such a call.
     """
 
 

@@ -23,7 +23,7 @@ from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.monitor import ServerMonitor
 from actionkit._ros.status import StatusWatch
 
-_ANSWERED_WITHIN = 0.1
+_MAY_BE_DEAD_AFTER = 0.1
 """Seconds; if a server does not answer for so long, it may have been stopped or killed."""
 _CLEARED_WITHIN = 4.0
 """Seconds until Fast DDS has cleaned up after a process that stopped: once a second, it looks for
@@ -286,7 +286,7 @@ class Link:
         self.monitor.close()
         self._requests.close()
         since = self._requests.unheard_since
-        if since is not None and self.runtime.now() - since > _ANSWERED_WITHIN:
+        if since is not None and self.runtime.now() - since > _MAY_BE_DEAD_AFTER:
             self.runtime.keep_until(since + _CLEARED_WITHIN)
         self._status.stop()
         self._feedback.close()

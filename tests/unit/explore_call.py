@@ -17,8 +17,9 @@ from typing import Any
 
 from actionkit import CancelReport, Timeouts
 from actionkit._calls import effects as cx
+from actionkit._calls import retry
+from actionkit._calls.budget import RetryBudget
 from actionkit._calls.machine import CallMachine, Phase
-from actionkit._calls.retry import GiveUp, Retry, may_try_again
 from actionkit._goal import effects as fx
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import CancelReason, Stage
@@ -384,11 +385,9 @@ class World:
             self.verdict(arg)
         elif event == "plan":
             ending, self.asked = self.asked, None
-            again = may_try_again(ending.rejected, ending.news, m._resend)
-            if not again or m.attempts >= self.most or self.late:
-                self.do(m.planned(ending, GiveUp("no")))
-            else:
-                self.do(m.planned(ending, Retry(0.1)))
+            too_late = m.attempts >= self.most or self.late
+            plan = retry.plan(0.1, ending, m._resend, RetryBudget(), too_late=too_late)
+            self.do(m.planned(ending, plan))
         elif event == "resume":
             self.pause = False
             self.do(m.resume(self.now))

@@ -32,7 +32,7 @@ class RestartDetector:
         """Make a detector that is not running.
 
         `probe` sends a question that every live server answers, and returns its sequence number.
-        `on_one_answers` is called when probes were answered, each by one server only.
+        `on_one_answers` is called when at least one probe was answered, and none by two servers.
         """
         self.running = False
         """Whether answers are being counted."""

@@ -107,7 +107,7 @@ def command(
     transient: str | None,
     progress: str | None,
     as_json: bool,
-    **timeouts: Any,
+    **timeouts: Any,  # fields of `Timeouts`: name every other option above
 ) -> int:
     """Send a goal to the action NAME and wait for its result.
 
