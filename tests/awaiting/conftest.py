@@ -11,7 +11,7 @@ from actionkit import CancelReport, Client, GoalFuture, servers
 from actionkit.servers import Server
 from actionkit.testing import isolated_domain
 
-CONFIRMED = "cancelled, and confirmed before the wait ended"
+CONFIRMED = "cancelled, confirmed"
 CANCELLED = "cancelled"
 NOTHING = "nothing: the goal goes on"
 
