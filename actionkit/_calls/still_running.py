@@ -42,7 +42,10 @@ def _may_still_run(goals: list[str], why: str) -> str:
 
 
 def cancel_sentence(ending: Ending, call: ErrorContext) -> str:
-    """Say what happened to a goal that was given up on."""
+    """Say what happened to a goal that was given up on.
+
+    If it may run, the text has the word STILL: `left_running` looks for it.
+    """
     if ending.abandoned:
         return " It was left to run on the server."
     if ending.ended_first and ending.result is None:

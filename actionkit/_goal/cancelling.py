@@ -114,7 +114,7 @@ class CancellableGoal(GoalRecord):
         if self._cancel_reply is CancelReply.NONE:
             self._cancel_reply = CancelReply.REFUSED_ONCE
             self._refused_at = now
-            self._reask_after = DOUBT
+            self._reask_after = DOUBT  # then `_reask` asks once more (R12)
             return [fx.WatchStatus(), self._arm_reask(now)]
         if asked_at < self._refused_at + DOUBT:
             return []  # on a slow network, such answers may arrive for seconds

@@ -15,7 +15,7 @@ from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalStat
 
 
 class Timer(IntEnum):
-    """The timers of one goal. Arming an armed timer moves it."""
+    """The timers of one goal; the deadline is the call's own. Arming an armed timer moves it."""
 
     ACCEPT = auto()
     STALL = auto()

@@ -1,6 +1,7 @@
 """Keeps the facts about one goal, and derives from them whether it may run, and its fate.
 
-Facts are only added. Code that has to know whether a goal may run asks here; nothing else decides.
+Code that has to know whether a goal may run asks here; nothing else decides. Most facts are only
+added. But an acceptance may come after the goal seemed to be over, and a lost server may come back.
 """
 
 from __future__ import annotations
@@ -51,7 +52,8 @@ class GoalFacts:
     def is_over(self) -> bool:
         """Whether it is certain that no server runs it or will accept it.
 
-        This decides whether the same work may be sent again (C4.2).
+        This decides whether a call sends its goal again (C4.2), and whether a goal replaces
+        another. Other code asks `known_to_run`, which leaves out what is only a guess.
         """
         return self.over or not (self.accepted or self.noes < self.servers)
 

@@ -223,8 +223,8 @@ class DeadlineExceededError(ActionKitError, TimeoutError):
 
     Attributes:
         phase: What the call was waiting for: `"server"`, `"replace"` (the goal that it replaces
-            has to stop first), `"accept"`, `"execute"`, `"pause"`
-            (between two attempts) or `"cancel"` (for a cancellation to be confirmed).
+            has to stop first), `"accept"`, `"execute"`, `"pause"` (between two attempts) or
+            `"cancel"` (for the confirmation, after the caller itself had cancelled).
         cancel: How the cancellation went: `CONFIRMED`, `REFUSED`, `UNKNOWN` or `NOT_NEEDED`; never
             `None`.
         late_result: The result, if the goal succeeded while it was being cancelled.

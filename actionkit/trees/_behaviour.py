@@ -36,9 +36,9 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
     cancels its goals, too. A tick never blocks: it sends, cancels and checks.
 
     A new run sends its goal only when the earlier goal is known to have stopped. Until then the
-    leaf is RUNNING and says so. If the server is gone or silent, and this does not become known
-    within `timeouts.server` of the client, the leaf is FAILURE and says that the goal may still
-    run.
+    leaf is RUNNING and says so. If the server is silent, and this does not become known within
+    `timeouts.server` of the client, the leaf is FAILURE and says that the goal may still run. If
+    the server is gone, the leaf does not wait for that goal.
     """
 
     def __init__(
