@@ -48,9 +48,9 @@ class Client(Generic[ActionT_co]):
 
     In an annotation it is a `Client[Fibonacci]`.
 
-    It needs no `rclpy.init()`, node, executor or thread of yours; where there are any, it spins,
-    shuts down and blocks none of them. Safe to use from any thread and any callback of any
-    executor. In a signal handler use only `cancel_all()`, `close()` and what reads, or raise.
+    It needs no `rclpy.init()`, node, executor or thread of yours. If you have any, it does not
+    spin, shut down or block them. You can use it in any thread and in any callback. In a signal
+    handler, use only `cancel_all()`, `close()` and what reads a state, or raise.
     """
 
     def __init__(
@@ -72,22 +72,24 @@ class Client(Generic[ActionT_co]):
         Args:
             action_type: The action's class, such as `test_msgs.action.Fibonacci`.
             action_name: The action's name, relative or absolute.
-            node: A node of yours: the name is resolved as its would be (namespace, remaps,
-                ROS domain), and logs carry its name. It is neither spun nor changed.
-            timeouts: Caps on the phases of each call.
-            retry: When a call that failed for a transient reason is tried again.
-            classify: A function `(Outcome) -> Verdict | None` that is asked how a goal counts
-                which the server ended or rejected; `None` leaves the default. It runs on a thread
-                of its own, and has until the call's deadline, 10 seconds at most. Where it raises,
-                does not answer or returns anything else, a goal that succeeded ends in a
-                `ClassifyError`, and one that failed keeps its own error. What was rejected or
-                canceled, or failed without a result, is not a success: to call it one is a
-                `ClassifyError`, too. Ready-made: `classify_by_field`, `retry_aborted`.
-            observers: Are told of each transition: `JsonLines`, `Rosout`, `OpenTelemetry`, yours.
+            node: A node of yours. Its namespace, remaps and ROS domain apply to the action's name,
+                and logs have its name. The client does not spin or change it.
+            timeouts: Limits for the phases of each call.
+            retry: When a call is tried again after a failure that may pass.
+            classify: A function `(Outcome) -> Verdict | None`. It decides whether a goal that a
+                server ended or rejected counts as a success; `None` leaves the default. It runs on
+                a thread of its own, and has until the call's deadline, 10 seconds at most. If it
+                raises, does not answer or returns something else, a goal that succeeded fails with
+                a `ClassifyError`, and a goal that failed keeps its own error. A goal that was
+                rejected or canceled, or that failed without a result, cannot be called a success:
+                that is a `ClassifyError`, too. Ready-made: `classify_by_field`, `retry_aborted`.
+            observers: Objects that get each transition: `JsonLines`, `Rosout`, `OpenTelemetry`, or
+                your own.
             on_close: What closing does to goals in flight: `"cancel"` or `"abandon"`.
-            retry_budget: A limit on retries to share with other clients; else it has its own.
-            ledger: A `Ledger`: goals are written down there before they are sent. Left out, it is
-                that of the environment variable `ACTIONKIT_LEDGER`, if there is one.
+            retry_budget: A limit on retries, which several clients can share. By default the client
+                has its own.
+            ledger: A `Ledger`. Goals are written down there before they are sent. By default it is
+                the file that the environment variable `ACTIONKIT_LEDGER` names, if it is set.
 
         Raises:
             TypeError: An argument of the wrong type, `action_type` and `node` included.
@@ -150,17 +152,17 @@ class Client(Generic[ActionT_co]):
 
     @property
     def closed(self) -> bool:
-        """Whether the client takes no more calls: it was closed, or ROS was shut down under it."""
+        """Whether the client takes no more calls: it was closed, or ROS was shut down."""
         return self._session.closed
 
     @property
     def timeouts(self) -> Timeouts:
-        """The caps on the phases of each call."""
+        """The limits for the phases of each call."""
         return self._timeouts
 
     @property
     def retry_budget(self) -> RetryBudget:
-        """The limit on retries; its state is readable."""
+        """The limit on retries."""
         return self._budget
 
     @property
@@ -183,27 +185,27 @@ class Client(Generic[ActionT_co]):
     ) -> ResultT:
         """Send a goal and wait for its result.
 
-        Ctrl-C cancels the goal on the server, waits `timeouts.cancel` seconds at most for
-        that, and raises `KeyboardInterrupt`; a second one does not wait.
+        Ctrl-C cancels the goal on the server, waits for the confirmation, `timeouts.cancel` seconds
+        at most, and raises `KeyboardInterrupt`. A second Ctrl-C ends the wait.
 
         Args:
             goal: The action's goal message, or a mapping of its field names.
-            timeout: Seconds for everything: the server's coming, acceptance, execution, retries.
-                When they are up, the goal is cancelled, which the server has `timeouts.cancel`
-                seconds to confirm: `timeout=1.0` and a silent server take 3 s with the defaults.
-                `None` means no limit; left out, `timeouts.total` counts; with 0 nothing is sent.
+            timeout: Seconds for everything: the wait for a server, acceptance, execution, retries.
+                Then the goal is cancelled, and the server has `timeouts.cancel` seconds to confirm
+                that. So with the defaults, `timeout=1.0` takes 3 s if the server is silent. `None`
+                means no limit. By default `timeouts.total` counts. With 0 nothing is sent.
             on_feedback: Called with each feedback message that comes before the result, in order,
-                on another thread. What a slow one has not been given 0.05 s after the result came
-                is left out, and the log says how much, at level INFO.
-            retry: In place of the client's policy.
-            classify: In place of the client's.
-            replaces: The future of an earlier call of this client. Its goal is cancelled, and this
-                one is sent when that one is known to have stopped, within `timeouts.cancel`
-                seconds. If it may still be running then, nothing is sent.
-            preempt: With `replaces`: the server stops the earlier goal by itself when this one
-                comes (as Nav2 does), so this one is sent at once. The earlier call ends as
-                `REPLACED`, with `CancelledError`, when its goal has stopped; if that succeeds
-                first, with its result. It is not tried again.
+                on another thread. If it is slow, messages that it has not got 0.05 s after the
+                result are left out. The log tells how many, at level INFO.
+            retry: Used instead of the client's policy.
+            classify: Used instead of the client's.
+            replaces: The future of an earlier call of this client. Its goal is cancelled. This goal
+                is sent when the earlier one is known to have stopped. If it may still be running
+                after `timeouts.cancel` seconds, nothing is sent.
+            preempt: With `replaces`: this goal is sent at once, because the server itself stops the
+                earlier one when this one comes (as Nav2 does). The earlier call ends as `REPLACED`,
+                with a `CancelledError`, when its goal has stopped, or with its result if the goal
+                succeeds first. It is not tried again.
 
         Returns:
             The action's result message.
@@ -243,16 +245,15 @@ class Client(Generic[ActionT_co]):
     ) -> GoalFuture[ResultT, FeedbackT]:
         """Send a goal and return at once. Does not wait for a server.
 
-        The goal is copied: it may be changed and used again afterwards.
+        The goal is copied: you may change it and use it again afterwards.
 
         Args:
-            goal: The action's goal message, or a mapping of its field names. One that does
-                not fit fails the future with an `InvalidGoalError`; `check_goal` raises that at
-                once.
+            goal: The action's goal message, or a mapping of its field names. If it does not fit,
+                the future fails with an `InvalidGoalError`. `check_goal` raises that at once.
             on_feedback: As for `call`; a coroutine function runs on the event loop of the caller.
             timeout: As for `call`.
-            retry: In place of the client's policy.
-            classify: In place of the client's.
+            retry: Used instead of the client's policy.
+            classify: Used instead of the client's.
             replaces: As for `call`.
             preempt: As for `call`.
 
@@ -281,11 +282,11 @@ class Client(Generic[ActionT_co]):
     ) -> GoalFuture[ResultT, FeedbackT]:
         """Follow a goal that another client, process or computer has sent, or an earlier run.
 
-        Returns at once, and sends no goal. The future is as that of `call_async`: feedback, state,
-        result, timeline, `cancel()`. The timeline begins with what the server says now.
+        Returns at once, and sends no goal. The future is like that of `call_async`: feedback,
+        state, result, timeline, `cancel()`. The timeline begins with what the server says now.
 
         Args:
-            goal_id: The goal's id, as `future.goal_id`, errors, logs and `actionkit watch` have it.
+            goal_id: The goal's id, as in `future.goal_id`, errors, logs and `actionkit watch`.
             timeout: As for `call`.
             on_feedback: As for `call_async`.
             on_give_up: What happens to the goal when you stop following it before it ends: at the
@@ -417,7 +418,7 @@ class Client(Generic[ActionT_co]):
 
         Raises:
             ClientClosedError: The client was closed.
-            RuntimeError: Nothing runs this coroutine that could wait.
+            RuntimeError: The coroutine does not run under asyncio, trio or rclpy.
             TypeError, ValueError: A bad `timeout`.
         """
         return await self._session.wait_for_server_async(check_seconds("timeout", timeout))
@@ -435,8 +436,8 @@ class Client(Generic[ActionT_co]):
     def cancel_all(self) -> int:
         """Cancel all calls of this client in flight; never blocks.
 
-        The requests are sent a few at a time. Each call ends when its goal has, or when no
-        confirmation of any goal has come for `timeouts.cancel` seconds.
+        The requests are sent a few at a time. Each call ends when its goal has ended, or when the
+        server has confirmed no cancel for `timeouts.cancel` seconds.
 
         Returns:
             How many there were.
@@ -447,14 +448,13 @@ class Client(Generic[ActionT_co]):
         return self._session.cancel_all()
 
     def cancel_everything(self, timeout: float = 10.0) -> dict[uuid.UUID, CancelReport]:
-        """Cancel all goals of the action, those of other programs too, and wait for that.
+        """Cancel all goals of the action, also those of other programs, and wait for that.
 
         Args:
-            timeout: Seconds that the goals have to stop. Looking which there are takes 1 to 4 s
-                more.
+            timeout: Seconds that the goals have to stop. To find them takes 1 to 4 s more.
 
         Returns:
-            What happened to each goal. If a server refuses, that is `REFUSED` after the timeout.
+            What happened to each goal. If a server refuses, it is `REFUSED` after the timeout.
 
         Raises:
             ClientClosedError: The client was closed.
@@ -471,15 +471,16 @@ class Client(Generic[ActionT_co]):
         return cancel_everything(self._session, self.attach, seconds)
 
     def close(self) -> None:
-        """End every goal in flight as `on_close` says, and free all that is held.
+        """End every goal in flight as `on_close` says, and free everything.
 
-        Returns within `timeouts.cancel` seconds of the server's latest confirmation and a second
-        (many goals are cancelled a few at a time), and 60 s later at most. A warning names goals
-        that may still be running then; they are asked to cancel for a little longer.
+        It waits for the server's confirmations until none has come for `timeouts.cancel` seconds
+        and a second more. Many goals are cancelled a few at a time, so with many goals it may wait
+        60 s longer. A warning names goals that may still be running then. The server is asked to
+        cancel them for a little longer.
 
-        Callbacks that are due or running are finished first, for which there are 5 s more, or
-        `timeouts.cancel` if that is longer. Ctrl-C ends that wait, too. A warning names those that
-        have not returned by then, and none begins afterwards.
+        It also waits for callbacks that are due or running, 5 s, or `timeouts.cancel` if that is
+        longer. A warning names those that have not returned by then. Afterwards none begins. Ctrl-C
+        ends each wait.
         """
         self._finalizer.detach()
         close(self._session)
