@@ -213,7 +213,8 @@ class Client(Generic[ActionT_co]):
         Raises:
             ActionKitError: The call failed; each subclass is one way to fail. `LedgerError`: the
                 goal could not be written down, and was not sent.
-            concurrent.futures.CancelledError: `cancel_all()` cancelled the call.
+            concurrent.futures.CancelledError: `cancel_all()`, `cancel_everything()` or
+                `cancel_on_signals()` cancelled the call.
             RuntimeError: Called from one of ActionKit's own callbacks, or after a fork.
             TypeError, ValueError: An argument is wrong.
         """
@@ -437,7 +438,8 @@ class Client(Generic[ActionT_co]):
         """Cancel all calls of this client in flight; never blocks.
 
         The requests are sent a few at a time. Each call ends when its goal has ended, or when the
-        server has confirmed no cancel for `timeouts.cancel` seconds.
+        server has confirmed no cancel for `timeouts.cancel` seconds. A call stays in flight if the
+        server refuses to cancel its goal.
 
         Returns:
             How many there were.

@@ -48,14 +48,15 @@ def check_seconds(name: str, value: object, *, optional: bool = True) -> float |
 
 @dataclass(frozen=True)
 class Timeouts:
-    """Caps on the phases of a call, in seconds; `None` means no limit.
+    """Limits for the phases of a call, in seconds; `None` means no limit.
 
     Attributes:
         server: Until a server is ready. If a call is tried again, each attempt has this time.
         accept: From sending the goal to its acceptance.
         total: For the whole call, if the call itself has no `timeout=`. The wait for a cancellation
             (`cancel`) comes on top.
-        feedback: The longest silence between two feedback messages; then the call fails.
+        feedback: The longest time without a feedback message after the acceptance. Then the goal is
+            cancelled, and the call fails.
         cancel: For the confirmation of a cancellation. Never `None`.
         liveness: The longest silence of the server of a goal, in which it does not even answer a
             harmless question, before it counts as lost. Use this only with servers that answer
@@ -103,12 +104,12 @@ class RetryPolicy:
         max_pause: The longest pause, in seconds.
         jitter: The random share of each pause, 0 to 1.
         resend: When another goal may follow a goal that may have reached the server:
-            `"never_accepted"` only if no server accepted it, `"confirmed_stopped"` also if it is
+            `"never_accepted"` only if every server rejected it, `"confirmed_stopped"` also if it is
             known to have stopped, `"server_gone"` also if its server is out of sight (a server
             that only hangs or is cut off may still run it), `"always"` even if a server in sight
             may still run it.
-        stop: A tenacity stop strategy, in place of `attempts`.
-        wait: A tenacity wait strategy, in place of the pauses.
+        stop: A tenacity stop strategy, used instead of `attempts`.
+        wait: A tenacity wait strategy, used instead of the pauses.
 
     A strategy of your own, or of tenacity, runs on its own thread. If it raises, does not answer
     before the call's deadline and within 10 seconds, or returns an invalid value (`stop`: not a

@@ -97,7 +97,7 @@ class ActionConfig(_Tool):
 
     Attributes:
         action: The action's name.
-        timeout: Seconds from sending to the result, with all retries.
+        timeout: Seconds for the wait for a server, the goal and all retries.
         concurrent: The most goals at a time.
         confirm: Whether a human approves each goal.
         retries: How often to send the goal again after a failure that may pass.

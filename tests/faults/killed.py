@@ -80,7 +80,7 @@ class Row:
     def cells(self) -> tuple[Cell, ...]:
         """How it is written."""
         never = self.case.phase == NOT_SENT
-        return self.received, self.left, "-" if never else Seconds(self.seconds)
+        return self.received, "-" if never else Seconds(self.seconds)
 
 
 CASES = [Case(way, phase) for way in WAYS for phase in PHASES]

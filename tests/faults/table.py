@@ -63,4 +63,4 @@ class Row:
             "result, goal UNKNOWN, attempt 2",
         ):
             outcome, executed, at_once = "result, goal varies, attempt 2", "up to 2", "up to 2"
-        return outcome, noticed, executed, at_once, self.left
+        return outcome, noticed, executed, at_once

@@ -110,7 +110,7 @@ def _round(todo: plan.Plan, place: Place, workers: dict[str, Worker], directory:
 
 
 def _write_docs(totals: Totals) -> None:
-    cells = (attacks.calls(totals.calls), 0, 0, Seconds(max(0.0, totals.late)))
+    cells = (attacks.calls(totals.calls), Seconds(max(0.0, totals.late)))
     PAGE.write(attacks.SOAK, {(attacks.SOAK_TIME,): cells})
 
 

@@ -41,12 +41,12 @@ class Exit(IntEnum):
     CANCEL_REFUSED = (
         22,
         "A server refused to cancel a goal, which is still running. Of `call`: also if other things"
-        " went wrong.",
+        " went wrong, but not after Ctrl-C or a signal.",
     )
     CANCEL_UNKNOWN = (
         23,
         "A goal may still be running: its end was not seen. Of `call`: also if other things went"
-        " wrong, except for codes 15 and 18.",
+        " wrong, but not after Ctrl-C or a signal, and not with codes 15 and 18.",
     )
     NO_SUCH_GOAL = 24, "Of `cancel` and `attach`: no server in sight knows a goal of that id."
     HELD = (
@@ -57,7 +57,7 @@ class Exit(IntEnum):
     NOT_EXECUTABLE = 126, "Of `guard`: the program cannot be run."
     NOT_FOUND = 127, "Of `guard`: the program is not there."
     HANGUP = 129, "The terminal was closed; as after Ctrl-C."
-    INTERRUPTED = 130, "Ctrl-C. The goal was cancelled, and the output says what happened to it."
+    INTERRUPTED = 130, "Ctrl-C. The output says what happened to the goal; it may still be running."
     OUTPUT_CLOSED = 141, "The reader of the output ended, as `| head -1` does; as after Ctrl-C."
     TERMINATED = 143, "SIGTERM; as after Ctrl-C."
 
