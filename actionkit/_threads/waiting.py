@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T")
 _SLICE = 0.5
-"""Seconds by which the reaction to a signal may be late: for a human that is still at once."""
+"""Seconds by which the reaction to a signal may be late: for a human that is still at once. It is
+less than `session._CTRL_C_HEARD`."""
 
 
 def slices(timeout: float | None) -> Iterator[float | None]:

@@ -29,6 +29,9 @@ VARIES = {
 }
 """Chance decides whether the first goal confirms its end before the second one's result comes."""
 
+LATE = {Case(_OUTAGE, "ends during the fault", policy) for policy in ("server_gone", "always")}
+"""Chance decides whether the result of the first goal comes before the second one is sent."""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -63,4 +66,8 @@ class Row:
             "result, goal UNKNOWN, attempt 2",
         ):
             outcome, executed, at_once = "result, goal varies, attempt 2", "up to 2", "up to 2"
+        if self.case in LATE and outcome in ("result", "result, attempt 2"):
+            outcome = "result, attempt varies"
+            if self.case.policy == "always":
+                executed = at_once = "up to 2"
         return outcome, noticed, executed, at_once

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from tests.faults import attacks, page
 from tests.faults.lab import TIMEOUTS
-from tests.faults.table import VARIES, Case, Row
+from tests.faults.table import LATE, VARIES, Case, Row
 from tests.tables import limit
 
 
@@ -51,6 +51,13 @@ def test_only_the_rows_that_vary_leave_out_what_is_known_of_the_goal():
         elsewhere = replace(case, fault=page.KILL)
         assert replace(row, case=elsewhere).cells[0] == row.outcome
         assert replace(known, case=elsewhere).cells[0] == known.outcome
+
+
+def test_in_a_long_outage_the_first_goal_may_be_the_one_with_the_result():
+    for case in LATE:
+        row = Row(case, "result", 20.0, 1, 1, 0)
+        assert row.cells == replace(row, outcome="result, attempt 2").cells
+        assert replace(row, case=replace(case, phase="before accept")).cells[0] == "result"
 
 
 def test_how_many_goals_always_sends_is_a_matter_of_chance():
