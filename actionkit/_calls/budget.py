@@ -15,18 +15,18 @@ from actionkit._model.settings import MOST, MOST_TEXT
 class RetryBudget:
     """Lets callers retry only while most calls succeed, as gRPC's retry throttle does.
 
-    A transient failure takes one token, a success gives back `ratio` of one. Retries are
-    allowed while more than half of the tokens are there: when a server fails for everybody,
-    a fleet of callers soon stops hammering it, and each call still fails once by itself.
+    A transient failure takes one token. A success gives back `ratio` of a token. Retries are
+    allowed while more than half of the tokens are left. So if a server fails for everybody, all
+    callers soon stop retrying, and each call makes one attempt only.
 
-    Safe to use from any thread; share one between clients to share the brake.
+    Any thread may use it. If several clients share one, they share its limit.
     """
 
     def __init__(self, capacity: float = 10.0, ratio: float = 0.1) -> None:
         """Start with all tokens.
 
         Args:
-            capacity: The most tokens, above 0.
+            capacity: The largest number of tokens, above 0.
             ratio: The share of a token that a success gives back, above 0.
 
         Raises:
@@ -51,12 +51,12 @@ class RetryBudget:
 
     @property
     def capacity(self) -> float:
-        """The most tokens."""
+        """The largest number of tokens."""
         return self._capacity
 
     @property
     def tokens(self) -> float:
-        """The tokens left."""
+        """The number of tokens that are left."""
         return self._tokens
 
     @property

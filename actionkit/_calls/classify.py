@@ -83,12 +83,12 @@ def apply_verdict(ending: Ending, verdict: Verdict | Fault) -> Ending:
 
 
 def retry_aborted() -> Classify:
-    """Return a `classify=` function that makes aborted goals transient failures, to be retried.
+    """Return a `classify=` function that makes an aborted goal a transient failure, to retry it.
 
         Client(..., classify=retry_aborted())
 
-    It has no opinion about other goals. The `RetryPolicy` decides how often the call is tried
-    again, and after which pauses.
+    It returns no verdict on other goals. The `RetryPolicy` decides how often the call is tried
+    again, and how long each pause is.
     """
     return _retry_aborted
 
@@ -188,8 +188,8 @@ def classify_by_field(
             the action's results do not have this field, or if it can never have the given values.
         transient: Values that make any outcome with a result a transient failure.
         permanent: Values that make it a permanent failure.
-        ok: Values that make it a success, even of an aborted goal. If given, a successful goal with
-            a value in none of the sets is a permanent failure.
+        ok: Values that make it a success, even if the goal was aborted. If you give `ok`, a
+            successful goal with a value in none of the sets is a permanent failure.
 
     Raises:
         TypeError: `path` is not a string, or a set is not a collection of values.

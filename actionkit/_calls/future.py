@@ -51,11 +51,11 @@ class GoalFuture(
 
     It works with `concurrent.futures.wait`, `as_completed` and `add_done_callback`. It can be
     awaited under asyncio, under trio, and in callbacks that an executor of rclpy runs; asyncio
-    also accepts it as a coroutine, as in `asyncio.create_task`. Only `Client.call_async` makes one.
+    also accepts it as a coroutine, as in `asyncio.create_task`. Make one by `Client.call_async`.
 
-    Dropping it does not affect the goal. A failure that nobody has looked at is logged then.
+    If you drop it, the goal is not affected. A failure that nobody has looked at is then logged.
 
-    In a signal handler use only `cancel()` and what reads, such as `done()` and `state`, or raise.
+    In a signal handler, only call `cancel()`, read members such as `done()` and `state`, or raise.
     """
 
     # Set on the class, for `__del__`: Ctrl-C may interrupt the constructor.
@@ -105,7 +105,7 @@ class GoalFuture(
         """Wait for the goal and return the action's result.
 
         Args:
-            timeout: Seconds of this local wait, `None` for no limit. If they run out, the goal is
+            timeout: Seconds of this local wait; `None` means no limit. If they run out, the goal is
                 not affected.
 
         Raises:
@@ -165,8 +165,8 @@ class GoalFuture(
     def wait_accepted(self, timeout: float | None = None) -> GoalEvent:
         """Wait until a server has accepted the goal, and return that event of the timeline.
 
-        It has the goal's id and the time. A retry does not change it. For a call that succeeded
-        though its goal's acceptance was never seen, it is the last event.
+        The event has the goal's id and the time. A retry does not change it. If the call succeeded,
+        but the acceptance was never seen, this returns the last event.
 
         Args:
             timeout: The same as for `result`.
@@ -174,22 +174,23 @@ class GoalFuture(
         Raises:
             TimeoutError: The local wait took too long; the goal is not affected.
             concurrent.futures.CancelledError: The goal was cancelled before it was accepted.
-            ActionKitError: The call ended before that; it is what `result` raises.
+            ActionKitError: The call ended before that; `result` raises the same error.
         """
         self._check_process()
         self._answered.wait(timeout)
         return self._accepted_or_raise()
 
     async def wait_accepted_async(self, timeout: float | None = None) -> GoalEvent:
-        """Like `wait_accepted`, without blocking what runs this coroutine.
+        """Like `wait_accepted`, but does not block the thread of this coroutine.
 
-        That may be asyncio, trio, or an executor of rclpy. Cancelling the waiting task cancels the
-        goal, unless another task awaits this future. So does `asyncio.timeout` around it; to let
-        the goal go on, use the timeout of this method. After the acceptance, nothing cancels the
-        goal until you await the future: if your task ends before, the goal runs to its deadline.
+        It runs under asyncio, trio, or an executor of rclpy. If you cancel the waiting task, the
+        goal is cancelled, unless another task awaits this future. `asyncio.timeout` does the same.
+        If the goal must go on, use the timeout of this method. After the acceptance, nothing
+        cancels the goal until you await the future. If your task ends before that, the goal runs to
+        its deadline.
 
         Raises:
-            RuntimeError: The coroutine runs under nothing that can wait; the goal is cancelled.
+            RuntimeError: The coroutine runs under none of these three; the goal is cancelled.
         """
         seconds = check_seconds("timeout", timeout)
         self._check_process()
@@ -255,18 +256,18 @@ class GoalFuture(
         return self._awaiters.throw(self._wait_async, typ if val is None else val)
 
     def close(self) -> None:
-        """Cancel the goal if nobody awaits it: asyncio did not accept this as a coroutine."""
+        """Cancel the goal if nobody awaits it. Asyncio calls this if it rejects the future."""
         self._awaiters.close(self._give_up)
 
     # --- control ---------------------------------------------------------------------------
 
     def cancel(self) -> bool:
-        """Ask for the goal to be cancelled; never blocks, may be called at any time.
+        """Ask to cancel the goal. Never blocks; you may call it at any time.
 
-        If the goal was not sent yet, it is never sent. Otherwise the server is asked, and the
-        future ends with what happened to the goal: with `CancelledError` if it was cancelled, with
-        the result if it succeeded first. If the server refuses, the goal runs on, and the future
-        stays pending. Without an answer, the future ends after `Timeouts.cancel` seconds with a
+        If the goal was not sent yet, it is never sent. Otherwise the server is asked. The future
+        then ends with what happened to the goal: with `CancelledError` if it was cancelled, or with
+        the result if it succeeded first. If the server refuses, the goal goes on, and the future
+        stays pending. If no answer comes, the future ends after `Timeouts.cancel` seconds with a
         `DeadlineExceededError` of the phase `"cancel"`.
 
         Returns:

@@ -19,7 +19,7 @@ class LiveGoal(Generic[FeedbackT]):
 
     @property
     def goal_id(self) -> uuid.UUID:
-        """The id of the goal being tried; each attempt has its own."""
+        """The id of the current goal; each attempt has its own id."""
         return self._call.goal_id
 
     @property
@@ -32,10 +32,11 @@ class LiveGoal(Generic[FeedbackT]):
         """Whether a goal of this call runs on a server, if that is known now.
 
         `True`: a server has the goal and has not ended it. `False`: no goal of the call runs; none
-        was sent, or each has ended. `None`: not known, because the server has not answered, or is
-        gone, or because the client was closed and let the goal run. The value stays up to date
-        after the future is done: while the client is open, it watches a goal that was given up on
-        until the goal has ended.
+        was sent, or each has ended. `None`: this is not known. The server has not answered or is
+        gone, or the client was closed and let the goal run.
+
+        The value stays up to date after the future is done. If the call gave up on a goal, the
+        client watches that goal until it has ended, while the client is open.
         """
         return self._call.goals.known_to_run
 
@@ -50,8 +51,9 @@ class LiveGoal(Generic[FeedbackT]):
         return self._feedback.latest
 
     def feedback(self) -> FeedbackStream[FeedbackT]:
-        """Return an iterable over feedback from now on, for `for` and `async for`.
+        """Return an iterable over feedback, for `for` and `async for`.
 
-        It ends when the goal ends. A reader that falls far behind misses the oldest messages.
+        It begins with the newest message, and ends when the goal ends. A reader that falls far
+        behind misses the oldest messages.
         """
         return self._feedback.stream()

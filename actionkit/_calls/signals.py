@@ -79,25 +79,25 @@ class cancel_on_signals:
 
         cancel_on_signals()
 
-    On the signal, all goals in flight are cancelled on their servers. The process waits for the
-    confirmations, for at most `timeouts.cancel` seconds (the longest of all clients; longer while
-    servers go on confirming many goals). A warning names goals that may still run. Then the signal
-    does what it did before: a Python handler is called, rclpy's own handler does its part, or the
-    process ends. A second signal, or Ctrl-C, ends the wait.
+    On the signal, all goals in flight are cancelled on their servers. The process waits at most
+    `timeouts.cancel` seconds for the confirmations: the longest time of all clients, or longer
+    while servers go on confirming many goals. A warning names goals that may still run. Then the
+    signal does what it did before: a Python handler is called, rclpy's own handler does its part,
+    or the process ends. A second signal, or Ctrl-C, ends the wait.
 
     As a context manager, it restores the earlier handlers at the end of the block.
 
-    A later `signal.signal()`, or `add_signal_handler()` of an event loop, for the same signal
-    replaces it. Call `cancel_on_signals` before or after `rclpy.init()`.
+    A later `signal.signal()` for the same signal replaces it, and so does `add_signal_handler()` of
+    an event loop. You may call `cancel_on_signals` before or after `rclpy.init()`.
     """
 
     def __init__(self, *signals: int) -> None:
         """Handle signals.
 
         Args:
-            signals: The default is SIGTERM and SIGHUP, except one that is ignored, as SIGHUP is
-                under `nohup`. A signal that you give is handled even if it was ignored, as SIGINT
-                is in a script's background; then it ends the process after the goals.
+            signals: The default is SIGTERM and SIGHUP, but not one that is ignored, such as SIGHUP
+                under `nohup`. A signal that you give is handled even if it was ignored, such as
+                SIGINT in a script's background. Then it ends the process after the goals.
 
         Raises:
             RuntimeError: Not called in the main thread.

@@ -36,9 +36,9 @@ class Ledger(LedgerFile):
         with Client(Fibonacci, "fibonacci", ledger=Ledger("mission.db")) as client:
             client.call(goal, timeout=60.0)
 
-    A goal is removed when it is known to have stopped. So what is in `leftovers()` was left by a
-    process that was killed, or has lost its power, and may still run. Any number of clients and
-    processes may share a file; it must be on a disk of this computer.
+    A goal is removed when it is known to have stopped. So the goals in `leftovers()` may still run:
+    their process was killed, or its computer lost power. Any number of clients and processes may
+    share a file. The file must be on a disk of this computer.
     """
 
     def leftovers(self) -> list[Leftover]:
@@ -52,17 +52,18 @@ class Ledger(LedgerFile):
     def cancel(self, timeout: float = 10.0) -> dict[Leftover, CancelReport]:
         """Cancel the goals that processes have left, and wait until they have stopped.
 
-        Blocks. If several processes do it at once, each goal is in the hands of one of them, and
-        the others wait for it.
+        Blocks. If several processes do it at once, only one of them cancels each goal, and the
+        others wait for it.
 
         Args:
-            timeout: Seconds for everything. A goal that no server knows may have been sent just
-                before the end, and may be accepted yet. So it is looked for until then.
+            timeout: Seconds for everything. A process may send a goal just before it ends. A server
+                that does not know the goal yet may still accept it. So this looks for it until the
+                time is over.
 
         Returns:
             What happened to the goals of each call. `CONFIRMED`: the server has stopped them.
             `NOT_NEEDED`: they had ended, or no server knows them. These are removed from the file.
-            `REFUSED`: the server does not stop them. `UNKNOWN`: no server was in sight or has
+            `REFUSED`: the server does not stop them. `UNKNOWN`: no server was seen, none
             answered, the action's package is not installed here, or another process has not
             finished.
 
@@ -100,26 +101,27 @@ class Ledger(LedgerFile):
         on_feedback: Callable[[FeedbackT], object] | None = None,
         on_give_up: Literal["leave", "cancel"] = "leave",
     ) -> list[GoalFuture[ResultT, FeedbackT]]:
-        """Follow the goals that processes have left running in the action of `client`.
+        """Follow the goals of the action of `client` that processes have left running.
 
-        Each goal is given to one process only. It counts as this process's own until it has
-        stopped, or until you stop following it. Blocks for at most 10 seconds: a goal that no
-        server knows may be accepted yet. In asyncio, use `asyncio.to_thread`.
+        Only one process gets each goal. The goal belongs to this process until it has stopped, or
+        until you stop following it. Blocks for at most 15 seconds, because a server may still
+        accept a goal that it does not know yet. In asyncio, use `asyncio.to_thread`.
 
         Args:
-            client: Follows them.
+            client: The client that follows them.
             timeout: As for `Client.attach`.
             on_feedback: As for `Client.attach`.
             on_give_up: As for `Client.attach`.
 
         Returns:
-            Their futures, that of the oldest call first. One fails with `GoalUnknownError` if no
-            server knows the goal: then it may be sent again.
+            Their futures, in the order of the calls, the oldest first. A future fails with
+            `GoalUnknownError` if no server knows its goal. Then the goal does not run, but may have
+            finished.
 
         Raises:
             ClientClosedError: The client was closed.
-            LedgerError: The file cannot be used; or another process still cancels or follows such a
-                goal after 10 seconds, so that nothing may be sent.
+            LedgerError: The file cannot be used. Or another process still cancels or follows such a
+                goal after 10 seconds: then you must not send anything.
             TypeError, ValueError: An argument is wrong.
         """
         from actionkit._leftovers.finding import domain_of, find

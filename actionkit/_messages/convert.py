@@ -51,7 +51,7 @@ _PLAIN = {bool, int, float, str, type(None)}
 
 
 def from_plain(cls: type[MessageT], value: MessageT | Mapping[str, Any]) -> MessageT:
-    """Build a new, fully checked message from plain Python values, such as JSON has.
+    """Build a new, fully checked message from plain Python values, such as JSON values.
 
         goal = from_plain(Fibonacci.Goal, {"order": 5})
 
@@ -93,11 +93,11 @@ def to_plain(message: object, *, max_items: int | None = None) -> dict[str, Any]
 
     Args:
         message: Any ROS message.
-        max_items: For logs: each array is cut after this many elements, and a str as its last
-            element says how many more there were. `from_plain` does not accept such a result.
+        max_items: For logs. Each array is cut after this many elements. A str at its end says how
+            many more there were. `from_plain` does not accept such a result.
 
     Returns:
-        Field names to values, which `from_plain` turns into an equal message.
+        A dict of field names and values. `from_plain` turns it into an equal message.
 
     Raises:
         TypeError: `message` is not a ROS message.

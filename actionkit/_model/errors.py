@@ -108,9 +108,9 @@ class TransientError(ActionKitError):
 class ServerUnavailableError(TransientError, TimeoutError):
     """No action server was ready in time; nothing was sent.
 
-    The limit is `timeouts.server`, or the rest of the call's time if that is shorter. No
-    `RetryPolicy` tries this again within the call, because that would only mean to wait longer. A
-    call that had a server ends with another error.
+    The limit is `timeouts.server`, or the rest of the call's time if that is shorter. A
+    `RetryPolicy` does not try this again within the call: that would only wait longer. A call that
+    had a server ends with another error.
     """
 
 
@@ -125,8 +125,8 @@ class AcceptanceTimeoutError(TransientError):
 class ServerLostError(TransientError):
     """The server went away, or was restarted, with the goal in flight.
 
-    A server that is alive but silent is not lost, unless `Timeouts.liveness` says so. Only
-    deadlines end such a call.
+    A server that is alive but silent does not count as lost, unless `Timeouts.liveness` says so.
+    Only deadlines end such a call.
     """
 
 
@@ -171,10 +171,10 @@ class GoalUnknownError(PermanentError):
 
 
 class GoalNotReplacedError(PermanentError):
-    """Nothing was sent: the goal that this one was to replace may still be running.
+    """Nothing was sent: the earlier goal, which had to stop first, may still be running.
 
     Attributes:
-        earlier: What is known of the goals of the earlier call that may be running.
+        earlier: What is known about the goals of the earlier call that may be running.
     """
 
     earlier: tuple[GoalReport, ...] = ()
@@ -185,11 +185,11 @@ class GoalRejectedError(PermanentError):
 
 
 class GoalAbortedError(PermanentError):
-    """The server gave up on the goal; `result` is what it sent with the abort."""
+    """The server gave up on the goal; `result` is the result that it sent."""
 
 
 class GoalCanceledError(PermanentError):
-    """Somebody else cancelled the goal; `result` is what the server sent then. Never retried."""
+    """Somebody else cancelled the goal. `result` is the server's result. Never retried."""
 
 
 class ResultLostError(PermanentError):
@@ -205,21 +205,25 @@ class ResultLostError(PermanentError):
 class ClassifyError(PermanentError):
     """The function given as `classify=` returned no valid verdict, so this is not a success.
 
-    The function raised, or returned neither a `Verdict` nor `None`. Or it did not answer in time:
-    before the call's deadline (within 10 seconds, if that is earlier or there is none), or within
-    `timeouts.cancel` after the call was cancelled or its client closed. Or it returned SUCCESS for
-    a goal that was rejected, canceled by somebody else, or failed without a result. `__cause__` is
-    the error that the function raised, or the error of that failed goal.
+    There are three cases:
+
+    - The function raised, or returned neither a `Verdict` nor `None`.
+    - It did not answer before the call's deadline, or within 10 seconds if that is earlier or if no
+      deadline is set. After a cancel, or when the client closes, it has at most `timeouts.cancel`.
+    - It returned SUCCESS for a goal that was rejected, canceled by somebody else, or failed without
+      a result.
+
+    `__cause__` is the error that the function raised, or the error of that failed goal.
     """
 
 
 class DeadlineExceededError(ActionKitError, TimeoutError):
     """The time for the whole call ran out, and the call had a server.
 
-    The goal was cancelled, and the server had `timeouts.cancel` seconds to confirm that. Without a
-    server, the error is a `ServerUnavailableError`, which is a `TimeoutError`, too. If a local wait
-    such as `future.result(timeout=1)` runs out, a plain `TimeoutError` is raised instead, and the
-    goal goes on.
+    The goal was cancelled, and the server had `timeouts.cancel` seconds to confirm that. If the
+    call had no server, the error is a `ServerUnavailableError`, which is also a `TimeoutError`. If
+    a local wait such as `future.result(timeout=1)` runs out, it raises a plain `TimeoutError`, and
+    the goal goes on.
 
     Attributes:
         phase: What the call was waiting for: `"server"`, `"replace"` (the goal that it replaces
@@ -242,14 +246,14 @@ class DeadlineExceededError(ActionKitError, TimeoutError):
 class RetriesExhaustedError(ActionKitError):
     """The retries ended, and the error of the last attempt would not explain why.
 
-    Either `classify=` returned TRANSIENT for the last success; `__cause__` says so. Or `stop=` or
-    `wait=` of the `RetryPolicy` raised, did not answer in time, or returned an invalid value;
-    `__cause__` is the error that it raised, or the error of the last attempt.
+    Either the last goal succeeded, but `classify=` returned TRANSIENT; `__cause__` says so. Or
+    `stop=` or `wait=` of the `RetryPolicy` raised, did not answer in time, or returned an invalid
+    value; `__cause__` is the error that it raised, or the error of the last attempt.
     """
 
 
 class LedgerError(ActionKitError, OSError):
-    """A `Ledger` cannot be used: its file, or a goal that another process has in hand.
+    """The file of a `Ledger` cannot be used, or another process cancels or follows the goal.
 
     Nothing was sent.
     """

@@ -14,14 +14,14 @@ from actionkit._model.printable import on_one_line
 
 
 class GoalState(str, Enum):
-    """The states of a goal, mostly with the names of ROS 2 actions."""
+    """The states of a goal. Most have the same names as in ROS 2."""
 
     SENDING = "SENDING"
-    """Not given to the middleware yet: it waits for a server, or for its turn."""
+    """The goal was not given to the middleware yet: it waits for a server, or for its turn."""
     SENT = "SENT"
-    """Given to the middleware; the server has not answered."""
+    """The middleware has the goal; the server has not answered."""
     ACCEPTED = "ACCEPTED"
-    """The server accepted the goal; it has not said that it executes it."""
+    """The server accepted the goal, but has not said that it executes it."""
     REJECTED = "REJECTED"
     """The server rejected the goal: it never runs."""
     EXECUTING = "EXECUTING"
@@ -39,7 +39,7 @@ class GoalState(str, Enum):
     LOST = "LOST"
     """The server, or the goal's result, is gone."""
     RETRYING = "RETRYING"
-    """Between two attempts of one call."""
+    """The call waits between two attempts."""
     TIMED_OUT = "TIMED_OUT"
     """The caller gave up; the outcome's `cancel` says what happened to the goal."""
     REPLACED = "REPLACED"
@@ -60,14 +60,14 @@ _TERMINAL = frozenset(
 
 
 class CancelReport(str, Enum):
-    """What is known of a goal that its caller gave up on."""
+    """What is known about a goal that its caller gave up on."""
 
     CONFIRMED = "CONFIRMED"
     """A terminal state was seen: the goal has stopped."""
     REFUSED = "REFUSED"
     """The server refused to cancel: the goal continues."""
     UNKNOWN = "UNKNOWN"
-    """No answer in time: the goal may still be running. It is cancelled when it can be."""
+    """No answer in time: the goal may still be running. It is cancelled when that is possible."""
     NOT_NEEDED = "NOT_NEEDED"
     """Nothing was running: the goal was never sent, or not accepted."""
 
@@ -76,21 +76,21 @@ class CancelReport(str, Enum):
 
 
 class GoalFate(str, Enum):
-    """What is known of one goal that a call has sent."""
+    """What is known about one goal that a call has sent."""
 
     UNANSWERED = "UNANSWERED"
-    """The server has not answered: it may accept the goal yet."""
+    """The server has not answered, and may still accept the goal."""
     RUNNING = "RUNNING"
-    """A server accepted it, and has not shown that it ended."""
+    """A server accepted the goal, and has not shown that the goal has ended."""
     REJECTED = "REJECTED"
     """The server rejected it: it never ran."""
     ENDED = "ENDED"
-    """A server has shown that it has stopped."""
+    """A server has shown that the goal has stopped."""
     LOST = "LOST"
-    """Its server went out of sight: the goal may be running, and is cancelled if the server is
-    seen again."""
+    """Its server disappeared: the goal may be running. It is cancelled if the server appears
+    again."""
     LEFT = "LEFT"
-    """It may be running, and this program does not track it any more."""
+    """The goal may be running, and this program does not track it any more."""
 
     def __str__(self) -> str:
         return self.value
@@ -125,7 +125,7 @@ class GoalEvent:
         state: The new state; `FEEDBACK` for a feedback message.
         monotonic: Seconds on the monotonic clock.
         wall: Seconds since the epoch, for logs.
-        detail: A few words for people, or `""`; the number of a feedback message.
+        detail: A few words for people, or `""`. For feedback, the number of the message.
         cancel_refused: Whether this event means that the server refused to cancel the goal. The
             goal continues, and `state` has not changed.
     """
@@ -161,8 +161,8 @@ to_html: Callable[[Timeline, Outcome[Any] | None], str] | None = None
 class Timeline(tuple[GoalEvent, ...]):
     """The events of a call, oldest first. Print it for a bug report.
 
-    Of each goal's feedback, only the first and the last are kept. Of a call that retries for days,
-    only the beginning and the end are kept.
+    It keeps only the first and the last feedback of each goal. If a call retries for days, it keeps
+    only the beginning and the end.
     """
 
     __slots__ = ()
@@ -228,7 +228,7 @@ class Outcome(Generic[ResultT]):
         goal_id: The id of the last goal.
         cancel: How the cancellation went, or `UNKNOWN` if a goal of the call may be running. With
             several goals, this is the worst case. `None` if there was nothing to cancel.
-        callback_errors: How many times a callback of the user raised.
+        callback_errors: How many times a callback of the user raised an error.
         feedback_count: How many feedback messages of the goal were received.
         elapsed: Seconds from the call to its end.
         goals: The goals that were sent, oldest first: all that may be running, and the last 100 of

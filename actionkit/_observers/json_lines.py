@@ -23,8 +23,8 @@ class JsonLines:
         with JsonLines("goals.jsonl") as log, Client(Fibonacci, "fibonacci", observers=[log]):
             ...
 
-    Each line is given to the operating system at once. So a process that is killed loses at most
-    one line of the events that have reached this observer. Any number of clients and threads of a
+    The operating system gets each line at once. So if the process is killed, it loses at most one
+    line of the events that have reached this observer. Any number of clients and threads of a
     process may share one observer. `read_json_lines` reads the files back. docs/logging.md
     describes the lines.
     """
@@ -46,8 +46,8 @@ class JsonLines:
                 `None` means never.
             backups: How many renamed files are kept: `path.1`, the newest, to `path.N`.
             messages: Whether goals, feedback and results are written, too.
-            max_items: The most elements that are written of each array in a message; `None` means
-                all.
+            max_items: How many elements of each array in a message are written at most; `None`
+                means all.
 
         Raises:
             OSError: The file cannot be written.

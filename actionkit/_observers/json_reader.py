@@ -33,7 +33,7 @@ class LogFile:
         return calls
 
     def timelines(self) -> dict[uuid.UUID, Timeline]:
-        """Return the timeline of each call by its id, as the call's own future had it."""
+        """Return the timeline of each call by its id, the same as in the call's own future."""
         return {call_id: _timeline(lines) for call_id, lines in self.calls().items()}
 
 
@@ -49,10 +49,10 @@ def read_json_lines(path: str | os.PathLike[str]) -> LogFile:
     """Read a file that `JsonLines` wrote, and the files that it renamed before.
 
     Args:
-        path: The name that `JsonLines` was given.
+        path: The `path` that you gave to `JsonLines`.
 
     Returns:
-        All lines, and the problems: a last line that was cut off is one of them.
+        All lines, and the problems. A last line that was cut off is a problem, too.
 
     Raises:
         OSError: There is no such file, or it cannot be read.

@@ -103,7 +103,7 @@ class LoggedLine:
         kind: `"event"` or `"outcome"`.
         call_id: The id of the call's first goal; it stays the same for all attempts.
         action_name: The full name of the action.
-        action_type: Such as `test_msgs/action/Fibonacci`.
+        action_type: The action's type, such as `test_msgs/action/Fibonacci`.
         node_name: The full name of the client's `node=`, or `""` without one.
         pid: The process that wrote it.
         event: The event, equal to the original; `None` for an outcome.

@@ -14,15 +14,15 @@ from actionkit._model.values import GoalEvent
 
 @dataclass(frozen=True)
 class CallInfo:
-    """Which call an event belongs to. All attempts of a call have the same.
+    """The call that an event belongs to. All attempts of a call have the same `CallInfo`.
 
     Attributes:
         call_id: The id of the call's first goal; it stays the same for all attempts.
         action_name: The full name of the action.
-        action_type: Such as `test_msgs/action/Fibonacci`.
+        action_type: The action's type, such as `test_msgs/action/Fibonacci`.
         node_name: The full name of the client's `node=`, or `""` without one.
         monotonic: When the call was made, in seconds on the monotonic clock.
-        wall: The same in seconds since the epoch.
+        wall: The same time in seconds since the epoch.
         goal: The goal message, for reading only; `None` if it was not valid.
         context: The context variables of the caller, such as its OpenTelemetry span. To read
             them, run code in a copy: `context.copy().run(...)`.
@@ -47,13 +47,13 @@ class Observer(Protocol):
 
     An observer may have two more methods:
 
-    - `on_feedback(event, feedback, call)` gets each `FEEDBACK` event, in place of `on_event`,
-      with the action's feedback message. If that cannot be decoded, `on_event` is called.
+    - `on_feedback(event, feedback, call)` gets each `FEEDBACK` event and the action's feedback
+      message. It is called instead of `on_event`, unless the message cannot be decoded.
     - `on_outcome(outcome, call)` gets the `Outcome` of each call, once, when the call has ended. If
       the caller gave up on a goal, more events of that goal may follow.
 
-    For each client, one thread at a time calls an observer, with events in their order. No result
-    waits for that thread. Messages belong to the caller: read them, and do not change them. If an
+    For each client, one thread at a time calls an observer, and events come in order. Results never
+    wait for that thread. Messages belong to the caller: read them, and do not change them. If an
     observer raises, it is not called again, and a warning with the traceback is logged.
     """
 

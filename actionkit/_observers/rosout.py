@@ -12,23 +12,23 @@ from actionkit._observers.words import level_of, level_of_outcome, outcome_sente
 
 
 class Rosout:
-    """An observer that writes to the logger of a node of yours, and so to /rosout.
+    """An observer that writes to the logger of your node, and so to /rosout.
 
         Client(NavigateToPose, "navigate_to_pose", node=node, observers=[Rosout(node)])
 
-    Levels and texts are those of the log `actionkit.goal`. After the node's ROS context was shut
-    down, nothing is written.
+    Levels and texts are the same as in the log `actionkit.goal`. After the node's ROS context was
+    shut down, nothing is written.
     """
 
     def __init__(self, node: Any) -> None:
         """Take the node's logger.
 
         Args:
-            node: An rclpy node. It is neither spun nor changed, and may be destroyed while the
-                observer is in use.
+            node: An rclpy node. The observer does not spin or change it. You may destroy the node
+                while the observer is in use.
 
         Raises:
-            TypeError: It has no logger.
+            TypeError: `node` has no logger.
         """
         if inspect.isclass(node) or not callable(getattr(node, "get_logger", None)):
             raise TypeError(f"Rosout: node={node!r} must be an rclpy node")

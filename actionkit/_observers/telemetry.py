@@ -48,8 +48,8 @@ class _Open:
 class OpenTelemetry:
     """An observer that makes spans and metrics of every call.
 
-    Each call has a span, a child of the caller's span, and each attempt has a span below it;
-    transitions are events on the attempts' spans. Metrics: `actionkit.calls` by outcome,
+    Each call has a span, which is a child of the caller's span. Each attempt has a span below that,
+    and transitions are events on this span. Metrics: `actionkit.calls` by outcome,
     `actionkit.call.duration` and `actionkit.phase.duration` in seconds, `actionkit.retries`,
     `actionkit.calls.in_flight`.
     """

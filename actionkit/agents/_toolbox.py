@@ -34,8 +34,8 @@ class Toolbox:
             result = await toolbox.call("navigate", {"pose": {"position": {"x": 1.0}}})
             print(result.value["status"], result.value["may_still_run"])
 
-    Only what its configuration lists can be called, and only within the limits given there. It
-    belongs to the event loop that it is used in first.
+    You can call only what its configuration lists, and only within the limits given there. It
+    belongs to the first event loop that uses it.
     """
 
     def __init__(self, config: Config, domain_id: int | None) -> None:
@@ -49,11 +49,11 @@ class Toolbox:
 
     @classmethod
     def from_file(cls, path: str | PathLike[str], *, domain_id: int | None = None) -> Self:
-        """Read a configuration file, and check the whole of it.
+        """Read a configuration file, and check all of it.
 
         Args:
             path: A TOML file.
-            domain_id: The ROS domain, in place of the file's and of the environment's.
+            domain_id: The ROS domain. It overrides the file and the environment.
 
         Raises:
             ConfigError: Something in it is wrong; every problem is listed with its place.
@@ -63,11 +63,11 @@ class Toolbox:
 
     @classmethod
     def from_config(cls, config: Mapping[str, Any], *, domain_id: int | None = None) -> Self:
-        """Take a configuration from Python, in the form that the file has.
+        """Take a configuration from Python, with the same structure as the file.
 
         Args:
             config: Nested mappings.
-            domain_id: The ROS domain, in place of the configuration's and of the environment's.
+            domain_id: The ROS domain. It overrides the configuration and the environment.
 
         Raises:
             ConfigError: Something in it is wrong; every problem is listed with its place.
@@ -76,7 +76,7 @@ class Toolbox:
 
     @property
     def tools(self) -> tuple[Tool, ...]:
-        """All tools: those of actions, those of topics, and `goals`."""
+        """All tools: for actions, for topics, and `goals`."""
         return self._tools
 
     @property
@@ -100,18 +100,18 @@ class Toolbox:
         on_progress: OnProgress | None = None,
         approve: Approve | None = None,
     ) -> ToolResult:
-        """Call a tool. What goes wrong is told in the result.
+        """Call a tool. If something goes wrong, the result says so.
 
-        Cancelling the task that awaits this cancels the goal, and waits for the server's
-        confirmation, `timeouts.cancel` seconds at most; `goals` tells what happened to it.
+        If you cancel the task that awaits this, the goal is cancelled. The task waits at most 4
+        seconds for the server's confirmation. `goals` tells what happened to it.
 
         Args:
             name: The tool.
             arguments: A JSON object, checked against the tool's limits before anything is sent.
-            on_progress: Told of feedback, and every 5 seconds while nothing changes, also while a
-                human is asked.
-            approve: Asks a human, for tools that need it. Without it these are refused. What it
-                raises goes through to the caller of this, and nothing is sent.
+            on_progress: Called for feedback, and every 5 seconds while nothing changes, also while
+                a human is asked.
+            approve: Asks a human, for tools that need it. Without it, these tools are refused. If
+                it raises, the caller gets the error, and nothing is sent.
 
         Raises:
             asyncio.CancelledError: The awaiting task was cancelled.
@@ -136,8 +136,8 @@ class Toolbox:
         """Cancel every goal in flight, and every call that waits to send one.
 
         Returns:
-            What happened to each, as `goals()` tells it, when the servers have confirmed it or
-            `timeouts.cancel` seconds are over.
+            What happened to each goal, in the form of `goals()`. It returns when the servers have
+            confirmed it, or when 3 seconds are over.
         """
         records = self._calls.cancel_all("all goals were cancelled")
         ends = [record.over(_CANCEL_WAIT) for record in records]
@@ -145,24 +145,24 @@ class Toolbox:
         return tuple(record.report() for record in records)
 
     def goals(self, goal_id: str | None = None) -> tuple[Json, ...]:
-        """What happened to the goals of this toolbox, the latest first; those in flight too.
+        """What happened to the goals of this toolbox, the latest first, also those in flight.
 
         Args:
-            goal_id: Only this one.
+            goal_id: Return only this goal.
         """
         return self._goals.reports(goal_id)
 
     def openai_tools(self) -> list[dict[str, Any]]:
-        """The tools in the format of OpenAI's API: what its `tools=` takes."""
+        """The tools in the format of OpenAI's API, for its `tools=`."""
         functions = in_format(self._tools, "parameters")
         return [{"type": "function", "function": function} for function in functions]
 
     def anthropic_tools(self) -> list[dict[str, Any]]:
-        """The tools in the format of Anthropic's API: what its `tools=` takes."""
+        """The tools in the format of Anthropic's API, for its `tools=`."""
         return in_format(self._tools, "input_schema")
 
     def close(self) -> None:
-        """Cancel the goals in flight, and free all that is held. Blocks; from any thread."""
+        """Cancel the goals in flight, and free everything. Blocks. Any thread may call it."""
         self._clients.close()
 
     async def aclose(self) -> None:

@@ -18,7 +18,7 @@ class ConfigError(ValueError):
     """A toolbox's configuration is wrong. `str()` lists every problem with its place.
 
     Attributes:
-        problems: One text for each, such as
+        problems: One text for each problem, such as
             `robot.toml: tools.navigate.timeout: 'long' must be a number`.
     """
 
@@ -32,14 +32,13 @@ class ConfigError(ValueError):
 
 @dataclass(frozen=True)
 class Tool:
-    """One tool, as a language model is told of it.
+    """One tool, as a language model sees it.
 
     Attributes:
-        name: What `Toolbox.call` takes.
+        name: The name for `Toolbox.call`.
         description: What it does, for the model.
         input_schema: JSON Schema (2020-12) of its arguments. `Toolbox.call` also checks what a
-            schema cannot say: numbers that JSON Schema cannot tell apart, and all else that a limit
-            says.
+            schema cannot express: numbers that JSON Schema cannot tell apart, and all other limits.
         output_schema: JSON Schema (2020-12) of `ToolResult.value`.
         confirm: Whether a human approves each call.
         kind: `"action"` (moves something), `"topic"` (reads only) or `"goals"` (what
@@ -69,12 +68,12 @@ class Image:
 
 @dataclass(frozen=True)
 class ToolResult:
-    """What a tool returned. Every call returns one: failures are told in it, not raised.
+    """What a tool returned. Every call returns one. A failure is a result, too: it is not raised.
 
     Attributes:
         value: A JSON object that fits the tool's `output_schema`.
         is_error: Whether the tool did not do what it was asked to.
-        images: Pictures that belong to it.
+        images: Pictures that belong to the result.
     """
 
     value: Json
@@ -84,13 +83,13 @@ class ToolResult:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a call of an action's tool is.
+    """The progress of a call of an action's tool.
 
     Attributes:
         elapsed: Seconds since the goal was sent; before that, since a human was asked.
         feedback_count: How many feedback messages have come.
         message: One line for people: the state, and the latest feedback in short.
-        percent: 0 to 100, where the feedback has such a field, else `None`.
+        percent: 0 to 100 if the feedback has such a field, else `None`.
     """
 
     elapsed: float

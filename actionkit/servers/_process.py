@@ -33,7 +33,7 @@ _STDERR_SHOWN = 20_000
 
 
 class Server:
-    """One reference server in its own process. Made by `start`; a context manager.
+    """A reference server in its own process. `start` makes it. It is a context manager.
 
     Every method may be called from any thread.
 
@@ -85,8 +85,8 @@ class Server:
 
         Args:
             event_name: For instance `"accepted"` or `"cancel_requested"`.
-            goal_id: Only events of this goal.
-            count: How many of them.
+            goal_id: Only events of the goal with this id count.
+            count: How many such events.
             timeout: Seconds to wait.
 
         Returns:
@@ -101,7 +101,7 @@ class Server:
     def sync(self, timeout: float = 10.0) -> None:
         """Block until everything that the process has written to its journal can be read here.
 
-        The journal comes through a pipe, so it may be later than the server's answers. `"accepted"`
+        The journal comes through a pipe, so it may lag behind the server's answers. `"accepted"`
         and `"executing"` are written only after the answer to a goal: use `wait_for` for them.
 
         Raises:
@@ -114,7 +114,7 @@ class Server:
         return self._journal.counts[event_name]
 
     def running(self) -> set[str]:
-        """Return the ids of goals that are accepted and have not ended; none without a process."""
+        """Return the ids of accepted goals that have not ended; none if there is no process."""
         return self._journal.running()
 
     @property
@@ -165,7 +165,7 @@ class Server:
 
     @property
     def pid(self) -> int:
-        """Return the id of the present or last process."""
+        """Return the id of the current or last process."""
         return self._process.pid
 
     @property
@@ -181,24 +181,24 @@ class Server:
     def kill(self) -> int:
         """Send SIGKILL: the server vanishes without a message. Return the exit code.
 
-        It is sent at a moment when the process does nothing, if there is one within half a second:
-        otherwise the process might hold a lock of the middleware.
+        It waits at most half a second for a moment when the process does nothing. Otherwise the
+        process might hold a lock of the middleware.
         """
         await_quiet(self.pid)
         return self._end(signal.SIGKILL)
 
     def terminate(self) -> int:
-        """Send SIGTERM: a clean end; running goals are not aborted. Return the exit code."""
+        """Send SIGTERM, for a clean end. Running goals are not aborted. Return the exit code."""
         return self._end(signal.SIGTERM)
 
     def interrupt(self) -> int:
-        """Send SIGINT, as Ctrl-C does: a clean end. Return the exit code."""
+        """Send SIGINT, as Ctrl-C does, for a clean end. Return the exit code."""
         return self._end(signal.SIGINT)
 
     def pause(self) -> None:
         """Send SIGSTOP and wait for it: the server stays in the ROS graph and answers nothing.
 
-        It is sent at a moment when the process does nothing, as with `kill`.
+        Like `kill`, it waits for a moment when the process does nothing.
         """
         await_quiet(self.pid)
         self._process.send_signal(signal.SIGSTOP)
@@ -209,7 +209,7 @@ class Server:
         self._process.send_signal(signal.SIGCONT)
 
     def restart(self) -> None:
-        """End the present process, then start a new one with the same name and options.
+        """End the current process, then start a new one with the same name and options.
 
         Servers that count goals, such as flaky and scripted, go on counting.
 
@@ -222,7 +222,7 @@ class Server:
         self._launch()
 
     def stop(self) -> None:
-        """End the process and free everything. Safe to call twice; then nothing can be started."""
+        """End the process and free everything. It cannot be started again. Safe to call twice."""
         if self._stderr.closed:
             return
         self.terminate()
@@ -328,10 +328,10 @@ def start(
         action_name: The action to serve.
         action_type: The action's type, if it is not the server's own: a class, or a name such as
             `"my_robot/action/Pick"`. Most servers work with any type: then a goal has `steps=5`
-            steps (an option), and feedback and results are empty messages. For other servers, the
-            error lists those that work. countdown and navigate use the types of
+            steps (an option), and feedback and results are empty messages. If a server does not,
+            the error lists the servers that do. countdown and navigate use the types of
             `actionkit_interfaces` only if one is given here, even if the package is installed.
-        domain_id: Its ROS domain; `None` takes the environment's.
+        domain_id: Its ROS domain; `None` means the environment's domain.
         options: The server's own options, such as `period=0.1`; a script is a list.
 
     Returns:

@@ -1,7 +1,7 @@
 """Helpers for tests of code that uses ROS actions, and a pytest plugin with three fixtures.
 
-``ros_domain`` gives a test a ROS domain of its own; ``fake_server`` makes servers of your own
-action types in it, and ``action_server`` starts reference servers in it. See
+``ros_domain`` gives a test its own ROS domain. In that domain, ``fake_server`` makes servers of
+your own action types, and ``action_server`` starts reference servers. See
 `actionkit.testing.plugin`. ``tick_until`` ticks a behaviour tree.
 """
 

@@ -22,20 +22,20 @@ _COUNT = _LAST - _FIRST + 1
 
 @contextmanager
 def isolated_domain() -> Iterator[int]:
-    """Reserve a ROS domain for tests, which no other caller on this machine gets meanwhile.
+    """Reserve a ROS domain for tests. No other caller on this machine gets it meanwhile.
 
         with isolated_domain() as domain:
             rclpy.init(domain_id=domain)
 
-    It does not change the environment, and contexts do not change their domain. So in the meantime
-    clients, fake servers and all else of ActionKit are refused in any other domain, where a real
-    robot may be. The fixture `ros_domain` also sets the environment, and keeps to this computer:
-    another one in the network may use the same domain, unless you set the variable
-    `ROS_AUTOMATIC_DISCOVERY_RANGE` to `LOCALHOST` before ROS is initialised.
+    It does not change the environment, and contexts do not change their domain. So ActionKit
+    refuses clients, fake servers and everything else in any other domain meanwhile: a real robot
+    may be there. Another computer in the network may use the same domain, unless you set the
+    variable `ROS_AUTOMATIC_DISCOVERY_RANGE` to `LOCALHOST` before ROS is initialised. The fixture
+    `ros_domain` does that, and also sets the domain in the environment.
 
-    The domain of the environment is never chosen: on a robot's computer it is that of the robot.
+    The environment's domain is never chosen: on a robot's computer, it is the robot's domain.
 
-    A lock on a file reserves the domain; the system releases the lock when the process dies. All
+    A lock on a file reserves the domain. The system releases the lock when the process dies. All
     processes take the domains in turn, so a domain that was just released is not used for a while:
     the middleware may still discover its last users.
 
@@ -43,8 +43,8 @@ def isolated_domain() -> Iterator[int]:
         The id of the domain, 1 to 101.
 
     Raises:
-        RuntimeError: All domains are taken; or a context of this process is up in a domain that was
-            not reserved: that of a node of yours, of an earlier `rclpy.init()`, or of a client.
+        RuntimeError: All domains are taken. Or a context of this process is up in a domain that was
+            not reserved: from your node, from an earlier `rclpy.init()`, or from a client.
     """
     others = reserved()
     domain, lock = _claim(_directory())

@@ -32,7 +32,7 @@ class EventLog(Generic[T]):
     __call__ = append
 
     def on_event(self, event: T, call: object) -> None:
-        """Append a `GoalEvent`; with this method, the log is an observer of a client."""
+        """Append a `GoalEvent`. This method makes the log an observer of a client."""
         self.append(event)
 
     @property

@@ -41,14 +41,16 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             mission.run()
             assert server.goals == [Pick.Goal(object_id="mug")]
 
-    It has its own ROS context and threads, and does not need `rclpy.init()`. The settings say what
-    happens to goals: with values, the same for every goal; with functions of the goal in place of
-    values; or with `script`, for each goal in turn. A function runs on the goal's own thread. If it
-    raises, the goal is rejected (or aborted, if it was accepted), and the test gets the exception:
-    from `wait_for`, or at the latest from `stop` or the end of the `with` statement.
+    It has its own ROS context and threads, and does not need `rclpy.init()`.
 
-    Every method may be called from any thread. When the server ends, it does not end its running
-    goals, like a real server.
+    The settings say what happens to goals. A value is the same for every goal. A function gets the
+    goal and returns the value. `script` has the settings for each goal in turn. A function runs on
+    the goal's own thread. If it raises, the goal is rejected (or aborted, if it was accepted). The
+    test gets the exception from `wait_for`, or at the latest from `stop` or the end of the `with`
+    statement.
+
+    Every method may be called from any thread. When the server stops, it does not end its running
+    goals. Real servers do the same.
     """
 
     def __init__(
@@ -78,8 +80,8 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             name: The action's name.
             accept: Whether goals are accepted.
             feedback: The feedback of a goal while it executes: messages, or mappings of their
-                fields. A generator function may yield them, too; each is published when it is
-                yielded, so a test can control the goal by what the generator waits for.
+                fields. A generator function may yield them, too. Each is published when it is
+                yielded. So the test controls the goal if the generator waits for the test.
             period: Seconds after each feedback.
             result: The result: a message, a mapping of its fields, or `None` for an empty one.
                 A function is called just before the goal ends.
@@ -92,7 +94,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             preempts: Whether an accepted goal replaces the running goals, as in Nav2's servers:
                 they end as ABORTED with an empty result, then the new goal executes. Otherwise
                 goals run side by side.
-            domain_id: The ROS domain, 0 to 232; `None` takes the environment's.
+            domain_id: The ROS domain, 0 to 232; `None` means the environment's domain.
 
         Raises:
             TypeError: An argument, or a field of a message, has the wrong type.
@@ -144,8 +146,8 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
 
         An entry has settings by name; all other settings are the server's own. An entry may also be
         a function of the goal that returns such a mapping, or `None` for `{}`. After the last
-        entry, goals use the server's own settings. One function in place of the list is for every
-        goal from now on. The rest of an earlier script is dropped.
+        entry, goals use the server's own settings. Instead of the list, you may give one function
+        for every goal from now on. The rest of an earlier script is dropped.
 
         Args:
             entries: The script.
@@ -197,13 +199,13 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             event: `"received"`, `"accepted"`, `"rejected"`, `"executing"`, `"feedback"`,
                 `"cancel_requested"`, `"cancel_accepted"`, `"cancel_refused"`, `"succeeded"`,
                 `"aborted"` or `"canceled"`.
-            goal_id: Only events of this goal, such as `future.goal_id`.
-            count: How many of them.
+            goal_id: Only events of the goal with this id count, such as `future.goal_id`.
+            count: How many such events.
             timeout: Seconds to wait.
 
         Returns:
-            All such events until now, `count` or more. In `details` of a `"received"` event is the
-            `number` of the goal in `goals`.
+            All such events until now, `count` or more. A `"received"` event has in its `details`
+            the `number` of the goal in `goals`.
 
         Raises:
             AssertionError: (also a `TimeoutError`) They were not seen in time, or the server was
@@ -235,9 +237,9 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
             The server itself.
 
         Raises:
-            RuntimeError: The server runs already, or rclpy refuses; or a test of this process has a
-                ROS domain for itself (`isolated_domain`), which is not the server's.
-            ValueError: The environment names no ROS domain.
+            RuntimeError: The server runs already, or rclpy refuses. Or a test of this process has
+                reserved a ROS domain (`isolated_domain`), and the server has another one.
+            ValueError: The domain in the environment is not a ROS domain.
         """
         with self._life:
             if self._harness is not None:
@@ -272,7 +274,7 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
         """Leave the ROS graph and end all threads, within seconds. Safe to call twice.
 
         Raises:
-            RuntimeError: One of your functions has not returned, so its thread is left.
+            RuntimeError: One of your functions has not returned, so its thread still runs.
             Exception: An error of one of your functions that `wait_for` has not raised.
         """
         self._leave()

@@ -42,8 +42,8 @@ def tick_until(
 
     Raises:
         TypeError, ValueError: A time is not a number of seconds.
-        AssertionError: (also a `TimeoutError`) It did not come in time; or the tree ended with
-            another status, such as SUCCESS instead of FAILURE. The message shows the tree.
+        AssertionError: (also a `TimeoutError`) `wanted` did not come in time, or the tree ended
+            with another status, such as SUCCESS instead of FAILURE. The message shows the tree.
     """
     check_seconds("timeout", timeout, optional=False)
     check_seconds("period", period, optional=False)

@@ -57,10 +57,11 @@ class FakeServerFactory(Protocol):
 def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """Return the id of a ROS domain that only this test uses, on this machine only.
 
-    It is set in the environment, so everything that the test starts is in that domain. Contexts
-    that were initialised before are not. So the test fails at once if there is one, and what would
-    use another domain is refused; see `isolated_domain`. Only if `rclpy.init()` was called in a
-    domain that `isolated_domain` has reserved (for a whole session, say), the test uses that one.
+    It is set in the environment, so everything that the test starts uses that domain. A context
+    that was initialised before does not. So the test fails at once if there is one. ActionKit also
+    refuses to use any other domain; see `isolated_domain`. There is one exception: if
+    `rclpy.init()` was called in a domain that `isolated_domain` has reserved, for example for a
+    whole session, the test uses that domain.
     """
     from actionkit.testing._domains import domain_of_default_context, isolated_domain
 
@@ -122,8 +123,8 @@ def fake_server(ros_domain: int) -> Iterator[FakeServerFactory]:
         def test_it(fake_server):
             server = fake_server(Pick, "pick", result={"ok": True})
 
-    They are stopped at the end of the test. If a function of the test raised, and the test did not
-    get that error, it is raised then.
+    They are stopped at the end of the test. If one of your functions raised an error that the test
+    did not get, it is raised then.
     """
     from actionkit.testing import FakeServer
 

@@ -32,13 +32,13 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
 
     It is SUCCESS if the call succeeded, retries included, and FAILURE otherwise. `feedback_message`
     has the progress of the goal, or the error's text. If the tree interrupts the leaf
-    (`stop(INVALID)`), the goal is cancelled, accepted or not. A tree that is shut down or dropped
-    cancels its goals, too. A tick never blocks: it sends, cancels and checks.
+    (`stop(INVALID)`), the goal is cancelled, even before it is accepted. A tree that is shut down
+    or dropped cancels its goals, too. A tick never blocks: it sends, cancels and checks.
 
     A new run sends its goal only when the earlier goal is known to have stopped. Until then the
-    leaf is RUNNING and says so. If the server is silent, and this does not become known within
-    `timeouts.server` of the client, the leaf is FAILURE and says that the goal may still run. If
-    the server is gone, the leaf does not wait for that goal.
+    leaf is RUNNING and says so. If the server is silent, the leaf waits at most `timeouts.server`
+    of the client. Then it is FAILURE and says that the goal may still run. If the server is gone,
+    the leaf does not wait for that goal.
     """
 
     def __init__(
@@ -60,21 +60,21 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
 
         Args:
             name: The behaviour's name in the tree.
-            client: Your own client, which you close; or the action's type and name. Then the client
-                is made at `setup()` and closed with the tree; leaves of one process with the same
-                action share it.
-            goal: A goal message or a mapping of its fields, which is copied; a function that gets
-                this behaviour and is called in the tick each time a goal is sent; or
-                `FromBlackboard("key")`.
-            timeout: Seconds for each run, as for `Client.call`, also for the wait for an earlier
-                goal; `None` means the client's `timeouts.total`.
+            client: Your own client, which you close; or the action's type and name. Then `setup()`
+                makes the client, and it is closed with the tree. Leaves of one process with the
+                same action share it.
+            goal: A goal message or a mapping of its fields, which is copied; or
+                `FromBlackboard("key")`; or a function. The function gets this behaviour. It is
+                called in the tick each time a goal is sent.
+            timeout: Seconds for each run, as for `Client.call`. They include the wait for an
+                earlier goal. `None` means the client's `timeouts.total`.
             retry: Replaces the client's policy.
             classify: Replaces the client's function.
             feedback_key: The blackboard variable for the latest feedback message, written when the
                 leaf is ticked. It is unset at the beginning of each run.
             result_key: The same for the result message, also of failed goals if they have one.
             earlier_goal: What a new run does while the goal of an earlier run may still run:
-                `"wait"`, or `"fail"` at once and say so.
+                `"wait"` for its end, or `"fail"` at once and say so.
             server_timeout: Seconds that `setup()` waits for the server of a client that it makes;
                 `None` means no limit.
 
@@ -112,7 +112,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
 
     @property
     def client(self) -> Client[ActionType[GoalT, ResultT, FeedbackT]] | None:
-        """The client; `None` if `setup()` will make it, but was not called yet."""
+        """The client; `None` if `setup()` has to make it, but was not called yet."""
         return self._hold.client
 
     @property

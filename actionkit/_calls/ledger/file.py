@@ -116,10 +116,10 @@ class LedgerFile:
         """Open the file, or make it.
 
         Args:
-            path: Where it is. Beside it come files with the same name and `-wal`, `-shm`, `-alive`.
+            path: The file. More files appear beside it: its name with `-wal`, `-shm` or `-alive`.
 
         Raises:
-            LedgerError: It cannot be used.
+            LedgerError: The file cannot be used.
         """
         self.path = Path(path).resolve()
         with _lock:  # one for each file: see `Lives`

@@ -54,20 +54,20 @@ class Leftover:
     domain_id: int
     """The ROS domain of its client."""
     attempts: int
-    """How many goals it can have sent."""
+    """How many goals it may have sent at most."""
     judged: bool
-    """Whether `classify=` decides, so that even after a success another goal can be sent."""
+    """Whether `classify=` decides. Then the call can send another goal even after a success."""
     parallel: bool
     """Whether `resend=` allows another goal while one may still run."""
     sent: float
-    """When the first was sent, or was waiting for a server: in seconds since the epoch."""
+    """When its first goal was sent, or waited for a server, in seconds since the epoch."""
     pid: int
-    """The number of its process."""
+    """The id of its process (PID)."""
     host: str
-    """The name of the computer, or container, of its process."""
+    """The name of the computer or container of its process."""
 
     def has(self, goal_id: uuid.UUID) -> bool:
-        """Whether a goal is one of this call: its first, or a retry."""
+        """Whether a goal belongs to this call: as its first goal, or as a retry."""
         return 0 <= goal_id.int - self.goal_id.int < self.attempts
 
 
