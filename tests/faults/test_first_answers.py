@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from actionkit._ros.workarounds.rejoining import SWITCH
+from actionkit._ros.workarounds.rejoining import _TRIES_ALONE, SWITCH
 
 PROGRAM = """
 import json, sys, time
@@ -67,4 +67,5 @@ def test_the_first_answers_are_lost(switch, field, monkeypatch):
         # The server's regular announcement came just then: the time of that is chance.
         assert seen["seconds"] < seen["patience"] + _EXCHANGE
     else:
-        assert seen["nodes"] <= 3
+        # Mostly 2 or 3. On a busy machine also these answers come late, and no node is in sight.
+        assert seen["nodes"] <= 1 + _TRIES_ALONE
