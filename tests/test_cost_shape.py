@@ -115,7 +115,8 @@ def test_nothing_is_left_of_calls_that_failed(action_server, make_client, monkey
 
     fail(50)
     before = fail(30)
-    assert fail(150) - before < 100
+    # Up to 60 timers that were cancelled are still in their queue, each with a tuple.
+    assert fail(300) - before < 200
 
 
 def test_the_node_keeps_nothing_of_clients_that_are_closed(action_server, make_client):
