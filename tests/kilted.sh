@@ -7,7 +7,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 unset VIRTUAL_ENV PYTHONPATH PYTHONHOME _ROS_WHEELS_BOOTSTRAP_COMPLETE LD_LIBRARY_PATH
 
 place=.venv-kilted
-if [ ! -e "$place/ready" ]; then
+if [ ! "$place/ready" -nt pyproject.toml ]; then # it is missing, or older
   "${PYTHON:-python3}" -m venv --clear "$place"
   # What `.[dev]` would install, with the packages of Kilted in place of Jazzy's.
   "$place/bin/python" - >"$place/needs.txt" <<'P'
