@@ -135,10 +135,13 @@ class Link:
             asked.results_asked += 1
 
     others_confirmed_at = -math.inf
+    urgent = False
+    """Whether the last request to cancel was urgent."""
 
     def ask_cancel(self, listener: Attempt, *, urgent: bool) -> None:
         if listener.goal_id.bytes in self.listeners:
             self.life.goals[listener.goal_id.bytes].cancels_asked += 1
+            self.urgent = urgent
             listener.on_cancel_sent()
 
     def stop_cancel(self, listener: Attempt) -> None:
