@@ -482,6 +482,8 @@ class World:
             elif s in each.sent_to & before and not each.sent_to & up:
                 self.apply(each, each.goal.server_lost("gone", self.now))
                 self.over()
+                if up:
+                    self.apply(each, each.goal.server_ready(self.now))
         if event == "comes" and self.awaiting:
             self.do(self.m.server_ready())
         elif self.queued and not up:

@@ -389,8 +389,10 @@ def test_a_goal_may_be_on_a_server_that_comes_into_sight_just_after(world: World
     world.clock.advance(0.6)
     late = world.sent()
     world.serve(b"a", b"b")
+    asked = early.ready
     world.serve(b"b")
     assert (bool(early.lost), bool(late.lost)) == (True, False)
+    assert early.ready == asked + 1  # so b is asked, too: another client may have sent the goal
 
 
 def test_goals_on_a_server_that_is_back_are_told_so(world: World) -> None:

@@ -310,6 +310,9 @@ class ServerMonitor:
         reason = "its action server is gone"
         for listener, goal in self._sent_goals():
             self._lose(listener, goal, gone, reason)
+            if not goal.servers and self.readiness.ready:
+                # A goal that another client has sent may be on a server that came later.
+                listener.on_server_ready()
         if not self.readiness.servers:
             for waiter in self._queued():
                 waiter.on_server_lost(reason)
