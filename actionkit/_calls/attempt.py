@@ -134,7 +134,11 @@ class Attempt:
 
     def give_up(self, why: CancelReason, *, abandon: bool = False) -> None:
         """Cancel the goal because nobody wants it; with `abandon`, let it run instead."""
-        self._apply(self.goal.give_up(why, self._now(), abandon=abandon))
+        effects = self.goal.give_up(why, self._now(), abandon=abandon)
+        self._apply(effects)
+        asked_before = not effects and why is CancelReason.CANCELLED
+        if asked_before and self._owner.urgent and not self.is_out_of_sight:
+            self.cancel_again()  # before others: at Ctrl-C, rclpy's handler may close us first
 
     def cancel_again(self) -> None:
         """Ask once more for the cancellation of a goal that was given up on."""

@@ -191,11 +191,7 @@ class Call:
 
     def cancel(self) -> None:
         """Cancel the goal, or end the call if it has none in flight."""
-        asked = self._given_up_at is not None
         self._give_up(CancelReason.CANCELLED)
-        attempt = self.machine.attempt
-        if asked and self.urgent and attempt is not None and not attempt.is_out_of_sight:
-            attempt.cancel_again()  # before others: at Ctrl-C, rclpy's handler may close us first
 
     def close(self, *, abandon: bool, because: str = CLIENT_CLOSED) -> None:
         """End because the client closes, or because something else that calls need has ended."""

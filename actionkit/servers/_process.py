@@ -114,7 +114,7 @@ class Server:
         return self._journal.counts[event_name]
 
     def running(self) -> set[str]:
-        """Return the ids of accepted goals that have not ended; none if there is no process."""
+        """Return the ids of accepted goals that have not ended; empty without a process."""
         return self._journal.running()
 
     @property

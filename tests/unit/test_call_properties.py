@@ -289,13 +289,17 @@ def test_a_cancel_that_was_repeated_is_ours() -> None:
 
 def test_a_human_who_waits_comes_first_also_if_the_client_was_closed_before() -> None:
     """After `rclpy.init()`, Ctrl-C shuts ROS down before the blocking call hears of it."""
-    life = CallLife()
-    life.ready()
-    life.close(abandon=False)
-    assert not life.link.urgent
-    life.wanted = False
-    life.does(life.call.request_cancel, urgent=True)
-    assert life.link.urgent
+    for closed in (False, True):
+        life = CallLife()
+        life.ready()
+        if closed:
+            life.close(abandon=False)
+        assert not life.link.urgent
+        life.wanted = False
+        life.does(life.call.request_cancel, urgent=True)
+        assert life.link.urgent
+        (goal,) = life.goals.values()
+        assert goal.cancels_asked == 1 + closed
 
 
 def test_a_call_that_nobody_wants_when_it_begins_leaves_no_timer() -> None:
