@@ -225,6 +225,9 @@ class Attempt:
     def on_cancel_answer(self, answer: CancelAnswer, asked_at: float) -> None:
         if answer is CancelAnswer.UNKNOWN_GOAL:
             self._cancels = max(0, self._cancels - 1)  # some answer requests for earlier attempts
+        alone = self._cancels == 1 and self.goal.facts.servers == 1
+        if answer is CancelAnswer.TERMINATED and alone:
+            self._cancels = 0  # it had ended, or was being cancelled, before our one request came
         self._apply(self.goal.cancel_answered(answer, self._now(), asked_at=asked_at))
 
     def on_server_lost(self, reason: str) -> None:

@@ -57,6 +57,11 @@ class GoalsOfCall:
         return any(goal.accepted for goal in self._goals)
 
     @property
+    def others_cancel(self) -> bool:
+        """Whether somebody else was seen to cancel one of them (C4.4)."""
+        return any(goal.others_cancel for goal in self._goals)
+
+    @property
     def gone(self) -> bool:
         """Whether each goal that may run was lost with a server that has left the graph."""
         return all(goal.fate is GoalFate.LOST and goal.gone for goal in self._left)

@@ -346,6 +346,8 @@ class CallMachine:
         why = "its caller no longer wants it" if self.unwanted else self.closing
         if self._replacement is not None:
             why = "its caller has sent another goal in its place"
+        if self.goals.others_cancel:
+            why = "somebody else has cancelled it"
         if why:
             return effects + self._end(replace(ending, not_retried=why))
         self.cause = error or RejectedByClassifier()

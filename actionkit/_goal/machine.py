@@ -164,6 +164,9 @@ class Goal(CancellableGoal):
         if self.stage is not Stage.ACCEPTED:
             return effects
         if not state.is_terminal:
+            if state is GoalState.CANCELING and not self._asked_to_cancel:
+                self.facts.others_cancel = True
+                effects.append(fx.Disarm(fx.Timer.STALL))
             if RANK[state] > RANK.get(self.state, 0):
                 effects.append(self._enter(state))
             return effects

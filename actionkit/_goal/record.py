@@ -93,6 +93,12 @@ class GoalRecord:
     def _unwanted(self) -> bool:
         return self.settled or self.cancel_reason is not None
 
+    @property
+    def _asked_to_cancel(self) -> bool:
+        """Whether this side has asked, or has begun to ask, for its cancellation."""
+        refused = self._refused_reason is not None
+        return self._unwanted or refused or self._cancel_reply is not CancelReply.NONE
+
     # --- timers ----------------------------------------------------------------------------
 
     def _arm_reask(self, now: float) -> fx.Effect:
@@ -100,8 +106,9 @@ class GoalRecord:
 
     def _arm_stall(self, now: float) -> list[fx.Effect]:
         silence = self._timeouts.feedback
-        ended = self._terminal_seen is not None
-        if silence is None or ended or self._unwanted or self.stage is not Stage.ACCEPTED:
+        # A goal that has ended, or is being cancelled, may send no feedback: silence means nothing.
+        quiet = self._terminal_seen is not None or self.facts.others_cancel
+        if silence is None or quiet or self._unwanted or self.stage is not Stage.ACCEPTED:
             return []
         return [fx.Arm(fx.Timer.STALL, now + silence)]
 

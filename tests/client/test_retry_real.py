@@ -70,6 +70,53 @@ def test_a_goal_cancelled_by_another_is_never_tried_again(action_server, make_cl
     assert len(server.wait_for("canceled")) == 1
 
 
+STOPS_SLOWLY = """
+import sys
+import time
+import rclpy
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+from test_msgs.action import Fibonacci
+
+def execute(handle):
+    print("executing", flush=True)
+    while not handle.is_cancel_requested:
+        handle.publish_feedback(Fibonacci.Feedback())
+        time.sleep(0.05)
+    time.sleep(1.5)  # in silence
+    handle.canceled() if sys.argv[1] == "canceled" else handle.abort()
+    return Fibonacci.Result()
+
+rclpy.init()
+node = rclpy.create_node("slow")
+group = ReentrantCallbackGroup()
+accept = lambda _: CancelResponse.ACCEPT
+server = ActionServer(
+    node, Fibonacci, "fibonacci", execute, cancel_callback=accept, callback_group=group
+)
+print("up", flush=True)
+rclpy.spin(node, MultiThreadedExecutor(4))
+"""
+
+
+@pytest.mark.parametrize("end", ["canceled", "aborted"])
+def test_what_an_operator_cancels_is_not_sent_again(end, run_script, make_client):
+    server = run_script(STOPS_SLOWLY, end)
+    assert server.line() == "up"
+    client = make_client(timeouts=Timeouts(feedback=1.0), retry=QUICK, classify=transient)
+    future = client.call_async({"order": 2}, timeout=30)
+    assert server.line() == "executing"
+    assert future.wait_accepted(10)
+    time.sleep(0.5)
+    assert make_client().cancel_everything(10) == {future.goal_id: CancelReport.CONFIRMED}
+    error = future.exception(10)
+    assert type(error) is (ak.GoalCanceledError if end == "canceled" else ak.GoalAbortedError)
+    assert error.attempts == 1
+    if end == "aborted":
+        assert "somebody else has cancelled it" in str(error)
+
+
 def test_a_success_may_be_judged_a_failure(action_server, make_client):
     server = action_server("fibonacci")
     client = make_client(retry=QUICK)

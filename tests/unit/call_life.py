@@ -417,6 +417,8 @@ class CallLife:
         if (found := self._goal(number)) and found[0].may_run:
             self._lives(found[0])
             found[0].may_run = not state.is_terminal
+            asked = found[0].cancels_asked > 0
+            self.cancelled_by_others |= state is GoalState.CANCELING and not asked
             self.does(found[1].on_status, state)
 
     def result(self, number: int, state: GoalState | None) -> None:

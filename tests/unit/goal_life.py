@@ -60,6 +60,7 @@ class OnServer:
         forgotten_at: When it first did not know the goal any more that it had shown to have.
         rejected: Whether its request was rejected.
         over: Whether it is known that the goal does not run and never will.
+        others_cancel: Whether it was seen as being cancelled before this side had asked for that.
     """
 
     sent: bool = False
@@ -71,6 +72,7 @@ class OnServer:
     forgotten_at: float | None = None
     rejected: bool = False
     over: bool = False
+    others_cancel: bool = False
 
     @property
     def has_it(self) -> bool:
@@ -252,6 +254,9 @@ class Life:
         self.broke |= event == "fail" and not ended
         if not self.left_alone and not self.released:
             self.server.learn(event, args, self.now, options.get("asked_at", self.now))
+            if (event, *args) == ("status", GoalState.CANCELING) and in_flight:
+                seen_first = not self.cancel_asked and not self.server.ended
+                self.server.others_cancel |= seen_first
 
     def _count_refusals(self, unwanted: bool, asked_at: float) -> None:
         """A refusal says little (R12), before it was said again to what was asked after a while."""
@@ -325,6 +330,8 @@ class Life:
         self._require(not (lost and server.ended), "a goal that ended was not lost with its server")
         others = ending.end is End.CANCELED_BY_OTHER
         self._require(not (others and self.cancel_accepted), "our cancel is nobody else's")
+        stalled = ending.end is End.STALLED and not self.cancel_asked
+        self._require(not stalled, "a stall is told after a cancel")
         self._require((ending.phase != "") == (ending.end is End.DEADLINE), "deadlines have phases")
         self._require((ending.end is End.DEADLINE) <= (report is not None), "(C2.3)")
         self._require(ending.rejected == server.rejected, "it was rejected, and never accepted")
@@ -375,7 +382,7 @@ class Life:
         server, limits = self.server, self.timeouts
         if not self.cancelling:
             unanswered = server.has_it and not server.accepted
-            runs = server.accepted and not server.ended
+            runs = server.accepted and not server.ended and not server.others_cancel
             needed = {
                 Timer.ACCEPT: unanswered and limits.accept is not None,
                 Timer.STALL: runs and limits.feedback is not None,

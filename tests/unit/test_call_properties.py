@@ -116,6 +116,7 @@ def test_no_goal_is_ever_lost_track_of(life: CallLife, events: list[Event]) -> N
 # --- orders that are easily got wrong ----------------------------------------------------------
 
 UNKNOWN, ACCEPTED = CancelAnswer.UNKNOWN_GOAL, CancelAnswer.ACCEPTED
+TERMINATED = CancelAnswer.TERMINATED
 RUNNING: list[Event] = [*SENT, ("accepted", 0)]
 PAUSE: list[Event] = [("wait", 0.5)]
 UNANSWERED: list[Event] = [*SENT, ("wait", 5.0), ("cancel_answer", 0, UNKNOWN)]
@@ -124,6 +125,7 @@ UNKNOWN_YET: list[Event] = [*SENT, ("wait", 1.0), ("result", 0, None), ("wait", 
 """Its server has said that it does not know the goal."""
 LOST: list[Event] = [*RUNNING, ("gone",)]
 STALLED: list[Event] = [*RUNNING, ("wait", 1.0)]
+CANCELING: list[Event] = [*RUNNING, ("status", 0, GoalState.CANCELING)]
 NO_LIMITS = {"server": None, "accept": None}
 
 SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
@@ -167,6 +169,21 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
         NO_LIMITS | {"feedback": 1.0},
         [*STALLED, ("result", 0, GoalState.CANCELED), *PAUSE],
         2,
+    ),
+    "nor where it had ended, or somebody else had cancelled it, before our cancel came": (
+        NO_LIMITS | {"feedback": 1.0},
+        [*STALLED, ("cancel_answer", 0, TERMINATED), ("result", 0, GoalState.CANCELED), *PAUSE],
+        1,
+    ),
+    "what somebody else cancels does not stall": (
+        NO_LIMITS | {"feedback": 1.0},
+        [*CANCELING, ("wait", 5.0), ("result", 0, GoalState.CANCELED), *PAUSE],
+        1,
+    ),
+    "what somebody else cancels is not retried, also where its server is lost": (
+        NO_LIMITS,
+        [*CANCELING, ("gone",), *PAUSE, ("ready",)],
+        1,
     ),
     "what waits in vain to be sent again to a server that is there is watched on": (
         {"server": 1.0, "accept": 1.0},

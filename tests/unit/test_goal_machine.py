@@ -77,6 +77,36 @@ def test_somebody_else_cancels() -> None:
     life.tell("status", GoalState.CANCELING)
     life.tell("result", GoalState.CANCELED, "so far")
     assert (life.end, life.report) == (End.CANCELED_BY_OTHER, None)
+    assert life.goal.facts.others_cancel
+
+
+def test_silence_is_no_stall_while_somebody_else_cancels() -> None:
+    """A server may send no feedback while it cancels a goal; the caller does not give up on it."""
+    life = Life(feedback=1.0)
+    life.see(*UNTIL_ACCEPTED, "feedback")
+    life.tell("status", GoalState.CANCELING)
+    life.see("feedback")
+    assert Timer.STALL not in life.timers
+    life.wait_until(30.0)
+    assert AskCancel() not in life.all
+    life.tell("result", GoalState.ABORTED, None)
+    assert life.end is End.ABORTED
+    assert life.goal.facts.others_cancel
+
+
+def test_the_first_news_of_a_goal_may_be_that_somebody_else_cancels_it() -> None:
+    life = Life(feedback=1.0)
+    life.see("sent")
+    life.tell("status", GoalState.CANCELING)
+    assert life.goal.facts.others_cancel
+    assert Timer.STALL not in life.timers
+
+
+def test_what_this_side_has_asked_for_was_not_cancelled_by_others() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.tell("status", GoalState.CANCELING)
+    assert not life.goal.facts.others_cancel
 
 
 @pytest.mark.parametrize("proof", ["feedback", "status", "result", "cancel answer"])
