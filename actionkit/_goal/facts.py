@@ -66,11 +66,12 @@ class GoalFacts:
 
         If one server's answer has ended it for its caller, a second server that has never shown
         that it has the goal does not count: naming the goal would only be a guess. It does count if
-        the caller gave up on the goal, because the caller relies on the cancellation.
+        the caller gave up on the goal, because the caller relies on the cancellation, or if
+        somebody else has sent the goal: then no server says whether it has accepted it.
         """
         if self.is_over:
             return False
-        if not (self.ended or self.rejected):
+        if self.attached or not (self.ended or self.rejected):
             return True
         return self.runs_seen or (self.given_up and self.undecided)
 

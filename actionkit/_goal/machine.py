@@ -278,7 +278,9 @@ class Goal(CancellableGoal):
         facts = self.facts
         if facts.undecided:
             return False
-        return facts.servers == 1 or not facts.runs_seen or (everybody and not facts.away)
+        # How many servers have what somebody else has sent is not known.
+        nowhere_seen = not facts.runs_seen and not facts.attached
+        return facts.servers == 1 or nowhere_seen or (everybody and not facts.away)
 
     def _look_elsewhere(self, now: float, *, everybody: bool = False) -> list[fx.Effect]:
         """Another server has answered about a goal that is over for its caller."""

@@ -11,8 +11,11 @@ from typing import Any
 import pytest
 from test_msgs.action import Fibonacci
 
-from actionkit import Client, Timeouts
+from actionkit import Client, GoalState, Timeouts, servers
 from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._model.domain import Domain
+from actionkit._ros.tools.cancel import AllSaid
+from actionkit._ros.tools.watch import GoalSeen
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli.cancel_and_stop._cancelling import _SETTLE, Cancelling
 from tests.cli.conftest import FIBONACCI, Running, World
@@ -64,6 +67,29 @@ def test_goals_are_listed_and_canceled_by_id_and_all_at_once(world: World) -> No
     ])  # fmt: skip
     assert world.run("cancel", "never_finishes").out == "No goal is running.\n"
     assert world.run("cancel", "never_finishes", "--all").out == "No goal is running.\n"
+
+
+def test_what_one_of_two_servers_has_ended_may_run_on_the_other(world: World) -> None:
+    name = "never_finishes"
+    server = world.server(name)
+    slow = servers.start("slow_cancel", action_name=name, domain_id=world.domain, gate=1)
+    there = Client(Fibonacci, name, node=Domain(world.domain), on_close="abandon")
+    with slow as other, there as client:
+        readiness = client._session.port.link.readiness
+        until(lambda: readiness.ready and len(readiness.servers) == 2)
+        future = client.call_async({"order": 900})
+        goal = str(future.goal_id)
+        for each in (server, other):
+            each.wait_for("executing", goal_id=goal)
+        done = world.run("cancel", name, goal, "--timeout", "2")
+        server.wait_for("canceled", goal_id=goal)
+        every = world.run("cancel", name, "--all", "--timeout", "2")
+        assert (done.code, every.code) == (Exit.CANCEL_UNKNOWN, Exit.CANCEL_UNKNOWN)
+        assert f"{goal}  UNKNOWN" in done.out
+        assert f"{goal}  UNKNOWN" in every.out
+        other.release(1)
+        other.wait_for("canceled", goal_id=goal)
+        assert future.outcome(20).status is GoalState.CANCELED
 
 
 @pytest.mark.long
@@ -229,7 +255,7 @@ A, R, T, U = (
 
 def goal_is(cancelling: Cancelling, goal: str, state: str) -> None:
     if state:
-        cancelling.take_news([SimpleNamespace(goal_id=goal, state=state, accepted=0.0)], 0.0)
+        cancelling.take_news([GoalSeen(goal, state, 0)], 0.0)
 
 
 def fate(
@@ -314,7 +340,7 @@ def test_an_answer_to_an_earlier_request_is_none_to_the_last() -> None:
     cancelling.seen(["/server"])
     cancelling.take_news(("/server",), 0.0)
     first = cancelling.to_ask(0.0)
-    cancelling.take_all(SimpleNamespace(request=first, canceling=()), 0.1)
+    cancelling.take_all(AllSaid(first, ()), 0.1)
     assert (cancelling.done, cancelling.exit) == (True, Exit.OK)
     cancelling.once_more()
     assert cancelling.to_ask(4.0) == 2

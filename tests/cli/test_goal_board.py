@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 
 from actionkit._ros import graph
-from actionkit._ros.tools.watch import StatusReader
+from actionkit._ros.tools.watch import GoalSeen, StatusReader, one_of_each
 from actionkit.cli.watch._goal_board import Board
 from tests.unit.test_wire import status_array
 
 
-def goal(number: int, state: str) -> Any:
-    return SimpleNamespace(goal_id=f"{number:032x}", state=state, accepted=float(number))
+def goal(number: int, state: str, stamp: int = 0) -> GoalSeen:
+    return GoalSeen(f"{number:032x}", state, stamp or number * 10**9)
 
 
 def test_only_changes_are_told_and_what_ended_stays_so() -> None:
@@ -27,6 +27,33 @@ def test_only_changes_are_told_and_what_ended_stays_so() -> None:
     board.take((), 14.0)
     board.take([goal(2, "SUCCEEDED")], 15.0)  # it was not lost after all
     assert board.counts() == {"SUCCEEDED": 2}
+
+
+def test_a_goal_that_two_servers_have_has_ended_where_both_have_ended_it() -> None:
+    board = Board()
+    board.take([goal(1, "EXECUTING", 10), goal(1, "EXECUTING", 11)], 1.0)
+    assert board.take([goal(1, "CANCELED", 10)], 2.0) == ([], False)
+    assert board.counts() == {"EXECUTING": 1}
+    board.take([goal(1, "CANCELING", 11)], 3.0)
+    assert board.counts() == {"CANCELING": 1}
+    board.take([goal(1, "CANCELED", 10)], 4.0)
+    assert board.counts() == {"CANCELING": 1}
+    board.take([goal(1, "ABORTED", 11)], 5.0)
+    assert board.counts() == {"ABORTED": 1}
+
+
+def test_what_ended_on_one_server_may_turn_out_to_run_on_another() -> None:
+    board = Board()
+    board.take([goal(1, "SUCCEEDED", 10)], 1.0)
+    changed, _ = board.take([goal(1, "EXECUTING", 11)], 2.0)
+    assert [(row.state, row.before) for row in changed] == [("EXECUTING", "SUCCEEDED")]
+    changed, _ = board.take((), 3.0)
+    assert [row.state for row in changed] == ["LOST"]
+
+
+def test_of_a_goal_that_two_servers_have_the_one_that_runs_is_told() -> None:
+    ended, runs = goal(1, "CANCELED", 10), goal(1, "EXECUTING", 11)
+    assert one_of_each([ended, runs]) == one_of_each([runs, ended]) == [runs]
 
 
 @pytest.mark.long

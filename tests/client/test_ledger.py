@@ -306,9 +306,9 @@ SECOND = attempt_id(FIRST, 2)
 @pytest.mark.every
 def test_a_goal_that_is_accepted_late_is_found(how, state, finds, monkeypatch):
     """Pure: what the servers say is given, first without the second goal, then with it."""
-    first = GoalSeen(str(FIRST), state, 0.0)
+    first = GoalSeen(str(FIRST), state, 0)
     looks = iter([{}, {FIRST: first}])
-    later = {FIRST: first, SECOND: GoalSeen(str(SECOND), "EXECUTING", 0.0)}
+    later = {FIRST: first, SECOND: GoalSeen(str(SECOND), "EXECUTING", 0)}
     monkeypatch.setattr(finding, "_known", lambda *_: next(looks, later))
     monkeypatch.setattr(finding, "_AGAIN", 0.01)
     usual = {"attempts": 3, "judged": False, "parallel": False}

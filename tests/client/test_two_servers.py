@@ -99,3 +99,22 @@ def test_closing_names_a_goal_that_only_one_of_two_servers_has_cancelled(
     slow.release()
     slow.wait_for("canceled")  # the client looks after it for a while
     assert runs_nothing(slow)
+
+
+def test_what_one_of_two_servers_has_stopped_may_run_on_the_other(action_server, make_client):
+    quick, slow = action_server("never_finishes"), action_server("slow_cancel", gate=1)
+    others = make_client(retry=ONCE, on_close="abandon")
+    client = make_client(retry=ONCE, timeouts=Timeouts(cancel=0.5))
+    assert sees(others, 2)
+    assert sees(client, 2)
+    future = others.call_async({"order": 50})
+    for server in (quick, slow):
+        server.wait_for("executing")
+    ours = client.attach(future.goal_id)
+    assert client.cancel_everything(2.0) == {future.goal_id: CancelReport.UNKNOWN}
+    quick.wait_for("canceled")
+    assert future.done()
+    assert ours.known_to_run is not False
+    slow.release()
+    slow.wait_for("canceled")
+    assert all(map(runs_nothing, (quick, slow)))

@@ -123,3 +123,36 @@ def test_each_goal_that_may_run_is_kept_and_a_hundred_of_the_others() -> None:
     assert goals.may_run == tuple(ids[::100])
     over = [report.goal_id for report in goals.reports if report.fate is GoalFate.ENDED]
     assert over == [goal_id for goal_id in ids if goal_id not in ids[::100]][-100:]
+
+
+def attached(servers: int, *, left_alone: bool) -> Goal:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.attached(0.0, servers, left_alone=left_alone)
+    goal.status(GoalState.EXECUTING, 1.0)
+    return goal
+
+
+@pytest.mark.parametrize("left_alone", [False, True])
+def test_what_others_have_sent_may_run_until_each_server_denies_it(left_alone: bool) -> None:
+    """They tell nobody else whether they have accepted it."""
+    goal = attached(2, left_alone=left_alone)
+    goal.give_up(CancelReason.CANCELLED, 2.0)
+    goal.result(GoalState.CANCELED, None, 2.1, asked_at=1.0, everybody=False)
+    assert goal.facts.known_to_run is None
+    assert goal.in_flight
+    goal.result(None, None, 3.0, asked_at=2.5, everybody=True)
+    assert goal.facts.known_to_run is False
+
+
+def test_what_others_have_sent_to_one_server_has_ended_where_it_says_so() -> None:
+    goal = attached(1, left_alone=True)
+    goal.result(GoalState.SUCCEEDED, None, 2.1, asked_at=1.0)
+    assert goal.facts.known_to_run is False
+
+
+def test_what_is_only_followed_is_left_where_another_server_may_have_it() -> None:
+    goal = attached(2, left_alone=True)
+    effects = goal.result(GoalState.SUCCEEDED, None, 2.1, asked_at=1.0, everybody=False)
+    assert goal.settled
+    assert not any(type(each).__name__ == "AskCancel" for each in effects)
+    assert goal.facts.fate is GoalFate.LEFT

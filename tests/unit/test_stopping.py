@@ -27,12 +27,12 @@ def stopping(*states: str) -> Cancelling:
     action = Cancelling("/a")
     action.seen(["/server"])
     action.take_news(("/server",), 0.0)
-    action.take_news([GoalSeen(g, s, 0.0) for g, s in zip((ONE, TWO), states, strict=False)], 0.0)
+    action.take_news([GoalSeen(g, s, 0) for g, s in zip((ONE, TWO), states, strict=False)], 0.0)
     return action
 
 
 def goal_is(action: Cancelling, state: str, goal_id: str = ONE) -> None:
-    action.take_news([GoalSeen(goal_id, state, 0.0)], 0.0)
+    action.take_news([GoalSeen(goal_id, state, 0)], 0.0)
 
 
 def test_a_request_is_repeated_until_it_is_answered() -> None:
@@ -114,6 +114,46 @@ def test_every_server_on_the_name_has_to_answer() -> None:
     assert "RUNNING" not in table([action])[-1]
 
 
+def test_what_one_of_two_servers_has_ended_may_run_on_the_other() -> None:
+    action = stopping()
+    action.seen(["/server", "/second"])
+    assert action.to_ask(0.0) == 1
+    for _ in range(2):
+        action.take_all(AllSaid(1, (ONE,)), 0.1)
+    action.has_looked(0.1)
+    action.take_news([GoalSeen(ONE, "CANCELED", 10)], 0.0)
+    assert action.settle(2.0, over=False) == []  # the other one has consented, too
+    action.take_news([GoalSeen(ONE, "CANCELING", 11)], 0.0)
+    assert action.settle(3.0, over=False) == []
+    assert [fate.cancel for fate in action.settle(4.0, over=True)] == ["UNKNOWN"]
+    assert action.exit is Exit.CANCEL_UNKNOWN
+
+
+def test_what_both_of_two_servers_have_ended_has_stopped() -> None:
+    action = Cancelling("/a", [ONE])
+    action.seen(["/server", "/second"])
+    action.has_looked(0.0)
+    action.take_news([GoalSeen(ONE, "EXECUTING", 10)], 0.0)
+    assert action.to_ask_singly(0.1) == [ONE]
+    action.take_news([GoalSeen(ONE, "CANCELED", 10)], 0.0)
+    assert action.settle(0.2, over=False) == []  # the other one's status may come yet
+    action.take_news([GoalSeen(ONE, "CANCELED", 11)], 0.0)
+    assert [fate.cancel for fate in action.settle(1.2, over=False)] == ["CONFIRMED"]
+
+
+def test_what_one_of_two_servers_does_not_show_is_not_known_to_have_stopped() -> None:
+    action = Cancelling("/a", [ONE])
+    action.seen(["/server", "/second"])
+    action.has_looked(0.0)
+    action.take_news([GoalSeen(ONE, "EXECUTING", 10)], 0.0)
+    action.to_ask_singly(0.1)
+    for _ in range(2):
+        action.take(CancelSaid(ONE, CancelAnswer.ACCEPTED), 0.2)
+    action.take_news([GoalSeen(ONE, "CANCELED", 10)], 0.0)
+    assert action.settle(2.0, over=False) == []
+    assert [fate.cancel for fate in action.settle(4.0, over=True)] == ["UNKNOWN"]
+
+
 def test_a_server_that_comes_later_is_asked() -> None:
     action = stopping()
     assert action.to_ask(0.0) == 1
@@ -180,10 +220,10 @@ def test_more_goals_than_a_watch_keeps_have_all_a_known_end() -> None:
     action = Cancelling("/a")
     action.take_news(("/server",), 0.0)
     ids = [f"00000000-0000-0000-0000-{number:012}" for number in range(1500)]
-    action.take_news([GoalSeen(goal_id, "EXECUTING", 0.0) for goal_id in ids], 0.0)
+    action.take_news([GoalSeen(goal_id, "EXECUTING", 0) for goal_id in ids], 0.0)
     action.to_ask(0.0)
     action.take_all(AllSaid(1, tuple(ids)), 0.1)
-    action.take_news([GoalSeen(goal_id, "CANCELED", 0.0) for goal_id in ids], 0.2)
+    action.take_news([GoalSeen(goal_id, "CANCELED", 0) for goal_id in ids], 0.2)
     action.settle(0.2, over=False)
     assert action.done
     assert [fate.cancel for fate in action.fates] == ["CONFIRMED"] * 1500

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -31,14 +31,26 @@ _IN_FLIGHT = {str(state) for state in STATES.values() if not state.is_terminal}
 _DISCOVERY = 3.5
 """Seconds until a new node has discovered all servers, and has their kept status."""
 
+_Key = tuple[bytes, int, int]
+"""A goal on one server: its id, and the two numbers of the stamp."""
+
 
 @dataclass(frozen=True)
 class GoalSeen:
-    """One goal in a server's status message."""
+    """One goal in a server's status message.
+
+    Each of several servers on one name stamps its acceptance of a goal itself. So the id and the
+    stamp together tell which server's goal it is, even if no message says from whom it comes.
+    """
 
     goal_id: str  # with dashes, as everywhere in ActionKit
     state: str  # the name of a `GoalState`
-    accepted: float  # when the server accepted it: seconds since the epoch, by the server's clock
+    stamp: int  # when the server accepted it: nanoseconds since the epoch, by the server's clock
+
+    @property
+    def accepted(self) -> float:
+        """When the server accepted it: seconds since the epoch, by the server's clock."""
+        return self.stamp * 1e-9
 
     @property
     def in_flight(self) -> bool:
@@ -64,7 +76,7 @@ class StatusReader:
         self._on_goals = on_goals
         self._on_servers = on_servers
         self._servers: tuple[str, ...] = ()
-        self._codes: dict[bytes, int] = {}
+        self._codes: dict[_Key, int] = {}
         """The status codes of the goals in the latest arrays, so that goals do not pile up here."""
         self._reader = TopicReader(
             None,
@@ -90,11 +102,11 @@ class StatusReader:
         changed = []
         for _, message in arrays:
             for goal in goals(message):
-                goal_id, _, _, code = goal
-                if before.get(goal_id) != code:
-                    before[goal_id] = code
+                key, code = goal[:3], goal[3]
+                if before.get(key) != code:
+                    before[key] = code
                     changed.append(goal)
-                self._codes[goal_id] = code
+                self._codes[key] = code
         if changed:
             self._on_goals([_seen(*goal) for goal in changed])
 
@@ -117,9 +129,10 @@ def goals_in_flight(
 def goals_seen(
     place: Place | None, status_topic: str, stopped: Callable[[], bool]
 ) -> list[GoalSeen]:
-    """Return the goals that the servers of an action know now. Errors: see `arriving`.
+    """Return the goals that the servers of an action know now, each once. Errors: see `arriving`.
 
-    `place` is that of `runtimes.acquire`. A server that never had a goal sends no status.
+    A goal that several servers have has ended only if all of them have ended it. `place` is that of
+    `runtimes.acquire`. A server that never had a goal sends no status.
     """
     arrays: list[Stamped] = []
     joined = False
@@ -138,10 +151,19 @@ def goals_seen(
             if now >= ends or (now >= found_by and not reader.publishers and not arrays):
                 break
     in_order = (goal for _, array in sorted(arrays) for goal in goals(array))
-    newest = {goal[0]: goal for goal in in_order}
-    return [_seen(*goal) for goal in newest.values()]
+    newest = {goal[:3]: goal for goal in in_order}
+    return one_of_each(_seen(*goal) for goal in newest.values())
+
+
+def one_of_each(seen: Iterable[GoalSeen]) -> list[GoalSeen]:
+    """Return one for each id: one that has not ended, if a server has such a one."""
+    told: dict[str, GoalSeen] = {}
+    for goal in seen:
+        if goal.goal_id not in told or not told[goal.goal_id].in_flight:
+            told[goal.goal_id] = goal
+    return list(told.values())
 
 
 def _seen(goal_id: bytes, seconds: int, nanoseconds: int, code: int) -> GoalSeen:
     state = STATES.get(code, f"UNKNOWN ({code})")
-    return GoalSeen(str(uuid.UUID(bytes=goal_id)), str(state), seconds + nanoseconds * 1e-9)
+    return GoalSeen(str(uuid.UUID(bytes=goal_id)), str(state), seconds * 10**9 + nanoseconds)

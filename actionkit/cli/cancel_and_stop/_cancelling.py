@@ -60,6 +60,8 @@ class _Target:
     answer: CancelAnswer | None = None
     since: float = 0.0
     """When that answer came."""
+    consents: int = 0
+    """How many answers say that it is being cancelled: each server that has it gives one."""
     fate: Fate | None = None
 
 
@@ -122,12 +124,13 @@ class Cancelling:
         self.answers += 1
         self._answers[said.request] += 1
         for goal_id in said.canceling:
-            self._targets.setdefault(goal_id, _Target(asked=now))
+            self._targets.setdefault(goal_id, _Target(asked=now)).consents += 1
 
     def take(self, said: Any, now: float) -> None:
         """Record a `CancelSaid`, about one goal; `now` is on the monotonic clock."""
         self.answers += 1
         target = self._targets[said.goal_id]
+        target.consents += said.answer is CancelAnswer.ACCEPTED
         if target.answer is None or _BEST.index(said.answer) < _BEST.index(target.answer):
             target.answer, target.since = said.answer, now
 
@@ -162,7 +165,10 @@ class Cancelling:
         """Return whether a status has come, or a second has passed since the first call."""
         if self._looks_since is None:
             self._looks_since = now
-        return bool(self.board.goals) or now - self._looks_since >= FIRST
+        return bool(self.board.goals) or self._has_looked_long(now)
+
+    def _has_looked_long(self, now: float) -> bool:
+        return self._looks_since is not None and now - self._looks_since >= FIRST
 
     def to_ask_singly(self, now: float) -> list[str]:
         """Return the goals to cancel by their ids now, each once."""
@@ -196,13 +202,26 @@ class Cancelling:
             refused = over and target.fate is not None and target.fate.cancel == "REFUSED"
             told = None
             if row is not None and row.ended and (target.fate is None or refused):
-                told = _ended(row, target)
+                told = self._ended(row, target, now, over)
             elif target.fate is None:
                 told = _running(row, target, now, over, self._may_come)
             if told is not None:
                 target.fate = Fate(goal_id, told[0], row.state if row else "", told[1])
                 new.append(target.fate)
         return new
+
+    def _ended(
+        self, row: WatchedGoal, target: _Target, now: float, over: bool
+    ) -> tuple[str, str] | None:
+        """Return what is known of a goal that each server has ended that has shown it so far."""
+        if self._most > 1 and not over and not self._has_looked_long(now):
+            return None  # the status of another server may not have come yet
+        if len(row.entries) >= min(target.consents, self._most):
+            return _ended(row, target)
+        elsewhere = (
+            "It has ended on one server, and another one cancels it. IT MAY STILL RUN THERE."
+        )
+        return ("UNKNOWN", elsewhere) if over else None
 
     @property
     def done(self) -> bool:

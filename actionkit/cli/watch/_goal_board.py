@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import queue
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from actionkit._ros.holds.state import Hold
 
 _T = TypeVar("_T")
 _ENDED = ("SUCCEEDED", "CANCELED", "ABORTED", "LOST")
+_RUNNING = ("ACCEPTED", "EXECUTING", "CANCELING")
 _MOST = 1000
 """Goals that are kept, enough for many screens, so that a watch of days stays small. The oldest
 ended goals are removed first."""
@@ -22,10 +23,12 @@ class WatchedGoal:
     """One goal. Times are in seconds since the epoch."""
 
     goal_id: str  # with dashes
-    state: str  # `LOST` if it had not ended when the last server went
+    state: str  # `LOST` if it had not ended when the last server went; see `_state_of`
     accepted: float
     since: float  # when this state was first seen
     before: str = ""  # the state before, if it was seen
+    entries: Mapping[int, str] = field(default_factory=dict)
+    """Its state on each server that has it, by the server's stamp of the acceptance."""
 
     @property
     def ended(self) -> bool:
@@ -58,11 +61,17 @@ class Board:
         changed = []
         for goal in seen:
             row = self.goals.get(goal.goal_id)
-            # Messages of two servers may cross; a goal that has ended stays ended.
-            if row is not None and (row.state == goal.state or (row.ended and row.state != "LOST")):
+            known: Mapping[int, str] = {} if row is None else row.entries
+            # Messages may cross; what has ended stays ended.
+            if (old := known.get(goal.stamp)) in (goal.state, *_ENDED) and old != "LOST":
+                continue
+            entries = {**known, goal.stamp: goal.state}
+            state = _state_of(entries.values())
+            if row is not None and row.state == state:
+                self.goals[goal.goal_id] = replace(row, entries=entries)
                 continue
             before = "" if row is None else row.state
-            new = WatchedGoal(goal.goal_id, goal.state, goal.accepted, now, before)
+            new = WatchedGoal(goal.goal_id, state, goal.accepted, now, before, entries)
             self.goals[goal.goal_id] = new
             changed.append(new)
         if (too_many := len(self.goals) - self._most) > 0:
@@ -74,7 +83,12 @@ class Board:
     def _lose(self, now: float) -> list[WatchedGoal]:
         lost = [row for row in self.goals.values() if not row.ended]
         for row in lost:
-            self.goals[row.goal_id] = WatchedGoal(row.goal_id, "LOST", row.accepted, now, row.state)
+            entries = {
+                stamp: state if state in _ENDED else "LOST" for stamp, state in row.entries.items()
+            }
+            self.goals[row.goal_id] = replace(
+                row, state="LOST", since=now, before=row.state, entries=entries
+            )
         return [self.goals[row.goal_id] for row in lost]
 
     def sorted(self) -> list[WatchedGoal]:
@@ -84,6 +98,20 @@ class Board:
     def counts(self) -> Counter[str]:
         """Return how many goals are in each state."""
         return Counter(goal.state for goal in self.goals.values())
+
+
+def _state_of(states: Iterable[str]) -> str:
+    """Return the state of a goal that servers have in these states.
+
+    It has ended only if each server has ended it. Of states alike in that, the last one counts,
+    except that one that is being cancelled says less than one that is not.
+    """
+    found = list(states)
+    running = [state for state in found if state not in _ENDED]
+    for state in _RUNNING:
+        if state in running:
+            return state
+    return running[-1] if running else "LOST" if "LOST" in found else found[-1]
 
 
 def arrived(inbox: queue.SimpleQueue[_T], timeout: float) -> list[_T]:
