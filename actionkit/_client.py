@@ -456,7 +456,9 @@ class Client(Generic[ActionT_co]):
             timeout: Seconds that the goals have to stop. To find them takes 1 to 4 s more.
 
         Returns:
-            What happened to each goal. If a server refuses, it is `REFUSED` after the timeout.
+            What happened to each goal. If a server refuses, it is `REFUSED` after the timeout. If a
+            server in sight does not answer in time, or cannot cancel all goals, as those of
+            micro-ROS, its goals are `UNKNOWN`: their id is `uuid.UUID(int=0)`.
 
         Raises:
             ClientClosedError: The client was closed.

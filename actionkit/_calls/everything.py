@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import uuid
+from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
 from functools import partial
@@ -22,6 +23,8 @@ _LOOK = 0.05
 """Seconds between two looks at goals that were given up on before."""
 _ANSWER = 1.0
 """Seconds for a server to say which goals it is cancelling."""
+UNKNOWN_GOALS = uuid.UUID(int=0)
+"""Stands for the goals of servers that did not say which they have; ROS has it for all goals."""
 AnyFuture = GoalFuture[Any, Any]
 
 
@@ -50,21 +53,31 @@ def cancel_everything(
     given_up: dict[uuid.UUID, Attempt] = {}
     made: set[uuid.UUID] = set()
     asked: set[uuid.UUID] = set()
-    missed = 0
+    missed = number = 0
     stopping: list[uuid.UUID] = []
     answered = Flag()
+    answers: Counter[int] = Counter()
+    consents: Counter[int] = Counter()
 
     def hear(said: CancelSaid | AllSaid) -> None:
         if isinstance(said, AllSaid):
             stopping.extend(map(uuid.UUID, said.canceling))
+            consents[said.request] += not said.code
+            answers[said.request] += 1
             answered.set()
 
+    def all_have(done: Counter[int]) -> bool:
+        return max(list(done.values()), default=0) >= max(1, session.link.readiness.count)
+
+    now = time.time()
     place, status = session.port.runtime.place, session.port.names.status
     with closing(GoalCanceller(session.action_name, hear, place)) as canceller:
         # Beside the look at the status, which a busy server may send too late. Not those that are
         # accepted later: such a server may also take this late.
-        canceller.cancel_all(0, until=time.time())
         while True:
+            if not all_have(answers):
+                number += 1
+                canceller.cancel_all(number, until=now)
             for call in list(session.calls):
                 futures.setdefault(call.goal_id, call.future)
             seen = goals_seen(place, status, lambda: False)
@@ -90,7 +103,7 @@ def cancel_everything(
                 _wait(futures.get(goal_id), given_up.get(goal_id), until)
             if not seen and (made or given_up) and not missed and time.monotonic() < until:
                 missed += 1  # there are goals, and their status did not come in time
-            elif not new or time.monotonic() >= until:
+            elif (not new and all_have(answers)) or time.monotonic() >= until:
                 break
     for call in list(session.calls):
         if call.goal_id in made:  # its server has refused, or is silent
@@ -99,6 +112,8 @@ def cancel_everything(
     for goal_id in stopping:
         if reports.get(goal_id) is CancelReport.NOT_NEEDED:  # it had stopped before we followed it
             reports[goal_id] = CancelReport.CONFIRMED
+    if not all_have(consents):
+        reports[UNKNOWN_GOALS] = CancelReport.UNKNOWN
     return reports | {goal_id: _of_attempt(each) for goal_id, each in given_up.items()}
 
 

@@ -348,7 +348,7 @@ def test_an_answer_to_an_earlier_request_is_none_to_the_last() -> None:
     assert cancelling.exit is Exit.CANCEL_UNKNOWN
     assert cancelling.unheard == "/a: 1 of 1 servers did not answer. GOALS MAY STILL BE RUNNING."
     third = cancelling.to_ask(9.0)  # it repeats the second
-    cancelling.take_all(SimpleNamespace(request=third, canceling=()), 9.1)
+    cancelling.take_all(AllSaid(third, ()), 9.1)
     assert (cancelling.unheard, cancelling.exit) == ("", Exit.OK)
 
 

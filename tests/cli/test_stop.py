@@ -100,6 +100,24 @@ def test_the_goals_of_three_servers(
     assert agent.why_held() is None
 
 
+def test_a_server_that_stands_still_is_out_of_sight_and_its_client_is_not(
+    world: World, goals: Callable[..., list[GoalFuture[Any, Any]]]
+) -> None:
+    server, still = one_of_ten(world, 14), one_of_ten(world, 15)
+    goals("n14", 1)
+    goals("n15", 1)
+    for each in (server, still):
+        each.wait_for("accepted", timeout=LONG)
+    still.pause()
+    done = world.run_apart("stop", "--timeout", "9")
+    assert done.code == Exit.CANCEL_UNKNOWN, done
+    assert numbers(done.out)["/n14"] == ["1", "1", "-", "-", "-"]
+    assert "/n15: no server answered. GOALS MAY STILL BE RUNNING." in done.out
+    still.resume()
+    assert world.run_apart("stop", "--timeout", "9").code == Exit.OK
+    assert world.run_apart("stop", "--release").code == Exit.OK
+
+
 def test_goals_are_cancelled_even_if_nothing_can_be_told(
     world: World, goals: Callable[..., list[GoalFuture[Any, Any]]]
 ) -> None:

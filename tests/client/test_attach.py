@@ -256,6 +256,46 @@ def test_what_refuses_is_told_and_followed_no_more(action_server, others, client
     assert str(theirs.goal_id) in server.running()
 
 
+def test_the_goals_of_a_server_that_stands_still_are_unknown(action_server, others, client):
+    server = action_server("never_finishes")
+    theirs = running(server, others)
+    assert client.wait_for_server(20)
+    server.pause()
+    told = client.cancel_everything(2.0)
+    assert told[uuid.UUID(int=0)] is CancelReport.UNKNOWN
+    assert set(told.values()) == {CancelReport.UNKNOWN}
+    server.resume()
+    told = client.cancel_everything()
+    assert uuid.UUID(int=0) not in told
+    theirs.outcome(20)
+    assert runs_nothing(server)
+
+
+CANNOT_CANCEL_ALL = """
+import rclpy
+from action_msgs.srv import CancelGoal
+from rclpy.action import ActionServer
+from test_msgs.action import Fibonacci
+
+class LikeRclc(ActionServer):
+    async def _execute_cancel_request(self, header_and_message):
+        response = CancelGoal.Response(return_code=CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID)
+        self._handle.send_cancel_response(header_and_message[0], response)
+
+rclpy.init()
+node = rclpy.create_node("rclc")
+server = LikeRclc(node, Fibonacci, "fibonacci", lambda handle: Fibonacci.Result())
+print("up", flush=True)
+rclpy.spin(node)
+"""
+
+
+def test_the_goals_of_a_server_that_cannot_cancel_all_are_unknown(run_script, client):
+    assert run_script(CANNOT_CANCEL_ALL).line() == "up"
+    assert client.wait_for_server(20)
+    assert client.cancel_everything(5.0) == {uuid.UUID(int=0): CancelReport.UNKNOWN}
+
+
 def test_without_a_server_nothing_counts_as_cancelled(client):
     with pytest.raises(
         ak.ServerUnavailableError, match="only this client's own calls were cancelled"

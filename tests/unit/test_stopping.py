@@ -154,6 +154,23 @@ def test_what_one_of_two_servers_does_not_show_is_not_known_to_have_stopped() ->
     assert [fate.cancel for fate in action.settle(4.0, over=True)] == ["UNKNOWN"]
 
 
+def test_an_error_is_no_consent() -> None:
+    """rclc, the client library of micro-ROS, answers so to each request to cancel all."""
+    action = stopping()
+    assert action.to_ask(0.0) == 1
+    action.take_all(AllSaid(1, (), code=2), 0.1)
+    assert action.done  # asking again would tell nothing new
+    assert action.exit is Exit.CANCEL_UNKNOWN
+    assert table([action])[-1] == (
+        "/a: 1 of 1 servers cannot, or will not, cancel all goals (return code 2, of /server)."
+        " GOALS MAY STILL BE RUNNING."
+    )
+    action.once_more()
+    assert action.to_ask(4.0) == 2
+    action.take_all(AllSaid(2, ()), 4.1)
+    assert action.exit is Exit.OK
+
+
 def test_a_server_that_comes_later_is_asked() -> None:
     action = stopping()
     assert action.to_ask(0.0) == 1

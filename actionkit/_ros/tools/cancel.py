@@ -44,6 +44,7 @@ class AllSaid:
 
     request: int  # the number of the request
     canceling: tuple[str, ...]  # the ids of the goals that it is cancelling now, with dashes
+    code: int = 0  # `return_code`; any but 0 is no consent: some servers cannot cancel all
 
 
 class GoalCanceller:
@@ -158,7 +159,7 @@ class GoalCanceller:
         canceling = [bytes(info.goal_id.uuid) for info in response.goals_canceling]
         if seq in self._asked_all:
             told = tuple(str(uuid.UUID(bytes=key)) for key in canceling)
-            self._on_answer(AllSaid(self._asked_all[seq], told))
+            self._on_answer(AllSaid(self._asked_all[seq], told, int(response.return_code)))
         elif seq in self._asked:
             key, asked_at = self._asked[seq]
             answer = cancel_answer(response, key, canceling)

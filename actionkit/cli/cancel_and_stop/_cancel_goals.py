@@ -37,7 +37,8 @@ def cancel_goals(
         over: Asked often, with the time on the monotonic clock.
         look: Seconds to look for servers; one that is not seen at once is seen within 3 s.
         least: The same, from when each action has a server: there may be a second one, and the
-            status may come later. `None` means that all actions that come into sight are added.
+            status may come later. `None` means that all actions that come into sight are added, in
+            the end also those with clients alone.
         on_fate: Gets each fate when it is known.
     """
     from actionkit._ros.tools.cancel import AllSaid, CancelSaid, GoalCanceller
@@ -101,7 +102,11 @@ def cancel_goals(
                     on_fate(fate)
             done = all(by_name[name].done for name in cancellers)
             if (looked and done) or over(now):
-                return
+                break
+    for seen in survey.actions().values() if least is None else ():
+        # A process that stands still is out of sight for one that comes later; its clients are not.
+        if seen.clients and seen.name not in by_name:
+            actions.append(Cancelling(seen.name))
 
 
 def _putter(inbox: queue.SimpleQueue[Any], action: Cancelling) -> Callable[[Any], None]:

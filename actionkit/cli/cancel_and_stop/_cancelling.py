@@ -99,6 +99,10 @@ class Cancelling:
         it; an answer to any of them is enough."""
         self._answers: Counter[int] = Counter()
         """How many servers have answered each request."""
+        self._consents: Counter[int] = Counter()
+        """How many of them have not answered with an error."""
+        self._code = 0
+        """The last such error."""
 
     # --- what happens ----------------------------------------------------------------------
 
@@ -123,6 +127,8 @@ class Cancelling:
         """Record an `AllSaid`, about all goals; `now` is on the monotonic clock."""
         self.answers += 1
         self._answers[said.request] += 1
+        self._consents[said.request] += not said.code
+        self._code = said.code or self._code
         for goal_id in said.canceling:
             self._targets.setdefault(goal_id, _Target(asked=now)).consents += 1
 
@@ -231,13 +237,12 @@ class Cancelling:
 
     @property
     def _waits_for_answers(self) -> bool:
-        return self._answered < max(1, len(self.board.servers))
+        return self._most_of(self._answers) < max(1, len(self.board.servers))
 
-    @property
-    def _answered(self) -> int:
-        """How many servers have answered the last request, or one that repeats it."""
+    def _most_of(self, counts: Counter[int]) -> int:
+        """How many servers it is for the last request, or for one that repeats it."""
         numbers = range(self._first, self._number + 1)
-        return max((self._answers[number] for number in numbers), default=0)
+        return max((counts[number] for number in numbers), default=0)
 
     # --- what happened to it ---------------------------------------------------------------
 
@@ -258,16 +263,24 @@ class Cancelling:
 
     @property
     def missing(self) -> int:
-        """How many servers in sight have not answered for all goals; some may be unknown."""
-        return max(0, len(self.board.servers) - self._answered) if self.every else 0
+        """How many servers in sight have not consented to cancel all; some may be unknown."""
+        servers = max(len(self.board.servers), min(1, self.answers))
+        return max(0, servers - self._most_of(self._consents)) if self.every else 0
 
     @property
     def unheard(self) -> str:
-        """Which servers have not answered for all goals, as a sentence; `""` if all have."""
+        """Which servers have not consented to cancel all goals, as a sentence; `""` if all have."""
         if not self.every or not (self.silent or self.missing):
             return ""
-        those = f"{self.missing} of {len(self.board.servers)} servers did not answer"
-        told = "no server answered" if self.silent else those
+        servers = len(self.board.servers)
+        told = f"{self.missing} of {servers} servers did not answer"
+        if self.silent:
+            told = "no server answered"
+        elif not self._waits_for_answers:
+            told = (
+                f"{self.missing} of {max(1, servers)} servers cannot, or will not, cancel all goals"
+                f" (return code {self._code}, of {', '.join(self.servers) or 'unknown nodes'})"
+            )
         return f"{self.name}: {told}. GOALS MAY STILL BE RUNNING."
 
     @property

@@ -108,7 +108,10 @@ def command(
 
 
 def _no_server(survey: Survey, name: str) -> int:
-    say(f"Error: {nothing_there(name, survey.actions())}", err=True)
+    actions = survey.actions()
+    say(f"Error: {nothing_there(name, actions)}", err=True)
+    if name in actions:  # it has clients
+        say("Programs that use it are. If its server hangs, GOALS MAY STILL BE RUNNING.", err=True)
     return Exit.NO_SERVER
 
 
