@@ -75,7 +75,7 @@ def cancel_everything(
         # Beside the look at the status, which a busy server may send too late. Not those that are
         # accepted later: such a server may also take this late.
         while True:
-            if not all_have(answers):
+            if not all_have(consents):
                 number += 1
                 canceller.cancel_all(number, until=now)
             for call in list(session.calls):
@@ -112,7 +112,8 @@ def cancel_everything(
     for goal_id in stopping:
         if reports.get(goal_id) is CancelReport.NOT_NEEDED:  # it had stopped before we followed it
             reports[goal_id] = CancelReport.CONFIRMED
-    if not all_have(consents):
+    refused = all_have(answers) and CancelReport.REFUSED in reports.values()  # for that an error
+    if not all_have(consents) and not refused:
         reports[UNKNOWN_GOALS] = CancelReport.UNKNOWN
     return reports | {goal_id: _of_attempt(each) for goal_id, each in given_up.items()}
 

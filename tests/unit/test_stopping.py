@@ -171,6 +171,17 @@ def test_an_error_is_no_consent() -> None:
     assert action.exit is Exit.OK
 
 
+def test_the_error_of_a_server_that_refuses_is_told_once() -> None:
+    """Those in C++ answer so if they refuse to cancel each goal."""
+    action = stopping("EXECUTING")
+    action.to_ask(0.0)
+    action.take_all(AllSaid(1, (), code=1), 0.1)
+    action.to_ask_singly(0.6)
+    action.take(CancelSaid(ONE, CancelAnswer.REFUSED), 0.7)
+    action.settle(2.0, over=False)
+    assert (action.unheard, action.exit) == ("", Exit.CANCEL_REFUSED)
+
+
 def test_a_server_that_comes_later_is_asked() -> None:
     action = stopping()
     assert action.to_ask(0.0) == 1

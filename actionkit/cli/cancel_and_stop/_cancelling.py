@@ -277,6 +277,8 @@ class Cancelling:
         if self.silent:
             told = "no server answered"
         elif not self._waits_for_answers:
+            if any(fate.cancel == "REFUSED" for fate in self.fates):
+                return ""  # servers in C++ answer to that with an error
             told = (
                 f"{self.missing} of {max(1, servers)} servers cannot, or will not, cancel all goals"
                 f" (return code {self._code}, of {', '.join(self.servers) or 'unknown nodes'})"
