@@ -94,6 +94,11 @@ class Survey:
             call(seen)
         return seen
 
+    def has_status_readers(self, name: str) -> bool:
+        """Return whether anybody reads the status of an action, as ours do while a goal runs."""
+        topic = ActionNames.of(name).status
+        return bool(self.runtime.node.get_subscriptions_info_by_topic(topic))
+
     def versions(self, name: str) -> list[graph.Versions]:
         """Return the type hashes of an action's servers and clients."""
         return graph.versions(self.runtime.node, ActionNames.of(name))

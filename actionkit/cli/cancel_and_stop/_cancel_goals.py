@@ -38,7 +38,7 @@ def cancel_goals(
         look: Seconds to look for servers; one that is not seen at once is seen within 3 s.
         least: The same, from when each action has a server: there may be a second one, and the
             status may come later. `None` means that all actions that come into sight are added, in
-            the end also those with clients alone.
+            the end also those without a server whose clients may have goals.
         on_fate: Gets each fate when it is known.
     """
     from actionkit._ros.tools.cancel import AllSaid, CancelSaid, GoalCanceller
@@ -105,7 +105,8 @@ def cancel_goals(
                 break
     for seen in survey.actions().values() if least is None else ():
         # A process that stands still is out of sight for one that comes later; its clients are not.
-        if seen.clients and seen.name not in by_name:
+        # A client of ours that merely waits for a server reads no status.
+        if seen.name not in by_name and seen.clients and survey.has_status_readers(seen.name):
             actions.append(Cancelling(seen.name))
 
 
