@@ -244,6 +244,10 @@ class Session:
         """
         forget = self._out_of_sight
         made = Attempt(self.link, goal_id, request.timeouts, owner, on_out_of_sight=forget)
+        # Else a goal that somebody cancels in its first second might be sent again (C4.4).
+        may_fail_for_now = request.classify is not None or request.timeouts.feedback is not None
+        tries_again = request.retry.attempts != 1 or request.retry.stop is not None
+        made.goal.watched_early = may_fail_for_now and tries_again
         if request.attach is None:
             made.send(request.goal)
         else:

@@ -115,6 +115,8 @@ class Goal(CancellableGoal):
         self.stage = Stage.ACCEPTED
         # Ask at once: a result may expire within milliseconds after the end (R25).
         effects.append(fx.AskResult(anew=True))
+        if self.watched_early:
+            effects.append(fx.WatchStatus())
         self._reask_after = FIRST_REASK
         effects.append(self._arm_reask(now))
         if self._unwanted:

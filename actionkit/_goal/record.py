@@ -35,6 +35,7 @@ class GoalRecord:
         self.abandoned = False  # it was let run, as the user chose
         self._attached = False  # somebody else has sent it
         self._left_alone = False  # only an explicit cancel cancels it
+        self.watched_early = False  # its status is read at once, because it may be sent again
         self._timeouts = timeouts
         self.facts = GoalFacts(goal_id)
         self._unknown_to_server = False
