@@ -25,6 +25,7 @@ from actionkit import (
 )
 from actionkit.testing import EventLog
 from tests.conftest import FORMS, NEVER, ask
+from tests.waiting import until
 
 QUICK = RetryPolicy(initial=0.05, jitter=0.0)
 
@@ -100,6 +101,12 @@ rclpy.spin(node, MultiThreadedExecutor(4))
 """
 
 
+def reads_status(client):
+    """Whether the server's status comes to the client, as it does while a goal may be retried."""
+    source = client._session.link._status._source
+    return source is not None and source.subscription.get_publisher_count() > 0
+
+
 @pytest.mark.parametrize("end", ["canceled", "aborted"])
 def test_what_an_operator_cancels_is_not_sent_again(end, run_script, make_client):
     server = run_script(STOPS_SLOWLY, end)
@@ -108,7 +115,7 @@ def test_what_an_operator_cancels_is_not_sent_again(end, run_script, make_client
     future = client.call_async({"order": 2}, timeout=30)
     assert server.line() == "executing"
     assert future.wait_accepted(10)
-    time.sleep(0.5)
+    until(lambda: reads_status(client))
     assert make_client().cancel_everything(10) == {future.goal_id: CancelReport.CONFIRMED}
     error = future.exception(10)
     assert type(error) is (ak.GoalCanceledError if end == "canceled" else ak.GoalAbortedError)

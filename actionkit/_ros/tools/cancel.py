@@ -44,7 +44,7 @@ class AllSaid:
 
     request: int  # the number of the request
     canceling: tuple[str, ...]  # the ids of the goals that it is cancelling now, with dashes
-    code: int = 0  # `return_code`; any but 0 is no consent: some servers cannot cancel all
+    code: int = 0  # `return_code`; 0 is consent; some servers cannot cancel all
 
 
 class GoalCanceller:
