@@ -453,12 +453,13 @@ class Client(Generic[ActionT_co]):
         """Cancel all goals of the action, also those of other programs, and wait for that.
 
         Args:
-            timeout: Seconds that the goals have to stop. To find them takes 1 to 4 s more.
+            timeout: Seconds that the goals have to stop; `timeouts.cancel` does not count here. To
+                find them takes 1 to 4 s, even if the timeout is less.
 
         Returns:
-            What happened to each goal. If a server refuses, it is `REFUSED` after the timeout. If a
-            server in sight does not answer in time, or cannot cancel all goals, as those of
-            micro-ROS, its goals are `UNKNOWN`: their id is `uuid.UUID(int=0)`.
+            What happened to each goal. If a server refuses, it is `REFUSED`. If a server in sight
+            does not answer in time, or cannot cancel all goals, as those of micro-ROS, its goals
+            are `UNKNOWN`: their id is `uuid.UUID(int=0)`.
 
         Raises:
             ClientClosedError: The client was closed.
@@ -472,7 +473,7 @@ class Client(Generic[ActionT_co]):
         refuse_in_callback()
         name = "Client.cancel_everything()"
         warn_on_event_loop(name, "await asyncio.to_thread(client.cancel_everything)")
-        return cancel_everything(self._session, self.attach, seconds)
+        return cancel_everything(self._session, seconds)
 
     def close(self) -> None:
         """End every goal in flight as `on_close` says, and free everything.

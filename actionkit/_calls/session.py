@@ -24,6 +24,7 @@ from actionkit._calls.graph_snapshot import GraphSnapshot
 from actionkit._calls.left_running import LINGER
 from actionkit._calls.request import Request
 from actionkit._calls.signals import is_ending
+from actionkit._goal.facts import GoalFacts
 from actionkit._goal.stages import Stage
 from actionkit._model.errors import ClientClosedError
 from actionkit._observers.delivery import ObserverDispatcher
@@ -255,9 +256,15 @@ class Session:
         self._attempts[made] = None
         return made
 
-    def watched(self, goal_id: uuid.UUID) -> Attempt | None:
-        """Return the attempt with a goal that may run, if there is one. From any thread."""
-        return next((each for each in list(self._attempts) if each.goal_id == goal_id), None)
+    def goals_in_flight(self) -> list[GoalFacts]:
+        """Return the goals that may run, also those of calls that have ended. From any thread."""
+        return [each.goal.facts for each in list(self._attempts)]
+
+    def cancel_again(self) -> None:
+        """Ask once more for the cancellation of goals that calls gave up on. From any thread."""
+        for attempt in list(self._attempts):
+            if attempt.goal.facts.given_up:
+                self.call_soon(attempt.cancel_again)
 
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now. On the communication thread."""

@@ -14,10 +14,11 @@ from test_msgs.action import Fibonacci
 from actionkit import Client, GoalState, Timeouts, servers
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.domain import Domain
+from actionkit._ros.stopping.cancelling import _SETTLE, Cancelling
 from actionkit._ros.tools.cancel import AllSaid
 from actionkit._ros.tools.watch import GoalSeen
 from actionkit.cli._shared.exits import Exit
-from actionkit.cli.cancel_and_stop._cancelling import _SETTLE, Cancelling
+from actionkit.cli.cancel_and_stop._stop_table import exit_of
 from tests.cli.conftest import FIBONACCI, Running, World
 from tests.cli.test_call import goal_id
 from tests.waiting import until
@@ -133,7 +134,7 @@ def test_an_accepted_cancellation_is_no_canceled_goal(world: World) -> None:
 
 LATE = """
 import threading, time
-import actionkit.cli.cancel_and_stop._cancel_goals as c
+import actionkit._ros.stopping.cancel_goals as c
 from actionkit._ros.tools.survey import Survey
 see, put_into, began = Survey.actions, c._putter, []
 def actions(self):
@@ -174,7 +175,7 @@ def test_a_goal_of_a_server_that_comes_into_sight_slowly_is_told_of(
 
 
 AWAKE = """
-import actionkit.cli.cancel_and_stop._cancelling as c
+import actionkit._ros.stopping.cancelling as c
 real = c.Cancelling.take_news
 def take(self, *news):
     real(self, *news)
@@ -321,7 +322,7 @@ def test_a_goal_that_ended_after_its_refusal_does_not_run() -> None:
     goal_is(cancelling, GOAL, "SUCCEEDED")
     assert [fate.cancel for fate in cancelling.settle(4.0, over=True)] == ["NOT_NEEDED"]
     assert cancelling.settle(4.0, over=True) == []
-    assert cancelling.exit is Exit.OK
+    assert exit_of(cancelling) is Exit.OK
 
 
 def test_a_goal_that_had_ended_is_not_asked_about() -> None:
@@ -341,30 +342,30 @@ def test_an_answer_to_an_earlier_request_is_none_to_the_last() -> None:
     cancelling.take_news(("/server",), 0.0)
     first = cancelling.to_ask(0.0)
     cancelling.take_all(AllSaid(first, ()), 0.1)
-    assert (cancelling.done, cancelling.exit) == (True, Exit.OK)
+    assert (cancelling.done, exit_of(cancelling)) == (True, Exit.OK)
     cancelling.once_more()
     assert cancelling.to_ask(4.0) == 2
     cancelling.settle(9.0, over=True)
-    assert cancelling.exit is Exit.CANCEL_UNKNOWN
+    assert exit_of(cancelling) is Exit.CANCEL_UNKNOWN
     assert cancelling.unheard == "/a: 1 of 1 servers did not answer. GOALS MAY STILL BE RUNNING."
     third = cancelling.to_ask(9.0)  # it repeats the second
     cancelling.take_all(AllSaid(third, ()), 9.1)
-    assert (cancelling.unheard, cancelling.exit) == ("", Exit.OK)
+    assert (cancelling.unheard, exit_of(cancelling)) == ("", Exit.OK)
 
 
 @pytest.mark.long
 def test_the_exit_code_is_that_of_the_worst() -> None:
     goals = [str(uuid.UUID(int=number)) for number in range(1, 4)]
     cancelling = Cancelling("/a", goals)
-    assert cancelling.exit is Exit.OK
+    assert exit_of(cancelling) is Exit.OK
     cancelling.take(SimpleNamespace(goal_id=goals[0], answer=U), 0.0)
     cancelling.settle(2.0, over=False)
-    assert cancelling.exit is Exit.NO_SUCH_GOAL
+    assert exit_of(cancelling) is Exit.NO_SUCH_GOAL
     goal_is(cancelling, goals[2], "EXECUTING")
     cancelling.settle(2.0, over=True)
-    assert cancelling.exit is Exit.CANCEL_UNKNOWN
+    assert exit_of(cancelling) is Exit.CANCEL_UNKNOWN
     cancelling = Cancelling("/a", goals)
     goal_is(cancelling, goals[2], "EXECUTING")
     cancelling.take(SimpleNamespace(goal_id=goals[2], answer=R), 0.0)
     cancelling.settle(2.0, over=True)
-    assert cancelling.exit is Exit.CANCEL_REFUSED
+    assert exit_of(cancelling) is Exit.CANCEL_REFUSED

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from actionkit._ros import graph
+from actionkit._ros.stopping.goal_board import Board
 from actionkit._ros.tools.watch import GoalSeen, StatusReader, one_of_each
-from actionkit.cli.watch._goal_board import Board
 from tests.unit.test_wire import status_array
 
 

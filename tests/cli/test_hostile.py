@@ -13,6 +13,7 @@ from rich.console import Console
 from test_msgs.action import Fibonacci
 
 from actionkit import cli
+from actionkit._ros.stopping.goal_board import Board
 from actionkit.cli._shared import options as _options
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.say import say
@@ -20,7 +21,6 @@ from actionkit.cli.call import _reports
 from actionkit.cli.call._live import LiveReport
 from actionkit.cli.demo._screen import DemoScreen
 from actionkit.cli.watch import _screens as _watch_screens
-from actionkit.cli.watch._goal_board import Board
 from tests.cli.conftest import FIBONACCI, World
 
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\x9b31m\x7f\r\u202e\ud800"

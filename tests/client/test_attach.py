@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
+import threading
 import time
 import uuid
 from types import SimpleNamespace
@@ -222,14 +223,18 @@ def test_everything_is_cancelled_also_what_others_have_sent(action_server, other
     assert client.pending == 0
 
 
-def test_what_others_have_sent_is_cancelled_even_if_the_status_comes_too_late(
-    action_server, others, client, monkeypatch
-):
-    server = action_server("never_finishes")
-    theirs = [running(server, others) for _ in range(2)]
-    monkeypatch.setattr("actionkit._ros.tools.watch.goals_seen", lambda *_: [])
-    told = client.cancel_everything()
-    assert told == {future.goal_id: CancelReport.CONFIRMED for future in theirs}
+def test_its_own_timeout_counts_for_goals_that_stop_slowly(action_server, make_client, others):
+    server = action_server("slow_cancel", gate=1)
+    client = make_client(timeouts=Timeouts(server=30.0, cancel=0.2))
+    sent = [running(server, each) for each in (others, client)]
+    told = []
+    asking = threading.Thread(target=lambda: told.append(client.cancel_everything(20)))
+    asking.start()
+    assert sent[1].outcome(20).cancel is CancelReport.UNKNOWN  # its call ends before
+    server.wait_for("cancel_accepted", count=2)
+    server.release(2)
+    asking.join(20)
+    assert told == [{future.goal_id: CancelReport.CONFIRMED for future in sent}]
     assert runs_nothing(server)
 
 
@@ -239,7 +244,7 @@ def test_a_request_that_comes_late_cancels_nothing_that_was_sent_after_it(
     """The server gets it at once; but for its time stamp, it was sent before the goal."""
     server = action_server("never_finishes")
     theirs = running(server, others)
-    monkeypatch.setattr("actionkit._ros.tools.watch.goals_seen", lambda *_: [])
+    monkeypatch.setattr("actionkit._ros.tools.watch.StatusReader._take", lambda *_: None)
     earlier = SimpleNamespace(monotonic=time.monotonic, time=lambda: time.time() - 60.0)
     monkeypatch.setattr("actionkit._calls.everything.time", earlier)
     assert client.cancel_everything() == {}

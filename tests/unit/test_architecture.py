@@ -67,6 +67,8 @@ PURE = (
     "_ros.cancels",
     "_ros.holds.state",
     "_ros.outbox",
+    "_ros.stopping.cancelling",
+    "_ros.stopping.goal_board",
     "_ros.wire",
 )
 ROS = ("rclpy", "action_msgs", "unique_identifier_msgs")

@@ -10,12 +10,12 @@ import pytest
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.holds.state import Hold, HoldState, Sender
 from actionkit._ros.holds.view import Said
+from actionkit._ros.stopping.cancelling import Cancelling
 from actionkit._ros.tools.cancel import AllSaid, CancelSaid
 from actionkit._ros.tools.watch import GoalSeen
 from actionkit.cli._shared.exits import Exit
-from actionkit.cli.cancel_and_stop._cancelling import Cancelling
 from actionkit.cli.cancel_and_stop._holding import release
-from actionkit.cli.cancel_and_stop._stop_table import table, worst
+from actionkit.cli.cancel_and_stop._stop_table import exit_of, table, worst
 
 LONG = 30.0
 
@@ -47,7 +47,7 @@ def test_a_request_is_repeated_until_it_is_answered() -> None:
     action.settle(3.0, over=False)
     assert action.done
     assert [fate.cancel for fate in action.fates] == ["CONFIRMED"]
-    assert action.exit is Exit.OK
+    assert exit_of(action) is Exit.OK
 
 
 def test_goals_accepted_meanwhile_are_canceled_too() -> None:
@@ -78,7 +78,7 @@ def test_what_a_server_says_of_all_is_no_proof_about_one() -> None:
         action.take(CancelSaid(goal_id, CancelAnswer.REFUSED), 0.7)
     action.settle(2.0, over=False)
     assert {fate.cancel for fate in action.fates} == {"REFUSED"}
-    assert action.exit is Exit.CANCEL_REFUSED
+    assert exit_of(action) is Exit.CANCEL_REFUSED
 
 
 def test_a_server_that_says_nothing_may_have_goals() -> None:
@@ -86,7 +86,7 @@ def test_a_server_that_says_nothing_may_have_goals() -> None:
     action.to_ask(0.0)
     action.settle(9.0, over=True)
     assert not action.done
-    assert action.exit is Exit.CANCEL_UNKNOWN
+    assert exit_of(action) is Exit.CANCEL_UNKNOWN
     assert "GOALS MAY STILL BE RUNNING" in table([action])[-1]
 
 
@@ -101,16 +101,16 @@ def test_every_server_on_the_name_has_to_answer() -> None:
     action.take_all(AllSaid(2, ()), 1.2)
     assert not action.done
     action.settle(9.0, over=True)
-    assert action.exit is Exit.CANCEL_UNKNOWN
+    assert exit_of(action) is Exit.CANCEL_UNKNOWN
     assert "1 of 2 servers did not answer. GOALS MAY STILL BE RUNNING" in table([action])[-1]
     action.take_all(AllSaid(1, ()), 1.3)  # late, and as good
     assert action.done
     action.once_more()
     assert action.to_ask(1.4) == 3
-    assert action.exit is Exit.CANCEL_UNKNOWN  # what they accepted since is not known
+    assert exit_of(action) is Exit.CANCEL_UNKNOWN  # what they accepted since is not known
     for _ in range(2):
         action.take_all(AllSaid(3, ()), 1.5)
-    assert action.exit is Exit.OK
+    assert exit_of(action) is Exit.OK
     assert "RUNNING" not in table([action])[-1]
 
 
@@ -126,7 +126,7 @@ def test_what_one_of_two_servers_has_ended_may_run_on_the_other() -> None:
     action.take_news([GoalSeen(ONE, "CANCELING", 11)], 0.0)
     assert action.settle(3.0, over=False) == []
     assert [fate.cancel for fate in action.settle(4.0, over=True)] == ["UNKNOWN"]
-    assert action.exit is Exit.CANCEL_UNKNOWN
+    assert exit_of(action) is Exit.CANCEL_UNKNOWN
 
 
 def test_what_both_of_two_servers_have_ended_has_stopped() -> None:
@@ -160,7 +160,7 @@ def test_an_error_is_no_consent() -> None:
     assert action.to_ask(0.0) == 1
     action.take_all(AllSaid(1, (), code=2), 0.1)
     assert action.done  # asking again would tell nothing new
-    assert action.exit is Exit.CANCEL_UNKNOWN
+    assert exit_of(action) is Exit.CANCEL_UNKNOWN
     assert table([action])[-1] == (
         "/a: 1 of 1 servers cannot, or will not, cancel all goals (return code 2, of /server)."
         " GOALS MAY STILL BE RUNNING."
@@ -168,7 +168,7 @@ def test_an_error_is_no_consent() -> None:
     action.once_more()
     assert action.to_ask(4.0) == 2
     action.take_all(AllSaid(2, ()), 4.1)
-    assert action.exit is Exit.OK
+    assert exit_of(action) is Exit.OK
 
 
 def test_the_error_of_a_server_that_refuses_is_told_once() -> None:
@@ -179,7 +179,7 @@ def test_the_error_of_a_server_that_refuses_is_told_once() -> None:
     action.to_ask_singly(0.6)
     action.take(CancelSaid(ONE, CancelAnswer.REFUSED), 0.7)
     action.settle(2.0, over=False)
-    assert (action.unheard, action.exit) == ("", Exit.CANCEL_REFUSED)
+    assert (action.unheard, exit_of(action)) == ("", Exit.CANCEL_REFUSED)
 
 
 def test_a_server_that_comes_later_is_asked() -> None:
@@ -235,7 +235,7 @@ def test_a_goal_that_its_server_has_forgotten_may_still_be_running() -> None:
     assert not action.done
     action.settle(5.0, over=True)
     assert [(fate.cancel, "MAY STILL" in fate.text) for fate in action.fates] == [("UNKNOWN", True)]
-    assert action.exit is Exit.CANCEL_UNKNOWN
+    assert exit_of(action) is Exit.CANCEL_UNKNOWN
 
 
 def test_a_goal_that_was_seen_too_late_for_a_request_is_told_of() -> None:

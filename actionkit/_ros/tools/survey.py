@@ -42,12 +42,18 @@ class ActionSeen:
 
 
 class Survey:
-    """Looks at the graph with its own node. A context manager."""
+    """Looks at the graph. A context manager."""
 
-    def __init__(self) -> None:
-        """Make a node, which begins to discover others. Any error of rclpy goes to the caller."""
+    def __init__(self, place: runtimes.Place | None = None, only: str | None = None) -> None:
+        """Take the node of a place, or make one, which begins to discover others.
+
+        `place` is that of `runtimes.acquire`. `only` is the full name of an action: no other one is
+        looked at. Any error of rclpy goes to the caller.
+        """
         began = time.monotonic()
-        self.runtime = runtimes.acquire(None, self)
+        self.place = place
+        self._only = only
+        self.runtime = runtimes.acquire(place, self)
         self.opened = time.monotonic()
         self.seconds_to_open = self.opened - began
         """Seconds that making the context and the node took."""
@@ -80,7 +86,8 @@ class Survey:
         """Return the actions that are in sight now, sorted by name."""
         node = self.runtime.node
         seen = {}
-        for name in sorted(graph.action_names(node)):
+        names = graph.action_names(node) if self._only is None else [self._only]
+        for name in sorted(names):
             topic = graph.feedback_topic(name)
             action = ActionSeen(
                 name,

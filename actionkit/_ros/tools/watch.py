@@ -66,8 +66,9 @@ class StatusReader:
         action_name: str,
         on_goals: Callable[[list[GoalSeen]], None],
         on_servers: Callable[[tuple[str, ...]], None],
+        place: Place | None = None,
     ) -> None:
-        """Subscribe to the topic.
+        """Subscribe to the topic; `place` is that of `runtimes.acquire`.
 
         On another thread, `on_goals` gets the goals that have changed, at first all that a server
         remembers, and `on_servers` gets the names of the servers' nodes when they change.
@@ -79,7 +80,7 @@ class StatusReader:
         self._codes: dict[_Key, int] = {}
         """The status codes of the goals in the latest arrays, so that goals do not pile up here."""
         self._reader = TopicReader(
-            None,
+            place,
             f"{action_name}/_action/status",
             _TYPE,
             GoalStatusArray,

@@ -5,15 +5,34 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from actionkit._ros.stopping.cancelling import Cancelling
 from actionkit.cli._shared.exits import Exit
-from actionkit.cli.cancel_and_stop._cancelling import Cancelling
+from actionkit.cli._shared.say import say
 
+_EXITS = {
+    "REFUSED": Exit.CANCEL_REFUSED,
+    "UNKNOWN": Exit.CANCEL_UNKNOWN,
+    "NO_SUCH_GOAL": Exit.NO_SUCH_GOAL,
+}
+"""The exit codes, the worst first; goals with other answers have stopped."""
 _WORST = (Exit.CANCEL_REFUSED, Exit.CANCEL_UNKNOWN, Exit.FAILED, Exit.NO_SERVER)
 
 
 def worst(codes: Sequence[Exit]) -> Exit:
     """Return the worst of these exit codes."""
     return next((code for code in _WORST if code in codes), Exit.OK)
+
+
+def say_error(name: str, error: Exception) -> None:
+    """Say that the goals of an action cannot be cancelled."""
+    say(f"Error: {name}: {type(error).__name__}: {error}", err=True)
+
+
+def exit_of(action: Cancelling) -> Exit:
+    """Return the worst exit code of all goals; with a silent server, the fate is not known."""
+    found = {fate.cancel for fate in action.fates}
+    code = next((code for cancel, code in _EXITS.items() if cancel in found), Exit.OK)
+    return Exit.CANCEL_UNKNOWN if code is Exit.OK and action.unheard else code
 
 
 _HEADS = ("ACTION", "SERVER", "GOALS", "CANCELED", "ENDED", "REFUSED", "UNKNOWN")

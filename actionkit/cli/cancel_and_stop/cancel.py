@@ -13,15 +13,16 @@ import click
 from actionkit._model.goal_ids import goal_id_of
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._observers.json_schema import note_line
+from actionkit._ros.stopping.cancel_goals import cancel_goals
+from actionkit._ros.stopping.cancelling import Cancelling, Fate
+from actionkit._ros.stopping.goal_board import FIRST, Board
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.no_server import nothing_there
 from actionkit.cli._shared.options import HELP, SECONDS, debug_option, json_option, name_argument
 from actionkit.cli._shared.problems import full_name, open_survey
 from actionkit.cli._shared.say import say
-from actionkit.cli.cancel_and_stop._cancel_goals import cancel_goals
-from actionkit.cli.cancel_and_stop._cancelling import Cancelling, Fate
-from actionkit.cli.watch._goal_board import Board
-from actionkit.cli.watch.watch import FIRST, first_look
+from actionkit.cli.cancel_and_stop._stop_table import exit_of, say_error
+from actionkit.cli.watch.watch import first_look
 
 if TYPE_CHECKING:
     from actionkit._ros.tools.survey import ActionSeen, Survey
@@ -104,7 +105,7 @@ def command(
         say(cancelling.unheard, err=True)
     elif not cancelling.fates and not as_json:
         say("No goal is running.")
-    return cancelling.exit
+    return exit_of(cancelling)
 
 
 def _no_server(survey: Survey, name: str) -> int:
@@ -172,7 +173,15 @@ def _cancel(
         show(fate)
 
     least = FIRST if cancelling.every else 0.0
-    cancel_goals(survey, [cancelling], over=over, look=server_timeout, least=least, on_fate=on_fate)
+    cancel_goals(
+        survey,
+        [cancelling],
+        over=over,
+        look=server_timeout,
+        least=least,
+        on_fate=on_fate,
+        on_error=say_error,
+    )
 
 
 def _show(name: str, as_json: bool, fate: Fate) -> None:

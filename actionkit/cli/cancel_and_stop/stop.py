@@ -15,6 +15,8 @@ import click
 
 from actionkit._model.domain import LAST_DOMAIN
 from actionkit._observers.json_schema import note_line
+from actionkit._ros.stopping.cancel_goals import cancel_goals
+from actionkit._ros.stopping.cancelling import Cancelling
 from actionkit._ros.workarounds.udp_only import use_udp_only
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.no_server import nothing_there
@@ -22,9 +24,7 @@ from actionkit.cli._shared.options import HELP, SECONDS, complete_names, debug_o
 from actionkit.cli._shared.problems import full_name, import_ros, open_survey
 from actionkit.cli._shared.say import say
 from actionkit.cli._shared.stdout import keep_clean
-from actionkit.cli.cancel_and_stop._cancel_goals import cancel_goals
-from actionkit.cli.cancel_and_stop._cancelling import Cancelling
-from actionkit.cli.cancel_and_stop._stop_table import table, worst
+from actionkit.cli.cancel_and_stop._stop_table import exit_of, say_error, table, worst
 
 if TYPE_CHECKING:
     from actionkit._ros.holds.state import Hold
@@ -73,7 +73,7 @@ def _set_domain(ctx: click.Context, param: click.Parameter, value: int | None) -
     type=SECONDS,
     default=10.0,
     show_default=True,
-    help="How long to wait in all, for all servers together.",
+    help="How long to wait in all, for all servers together. To find them takes 4 s at least.",
 )
 @click.option(
     "--domain-id",
@@ -121,11 +121,18 @@ def _stop_named(names: tuple[str, ...], timeout: float, as_json: bool) -> int:
         full = list(dict.fromkeys(full_name(survey, name) for name in names))
         stopped = [Cancelling(name) for name in full]
         with _shown(stopped, as_json):
-            cancel_goals(survey, stopped, over=_passed(timeout), look=_LOOK, least=_NAMED)
+            cancel_goals(
+                survey,
+                stopped,
+                over=_passed(timeout),
+                look=_LOOK,
+                least=_NAMED,
+                on_error=say_error,
+            )
         missing = [action.name for action in stopped if not action.has_server]
         for name in missing:
             say(f"Error: {nothing_there(name, survey.actions())}", err=True)
-        codes = [action.exit if action.has_server else Exit.NO_SERVER for action in stopped]
+        codes = [exit_of(action) if action.has_server else Exit.NO_SERVER for action in stopped]
     say("Agents are not held: `actionkit stop` without names does that, too.", err=True)
     return worst(codes)
 
@@ -158,8 +165,8 @@ def _stop_and_hold(hold: Hold, keeper: Keeper, timeout: float, as_json: bool) ->
         held = partial(_are_held, view, hold, keeper)
         try:
             with _shown(stopped, as_json), _said_beside(first, held):
-                cancel_goals(survey, stopped, over=_passed(timeout), look=_LOOK)
-            codes = [action.exit for action in stopped] or [Exit.NO_SERVER]
+                cancel_goals(survey, stopped, over=_passed(timeout), look=_LOOK, on_error=say_error)
+            codes = [exit_of(action) for action in stopped] or [Exit.NO_SERVER]
             if not stopped:
                 say("No action server is in sight, so nothing was canceled.", err=True)
             until = min(until, time.monotonic() + _GRACE)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from actionkit._ros.stopping.goal_board import FIRST
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.options import HELP, SECONDS, debug_option, json_option, name_argument
 from actionkit.cli._shared.problems import full_name, open_survey
@@ -19,7 +20,7 @@ from actionkit.cli._shared.signals import watch_output
 
 if TYPE_CHECKING:
     from actionkit._ros.holds.state import Hold
-    from actionkit.cli.watch._goal_board import Board
+    from actionkit._ros.stopping.goal_board import Board
     from actionkit.cli.watch._screens import Screen
 
 
@@ -34,8 +35,6 @@ TICK = 0.25
 """Seconds between two drawings of the table: often enough for tenths of a second to look alive."""
 _CLOSED: Any = object()
 """Put into the inbox when nobody reads the output any more."""
-FIRST = 1.0
-"""Seconds for the states of remembered goals to arrive, if there are any."""
 
 _EPILOG = """\b
 Examples:
@@ -70,8 +69,8 @@ def command(
         full = full_name(survey, name)
 
         from actionkit._ros.holds.view import HoldView
+        from actionkit._ros.stopping.goal_board import Board
         from actionkit._ros.tools.watch import StatusReader
-        from actionkit.cli.watch._goal_board import Board
 
         def type_of() -> str:
             action = survey.actions().get(full)

@@ -13,6 +13,8 @@ from actionkit._ros.holds.state import Hold
 _T = TypeVar("_T")
 _ENDED = ("SUCCEEDED", "CANCELED", "ABORTED", "LOST")
 _RUNNING = ("ACCEPTED", "EXECUTING", "CANCELING")
+FIRST = 1.0
+"""Seconds for the states of remembered goals to arrive, if there are any."""
 _MOST = 1000
 """Goals that are kept, enough for many screens, so that a watch of days stays small. The oldest
 ended goals are removed first."""

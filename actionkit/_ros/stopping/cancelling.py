@@ -6,15 +6,10 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit.cli._shared.exits import Exit
-from actionkit.cli.watch._goal_board import Board, WatchedGoal
-from actionkit.cli.watch.watch import FIRST
-
-if TYPE_CHECKING:
-    pass
+from actionkit._ros.stopping.goal_board import FIRST, Board, WatchedGoal
 
 _AGAIN = 1.0
 """Seconds after which a request without an answer counts as lost and is repeated. This is harmless:
@@ -33,12 +28,6 @@ _BEST = (
     CancelAnswer.UNKNOWN_GOAL,
 )
 """If several servers answer about one goal, the first of these counts."""
-_EXITS = {
-    "REFUSED": Exit.CANCEL_REFUSED,
-    "UNKNOWN": Exit.CANCEL_UNKNOWN,
-    "NO_SUCH_GOAL": Exit.NO_SUCH_GOAL,
-}
-"""The exit codes, the worst first; goals with other answers have stopped."""
 
 
 @dataclass(frozen=True)
@@ -285,19 +274,14 @@ class Cancelling:
             )
         return f"{self.name}: {told}. GOALS MAY STILL BE RUNNING."
 
-    @property
-    def exit(self) -> Exit:
-        """The worst exit code of all goals; with a silent server, the fate is not known."""
-        found = {fate.cancel for fate in self.fates}
-        code = next((code for cancel, code in _EXITS.items() if cancel in found), Exit.OK)
-        return Exit.CANCEL_UNKNOWN if code is Exit.OK and self.unheard else code
-
 
 def _ended(row: WatchedGoal, target: _Target) -> tuple[str, str]:
     if row.state == "LOST":
         return "UNKNOWN", "Its last server went away; whether it runs on is not known."
     if row.state == "CANCELED" and target.asked is not None:
         return "CONFIRMED", "It was canceled, and runs no more."
+    if row.state == "ABORTED" and target.consents:
+        return "CONFIRMED", "Its server agreed to cancel it, and ended it as ABORTED."
     before = "in the meantime" if target.asked is not None else "before"
     return "NOT_NEEDED", f"It had ended {before}: {row.state}."
 
@@ -311,6 +295,8 @@ def _running(
     if target.answer is CancelAnswer.REFUSED and not canceling and settled:
         return "REFUSED", "The server refused to cancel it. IT IS STILL RUNNING."
     unknown = target.answer is CancelAnswer.UNKNOWN_GOAL and row is None
+    if unknown and target.consents and settled:
+        return "CONFIRMED", "It was canceled, and its server has forgotten it."
     if unknown and (over if may_come else settled):
         return "NO_SUCH_GOAL", "No server in sight knows it: it ended long ago, or never was here."
     if not over:

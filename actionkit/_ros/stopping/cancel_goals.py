@@ -8,9 +8,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from actionkit.cli._shared.say import say
-from actionkit.cli.cancel_and_stop._cancelling import Cancelling, Fate
-from actionkit.cli.watch._goal_board import arrived
+from actionkit._ros.stopping.cancelling import Cancelling, Fate
+from actionkit._ros.stopping.goal_board import arrived
 
 if TYPE_CHECKING:
     from actionkit._ros.tools.cancel import GoalCanceller
@@ -18,6 +17,8 @@ if TYPE_CHECKING:
 
 _TICK = 0.05
 """Seconds between two looks at the graph."""
+_ANSWER = 1.0
+"""Seconds for the answers to the last request, even if the time is over."""
 
 
 def cancel_goals(
@@ -27,19 +28,25 @@ def cancel_goals(
     over: Callable[[float], bool],
     look: float,
     least: float | None = None,
+    accepted_until: float = 0.0,
     on_fate: Callable[[Fate], object] = lambda _: None,
+    on_error: Callable[[str, Exception], object] = lambda *_: None,
 ) -> None:
     """Cancel goals until it is known what happened to each, or the time is `over`.
 
     Args:
-        survey: Sees the actions.
+        survey: Sees the actions. The goals are cancelled from its place.
         actions: The goals of these are cancelled.
-        over: Asked often, with the time on the monotonic clock.
-        look: Seconds to look for servers; one that is not seen at once is seen within 3 s.
+        over: Whether the time is over. Asked often, with the time on the monotonic clock.
+        look: Seconds to look for servers at least, even if the time is over; a server that is not
+            seen at once is seen within 3 s.
         least: The same, from when each action has a server: there may be a second one, and the
             status may come later. `None` means that all actions that come into sight are added, in
             the end also those without a server whose clients may have goals.
+        accepted_until: Requests for all goals count for those that were accepted until then, in
+            seconds since the epoch by the server's clock; 0 means for all.
         on_fate: Gets each fate when it is known.
+        on_error: Gets the name of each action whose goals cannot be cancelled, and the error.
     """
     from actionkit._ros.tools.cancel import AllSaid, CancelSaid, GoalCanceller
     from actionkit._ros.tools.watch import StatusReader
@@ -50,7 +57,8 @@ def cancel_goals(
     began = time.monotonic()
     complete: float | None = None
     """Since when each action has a server."""
-    again = False
+    last: float | None = None
+    """Until when the answers to the last request may come; it is sent after looking for servers."""
     broken: set[str] = set()
     """Names that rclpy refuses; the program that made them does not use rclpy."""
     with contextlib.ExitStack() as stack:
@@ -65,13 +73,15 @@ def cancel_goals(
                 if seen.name not in cancellers and seen.name not in broken:
                     put = _putter(inbox, action)
                     try:
-                        reader = StatusReader(seen.name, on_goals=put, on_servers=put)
+                        reader = StatusReader(
+                            seen.name, on_goals=put, on_servers=put, place=survey.place
+                        )
                         stack.callback(reader.close)
-                        cancellers[seen.name] = GoalCanceller(seen.name, put)
+                        cancellers[seen.name] = GoalCanceller(seen.name, put, survey.place)
                         stack.callback(cancellers[seen.name].close)
                     except Exception as error:  # noqa: BLE001  cancel those of the other actions
                         broken.add(seen.name)
-                        say(f"Error: {seen.name}: {type(error).__name__}: {error}", err=True)
+                        on_error(seen.name, error)
                 action.seen([end.node for end in seen.servers])
             for action, news in arrived(inbox, _TICK):
                 if isinstance(news, AllSaid):
@@ -87,21 +97,21 @@ def cancel_goals(
                 looked = now - began >= look
             else:
                 looked = now - complete >= least
-            if looked and not again:
-                again = True
+            if looked and last is None:
+                last = now + _ANSWER
                 for action in actions:
                     action.once_more()
             for name, canceller in cancellers.items():
                 action = by_name[name]
                 if (number := action.to_ask(now)) is not None:
-                    canceller.cancel_all(number)
+                    canceller.cancel_all(number, until=accepted_until)
                 for goal_id in action.to_ask_singly(now):
                     canceller.cancel(goal_id)
                 for fate in action.settle(now, over=False):
                     canceller.stop(fate.goal_id)
                     on_fate(fate)
             done = all(by_name[name].done for name in cancellers)
-            if (looked and done) or over(now):
+            if last is not None and (done or (over(now) and now >= last)):
                 break
     for seen in survey.actions().values() if least is None else ():
         # A process that stands still is out of sight for one that comes later; its clients are not.
