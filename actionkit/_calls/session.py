@@ -452,10 +452,12 @@ class Session:
     def take_untold(self) -> list[tuple[str, uuid.UUID]]:
         """Return the goals that may be running, with the action's name, to warn of them now.
 
-        Goals that the user has heard about are left out: by a warning, or by the end of the call.
+        If the user has heard about each of them, by a warning or by the end of its call, there is
+        nothing to warn of. Else all are named, so that their number is true.
         """
-        goals = [each.goal.facts for each in list(self._attempts)]
-        left = [goal for goal in goals if goal.may_run and not goal.told]
+        left = [goal for goal in self.goals_in_flight() if goal.may_run]
+        if all(goal.told for goal in left):
+            return []
         for goal in left:
             goal.told = True
         return [(self.action_name, goal.goal_id) for goal in left]

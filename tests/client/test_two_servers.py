@@ -81,23 +81,26 @@ def test_who_cancels_waits_for_both_servers(action_server, make_client):
 
 
 @pytest.mark.long
-def test_closing_names_a_goal_that_only_one_of_two_servers_has_cancelled(
+def test_closing_names_each_goal_that_only_one_of_two_servers_has_cancelled(
     action_server, make_client, caplog
 ):
     quick, slow = action_server("never_finishes"), action_server("slow_accept", gate=1, period=0.1)
     client = make_client(retry=ONCE, timeouts=Timeouts(cancel=0.5))
     assert sees(client, 2)
+    told = client.call_async({"order": 50}, timeout=0.5)
+    assert told.exception(10).cancel is CancelReport.UNKNOWN
     future = client.call_async({"order": 50})
-    quick.wait_for("executing")
+    quick.wait_for("executing", goal_id=str(future.goal_id))
     client.close()
     error = future.exception(10)
     assert isinstance(error, ak.ClientClosedError)
     assert error.cancel is CancelReport.UNKNOWN
     assert all_is_logged()
-    named = [r for r in caplog.records if str(future.goal_id) in r.getMessage()]
-    assert any("RUNNING" in record.getMessage() for record in named)
+    last = [r.getMessage() for r in caplog.records if "RUNNING" in r.getMessage()][-1]
+    assert last.startswith("2 goals MAY STILL BE RUNNING")
+    assert all(str(each.goal_id) in last for each in (told, future))
     slow.release()
-    slow.wait_for("canceled")  # the client looks after it for a while
+    slow.wait_for("canceled", count=2)  # the client looks after it for a while
     assert runs_nothing(slow)
 
 
