@@ -41,12 +41,12 @@ def cancel_goals(
         look: Seconds to look for servers at least, even if the time is over; a server that is not
             seen at once is seen within 3 s.
         least: The same, from when each action has a server: there may be a second one, and the
-            status may come later. `None` means that all actions that come into sight are added, in
-            the end also those without a server whose clients may have goals.
+            status may come later. `None` means that all actions that come into sight are added. In
+            the end, those without a server are added, too, if clients of theirs may have goals.
         accepted_until: Requests for all goals count for those that were accepted until then, in
             seconds since the epoch by the server's clock; 0 means for all.
         on_fate: Gets each fate when it is known.
-        on_error: Gets the name of each action whose goals cannot be cancelled, and the error.
+        on_error: Gets the name of each action with goals that cannot be cancelled, and the error.
     """
     from actionkit._ros.tools.cancel import AllSaid, CancelSaid, GoalCanceller
     from actionkit._ros.tools.watch import StatusReader
