@@ -41,6 +41,8 @@ class Goal(CancellableGoal):
         """The middleware has just got the goal's request; so many servers may receive it."""
         self.facts.servers = max(1, servers)
         effects: list[fx.Effect] = [self._enter(GoalState.SENT)]
+        if self.watched_early:
+            effects.append(fx.WatchStatus())
         if self._timeouts.accept is not None:
             effects.append(fx.Arm(fx.Timer.ACCEPT, now + self._timeouts.accept))
         return [*effects, self._arm_reask(now)]
@@ -115,8 +117,6 @@ class Goal(CancellableGoal):
         self.stage = Stage.ACCEPTED
         # Ask at once: a result may expire within milliseconds after the end (R25).
         effects.append(fx.AskResult(anew=True))
-        if self.watched_early:
-            effects.append(fx.WatchStatus())
         self._reask_after = FIRST_REASK
         effects.append(self._arm_reask(now))
         if self._unwanted:

@@ -28,6 +28,8 @@ from actionkit._ros.wait_set import (
     unused,
 )
 
+_STATUS_DEPTH = 20
+"""Depth of the queue of status messages, which are read ten times a second."""
 _DEEP = 2000
 """Depth of our queues: a thousand results and as many feedback messages may come at once (R3)."""
 
@@ -130,7 +132,10 @@ class Entities:
 
     def subscribe_status(self, on_status: Callable[[], None]) -> MessageSource:
         """Subscribe to the status messages; the latest one comes at once."""
-        cls, qos = self._impl.GoalStatusMessage, qos_profile_action_status_default
+        cls, usual = self._impl.GoalStatusMessage, qos_profile_action_status_default
+        qos = QoSProfile(
+            depth=_STATUS_DEPTH, reliability=usual.reliability, durability=usual.durability
+        )
         return subscribe_raw(self._node, cls, self._names.status, qos, on_status)
 
     def unsubscribe_status(self, source: MessageSource) -> None:

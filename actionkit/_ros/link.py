@@ -331,6 +331,8 @@ class Link:
             self.monitor.restarts.start()
             return
         self._feedback.take_all()  # the result may have overtaken some feedback (R15)
+        if ended:
+            self._status.take_now()  # somebody may have cancelled it just before (C4.4)
         listener = self._listeners[key]
         if listener.unwanted:
             self._requests.cancel_window.note_progress(self.runtime.now())

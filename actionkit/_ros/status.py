@@ -2,7 +2,9 @@
 
 At every change, a server publishes all goals that it remembers. A goal that ends within a second
 does not need this: its acceptance and result say everything. A longer goal is searched for in the
-raw bytes (see `wire`), at most ten times a second, even if other clients cause many messages.
+raw bytes (see `wire`), at most ten times a second, even if other clients cause many messages. Each
+message counts: the next one may no longer show that somebody cancels the goal, and each of several
+servers sends its own goals only.
 """
 
 from __future__ import annotations
@@ -21,8 +23,7 @@ from actionkit._ros.wire import count_goals, goal_states
 from actionkit._threads.clock import TimerHandle
 
 _PERIOD = 0.1
-"""Seconds between two reads, and so the longest delay of a state: the latest message, which has all
-goals, is kept."""
+"""Seconds between two reads, and so the longest delay of a state."""
 _CANCELS = (GoalStatus.STATUS_CANCELING, GoalStatus.STATUS_CANCELED)
 
 
@@ -94,13 +95,13 @@ class StatusWatch:
         self._source = None
 
     def take_now(self) -> None:
-        """Read the latest message now, even in the pause."""
-        if self._source is None:
-            return
-        for message in self._source.take()[-1:]:  # each message has all goals
+        """Read the messages that have come now, even in the pause."""
+        messages = [] if self._source is None else self._source.take()
+        for message in messages:
             for goal_id, code in list(goal_states(message, self._goals.keys())):
                 self._on_state(goal_id, code)
-            self._look_for_cancels(message)
+        if messages:
+            self._look_for_cancels(messages[-1])
 
     def _look_for_cancels(self, message: bytes) -> None:
         """Check whether the server goes on cancelling while our requests wait for their turn."""

@@ -102,11 +102,10 @@ def test_the_first_news_of_a_goal_may_be_that_somebody_else_cancels_it() -> None
     assert Timer.STALL not in life.timers
 
 
-def test_the_status_of_what_may_be_sent_again_is_read_from_its_acceptance_on() -> None:
+def test_the_status_of_what_may_be_sent_again_is_read_from_the_beginning() -> None:
     life = Life()
     life.goal.watched_early = True
-    life.see("sent")
-    assert WatchStatus() in life.see("accepted")
+    assert WatchStatus() in life.see("sent")
 
 
 def test_what_this_side_has_asked_for_was_not_cancelled_by_others() -> None:

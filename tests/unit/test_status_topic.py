@@ -17,7 +17,7 @@ ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED = 1, 2, 3, 4, 5
 
 
 class World:
-    """A status topic with a queue of one message, and what is told of it."""
+    """A status topic, and what is told of it."""
 
     def __init__(self) -> None:
         self.thread = CommunicationThread()
@@ -119,11 +119,16 @@ def test_what_has_come_can_be_read_within_the_pause(world: World) -> None:
     assert world.told == [(OURS, ACCEPTED), (OURS, EXECUTING)]
 
 
-def test_of_several_messages_the_last_counts(world: World) -> None:
+def test_each_of_several_messages_counts(world: World) -> None:
+    """The second may be of another server, or no longer show that somebody cancels the goal."""
     world.watch.start()
-    world.queue = [status_array([(OURS, ACCEPTED)]), status_array([(OURS, EXECUTING)])]
+    world.queue = [
+        status_array([(OURS, CANCELING)]),
+        status_array([(THEIRS, EXECUTING)]),
+        status_array([(OURS, CANCELED)]),
+    ]
     world.watch.take_now()
-    assert world.told == [(OURS, EXECUTING)]
+    assert world.told == [(OURS, CANCELING), (OURS, CANCELED)]
 
 
 def test_it_may_be_stopped_by_what_it_tells(world: World) -> None:
