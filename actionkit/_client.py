@@ -284,7 +284,9 @@ class Client(Generic[ActionT_co]):
         """Follow a goal that another client, process or computer has sent, or an earlier run.
 
         Returns at once, and sends no goal. The future is like that of `call_async`: feedback,
-        state, result, timeline, `cancel()`. The timeline begins with what the server says now.
+        state, result, timeline, `cancel()`. The timeline begins with what the server says now. A
+        server of micro-ROS sends a result only to the client that asked last: if you attach to its
+        goal, the goal's sender gets none.
 
         Args:
             goal_id: The goal's id, as in `future.goal_id`, errors, logs and `actionkit watch`.

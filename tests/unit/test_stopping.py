@@ -81,6 +81,25 @@ def test_what_a_server_says_of_all_is_no_proof_about_one() -> None:
     assert exit_of(action) is Exit.CANCEL_REFUSED
 
 
+@pytest.mark.parametrize("servers", [1, 2])
+def test_a_goal_without_a_status_has_stopped_when_its_server_has_forgotten_it(servers: int) -> None:
+    """So servers of micro-ROS do, which show no status."""
+    action = Cancelling("/a", [ONE])
+    action.seen(["/server"] * servers)
+    assert action.to_ask_singly(0.0) == []
+    assert action.to_ask_singly(1.0) == [ONE]
+    action.take(CancelSaid(ONE, CancelAnswer.ACCEPTED), 1.1)
+    assert action.to_ask_singly(2.0) == []
+    assert action.to_ask_singly(2.2) == [ONE]
+    action.take(CancelSaid(ONE, CancelAnswer.TERMINATED), 2.3)
+    assert action.settle(2.4, over=False) == []
+    assert action.to_ask_singly(3.4) == [ONE]
+    action.take(CancelSaid(ONE, CancelAnswer.UNKNOWN_GOAL), 3.5)  # of two, it may be the other
+    assert [fate.cancel for fate in action.settle(9.0, over=True)] == [
+        "CONFIRMED" if servers == 1 else "UNKNOWN"
+    ]
+
+
 def test_a_server_that_says_nothing_may_have_goals() -> None:
     action = stopping()
     action.to_ask(0.0)
@@ -162,7 +181,8 @@ def test_an_error_is_no_consent() -> None:
     assert action.done  # asking again would tell nothing new
     assert exit_of(action) is Exit.CANCEL_UNKNOWN
     assert table([action])[-1] == (
-        "/a: 1 of 1 servers cannot, or will not, cancel all goals (return code 2, of /server)."
+        "/a: 1 of 1 servers cannot, or will not, cancel all goals (return code 2, of /server):"
+        " cancel each by its id."
         " GOALS MAY STILL BE RUNNING."
     )
     action.once_more()

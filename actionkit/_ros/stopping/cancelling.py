@@ -48,7 +48,9 @@ class _Target:
     """Whether it is being cancelled by its id."""
     answer: CancelAnswer | None = None
     since: float = 0.0
-    """When that answer came."""
+    """When that answer came, or it was asked again after that."""
+    forgotten: bool = False
+    """Whether the only server has agreed to cancel it, and no longer knows it."""
     consents: int = 0
     """How many answers say that it is being cancelled: each server that has it gives one."""
     fate: Fate | None = None
@@ -126,6 +128,8 @@ class Cancelling:
         self.answers += 1
         target = self._targets[said.goal_id]
         target.consents += said.answer is CancelAnswer.ACCEPTED
+        unknown = said.answer is CancelAnswer.UNKNOWN_GOAL
+        target.forgotten = unknown and target.consents > 0 and self._most <= 1
         if target.answer is None or _BEST.index(said.answer) < _BEST.index(target.answer):
             target.answer, target.since = said.answer, now
 
@@ -181,6 +185,19 @@ class Cancelling:
             target.singly = True
             target.asked = now if target.asked is None else target.asked
             new.append(goal_id)
+        return new + self._to_ask_again(now)
+
+    def _to_ask_again(self, now: float) -> list[str]:
+        """Return the goals that a server cancels without showing any status, as micro-ROS does.
+
+        When such a goal has ended, the server answers that it does not know it.
+        """
+        new = []
+        for goal_id, target in self._targets.items():
+            silent = goal_id not in self.board.goals and self._has_looked_long(now)
+            if silent and target.consents and now - target.since >= _AGAIN:
+                target.since = now
+                new.append(goal_id)
         return new
 
     def settle(self, now: float, *, over: bool) -> list[Fate]:
@@ -270,7 +287,8 @@ class Cancelling:
                 return ""  # servers in C++ answer to that with an error
             told = (
                 f"{self.missing} of {max(1, servers)} servers cannot, or will not, cancel all goals"
-                f" (return code {self._code}, of {', '.join(self.servers) or 'unknown nodes'})"
+                f" (return code {self._code}, of {', '.join(self.servers) or 'unknown nodes'}):"
+                " cancel each by its id"
             )
         return f"{self.name}: {told}. GOALS MAY STILL BE RUNNING."
 
@@ -295,8 +313,11 @@ def _running(
     if target.answer is CancelAnswer.REFUSED and not canceling and settled:
         return "REFUSED", "The server refused to cancel it. IT IS STILL RUNNING."
     unknown = target.answer is CancelAnswer.UNKNOWN_GOAL and row is None
-    if unknown and target.consents and settled:
-        return "CONFIRMED", "It was canceled, and its server has forgotten it."
+    if target.forgotten and row is None:
+        return (
+            "CONFIRMED",
+            "Its server agreed to cancel it, and no longer knows it: it has stopped.",
+        )
     if unknown and (over if may_come else settled):
         return "NO_SUCH_GOAL", "No server in sight knows it: it ended long ago, or never was here."
     if not over:
