@@ -113,6 +113,9 @@ def test_a_server_that_stands_still_is_out_of_sight_and_its_client_is_not(
     assert done.code == Exit.CANCEL_UNKNOWN, done
     assert numbers(done.out)["/n14"] == ["1", "1", "-", "-", "-"]
     assert "/n15: no server answered. GOALS MAY STILL BE RUNNING." in done.out
+    cancel = world.run_apart("cancel", "n15", "--all", "--server-timeout", "4")
+    assert cancel.code == Exit.CANCEL_UNKNOWN
+    assert "If its server hangs, GOALS MAY STILL BE RUNNING." in cancel.err
     still.resume()
     assert world.run_apart("stop", "--timeout", "9").code == Exit.OK
     assert world.run_apart("stop", "--release").code == Exit.OK

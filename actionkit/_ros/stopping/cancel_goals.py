@@ -113,11 +113,9 @@ def cancel_goals(
             done = all(by_name[name].done for name in cancellers)
             if last is not None and (done or (over(now) and now >= last)):
                 break
-    for seen in survey.actions().values() if least is None else ():
-        # A process that stands still is out of sight for one that comes later; its clients are not.
-        # A client of ours that merely waits for a server reads no status.
-        if seen.name not in by_name and seen.clients and survey.has_status_readers(seen.name):
-            actions.append(Cancelling(seen.name))
+    for name in survey.actions() if least is None else ():
+        if name not in by_name and survey.may_hide_goals(name):
+            actions.append(Cancelling(name))
 
 
 def _putter(inbox: queue.SimpleQueue[Any], action: Cancelling) -> Callable[[Any], None]:

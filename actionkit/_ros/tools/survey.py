@@ -101,9 +101,16 @@ class Survey:
             call(seen)
         return seen
 
-    def has_status_readers(self, name: str) -> bool:
-        """Return whether anybody reads the status of an action, as ours do while a goal runs."""
+    def may_hide_goals(self, name: str) -> bool:
+        """Whether an action without a server in sight may have goals.
+
+        A process that stands still is out of sight for one that comes later; its clients are not.
+        They read the status; a client of ours that merely waits for a server does not.
+        """
         topic = ActionNames.of(name).status
+        seen = self.actions().get(name)
+        if seen is None or seen.servers or not seen.clients:
+            return False
         return bool(self.runtime.node.get_subscriptions_info_by_topic(topic))
 
     def versions(self, name: str) -> list[graph.Versions]:

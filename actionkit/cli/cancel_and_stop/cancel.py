@@ -100,7 +100,12 @@ def command(
                 for fate in cancelling.settle(time.monotonic(), over=True):
                     _show(full, as_json, fate)
         if not cancelling.has_server:
-            return _no_server(survey, full)
+            code = _no_server(survey, full)
+            if survey.may_hide_goals(full):
+                text = "Programs that use it are. If its server hangs, GOALS MAY STILL BE RUNNING."
+                say(text, err=True)
+                code = Exit.CANCEL_UNKNOWN
+            return code
     if cancelling.unheard:
         say(cancelling.unheard, err=True)
     elif not cancelling.fates and not as_json:
@@ -108,11 +113,8 @@ def command(
     return exit_of(cancelling)
 
 
-def _no_server(survey: Survey, name: str) -> int:
-    actions = survey.actions()
-    say(f"Error: {nothing_there(name, actions)}", err=True)
-    if name in actions:  # it has clients
-        say("Programs that use it are. If its server hangs, GOALS MAY STILL BE RUNNING.", err=True)
+def _no_server(survey: Survey, name: str) -> Exit:
+    say(f"Error: {nothing_there(name, survey.actions())}", err=True)
     return Exit.NO_SERVER
 
 
