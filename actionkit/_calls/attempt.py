@@ -41,7 +41,6 @@ class AttemptLink(Protocol):
     def follow_goal(self, listener: Attempt) -> int: ...
     def leave_outbox(self, listener: Attempt) -> None: ...
     def sees_server_of(self, listener: Attempt) -> bool: ...
-    def server_is_gone(self, listener: Attempt) -> bool: ...
     def ask_result(self, listener: Attempt, *, supersedes_earlier: bool = False) -> None: ...
     def ask_cancel(self, listener: Attempt, *, urgent: bool) -> None: ...
     def stop_cancel(self, listener: Attempt) -> None: ...
@@ -110,11 +109,6 @@ class Attempt:
         """Whether one of our cancel requests may have cancelled the goal (C4.4)."""
         return self._cancels > 0
 
-    @property
-    def is_out_of_sight(self) -> bool:
-        """Whether no server that the goal was sent to is in sight."""
-        return self.goal.facts.lost and not self._link.sees_server_of(self)
-
     # --- the caller's wishes ---------------------------------------------------------------
 
     def send(self, message: Any) -> None:
@@ -137,7 +131,7 @@ class Attempt:
         effects = self.goal.give_up(why, self._now(), abandon=abandon)
         self._apply(effects)
         asked_before = not effects and why is CancelReason.CANCELLED
-        if asked_before and self._owner.urgent and not self.is_out_of_sight:
+        if asked_before and self._owner.urgent and not self.goal.facts.is_lost_with_server:
             self.cancel_again()  # before others: at Ctrl-C, rclpy's handler may close us first
 
     def cancel_again(self) -> None:
@@ -231,7 +225,6 @@ class Attempt:
         self._apply(self.goal.cancel_answered(answer, self._now(), asked_at=asked_at))
 
     def on_server_lost(self, reason: str) -> None:
-        self.goal.facts.gone = self._link.server_is_gone(self)
         self._apply(self.goal.server_lost(reason, self._now()))
         self._look_whether_lost(True)
         self._on_out_of_sight(self)

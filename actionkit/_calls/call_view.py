@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from actionkit._goal.facts import GoalFacts
 from actionkit._model.timeline import Recorder
-from actionkit._model.values import GoalFate, GoalReport, GoalState
+from actionkit._model.values import GoalReport, GoalState
 
 _KEPT = 100
 """How many goals that do not run any more a call keeps, for `Outcome.goals`."""
@@ -64,7 +64,7 @@ class GoalsOfCall:
     @property
     def gone(self) -> bool:
         """Whether each goal that may run was lost with a server that has left the graph."""
-        return all(goal.fate is GoalFate.LOST and goal.gone for goal in self._left)
+        return all(goal.is_lost_with_server for goal in self._left)
 
     def left(self) -> GoalsOfCall:
         """Return the goals that are not known to have stopped."""

@@ -141,7 +141,8 @@ def _lost(ending: Ending, call: ErrorContext) -> str:
     return (
         f"The server of action {call.action_name!r} was lost {_after(call)} into the"
         f" call, with goal {call.goal_id} in flight ({ending.lost_because}). Look for a crash in"
-        " the server's log, and at the network; what the goal did until then is not known."
+        " the server's log, for a second server of its name, and at the network; what the goal did"
+        " until then is not known."
     )
 
 

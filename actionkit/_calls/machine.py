@@ -50,8 +50,6 @@ class AttemptView(Protocol):
     goal: Goal
 
     @property
-    def is_out_of_sight(self) -> bool: ...
-    @property
     def cancel_is_ours(self) -> bool: ...
     def on_server_ready(self) -> None: ...
     def give_up(self, why: CancelReason, *, abandon: bool = False) -> None: ...
@@ -59,6 +57,9 @@ class AttemptView(Protocol):
     def fail(self, reason: str, error: BaseException) -> None: ...
 
 
+LONGEST_LEASE = 30.0
+"""Seconds until a process that has died has left the graph. After a crash, Fast DDS shows it for
+20 s."""
 _GIVEN_UP = (fx.End.CANCELLED_BY_CALLER, fx.End.CLOSED)
 _STOPPED = (fx.End.REJECTED, fx.End.ABORTED, fx.End.CANCELED_BY_OTHER)
 """How the server ends a goal that it replaces by another one."""
@@ -103,6 +104,8 @@ class CallMachine:
         self._server_limit = server_limit
         self._deadline = deadline
         self._wait_until: float | None = None  # for a server
+        self._gone_by = 0.0  # for the server of an earlier goal to leave
+        self._held_up = False  # a server is ready, and an earlier goal may run
         self._new_id = new_id
         self._replacement: CallMachine | None = None  # the call that replaces this one
         self.previous: AttemptView | None = None  # the last attempt that has ended
@@ -126,8 +129,9 @@ class CallMachine:
     def _allows_another(self, earlier: AttemptView) -> bool:
         if self._resend == "always":
             return True
-        if not earlier.goal.facts.is_over:
-            return self._resend == "server_gone" and earlier.is_out_of_sight
+        facts = earlier.goal.facts
+        if not facts.is_over:
+            return self._resend == "server_gone" and facts.is_lost_with_server
         # A goal that ended by itself is not sent again while its result may come (C4.3).
         ended_as = earlier.goal.awaits_result_of
         return ended_as is None or (ended_as is GoalState.CANCELED and earlier.cancel_is_ours)
@@ -219,6 +223,9 @@ class CallMachine:
     def _await_server(self, now: float) -> list[cx.Effect]:
         self.phase = Phase.WAITING
         self._wait_until = None if self._server_limit is None else now + self._server_limit
+        # Not `Timeouts.server`, which is for the time without any server.
+        self._gone_by = self._deadline or max(now + LONGEST_LEASE, self._wait_until or now)
+        self._held_up = False
         return [cx.AwaitServer(self._wait_until)]
 
     def server_ready(self) -> list[cx.Effect]:
@@ -230,7 +237,8 @@ class CallMachine:
 
     def server_lost(self, now: float) -> list[cx.Effect]:
         """No server is ready any more; the goal may be in the queue."""
-        return self._await_server(now) if self.phase is Phase.QUEUED else []
+        held_up = self.phase is Phase.WAITING and self._held_up
+        return self._await_server(now) if held_up or self.phase is Phase.QUEUED else []
 
     def type_mismatch(self, served: tuple[str, ...]) -> list[cx.Effect]:
         """The name is served with other types only."""
@@ -246,7 +254,9 @@ class CallMachine:
             return self.give_up(CancelReason.CANCELLED)
         if self._is_late(now) or not self.may_send():
             self.phase = Phase.WAITING
-            return [cx.AwaitServer(self._wait_until, another=True)]
+            self._held_up = not all(each.goal.facts.is_over for each in self.earlier)
+            until = self._gone_by if self._held_up else self._wait_until
+            return [cx.AwaitServer(until, another=True)]
         self.phase = Phase.TRYING
         return [cx.Send()]
 
@@ -270,6 +280,7 @@ class CallMachine:
         if self.previous is not None and (in_flight or not late):
             self.goal_id = self.previous.goal_id
         ending = fx.Ending(fx.End.NO_SERVER, GoalState.TIMED_OUT, given_up=True)
+        ready |= self._held_up
         ending = after_no_server(ending, self._last, self._server_limit, late, ready, in_flight)
         return effects + (self._end if late or self._last is None else self._plan)(ending)
 

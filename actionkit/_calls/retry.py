@@ -52,10 +52,14 @@ def after_no_server(
         return replace(ending, end=End.DEADLINE, phase="server")
     if last is None:
         return ending
-    why = f"no server was ready within {limit:g} s"
-    if ready:
-        why = "a server is there, but has not said whether the earlier goal still runs"
     news = last.news if in_flight else LastNews.STOPPED
+    if not ready:
+        why = f"no server was ready within {limit:g} s"
+    elif in_flight:
+        news = LastNews.NOTHING
+        why = "the server of an earlier goal is still there, so it may be alive"
+    else:
+        why = "a server is there, but the result of an earlier goal has not come"
     return replace(last, news=news, not_retried=why)
 
 
@@ -85,7 +89,9 @@ def plan(
         return GiveUp(f"a pause of {seconds:.2g} s would have crossed the deadline")
     if not may_try_again(ending.rejected, ending.news, resend):
         gone = ending.news is LastNews.SERVER_GONE and resend == "confirmed_stopped"
-        hint = "; resend='server_gone' tries again after that" if gone else ""
+        hint = (
+            "; resend='server_gone' tries again when its server has left the graph" if gone else ""
+        )
         return GiveUp(f"the goal may still run, or have run (resend={resend!r}{hint})")
     if not budget.allows_retry:
         return GiveUp(f"the retry budget forbids it ({budget!r})")

@@ -35,7 +35,7 @@ class LastNews(Enum):
     UNKNOWN_TO_SERVER = auto()
     """The server that it was sent to does not know it, but may still accept it (R6)."""
     SERVER_GONE = auto()
-    """The server that had it is out of sight."""
+    """It was lost: its server is gone, or seems so."""
     STOPPED = auto()
     """It does not run and never will."""
 

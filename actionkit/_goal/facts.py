@@ -18,7 +18,7 @@ class GoalFacts:
 
     goal_id: uuid.UUID
     servers: int = 1  # how many may have got the one request for it; nearly always one
-    away: int = 0  # how many of these are out of sight
+    away: int = 0  # how many of these have left the graph
     noes: int = 0  # rejections
     yeses: int = 0  # acceptances: each is from a server that runs the goal, or did
     accepted: bool = False  # a server has shown that it has the goal
@@ -27,10 +27,8 @@ class GoalFacts:
     rejected: bool = False  # it is over for its caller because a server rejected it
     over: bool = False  # each server that may have got it is known not to run it
     given_up: bool = False  # its caller gave up on it before it was over for the caller
-    lost: bool = False  # the server that it was sent to is out of sight
-    gone: bool = False
-    """When the goal was lost, that server had left the graph: it was not just silent, and not
-    merely assumed to be replaced by another one."""
+    lost: bool = False  # its server seems to be gone, which may be a guess
+    gone: bool = False  # each server that may run it has left the graph, which is a fact
     left: bool = False  # nobody tracks it any more
     refused: bool = False  # the server refused the last cancel request
     told: bool = False  # the user was told that it may run
@@ -59,6 +57,15 @@ class GoalFacts:
         another. Other code asks `known_to_run`, which leaves out what is only a guess.
         """
         return self.over or not (self.accepted or self.noes < self.servers)
+
+    @property
+    def is_lost_with_server(self) -> bool:
+        """Whether it was lost, and its servers have left the graph: nobody may ever hear of it.
+
+        A server that is only silent, or only seems to have been replaced, may go on with it. So
+        call, leaf and toolbox look here, and not at `lost`, before they send another goal.
+        """
+        return self.lost and self.gone and not self.left
 
     @property
     def may_run(self) -> bool:

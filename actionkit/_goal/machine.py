@@ -264,10 +264,12 @@ class Goal(CancellableGoal):
     # --- several servers on one name -------------------------------------------------------
 
     def servers_changed(self, servers: int, away: int) -> list[fx.Effect]:
-        """Another server may have got the goal, too, or one of several left or came back."""
-        gone = away > self.facts.away
-        self.facts.servers, self.facts.away = max(servers, self.facts.yeses), away
-        if gone and self.stage in (Stage.ACCEPTED, Stage.ELSEWHERE):
+        """Another server may have got the goal, too, or one left the graph or came back."""
+        facts, more = self.facts, away > self.facts.away
+        stays = facts.gone and away >= facts.away  # those that are there do not have it: `_gone`
+        facts.servers, facts.away = max(servers, facts.yeses), away
+        facts.gone = stays or away >= facts.servers
+        if more and facts.servers > 1 and self.stage in (Stage.ACCEPTED, Stage.ELSEWHERE):
             return [fx.AskResult(anew=True)]
         return []
 

@@ -105,9 +105,12 @@ class RetryPolicy:
         jitter: The random share of each pause, 0 to 1.
         resend: When another goal may follow a goal that may have reached the server:
             `"never_accepted"` only if every server rejected it, `"confirmed_stopped"` also if it is
-            known to have stopped, `"server_gone"` also if its server is out of sight (a server
-            that only hangs or is cut off may still run it), `"always"` even if a server in sight
-            may still run it.
+            known to have stopped, `"server_gone"` also if its server has left the graph (one that
+            is only cut off may still run it), `"always"` even if a server in sight may still run
+            it. With `"server_gone"`, a call whose server is silent, or seems to have been
+            restarted, waits for that until its deadline; without a deadline, 30 seconds, or
+            `Timeouts.server` if that is longer. A process that was killed leaves the graph after
+            its lease: 20 seconds with Fast DDS.
         stop: A tenacity stop strategy, used instead of `attempts`.
         wait: A tenacity wait strategy, used instead of the pauses.
 

@@ -169,10 +169,6 @@ class Link:
         """Whether a server that the goal was sent to is in sight."""
         return self.monitor.sees_server_of(listener.goal_id.bytes)
 
-    def server_is_gone(self, listener: GoalListener) -> bool:
-        """Whether no server that may ever have had the goal is in sight."""
-        return self.monitor.server_is_gone(listener.goal_id.bytes)
-
     def ask_result(self, listener: GoalListener, *, supersedes_earlier: bool = False) -> None:
         """Ask for the goal's result.
 

@@ -46,9 +46,9 @@ _FAILURES: dict[type[BaseException], tuple[str, str, str]] = {
     ),
     ServerLostError: (
         "lost",
-        "the server of the action {action} went out of sight while it had the goal; what it has"
-        " done is not known",
-        "The server went away while it worked; look at the state of the robot before going on.",
+        "the server of the action {action} is gone or silent, or was restarted or started twice,"
+        " and it had the goal; what it has done is not known",
+        "The goal may still be running; look at the state of the robot before going on.",
     ),
     GoalRejectedError: (
         "rejected",

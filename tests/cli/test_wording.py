@@ -66,14 +66,15 @@ def test_no_python_is_left_in_the_texts_of_errors() -> None:
     left = {text for text in texts if PYTHON.search(in_options(text))}
     left = {text for text in left if "It was to replace an earlier goal" not in text}
     # That, and a strategy of a user, the command line never has; and a part of a replaced text.
-    assert left == {"`RetryPolicy.?=?`", "; resend='server_gone' tries again after that"}
+    hint = "; resend='server_gone' tries again when its server has left the graph"
+    assert left == {"`RetryPolicy.?=?`", hint}
 
 
 def test_what_an_error_quotes_is_no_python_either() -> None:
     budget = f"It was not tried again: the retry budget forbids it ({RetryBudget()!r}). Goal 1."
     assert in_options(budget) == "It was not tried again: too many attempts failed. Goal 1."
-    resend = "have run (resend='confirmed_stopped'; resend='server_gone' tries again after that)."
-    assert in_options(resend) == "have run."
+    hint = "resend='server_gone' tries again when its server has left the graph"
+    assert in_options(f"have run (resend='confirmed_stopped'; {hint}).") == "have run."
 
 
 @pytest.mark.parametrize("python", _WORDS)

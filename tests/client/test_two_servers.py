@@ -5,15 +5,22 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 import time
+import uuid
 
 import pytest
 
 import actionkit as ak
 from actionkit import CancelReport, GoalFate, GoalState, RetryPolicy, Timeouts, retry_aborted
+from actionkit._ros.servers.monitor import _IN_SIGHT_WITHIN
+from actionkit.servers import _process
 from tests.conftest import NEVER, all_is_logged, runs_nothing
+from tests.waiting import until
 
 ONCE = RetryPolicy.none()
+PATIENT = Timeouts(server=30.0, accept=20.0)
 
 
 def sees(client, servers: int) -> bool:
@@ -121,3 +128,46 @@ def test_what_one_of_two_servers_has_stopped_may_run_on_the_other(action_server,
     slow.release()
     slow.wait_for("canceled")
     assert all(map(runs_nothing, (quick, slow)))
+
+
+BUSY = """
+import os, sys
+import rclpy
+from rclpy.action import ActionServer
+from test_msgs.action import Fibonacci
+
+def execute(handle):
+    print(bytes(handle.goal_id.uuid).hex(), flush=True)
+    sys.stdin.readline()  # it has no other thread
+    server.destroy()
+    os._exit(0)
+
+rclpy.init()
+node = rclpy.create_node(sys.argv[1])
+server = ActionServer(node, Fibonacci, "fibonacci", execute)
+print("up", flush=True)
+rclpy.spin(node)
+"""
+
+
+def test_nothing_is_sent_while_a_server_that_seems_replaced_is_there(
+    run_script, action_server, make_client, monkeypatch
+):
+    """Its silence, and the name of the second one, are a guess: it was started twice (C4.2)."""
+    monkeypatch.setattr(_process, "_instances", itertools.repeat("twice"))
+    first = run_script(BUSY, f"reference_server_{os.getpid()}_twice")
+    assert first.line() == "up"
+    policy = RetryPolicy(initial=0.05, jitter=0.0, resend="server_gone")
+    client = make_client(retry=policy, timeouts=PATIENT)
+    future = client.call_async({"order": 1}, timeout=60)
+    busy = str(uuid.UUID(first.line()))
+    NEVER.wait(2 * _IN_SIGHT_WITHIN)  # one that comes sooner may have got the goal, too
+    second = action_server("fibonacci")
+    second.wait_for("cancel_requested", goal_id=busy, count=2, timeout=20)
+    until(lambda: future._call.machine._held_up)
+    assert (future.state, second.count("goal_received")) == (GoalState.SENDING, 0)
+    (lost,) = (event for event in future.timeline if event.state is GoalState.LOST)
+    assert lost.detail.startswith("it was restarted, or started twice")
+    assert first.finish()[0] == 0
+    assert len(future.result(20).sequence) == 2
+    assert future.outcome().attempts == 2

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
+import os
+from typing import Any
+
 import pytest
 from py_trees.common import Status
 from test_msgs.action import Fibonacci
 
-from actionkit import Timeouts
+from actionkit import RetryPolicy, Timeouts
+from actionkit._ros.servers.monitor import _IN_SIGHT_WITHIN
+from actionkit.servers import _process
 from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour
+from tests.client.test_two_servers import BUSY
+from tests.conftest import NEVER
 from tests.trees.conftest import BOUND, MakeClient, Place
 
 
@@ -109,6 +117,30 @@ def test_a_goal_of_a_server_that_is_only_silent_holds_up_the_next(
     server.wait_for("canceled", goal_id=str(lost.goal_id))
     tick_until(leaf, lambda: leaf.future is not None and leaf.future.known_to_run, BOUND)
     assert server.max_running == 1
+
+
+@pytest.mark.long
+def test_so_does_that_of_a_busy_server_that_was_started_twice(
+    run_script: Any, action_server: Any, make_client: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_process, "_instances", itertools.repeat("twice"))
+    first = run_script(BUSY, f"reference_server_{os.getpid()}_twice")
+    assert first.line() == "up"
+    policy = RetryPolicy(attempts=1, resend="server_gone")
+    leaf = ActionBehaviour("a", make_client(retry=policy), {"order": 1})
+    tick_until(leaf, lambda: leaf.future.known_to_run, BOUND)
+    lost = leaf.future
+    NEVER.wait(2 * _IN_SIGHT_WITHIN)  # one that comes sooner may have got the goal, too
+    second = action_server("fibonacci")
+    tick_until(leaf, Status.FAILURE, BOUND)
+    assert "it was restarted, or started twice" in leaf.feedback_message
+    leaf.tick_once()
+    assert leaf.future is None
+    assert f"waits for news of the earlier goal {lost.goal_id}" in leaf.feedback_message
+    assert first.finish()[0] == 0
+    tick_until(leaf, Status.SUCCESS, BOUND)
+    second.sync()
+    assert second.count("goal_received") == 1
 
 
 def test_its_time_includes_the_wait_for_the_earlier_goal(

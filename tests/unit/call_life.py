@@ -122,10 +122,7 @@ class Link:
 
     def sees_server_of(self, listener: Attempt) -> bool:
         goal = self.life.goals.get(listener.goal_id.bytes)
-        return goal is not None and goal.server in self.in_sight
-
-    def server_is_gone(self, listener: Attempt) -> bool:
-        return not self.sees_server_of(listener)
+        return goal is not None and self.life.may_have_it(goal)
 
     def ask_result(self, listener: Attempt, *, supersedes_earlier: bool = False) -> None:
         if listener.goal_id.bytes in self.listeners:
@@ -193,6 +190,7 @@ class CallLife:
             timeouts["result"] = None
         self.timeouts = Timeouts(**timeouts)  # type: ignore[arg-type]
         self.settled = self.finishes = self.servers = 0
+        self.seem_replaced: set[int] = set()
         self.wanted, self.closed, self.abandon, self.broke = True, False, False, False
         self.cancelled_by_others = False
         with self.patched():
@@ -320,12 +318,18 @@ class CallLife:
 
     def _new_server(self) -> None:
         self.servers += 1
-        self.link.in_sight = {self.servers}
+        self._in_sight({self.servers})
+
+    def _in_sight(self, servers: set[int]) -> None:
+        self.link.in_sight = servers
+        for key, listener in list(self.link.listeners.items()):
+            away = not self.is_in_sight(self.goals[key])
+            self.does(listener.on_servers_changed, 1, int(away))
 
     def back(self) -> None:
         """The server that was the last to go was only out of reach, and can be talked to again."""
         if self.servers and not self.link.in_sight:
-            self.link.in_sight = {self.servers}
+            self._in_sight({self.servers})
             for goal in self.goals.values():
                 # It may have the request, and take it yet; what it took, it may have lost.
                 goal.lost = goal.lost and (goal.accepted or goal.server != self.servers)
@@ -359,7 +363,7 @@ class CallLife:
     def gone(self) -> None:
         """All servers are gone."""
         self.link.ready = False
-        self.link.in_sight = set()
+        self._in_sight(set())
         self.does(self._tell_lost, everybody=True)
 
     def restarted(self) -> None:
@@ -368,12 +372,32 @@ class CallLife:
         self.does(self._tell_lost, everybody=False)
         self._ready()
 
+    def twice(self) -> None:
+        """Another server of the same name comes, and the first, which stays, is silent."""
+        if self.link.in_sight:
+            self.seem_replaced |= self.link.in_sight
+            self.servers += 1
+            self._in_sight(self.link.in_sight | {self.servers})
+            self.does(self._tell_lost, everybody=False)
+            self._ready()
+
+    def first_leaves(self) -> None:
+        """All servers but the last one that came leave the graph."""
+        if len(self.link.in_sight) > 1:
+            self._in_sight({self.servers})
+            self.does(self._tell_lost, everybody=False)
+
+    def may_have_it(self, goal: OnServers) -> bool:
+        """Whether the server that a goal was sent to is there, and does not seem replaced."""
+        return self.is_in_sight(goal) and goal.server not in self.seem_replaced
+
     def _tell_lost(self, *, everybody: bool) -> None:
         for key, listener in list(self.link.listeners.items()):
-            self.goals[key].lost = self.goals[key].may_run
-            listener.on_server_lost("gone")
+            if not self.may_have_it(self.goals[key]):
+                self.goals[key].lost = self.goals[key].may_run
+                listener.on_server_lost("gone")
         if everybody:
-            for waiter in list(self.link.queue.values()):
+            for waiter in [*self.link.queue.values(), *self.link.awaiting]:
                 waiter.on_server_lost("gone")
 
     def busy(self, busy: bool) -> None:
@@ -428,7 +452,7 @@ class CallLife:
         goal, listener = found
         goal.results_answered += 1
         if state is None:
-            goal.may_run = goal.may_run and not (goal.accepted and self.is_in_sight(goal))
+            goal.may_run = goal.may_run and not (goal.accepted and self.may_have_it(goal))
             self.does(listener.on_result, None, None, self.clock)
             return
         self._lives(goal)
@@ -447,7 +471,7 @@ class CallLife:
         goal.cancels_answered += 1
         if answer is CancelAnswer.UNKNOWN_GOAL:
             goal.cancels_in_vain += 1
-            goal.may_run = goal.may_run and not (goal.lost and self.is_in_sight(goal))
+            goal.may_run = goal.may_run and not (goal.lost and self.may_have_it(goal))
             # It is asked again: it may know the goal by then.
             self.timers.arm(self.clock + 1.0, lambda: self.link.ask_cancel(listener, urgent=False))
         else:

@@ -79,21 +79,18 @@ class Attempt:
     def __init__(self, goal_id: uuid.UUID, goal: Goal, number: int) -> None:
         self.goal_id, self.goal, self.number = goal_id, goal, number
         self.sent_to: frozenset[int] = frozenset()
+        self.given_to: frozenset[int] = frozenset()
+        """Those, and the servers that seem to have been replaced."""
         self.told_end: frozenset[int] = frozenset()
         """The servers that have told its end."""
         self.shown: frozenset[int] = frozenset()
         """The servers that have answered that they accept it."""
         self.timers: frozenset[fx.Timer] = frozenset()
         self.asked = self.released = False
-        self.in_sight: frozenset[int] = frozenset()
 
     @property
     def cancel_is_ours(self) -> bool:
         return self.asked
-
-    @property
-    def is_out_of_sight(self) -> bool:
-        return self.goal.facts.lost and not self.sent_to & self.in_sight
 
     def key(self, truth: Any) -> tuple[Any, ...]:
         if self.released:
@@ -104,7 +101,7 @@ class Attempt:
             if name not in UNIMPORTANT
         ]
         facts = astuple(self.goal.facts)[1:]
-        mine = tuple(v for n, v in vars(self).items() if n not in ("goal_id", "goal", "in_sight"))
+        mine = tuple(v for n, v in vars(self).items() if n not in ("goal_id", "goal"))
         return (*fields, facts, mine, tuple(map(tuple, truth)))
 
 
@@ -130,6 +127,7 @@ class World:
         self.grace = self.closed = self.late = False
         self.expired = False  # the timer of the deadline has fired
         self.settled, self.returns = 0, returns
+        self.guesses = 1  # how often a server may be taken for restarted
         self.told_success = False  # a success was told, and nobody has judged it so far
         self.replacement: Replacement | None = None
         self.replaced_in_time = False  # before its goal had ended
@@ -166,7 +164,7 @@ class World:
         nothing = [[0, NO]] * len(self.servers)
         goals = tuple(each.key(self.truth.get(each.goal_id, nothing)) for each in self.attempts)
         if m.phase is Phase.ENDED:
-            return self.settled, self.returns, goals, tuple(self.servers)
+            return self.settled, self.returns, self.guesses, goals, tuple(self.servers)
         ended = m.ending and (m.ending.end, m.ending.may_run != ())
         last = m._last and m._last.end
         asked = self.asked and (self.asked.end, self.asked.rejected, self.asked.news)
@@ -180,7 +178,14 @@ class World:
             self.replacement,
         )
         waits = (self.pause, self.awaiting, self.queued, m._wait_until, self.hurried)
-        told = (self.settled, self.returns, self.ended_well, self.waited, self.had_server)
+        told = (
+            self.settled,
+            self.returns,
+            self.guesses,
+            self.ended_well,
+            self.waited,
+            self.had_server,
+        )
         told += (self.replaced_in_time,)
         rest = (m.attempts, waits, told)
         return m.phase, ended, last, asked, flags, rest, goals, tuple(self.servers)
@@ -233,7 +238,7 @@ class World:
             elif isinstance(effect, fx.Disarm):
                 attempt.timers -= {effect.timer}
             elif isinstance(effect, fx.AskCancel):
-                attempt.asked |= bool(attempt.sent_to)
+                attempt.asked |= bool(attempt.given_to)
             elif isinstance(effect, fx.Settle):
                 attempt.timers = frozenset()
                 if attempt is self.m.attempt:
@@ -303,6 +308,8 @@ class World:
             if state == UP:
                 yield "hangs", s
                 yield "dies", s
+                if self.guesses and len(self.up) > 1 and self.attempts:
+                    yield "seems restarted", s
             elif state == ABSENT or (state == HUNG and self.returns):
                 yield "comes", s
             if state in (UP, HUNG):
@@ -339,8 +346,6 @@ class World:
 
     def happens(self, event: str, arg: Any) -> None:
         m = self.m
-        for each in self.attempts:
-            each.in_sight = self.up
         if event == "timer":
             attempt, timer = self.number(arg[0]), arg[1]
             attempt.timers -= {timer}
@@ -396,6 +401,8 @@ class World:
                     self.ready(each)
         elif event in ("hangs", "dies", "comes"):
             self.at_graph(event, arg)
+        elif event == "seems restarted":
+            self.seems_restarted(arg)
         else:
             self.at(event, *arg)
 
@@ -416,7 +423,7 @@ class World:
         m = self.m
         goal = Goal(m.goal_id, Timeouts(feedback=3.0, result=None))
         made = Attempt(m.goal_id, goal, m.attempts)
-        made.in_sight = made.sent_to = self.up
+        made.given_to = made.sent_to = self.up
         self.attempts.append(made)
         m.sent(made)
         self.apply(made, goal.attached(self.now, len(self.up), left_alone=self.left_alone))
@@ -455,7 +462,7 @@ class World:
             truth[s][0] += 1
         goal = Goal(m.goal_id, Timeouts(feedback=3.0, result=None))
         made = Attempt(m.goal_id, goal, m.attempts)
-        made.in_sight = made.sent_to = self.up
+        made.given_to = made.sent_to = self.up
         self.attempts.append(made)
         m.sent(made)
         self.apply(made, goal.sent(self.now, len(made.sent_to)))
@@ -466,20 +473,17 @@ class World:
         self.servers[s] = {"hangs": HUNG, "dies": DEAD, "comes": UP}[event]
         up = self.up
         self.had_server |= bool(up)
-        for each in self.attempts:
-            each.in_sight = up
         if event == "dies":
             for goal in self.truth.values():
                 goal[s][:] = [0, STOPPED if goal[s] != [0, NO] else NO]
         for each in list(self.attempts):
             if each.released:
                 continue
-            if len(each.sent_to) > 1:
-                away = len(each.sent_to - up)
-                self.apply(each, each.goal.servers_changed(len(each.sent_to), away))
+            servers, away = len(each.given_to), len(each.given_to - up)
+            self.apply(each, each.goal.servers_changed(servers, away))
             if event == "comes":
                 self.ready(each)
-            elif s in each.sent_to & before and not each.sent_to & up:
+            elif s in each.given_to & before and not each.sent_to & up:
                 self.apply(each, each.goal.server_lost("gone", self.now))
                 self.over()
                 if up:
@@ -488,6 +492,16 @@ class World:
             self.do(self.m.server_ready())
         elif self.queued and not up:
             self.do(self.m.server_lost(self.now))
+
+    def seems_restarted(self, s: int) -> None:
+        """It is busy, and the other servers on nodes of its name answer."""
+        self.guesses -= 1
+        for each in list(self.attempts):
+            if not each.released and each.sent_to & self.up == {s}:
+                each.sent_to -= {s}
+                self.apply(each, each.goal.server_lost("it seems restarted", self.now))
+                self.over()
+                self.apply(each, each.goal.server_ready(self.now))
 
     def at(self, event: str, key: uuid.UUID, s: int) -> None:
         truth, now = self.truth[key][s], self.now

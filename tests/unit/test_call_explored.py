@@ -85,7 +85,7 @@ MUTANTS = {
     "a goal waits for its turn while no server is there": (
         CallMachine,
         "server_lost",
-        "self._await_server(now) if self.phase is Phase.QUEUED else []",
+        "self._await_server(now) if held_up or self.phase is Phase.QUEUED else []",
         "[]",
     ),
     "a server that is there is waited for": (
@@ -145,7 +145,13 @@ MUTANTS = {
     "a goal is sent while the server of an earlier one is in sight": (
         CallMachine,
         "_allows_another",
-        " and earlier.is_out_of_sight",
+        " and facts.is_lost_with_server",
+        "",
+    ),
+    "a guess that a server was restarted lets a goal be sent": (
+        GoalFacts,
+        "is_lost_with_server",
+        " and self.gone",
         "",
     ),
     "a goal is sent while the result of an earlier one may come": (

@@ -32,7 +32,10 @@ def event(name: str, *arguments: Any) -> st.SearchStrategy[Event]:
     return st.tuples(st.just(name), *arguments)
 
 
-servers = [event("ready"), event("settling"), event("gone"), event("back"), event("restarted")]
+servers = [
+    *(event("ready"), event("settling"), event("gone"), event("back"), event("restarted")),
+    *(event("twice"), event("first_leaves")),
+]
 answers = [
     event("accepted", which),
     event("rejected", which),
@@ -500,11 +503,37 @@ def test_a_call_without_any_time(ready: bool) -> None:
     assert life.sends == 0
 
 
-def test_a_server_that_is_there_and_says_nothing_of_the_earlier_goal() -> None:
-    life = lived([*LOST, *PAUSE, ("back",), ("wait", 11.0)])
+@pytest.mark.parametrize("limit", [5.0, None])
+@pytest.mark.parametrize("there", ["back", "twice"])
+def test_the_server_of_a_lost_goal_may_leave_until_the_longest_lease_is_over(
+    there: str, limit: float | None
+) -> None:
+    """That takes longer than `Timeouts.server`, which is for the wait for any server."""
+    gone = [("gone",)] if there == "back" else []
+    life = lived([*RUNNING, *gone, (there,), *PAUSE, ("wait", 29.0)], server=limit)
+    assert (life.done, life.sends) == (False, 1)
+    life.wait(2.0)
     assert type(life.outcome.error) is errors.ServerLostError
-    assert "has not said whether the earlier goal still runs" in str(life.outcome.error)
-    assert (life.sends, life.outcome.attempts) == (1, 3)
+    assert "the server of an earlier goal is still there" in str(life.outcome.error)
+    assert (life.sends, life.outcome.attempts) == (1, 2)
+
+
+@pytest.mark.parametrize("then", ["leaves", "deadline", "all leave"])
+def test_it_is_waited_for_until_the_deadline(then: str) -> None:
+    life = lived([*RUNNING, ("twice",), *PAUSE, ("wait", 60.0)], timeout=90.0)
+    assert (life.done, life.sends) == (False, 1)
+    if then == "leaves":
+        life.first_leaves()
+        assert life.sends == 2
+    elif then == "deadline":
+        life.wait(31.0)
+        assert type(life.outcome.error) is errors.DeadlineExceededError
+    else:
+        life.gone()
+        life.wait(6.0)
+        assert life.call.machine.attempts == 3  # no server is there: `Timeouts.server` counts again
+        life.ready()
+        assert life.sends == 2
 
 
 def test_a_server_that_comes_back_later_than_it_is_waited_for_once_is_tried() -> None:

@@ -21,7 +21,7 @@ from actionkit._ros.native import RCLError
 from actionkit._ros.runtime import Runtime
 from actionkit._ros.servers.liveness import Liveness
 from actionkit._ros.servers.readiness import UNNAMED, ServerReadiness
-from actionkit._ros.servers.restarts import RestartDetector
+from actionkit._ros.servers.restarts import SEEMS_REPLACED, RestartDetector
 from actionkit._ros.servers.way_back import WayBack
 from actionkit._threads.clock import TimerGroup
 from actionkit._threads.diagnostics import log_later
@@ -169,11 +169,6 @@ class ServerMonitor:
         goal = self._goals.get(key)
         return goal is not None and bool(goal.sent_to & self.readiness.servers)
 
-    def server_is_gone(self, key: bytes) -> bool:
-        """Whether all servers that may have got the goal are out of sight."""
-        goal = self._goals.get(key)
-        return goal is not None and not goal.given_to & self.readiness.servers
-
     def may_be_elsewhere(self, key: bytes) -> bool:
         """Whether another server may have the goal if one says that it does not know it."""
         return self.sees_server_of(key) and self.readiness.count > 1
@@ -197,7 +192,7 @@ class ServerMonitor:
             return
         gone, self._doubted = self._doubted - self.readiness.servers, frozenset()
         if gone:
-            self._tell_of_several()
+            self._tell_who_has_them()
             self._lose_all(gone)
 
     # --- what is seen ----------------------------------------------------------------------
@@ -277,7 +272,7 @@ class ServerMonitor:
         Other servers know nothing about goals that were lost with their own server.
         """
         for listener, goal in self._sent_goals():
-            if goal.servers or goal.sent_to & self.readiness.servers:
+            if goal.servers or goal.given_to & self.readiness.servers:
                 listener.on_server_ready()
 
     def _on_mismatch(self, served: tuple[str, ...]) -> None:
@@ -295,16 +290,16 @@ class ServerMonitor:
         held = self._timers.now() < self._held_until
         if held:
             self._doubted |= gone
-        self._tell_of_several()
+        self._tell_who_has_them()
         if gone and not held:
             self._lose_all(gone)
 
-    def _tell_of_several(self) -> None:
-        """For goals that several servers may have, tell how many of these are out of sight."""
-        present = self.readiness.servers | self._doubted | UNNAMED
+    def _tell_who_has_them(self) -> None:
+        """Tell the goals how many servers may have them, and how many of these have left."""
+        servers = self.readiness.servers
+        present = servers | self._doubted | (UNNAMED if servers else frozenset())
         for listener, goal in self._sent_goals():
-            if len(goal.given_to) > 1:
-                listener.on_servers_changed(len(goal.given_to), len(goal.given_to - present))
+            listener.on_servers_changed(len(goal.given_to), len(goal.given_to - present))
 
     def _lose_all(self, gone: frozenset[bytes]) -> None:
         reason = "its action server is gone"
@@ -314,7 +309,7 @@ class ServerMonitor:
                 # A goal that another client has sent may be on a server that came later.
                 listener.on_server_ready()
         if not self.readiness.servers:
-            for waiter in self._queued():
+            for waiter in [*self._queued(), *self._awaiting]:
                 waiter.on_server_lost(reason)
             self._way_back.stop()
             self._look()  # for listeners that waited for an answer
@@ -346,7 +341,7 @@ class ServerMonitor:
             replaced = frozenset(gid for gid in goal.servers if nodes.get(gid) in newer)
             if replaced:
                 goal.sent_to -= replaced
-                self._lose(listener, goal, replaced, "another server of its name answers")
+                self._lose(listener, goal, replaced, SEEMS_REPLACED)
                 if self.readiness.ready:
                     listener.on_server_ready()  # the new one can say whether it knows the goal
         if "" in nodes.values() and self._goals:

@@ -4,8 +4,9 @@ After a restart the middleware shows two servers for up to 20 s: the new one, an
 its lease runs out. Two live servers look the same. But their answers differ: every live server
 answers a probe, so two live servers give two answers, and a live and a dead one give one answer.
 
-A server that is alive but busy does not answer either (C5.5). So silence alone is not a proof: the
-monitor also checks that the new server is on a node of the same name.
+A server that is alive but busy does not answer either (C5.5). So the monitor also checks that the
+new server is on a node of the same name. Even that is a guess: a server may have been started twice
+while it is busy. So it ends the wait for a goal, but lets no other one be sent (C4.2).
 """
 
 from __future__ import annotations
@@ -15,6 +16,11 @@ from collections.abc import Callable
 
 from actionkit._threads.clock import Timers
 
+SEEMS_REPLACED = (
+    "it was restarted, or started twice: a server on a node of the same name answers, and it does"
+    " not"
+)
+"""Why a goal is lost, as users read it."""
 _PROBES = 3
 """A second server that answers one of these is noticed; the other answers may get lost."""
 _PERIOD = 0.2

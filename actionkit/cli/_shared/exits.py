@@ -25,7 +25,7 @@ class Exit(IntEnum):
     NO_SERVER = 14, "No server was ready in the time there was; nothing was sent."
     SERVER_LOST = (
         15,
-        "The server went away, or was restarted, with the goal in flight, which may still be"
+        "The server went away, or seems restarted, with the goal in flight, which may still be"
         " running.",
     )
     TYPE_MISMATCH = 16, "The action is served with another type; nothing was sent."
