@@ -39,7 +39,7 @@ CHILDREN = tuple(
     for end in ("returns", "raises", "exits", "pool")
 )
 """How the children of a program are made, and how they end: see `tests.soak.children`."""
-_BEYOND_LEASE = 24.0
+BEYOND_LEASE = 24.0
 """Seconds after which the middleware drops a server that hangs; it does so after about 20."""
 STAYS = 1000.0
 """Seconds of a fault that is not undone before the end of the round."""
@@ -155,5 +155,5 @@ def _seconds(chance: random.Random, what: str) -> float:
     if what in ("duplicate", "twin") and chance.random() < 0.5:
         return STAYS
     if what == "linger" and chance.random() < 0.2:
-        return _BEYOND_LEASE
+        return BEYOND_LEASE
     return chance.uniform(0.0, 4.0 if what in ("kill", "restart", "stop") else 10.0)

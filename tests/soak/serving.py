@@ -15,7 +15,7 @@ from tests.conftest import NEVER
 from tests.faults.crowd import drain
 from tests.soak.oracle import GONE, HIDDEN, SHOWN, merged
 from tests.soak.place import Place
-from tests.soak.plan import STAYS, Fault
+from tests.soak.plan import BEYOND_LEASE, STAYS, Fault
 from tests.soak.records import KINDS
 
 _QUIET = 12.0
@@ -68,9 +68,9 @@ class Serving:
         self._come_back()
 
     def _stop(self, seconds: float) -> None:
-        self._pause()
+        self.first.pause()
         NEVER.wait(seconds)
-        self._resume()
+        self.first.resume()
 
     def _duplicate(self, seconds: float) -> None:
         """A second server is there for a while, or to the end of the round."""
@@ -90,10 +90,15 @@ class Serving:
 
     def _linger(self, seconds: float) -> None:
         """It hangs, another one takes its place, and then it goes on."""
-        self._pause()
+        self.first.pause()
+        leaves = seconds >= BEYOND_LEASE  # the graph; before that, its goals are not to run beside
+        if leaves:
+            self._mark(self.first, HIDDEN)
         self._start_twin()
         NEVER.wait(seconds)
-        self._resume()
+        self.first.resume()
+        if leaves:
+            self._mark(self.first, SHOWN)
 
     def _vanish(self, _: float) -> None:
         """Its action server is destroyed while goals execute; another process takes its place."""
@@ -167,14 +172,6 @@ class Serving:
     def _come_back(self) -> None:
         with self._place.servers():
             self.first.restart()
-
-    def _pause(self) -> None:
-        self.first.pause()
-        self._mark(self.first, HIDDEN)
-
-    def _resume(self) -> None:
-        self.first.resume()
-        self._mark(self.first, SHOWN)
 
     def _mark(self, server: Server, what: str) -> None:
         marks = self._marks[self._servers.index(server)]
