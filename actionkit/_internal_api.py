@@ -88,13 +88,16 @@ def prepare_call(
     classify: Classify | None = None,
     on_feedback: Callable[[Any], object] | None = None,
     before_resend: Callable[[], object] | None = None,
+    preempts: GoalFuture[Any, Any] | None = None,
 ) -> tuple[GoalFuture[Any, Any], Callable[[], None]]:
     """Return the future of a call that has not begun, and the function that begins it.
 
     So the future can be kept before there is a goal, and no interruption loses it. The arguments
-    and errors are those of `Client.call_async`; `before_resend` is that of `Request`.
+    and errors are those of `Client.call_async`; `before_resend` is that of `Request`. `preempts` is
+    `replaces=` with `preempt=True`.
     """
-    call = client._prepare(goal, on_feedback, timeout, retry, classify, before_resend)
+    arguments = goal, on_feedback, timeout, retry, classify, before_resend
+    call = client._prepare(*arguments, replaces=preempts, preempt=preempts is not None)
     return call.future, partial(client._session.begin, call)
 
 

@@ -107,10 +107,10 @@ class RetryPolicy:
             `"never_accepted"` only if every server rejected it, `"confirmed_stopped"` also if it is
             known to have stopped, `"server_gone"` also if its server has left the graph (one that
             is only cut off may still run it), `"always"` even if a server in sight may still run
-            it. With `"server_gone"`, a call whose server is silent, or seems to have been
-            restarted, waits for that until its deadline; without a deadline, 30 seconds, or
-            `Timeouts.server` if that is longer. A process that was killed leaves the graph after
-            its lease: 20 seconds with Fast DDS.
+            it. If the server is silent, or seems to have been restarted, a call with
+            `"server_gone"` waits until it has left the graph: up to the deadline, or without one
+            for 30 seconds, or for `Timeouts.server` if that is longer. A process that was killed
+            leaves the graph after its lease: 20 seconds with Fast DDS.
         stop: A tenacity stop strategy, used instead of `attempts`.
         wait: A tenacity wait strategy, used instead of the pauses.
 

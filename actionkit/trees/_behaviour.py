@@ -38,7 +38,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
     A new run sends its goal only when the earlier goal is known to have stopped. Until then the
     leaf is RUNNING and says so. If the server is silent, the leaf waits at most `timeouts.server`
     of the client. Then it is FAILURE and says that the goal may still run. If the server is gone,
-    the leaf does not wait for that goal.
+    the leaf does not wait for that goal. For servers that preempt, see `earlier_goal`.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         classify: Classify | None = None,
         feedback_key: str | None = None,
         result_key: str | None = None,
-        earlier_goal: Literal["wait", "fail"] = "wait",
+        earlier_goal: Literal["wait", "fail", "preempt"] = "wait",
         server_timeout: float | None = 5.0,
     ) -> None:
         """Make a leaf. Sends nothing, and makes no client yet.
@@ -74,7 +74,11 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
                 leaf is ticked. It is unset at the beginning of each run.
             result_key: The same for the result message, also of failed goals if they have one.
             earlier_goal: What a new run does while the goal of an earlier run may still run:
-                `"wait"` for its end, or `"fail"` at once and say so.
+                `"wait"` for its end, or `"fail"` at once and say so. `"preempt"` is for servers
+                that stop a goal when a new one comes, as Nav2's and joint_trajectory_controller:
+                the earlier goal is cancelled, and the new one is sent at once, as by
+                `preempt=True` of `Client.call`. Never use it with a server that runs goals side by
+                side, or one after the other. If the server is silent, it is the same as `"wait"`.
             server_timeout: Seconds that `setup()` waits for the server of a client that it makes;
                 `None` means no limit.
 
@@ -89,9 +93,9 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         if retry is not None:
             check_type("retry", retry, RetryPolicy)
         check_classify(classify, self._hold.action_type)
-        if earlier_goal not in ("wait", "fail"):
-            raise ValueError(f"earlier_goal={earlier_goal!r} must be 'wait' or 'fail'")
-        self._retry, self._classify, self._waits = retry, classify, earlier_goal == "wait"
+        if earlier_goal not in ("wait", "fail", "preempt"):
+            raise ValueError(f"earlier_goal={earlier_goal!r} must be 'wait', 'fail' or 'preempt'")
+        self._retry, self._classify, self._earlier_goal = retry, classify, earlier_goal
         self._board = self.attach_blackboard_client()
         self._source = GoalSource(goal, self._hold.action_type.Goal, self._board)
         self._feedback_key, self._result_key = feedback_key, result_key
@@ -208,20 +212,21 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
             )
         elif client.closed:
             run.problem = "nothing was sent, because the client is closed"
-        elif not self._earlier_stopped(run, client):
-            return
         else:
+            earlier, preempted = self._runs.before(run), []
+            if self._earlier_goal == "preempt":
+                preempted = [each for each in earlier if each.stops_for_another(client)]
+            if kept := [each for each in earlier if each not in preempted]:
+                self._wait_for(kept[0], run, client)
+                return
+            how = self._retry, self._classify, preempted[-1] if preempted else None
             try:
-                run.start(client, self._source.goal(self), self._retry, self._classify)
+                run.start(client, self._source.goal(self), *how)
             except (NoGoalError, ClientClosedError) as error:
                 run.problem = str(error)
 
-    def _earlier_stopped(self, run: Run, client: Client[Any]) -> bool:
-        """Return whether no earlier goal may run; show at the node what the leaf waits for."""
-        earlier = self._runs.before(run)
-        if not earlier:
-            return True
-        oldest = earlier[0]
+    def _wait_for(self, oldest: Run, run: Run, client: Client[Any]) -> None:
+        """Show at the node which earlier goal may run, or record that it was waited for enough."""
         known, future = oldest.known_to_run, oldest.future
         goal_id = "" if future is None else future.goal_id
         now, limit = time.monotonic(), client.timeouts.server
@@ -230,7 +235,7 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
         elif run.unknown_since is None:
             run.unknown_since = now
         why = None
-        if not self._waits:
+        if self._earlier_goal == "fail":
             why = ""
         elif run.deadline is not None and now >= run.deadline:
             why = "; the time for this run is up"
@@ -238,10 +243,9 @@ class ActionBehaviour(Behaviour, Generic[GoalT, ResultT, FeedbackT]):
             why = f"; nothing was heard of it for {limit:g} s: its server is silent, or gone"
         if why is not None:
             run.problem = _words.may_still_run(goal_id, known, why)
-            return False
+            return
         refused = future is not None and any(event.cancel_refused for event in future.timeline)
         self.feedback_message = _words.waiting(goal_id, known, refused)
-        return False
 
     def _follow(self, future: GoalFuture[ResultT, FeedbackT]) -> Status:
         done = future.done()  # before reading the feedback: the last one comes before the end

@@ -38,9 +38,16 @@ class Run:
         self._tickets = deque([None])
 
     def start(
-        self, client: Client[Any], goal: Any, retry: RetryPolicy | None, classify: Classify | None
+        self,
+        client: Client[Any],
+        goal: Any,
+        retry: RetryPolicy | None,
+        classify: Classify | None,
+        preempts: Run | None = None,
     ) -> None:
         """Send the goal, unless it was sent already or the run was given up.
+
+        `preempts` is an earlier run: the server stops its goal when it gets this one.
 
         Raises:
             ClientClosedError: The client was closed.
@@ -54,7 +61,8 @@ class Run:
         self._client = client
         try:
             # Kept before the call begins, so that an interruption here cannot lose a goal.
-            self.future, begin = prepare_call(client, goal, left, retry, classify)
+            earlier = None if preempts is None else preempts.future
+            self.future, begin = prepare_call(client, goal, left, retry, classify, preempts=earlier)
             if not self.unwanted:
                 begin()
         except BaseException as error:
@@ -83,6 +91,15 @@ class Run:
             return known or None
         client_watches = self._client is not None and not self._client.closed
         return known if client_watches or known is False else None
+
+    def stops_for_another(self, client: Client[Any]) -> bool:
+        """Whether a server that preempts stops its goal if that client sends it another one.
+
+        If the goal was lost, the other one may reach another server only.
+        """
+        if self.future is None or self._client is not client:
+            return False
+        return not self.future.done() or self.future.known_to_run is True
 
     @property
     def holds_up(self) -> bool:

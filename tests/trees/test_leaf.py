@@ -146,7 +146,7 @@ WRONG = {
     "server_timeout": ({"server_timeout": "x"}, TypeError, "server_timeout='x'"),
     "retry": ({"retry": 3}, TypeError, "retry=3"),
     "classify": ({"classify": 3}, TypeError, "classify=3"),
-    "earlier_goal": ({"earlier_goal": "stop"}, ValueError, "'wait' or 'fail'"),
+    "earlier_goal": ({"earlier_goal": "stop"}, ValueError, "'wait', 'fail' or 'preempt'"),
     "key": ({"result_key": "a.b"}, ValueError, "result_key='a.b'"),
     "empty key": ({"feedback_key": ""}, ValueError, "feedback_key=''"),
     "same key": ({"feedback_key": "a", "result_key": "a"}, ValueError, "must differ"),

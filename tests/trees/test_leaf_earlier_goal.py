@@ -10,14 +10,14 @@ import pytest
 from py_trees.common import Status
 from test_msgs.action import Fibonacci
 
-from actionkit import RetryPolicy, Timeouts
+from actionkit import GoalState, RetryPolicy, Timeouts
 from actionkit._ros.servers.monitor import _IN_SIGHT_WITHIN
 from actionkit.servers import _process
 from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour
 from tests.client.test_two_servers import BUSY
 from tests.conftest import NEVER
-from tests.trees.conftest import BOUND, MakeClient, Place
+from tests.trees.conftest import BOUND, MakeClient, Place, received
 
 
 def test_a_new_run_waits_until_the_earlier_goal_has_stopped(
@@ -53,6 +53,28 @@ def test_or_it_fails_and_says_so(place: Place, open_client: MakeClient) -> None:
     assert leaf.status is Status.FAILURE
     assert f"the earlier goal {first.goal_id} of this behaviour still runs" in leaf.feedback_message
     leaf.shutdown()
+
+
+def test_or_the_server_stops_it_when_the_new_goal_comes(
+    place: Place, open_client: MakeClient
+) -> None:
+    """A joint_trajectory_controller may leave a cancelled goal CANCELING until then."""
+    server = place.server("preempting", "slow_cancel", gate=1)
+    client = open_client("preempting")
+    leaf = ActionBehaviour("a", client, {"order": 1}, earlier_goal="preempt")
+    tick_until(leaf, lambda: leaf.future.known_to_run, BOUND)
+    first = leaf.future
+    leaf.stop(Status.INVALID)
+    leaf.tick_once()
+    assert leaf.future not in (None, first)
+    server.wait_for("executing", goal_id=str(leaf.future.goal_id))
+    server.wait_for("cancel_accepted", goal_id=str(first.goal_id))
+    assert not first.done()
+    server.release()
+    assert first.outcome(BOUND).status is GoalState.REPLACED
+    leaf.stop(Status.INVALID)
+    assert leaf.future.outcome(BOUND).status is GoalState.CANCELED
+    assert received(server) == 2
 
 
 def test_a_refused_cancel_is_waited_for_and_told(place: Place, open_client: MakeClient) -> None:
@@ -95,12 +117,13 @@ def test_a_goal_that_was_lost_with_its_server_does_not_hold_up_the_next(
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("earlier_goal", ["wait", "preempt"])
 def test_a_goal_of_a_server_that_is_only_silent_holds_up_the_next(
-    place: Place, open_client: MakeClient
+    earlier_goal: Any, place: Place, open_client: MakeClient
 ) -> None:
-    server = place.server("mute", script=["accept", "never"])
-    timeouts = Timeouts(server=1.0, liveness=1.0)
-    leaf = ActionBehaviour("a", open_client("mute", timeouts=timeouts), {"order": 1})
+    server = place.server(f"mute_{earlier_goal}", script=["accept", "never"])
+    client = open_client(server.action_name, timeouts=Timeouts(server=1.0, liveness=1.0))
+    leaf = ActionBehaviour("a", client, {"order": 1}, earlier_goal=earlier_goal)
     leaf.tick_once()
     server.wait_for("executing", goal_id=str(leaf.future.goal_id))
     lost = leaf.future
