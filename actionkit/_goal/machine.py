@@ -31,6 +31,7 @@ from actionkit._goal.stages import (
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.values import GoalState
 
+_ONE_IS_GONE = "one of its action servers is gone, and the others do not have it"
 _ENDS = {GoalState.SUCCEEDED: fx.End.SUCCEEDED, GoalState.ABORTED: fx.End.ABORTED}
 
 
@@ -139,7 +140,8 @@ class Goal(CancellableGoal):
             if lost:
                 return []  # another of its servers may have accepted it
             if facts.noes + facts.away >= facts.servers:
-                return self._gone(now)
+                # But not surely: the one that is gone may have sent an answer just before.
+                return self.server_lost(_ONE_IS_GONE, now)
         facts.rejected = True
         effects = [self._enter(GoalState.REJECTED)]
         if self.settled and facts.is_over:
@@ -301,9 +303,7 @@ class Goal(CancellableGoal):
     def _gone(self, now: float) -> list[fx.Effect]:
         """One of several servers has left, and may run the goal; those in sight do not."""
         self.facts.gone = True
-        return self.server_lost(
-            "one of its action servers is gone, and the others do not have it", now
-        )
+        return self.server_lost(_ONE_IS_GONE, now)
 
     def _forgotten(self, now: float, asked_at: float) -> list[fx.Effect]:
         """The server does not know a goal that it should have: believed if it answers so again.

@@ -395,6 +395,9 @@ def test_what_one_of_two_servers_rejects_may_run_on_the_one_that_has_gone() -> N
     (settle,) = (each for each in goal.rejected(1.0) if isinstance(each, Settle))
     assert settle.ending.end is End.LOST
     assert goal.facts.may_run
+    assert not goal.facts.is_lost_with_server  # the one that has gone may have rejected it
+    goal.servers_changed(2, 2)
+    assert goal.facts.is_lost_with_server
 
 
 def test_what_one_of_two_servers_rejects_after_both_were_lost_is_still_followed() -> None:
