@@ -115,7 +115,8 @@ class Goal(CancellableGoal):
         self._unknown_to_server = False
         if self.stage is Stage.SENT:
             effects.append(self._enter(GoalState.ACCEPTED))
-        self.stage = Stage.ACCEPTED
+        elsewhere = self.facts.ended or self.facts.rejected  # by another server, before it was lost
+        self.stage = Stage.ELSEWHERE if elsewhere else Stage.ACCEPTED
         # Ask at once: a result may expire within milliseconds after the end (R25).
         effects.append(fx.AskResult(anew=True))
         self._reask_after = FIRST_REASK
@@ -340,10 +341,10 @@ class Goal(CancellableGoal):
                 return self._unknown_to_another() if self.facts.lost else self._over()
             known = self.stage is Stage.ACCEPTED or self._attached
             return [fx.AskResult()] if known else self._unknown_so_far()
+        effects = self._proven(now)
         if self.stage is Stage.ELSEWHERE:
             self.facts.refused = answer is CancelAnswer.REFUSED
-            return [fx.AskResult()]
-        effects = self._proven(now)
+            return [*effects, fx.AskResult()]
         if answer is CancelAnswer.REFUSED:
             return effects + self._cancel_refused(now, asked_at)
         if answer is CancelAnswer.TERMINATED:

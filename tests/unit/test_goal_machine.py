@@ -400,6 +400,22 @@ def test_what_one_of_two_servers_rejects_may_run_on_the_one_that_has_gone() -> N
     assert goal.facts.is_lost_with_server
 
 
+def test_what_one_of_two_servers_has_ended_may_run_on_the_one_that_is_back_and_lost_again() -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0, servers=2)
+    goal.accepted(0.0)
+    goal.accepted(0.0)
+    goal.servers_changed(2, 1)
+    goal.result(GoalState.SUCCEEDED, None, 1.0, asked_at=0.5, everybody=False)
+    goal.result(None, None, 2.0, asked_at=1.5)
+    assert goal.stage is Stage.LOST
+    goal.cancel_answered(CancelAnswer.REFUSED, 3.0, asked_at=1.0)
+    assert goal.stage is Stage.ELSEWHERE
+    goal.servers_changed(2, 2)
+    goal.server_lost("it is gone", 4.0)
+    assert goal.facts.may_run
+
+
 def test_what_one_of_two_servers_rejects_after_both_were_lost_is_still_followed() -> None:
     goal = Goal(uuid.uuid4(), Timeouts())
     goal.sent(0.0, servers=2)
