@@ -20,6 +20,7 @@ class GraphSnapshot:
     middleware: str
     best_effort: tuple[str, ...] = ()  # this action's services that are served so
     no_data: bool = False  # whether this action's servers are in sight, but nothing of them arrives
+    only_publishing: tuple[str, ...] = ()  # nodes that publish its feedback, and do not serve it
     age: float = 60.0  # seconds since our node entered the graph
     enclave: str = ""  # of this process, where security is on
 
@@ -45,6 +46,11 @@ def seen_instead(graph: GraphSnapshot, action_name: str, type_name: str) -> str:
         return (
             f"That name is served as {', '.join(actions[action_name])}: use this type, or the name"
             " of a server of your type."
+        )
+    if graph.only_publishing:
+        parts.append(
+            f"Its feedback is published by {_and(graph.only_publishing)}, without its services:"
+            " that is a bag player, a relay or a bridge, and not a server."
         )
     close = similar_names(action_name, sorted(actions))
     if close:

@@ -278,6 +278,7 @@ class Session:
             graph.middleware(),
             self.port.best_effort(),
             self.port.sends_no_data(),
+            self.port.only_publishing(),
             self.port.runtime.now() - self.port.runtime.in_graph_since,
             secured.enclave(own=self.port.runtime.own_context is not None),
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
@@ -24,12 +24,13 @@ _FEEDBACK_TYPE = "_FeedbackMessage"
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A server or a client of an action, as its end of the feedback topic shows it."""
+    """A server or client of an action, or another publisher: one end of its feedback topic."""
 
     gid: bytes  # of its publisher or subscription; a restarted server has another one (R1)
     action_type: str  # such as `test_msgs/action/Fibonacci`
     node: str  # the full name of its node; `""` while it is not known yet
     best_effort: bool = False  # whether it publishes, or wants to receive, feedback best-effort
+    serves: bool = True  # `False` for a publisher whose node does not have the action's services
 
 
 @dataclass(frozen=True)
@@ -56,26 +57,59 @@ def feedback_topic(action_name: str) -> str:
     return action_name + _FEEDBACK
 
 
-def servers(node: Node, topic: str) -> list[Endpoint]:
-    """Return the servers of an action, by the fully qualified name of its feedback topic.
+def servers(node: Node, names: ActionNames) -> list[Endpoint]:
+    """Return the servers of an action.
 
     Raises:
         RCLError: The node's context was shut down.
     """
-    infos = node.get_publishers_info_by_topic(topic)
-    return [endpoint_of(info) for info in infos]
+    return [end for end in publishers(node, names) if end.serves]
+
+
+def publishers(node: Node, names: ActionNames) -> list[Endpoint]:
+    """Return all that publish an action's feedback: its servers, but also players and relays.
+
+    A server is made with its services first, so nearly always they are discovered first, too.
+
+    Raises:
+        RCLError: The node's context was shut down.
+    """
+    found = list(map(endpoint_of, node.get_publishers_info_by_topic(names.feedback)))
+    if not found or names.feedback != feedback_topic(names.action):
+        return found  # where the feedback is remapped, it may come by a relay
+    answering = node.get_publishers_info_by_topic(_replies(names.send_goal), no_mangle=True)
+    serving = {(bytes(info.endpoint_gid[:_PARTICIPANT]), _node_of(info)) for info in answering}
+
+    def serves(end: Endpoint) -> bool:
+        # Names of nodes come later; until then, the process decides.
+        return any(
+            participant == end.gid[:_PARTICIPANT] and (node == end.node or not (node and end.node))
+            for participant, node in serving
+        )
+
+    return [end if serves(end) else replace(end, serves=False) for end in found]
 
 
 def endpoint_of(info: TopicEndpointInfo) -> Endpoint:
-    """Return the server or client of a publisher or subscription of a feedback topic."""
-    name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+    """Return the end of a feedback topic that a publisher or subscription is."""
     return Endpoint(
         gid=bytes(info.endpoint_gid),
         action_type=info.topic_type.removesuffix(_FEEDBACK_TYPE),
-        # For a moment after discovery, the middleware has a placeholder.
-        node="" if "_UNKNOWN_" in info.node_name else name,
+        node=_node_of(info),
         best_effort=_is_best_effort(info),
     )
+
+
+def _node_of(info: TopicEndpointInfo) -> str:
+    # For a moment after discovery, the middleware has a placeholder.
+    if "_UNKNOWN_" in info.node_name:
+        return ""
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+
+
+def _replies(service: str) -> str:
+    """Return the middleware's own name for the topic of a service's answers."""
+    return f"rr{service}Reply"
 
 
 def action_names(node: Node) -> list[str]:
@@ -91,7 +125,7 @@ def all_actions(node: Node) -> dict[str, tuple[str, ...]]:
     """Return every action name that has a server, with the types it is served with."""
     found: dict[str, tuple[str, ...]] = {}
     for name in action_names(node):
-        types = {server.action_type for server in servers(node, feedback_topic(name))}
+        types = {server.action_type for server in servers(node, ActionNames.of(name))}
         if types:
             found[name] = tuple(sorted(types))
     return found
@@ -104,10 +138,9 @@ def best_effort_services(node: Node, names: ActionNames) -> tuple[str, ...]:
         RCLError: The node's context was shut down.
     """
     topics = {
-        # The middleware's own name for the topic of the answers.
-        "send_goal": f"rr{names.send_goal}Reply",
-        "get_result": f"rr{names.get_result}Reply",
-        "cancel_goal": f"rr{names.cancel_goal}Reply",
+        "send_goal": _replies(names.send_goal),
+        "get_result": _replies(names.get_result),
+        "cancel_goal": _replies(names.cancel_goal),
     }
     return tuple(
         end
@@ -141,9 +174,9 @@ def versions(node: Node, names: ActionNames, of_client: str | None = None) -> li
     """
     readers, writers = node.get_subscriptions_info_by_topic, node.get_publishers_info_by_topic
     ends = (
-        # The middleware's own names for the topics of requests and answers.
+        # The middleware's own names for the topics.
         ("goal", f"rq{names.send_goal}Request", readers, writers),
-        ("result", f"rr{names.get_result}Reply", writers, readers),
+        ("result", _replies(names.get_result), writers, readers),
         ("feedback", f"rt{names.feedback}", writers, readers),
     )
     found = []

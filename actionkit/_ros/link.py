@@ -299,9 +299,9 @@ class Link:
             answers.take()
         self._feedback.take_all()
         self._status.take_now()
-        if count == 0:
+        self.readiness.matched(count, came)
+        if self.readiness.count == 0:
             self._requests.heard()  # no server is left that could answer
-        self.monitor.matched(count, came)
 
     def _take_goal(self, seq: int, response: Any) -> None:
         self.liveness.heard()

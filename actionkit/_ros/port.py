@@ -184,6 +184,14 @@ class Port:
         except (RCLError, InvalidHandle):
             return None
 
+    def only_publishing(self) -> tuple[str, ...]:
+        """Return the nodes that publish the action's feedback, and do not serve it."""
+        try:
+            found = graph.publishers(self.runtime.node, self.names)
+        except (RCLError, InvalidHandle):
+            return ()
+        return tuple(sorted({end.node for end in found if end.node and not end.serves}))
+
     def best_effort(self) -> tuple[str, ...]:
         """Return which of the action's services are offered best-effort."""
         try:
@@ -196,7 +204,7 @@ class Port:
         if self.link.liveness.has_heard:
             return False  # a bridge to ROS may have no name for its node
         try:
-            return graph.no_data_from(graph.servers(self.runtime.node, self.names.feedback))
+            return graph.no_data_from(graph.servers(self.runtime.node, self.names))
         except (RCLError, InvalidHandle):
             return False
 

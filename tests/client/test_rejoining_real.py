@@ -145,7 +145,7 @@ def test_no_second_try_once_a_server_was_seen(action_server, make_client):
     tried = tries(client)  # none, as a rule
     server.kill()
     # However many looks follow, and whether or not that server is still in view.
-    runtime.run(lambda: link.monitor.matched(0))
+    runtime.run(lambda: link.monitor.readiness.matched(0))
     assert runtime.run(link.has_seen_servers)
     runtime.run(runtime.rejoining._look)
     assert tries(client) == tried

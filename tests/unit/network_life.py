@@ -196,8 +196,8 @@ class NetworkLife(CommunicationThread):
 
     def keep_until(self, _at: float) -> None: ...
 
-    def _publishers(self, _topic: str, *, no_mangle: bool = False) -> list[Any]:
-        if no_mangle:  # it is about the versions of types, of which nothing is told here
+    def _publishers(self, topic: str, *, no_mangle: bool = False) -> list[Any]:
+        if no_mangle and "send_goalReply" not in topic:  # versions of types: none are told here
             return []
         return [
             SimpleNamespace(

@@ -29,7 +29,7 @@ class World:
         self.looks = self.completed = 0
         self.readiness = ServerReadiness(
             self.clock,
-            list_servers=self._list,
+            list_publishers=self._list,
             services_ready=lambda: self.services,
             other_versions=lambda: self.versions,
             probe=lambda: self.probes.append(self.clock.time),

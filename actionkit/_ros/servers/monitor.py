@@ -96,7 +96,7 @@ class ServerMonitor:
         )
         self.readiness = ServerReadiness(
             self._timers,
-            list_servers=self._list_servers,
+            list_publishers=self._list_publishers,
             services_ready=self._services_ready,
             other_versions=self._other_versions,
             probe=probe,
@@ -197,24 +197,17 @@ class ServerMonitor:
 
     # --- what is seen ----------------------------------------------------------------------
 
-    def matched(self, count: int, came: int = 0) -> None:
-        """Handle that the middleware sees `count` feedback publishers now, `came` of them new."""
-        self.readiness.matched(count, came)
-        if count > 1 and not self._warned:
-            self._warned = True
-            # Their names are known a moment later.
-            self._timers.call_at(self._timers.now() + _NAMING, self._warn_of_several)
-
     def _poll_matched(self) -> None:
         """Look at the graph once a second, if the middleware has no matched event."""
-        listed = self._list_servers()
-        if listed is not None and len(listed) != self.readiness.count:
-            self.matched(len(listed))
+        listed = self._list_publishers()
+        if listed is not None and len(listed) != self.readiness.publishers:
+            self.readiness.matched(len(listed))
         self._timers.call_at(self._timers.now() + _MATCHED_PERIOD, self._poll_matched)
 
     def _warn_of_several(self) -> None:
-        servers = self._list_servers() or []
-        if len(servers) > 1:
+        servers = self._list_servers()
+        if len(servers) > 1 and not self._warned:
+            self._warned = True
             log_later(
                 logging.WARNING,
                 "action %s has %d servers (%s): each of them runs every goal, and the first"
@@ -224,11 +217,14 @@ class ServerMonitor:
                 ", ".join(server.node or "unnamed" for server in servers),
             )
 
-    def _list_servers(self) -> list[graph.Endpoint] | None:
+    def _list_servers(self) -> list[graph.Endpoint]:
+        return [end for end in self._list_publishers() or () if end.serves]
+
+    def _list_publishers(self) -> list[graph.Endpoint] | None:
         try:
-            listed = graph.servers(self._runtime.node, self._names.feedback)
+            listed = graph.publishers(self._runtime.node, self._names)
             # Not while a server is matched: to its goals, it would seem to go and to come again.
-            if self.readiness.count == 0 and any(server.best_effort for server in listed):
+            if self.readiness.count == 0 and any(end.best_effort and end.serves for end in listed):
                 self._entities.receive_best_effort()
         except (RCLError, InvalidHandle):
             return None  # the context was shut down, and with it the graph (R10)
@@ -293,6 +289,9 @@ class ServerMonitor:
         self._tell_who_has_them()
         if gone and not held:
             self._lose_all(gone)
+        if self.readiness.count > 1 and not self._warned:
+            # Their names are known a moment later.
+            self._timers.call_at(self._timers.now() + _NAMING, self._warn_of_several)
 
     def _tell_who_has_them(self) -> None:
         """Tell the goals how many servers may have them, and how many of these have left."""

@@ -1,7 +1,9 @@
 """Detects whether servers of an action are there and can answer, without polling.
 
-The `matched` event of a subscription tells of the servers' feedback publishers (R27). But a
-publisher in sight does not mean that goals arrive. A server discovers a client's endpoints one by
+The `matched` event of a subscription tells of all publishers of feedback (R27). Some are not
+servers, as a bag player or a relay: the graph shows that these do not have the services.
+
+A server in sight does not mean that goals arrive. A server discovers a client's endpoints one by
 one. If a goal comes before the server has discovered them all, the server executes the goal, but
 its answer is lost (R4). So a probe is sent first: a request to cancel a goal that cannot exist. It
 uses the endpoint that was made last, so a server that answers it has discovered all the others,
@@ -44,7 +46,8 @@ server's endpoints have taken up to 4 s."""
 _GRAPH_PERIOD = 1.0
 """Seconds between two checks for servers of another type while a call waits (C7.4)."""
 _NAMED_WITHIN = 10.0
-"""Seconds until the graph shows a server after its event; normally milliseconds."""
+"""Seconds until the graph shows a publisher, or its services, after its event; normally
+milliseconds."""
 
 UNNAMED = frozenset({b"unnamed"})
 """Stands for a server that is there, but that the graph does not show yet."""
@@ -68,7 +71,7 @@ class ServerReadiness:
         self,
         timers: Timers,
         *,
-        list_servers: Callable[[], list[Endpoint] | None],
+        list_publishers: Callable[[], list[Endpoint] | None],
         services_ready: Callable[[], bool],
         other_versions: Callable[[], tuple[str, ...]],
         probe: Callable[[], object],
@@ -81,8 +84,8 @@ class ServerReadiness:
         """Begin without servers, until `matched` is called.
 
         Args:
-            list_servers: The servers that the graph shows, of any type; `None` if the graph cannot
-                be asked.
+            list_publishers: All that publish feedback, as the graph shows it, of any type; `None`
+                if the graph cannot be asked.
             services_ready: Whether the endpoints of the action's services are matched.
             other_versions: Returns the parts that a server has in another version than this side,
                 with the type hashes of both.
@@ -97,11 +100,10 @@ class ServerReadiness:
         self.state = State.ABSENT
         self.servers: frozenset[bytes] = frozenset()
         """The ids of the servers in sight."""
-        self.count = 0
-        """How many servers the middleware sees. After a restart it counts the dead one, too
-        (R14)."""
+        self.publishers = 0
+        """How many publishers of feedback the middleware sees."""
         self._timers = timers
-        self._list_servers = list_servers
+        self._list_publishers = list_publishers
         self._services_ready = services_ready
         self._other_versions = other_versions
         self._probe = probe
@@ -113,11 +115,15 @@ class ServerReadiness:
         self._versions: tuple[str, ...] = ()
         """Parts that a server has in another version: one side would misread the other's
         messages."""
+        self._in_sight: frozenset[bytes] = frozenset()
+        """The ids of all publishers in sight."""
+        self._not_serving: frozenset[bytes] = frozenset()
+        """Those of them that are not servers, or whose services are not known yet."""
         self._outdated: frozenset[bytes] = frozenset()
-        """The servers that the graph shows while it does not show the newest one yet."""
-        self._outdated_until = 0.0
+        """The publishers that the graph shows while it does not show the newest one yet."""
+        self._matched_at = 0.0
         self._early = 0
-        """How many servers the graph has shown before their event."""
+        """How many publishers the graph has shown before their event."""
         self._settling_since = 0.0
         self._services_since: float | None = None
         """When the services were first seen since settling began."""
@@ -135,47 +141,47 @@ class ServerReadiness:
     @property
     def has_seen_servers(self) -> bool:
         """Whether a server of any type has been in view."""
-        return self._seen or bool(self._list_servers())
+        return self._seen or any(end.serves for end in self._list_publishers() or ())
+
+    @property
+    def count(self) -> int:
+        """How many servers are in sight. After a restart it counts the dead one, too (R14)."""
+        # A publisher that the graph shows may not be matched, so not all may be subtracted.
+        at_least = min(self.publishers, len(self.servers))
+        return max(at_least, self.publishers - len(self._not_serving))
 
     def matched(self, count: int, came: int = 0) -> None:
         """Handle that the middleware sees `count` feedback publishers now.
 
         `came` is how many of them it did not see before, or 0 if that is not known.
         """
-        self.count = count
-        self._seen |= count > 0
-        if count == 0:
-            self.state = State.ABSENT
-        before, early = self.servers, self._early
+        self.publishers = count
+        self._matched_at = self._timers.now()
+        before, early = self._in_sight, self._early
         self._outdated = frozenset()
         self._compare()
-        # A server that had no name before may have one now.
-        missing = came + len(before & UNNAMED) - len(self.servers - before - UNNAMED)
+        # One that had no name before may have one now.
+        missing = came + len(before & UNNAMED) - len(self._in_sight - before - UNNAMED)
         if count and missing > early:
             # A new server has replaced one that the graph still shows. A goal that is sent now
             # goes to the new one, so it is not lost with the old one.
-            self._outdated = self.servers - UNNAMED
-            self._outdated_until = self._timers.now() + _NAMED_WITHIN
+            self._outdated = self._in_sight - UNNAMED
             self._compare()
-        if count and missing > 0 and self.state is State.READY:
+        if missing > 0 and self.state is State.READY:
             self._begin_settling()
         self._early = max(0, self._early - came)
-        if count > 0 and self.state is State.ABSENT:
-            self._begin_settling()
-        if not self._agrees:
-            self._compare_later(_FIRST_STEP)
+        self._compare_later(_FIRST_STEP, self._matched_at)
 
     def leave(self) -> None:
         """Handle that the node is replaced: the new one will discover the servers again."""
         self.state = State.ABSENT
-        self.count = 0
-        self.servers = self._outdated = frozenset()
-        self._early = 0
+        self.publishers = self._early = 0
+        self.servers = self._in_sight = self._not_serving = self._outdated = frozenset()
 
     @property
     def _agrees(self) -> bool:
-        """Whether the graph shows the servers of the middleware's event."""
-        return len(self.servers) == self.count and not self.servers & UNNAMED
+        """Whether the graph shows the publishers of the middleware's event."""
+        return len(self._in_sight) == self.publishers and not self._in_sight & UNNAMED
 
     def known(self) -> None:
         """Handle that a server has discovered our endpoints: it needs no head start."""
@@ -199,10 +205,12 @@ class ServerReadiness:
         A server may come into sight late: if the first announcement between two processes is lost,
         Fast DDS sends the next one after 3 s.
         """
+        if self._not_serving:
+            self._compare()  # services may have come into sight late, too
         if self.state is not State.ABSENT:
             self._tell_versions()
             return
-        types = {server.action_type for server in self._list_servers() or ()}
+        types = {end.action_type for end in self._list_publishers() or () if end.serves}
         if types and self._action_type not in types:
             self._on_mismatch(tuple(sorted(types)))
 
@@ -227,46 +235,59 @@ class ServerReadiness:
         self._settle(self._settling_since, _FIRST_STEP)
 
     def _compare(self) -> None:
-        """Compare the present servers with the earlier ones."""
-        before, self.servers = self.servers, self._present()
-        new = self.servers - before - UNNAMED
-        # A server with a new name is the one that had no name before.
-        named = UNNAMED & before - self.servers if new else frozenset()
-        self._early = 0 if self._agrees else self._early + len(new) - len(named)
-        if self.state is State.READY and len(new) > len(named):
+        """Compare the present publishers, and the servers among them, with the earlier ones."""
+        in_sight, servers = self._in_sight, self.servers
+        self._in_sight = self._present()
+        self.servers = self._in_sight - self._not_serving
+        self._early = 0 if self._agrees else self._early + _new(in_sight, self._in_sight)
+        if not self.servers:
+            self.state = State.ABSENT
+        elif self.state is State.READY and _new(servers, self.servers) > 0:
             self._begin_settling()  # a new one has not discovered us yet (R4)
-        if self.servers != before:
-            gone = before - self.servers
+        if self.servers != servers:
+            self._seen = True
+            gone = servers - self.servers
             # A server that has got its name is not gone.
-            self._on_change(self.servers - before, gone - UNNAMED if self.servers else gone)
+            self._on_change(self.servers - servers, gone - UNNAMED if self.servers else gone)
+        if self.servers and self.state is State.ABSENT:
+            self._begin_settling()
 
-    def _compare_later(self, step: float) -> None:
-        """Look again until the graph agrees with the event, at growing intervals."""
+    def _compare_later(self, step: float, since: float) -> None:
+        """Look again at growing intervals until the graph agrees with the event.
+
+        And for some seconds while a publisher does not serve: its services may come later.
+        """
 
         def compare() -> None:
-            if self._closed or self._agrees:
+            if self._closed or since != self._matched_at:
                 return
-            self._compare()
-            self._compare_later(min(2 * step, _LAST_STEP))
+            waiting = self._not_serving and self._timers.now() - since < _NAMED_WITHIN
+            if waiting or not self._agrees:
+                self._compare()
+                self._compare_later(min(2 * step, _LAST_STEP), since)
 
-        self._timers.call_at(self._timers.now() + step, compare)
+        if self._not_serving or not self._agrees:
+            self._timers.call_at(self._timers.now() + step, compare)
 
     def _present(self) -> frozenset[bytes]:
-        if self.count == 0:
+        """Return the publishers in sight now, and note which of them do not serve."""
+        if self.publishers == 0:
+            self._not_serving = frozenset()
             return frozenset()
-        listed = self._list_servers()
-        gids = frozenset(
-            server.gid for server in listed or () if server.action_type == self._action_type
-        )
+        listed = self._list_publishers()
+        if listed is None:  # in a context that was shut down there is no graph
+            return self._in_sight or UNNAMED
+        ours = [end for end in listed if end.action_type == self._action_type]
+        gids = frozenset(end.gid for end in ours)
+        self._not_serving = frozenset(end.gid for end in ours if not end.serves)
         if not gids:
-            # The event may be ahead of the graph, and in a context that was shut down there is no
-            # graph: a server without a name is still a server.
+            # The event may be ahead of the graph: a server without a name is still a server.
             return self.servers or UNNAMED
         if self._outdated:
-            if gids <= self._outdated and self._timers.now() < self._outdated_until:
+            if gids <= self._outdated and self._timers.now() - self._matched_at < _NAMED_WITHIN:
                 return gids | UNNAMED
             self._outdated = frozenset()
-        return gids | UNNAMED if len(gids) < self.count else gids
+        return gids | UNNAMED if len(gids) < self.publishers else gids
 
     def _settle(self, since: float, step: float) -> None:
         if self._closed or self.state is not State.SETTLING or since != self._settling_since:
@@ -307,3 +328,9 @@ class ServerReadiness:
     def _become_ready(self) -> None:
         self.state = State.READY
         self._on_ready()
+
+
+def _new(before: frozenset[bytes], now: frozenset[bytes]) -> int:
+    """Return how many are new. One with a new name is the one that had no name before."""
+    new = len(now - before - UNNAMED)
+    return new - len(UNNAMED & before - now) if new else 0

@@ -34,6 +34,8 @@ class ActionSeen:
     name: str
     servers: tuple[graph.Endpoint, ...]
     clients: tuple[graph.Endpoint, ...]
+    only_publishing: tuple[graph.Endpoint, ...] = ()
+    """Who publishes feedback, and does not serve: a bag player, a relay, a bridge."""
 
     @property
     def types(self) -> tuple[str, ...]:
@@ -86,13 +88,16 @@ class Survey:
         """Return the actions that are in sight now, sorted by name."""
         node = self.runtime.node
         seen = {}
-        names = graph.action_names(node) if self._only is None else [self._only]
-        for name in sorted(names):
-            topic = graph.feedback_topic(name)
+        found = graph.action_names(node) if self._only is None else [self._only]
+        for name in sorted(found):
+            names = ActionNames.of(name)
+            publishers = graph.publishers(node, names)
+            clients = node.get_subscriptions_info_by_topic(names.feedback)
             action = ActionSeen(
                 name,
-                servers=_endpoints(node.get_publishers_info_by_topic(topic)),
-                clients=_endpoints(node.get_subscriptions_info_by_topic(topic)),
+                servers=_in_order(end for end in publishers if end.serves),
+                clients=_in_order(map(graph.endpoint_of, clients)),
+                only_publishing=_in_order(end for end in publishers if not end.serves),
             )
             seen[name] = action
             if action.servers:
@@ -172,6 +177,5 @@ class Survey:
         self.close()
 
 
-def _endpoints(infos: Iterable[Any]) -> tuple[graph.Endpoint, ...]:
-    ends = map(graph.endpoint_of, infos)
+def _in_order(ends: Iterable[graph.Endpoint]) -> tuple[graph.Endpoint, ...]:
     return tuple(sorted(ends, key=lambda end: (end.node, end.action_type, end.gid)))

@@ -14,6 +14,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from actionkit._ros import graph
 from actionkit._ros.codes import STATES
+from actionkit._ros.names import ActionNames
 from actionkit._ros.runtimes import Place
 from actionkit._ros.tools.topic import SETTLE, Stamped, TopicReader
 from actionkit._ros.wire import goals
@@ -73,7 +74,7 @@ class StatusReader:
         On another thread, `on_goals` gets the goals that have changed, at first all that a server
         remembers, and `on_servers` gets the names of the servers' nodes when they change.
         """
-        self._name = action_name
+        self._names = ActionNames.of(action_name)
         self._on_goals = on_goals
         self._on_servers = on_servers
         self._servers: tuple[str, ...] = ()
@@ -81,7 +82,7 @@ class StatusReader:
         """The status codes of the goals in the latest arrays, so that goals do not pile up here."""
         self._reader = TopicReader(
             place,
-            f"{action_name}/_action/status",
+            self._names.status,
             _TYPE,
             GoalStatusArray,
             depth=_DEPTH,
@@ -112,7 +113,7 @@ class StatusReader:
             self._on_goals([_seen(*goal) for goal in changed])
 
     def _look(self, node: Node) -> None:
-        infos = graph.servers(node, graph.feedback_topic(self._name))
+        infos = graph.servers(node, self._names)
         servers = tuple(sorted(info.node or "(a node not known yet)" for info in infos))
         if servers != self._servers:
             self._servers = servers

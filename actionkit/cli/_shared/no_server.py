@@ -16,4 +16,7 @@ def nothing_there(name: str, actions: dict[str, ActionSeen]) -> str:
     near = similar_names(name, served)
     hint = f" Did you mean {' or '.join(near)}?" if near else ""
     more = "" if hint else " `actionkit list` shows the actions in sight, `actionkit doctor` more."
-    return f"Action {name!r} has no server in sight.{hint}{more}"
+    others = actions[name].only_publishing if name in actions else ()
+    nodes = " and ".join(sorted({end.node for end in others if end.node}))
+    only = f" Only its feedback is published, by {nodes}." if nodes else ""
+    return f"Action {name!r} has no server in sight.{only}{hint}{more}"

@@ -29,7 +29,9 @@ Examples:
 def command(show_types: bool, count_actions: bool, wait: float, as_json: bool) -> int:
     """List the actions that have a server or a client."""
     with open_survey() as survey:
-        actions = survey.settled(least=wait, most=_MOST)
+        seen = survey.settled(least=wait, most=_MOST)
+        # A bag player is neither a server nor a client.
+        actions = {name: each for name, each in seen.items() if each.servers or each.clients}
         torn = {name for name in actions if any(v.differ for v in survey.versions(name))}
         strange = {name for name, action in actions.items() if not_ours(survey, action)}
     if as_json:
