@@ -12,6 +12,7 @@ import pytest
 
 from actionkit.cli._shared.exits import Exit
 from tests.cli.conftest import FIBONACCI, NESTED, World
+from tests.player import player
 
 
 def seen(world: World, count: int) -> dict[str, dict[str, Any]]:
@@ -109,6 +110,15 @@ def test_watch_sees_the_goals_of_others_and_their_end(world: World, tmp_path: Pa
 
 
 @pytest.mark.long
+def test_a_player_of_feedback_is_not_a_server(empty_world: World) -> None:
+    with player(empty_world.environment):
+        assert empty_world.run("list", "--wait", "1").out == ""
+        nobody = empty_world.run("info", "/fibonacci", "--wait", "1")
+        assert nobody.code == Exit.NO_SERVER
+        assert nobody.out == "Action: /fibonacci\nAction clients: 0\nAction servers: 0\n"
+        assert "Only its feedback is published, by /player." in nobody.err
+
+
 def test_watch_ends_when_asked_to(empty_world: World) -> None:
     nobody = empty_world.run("watch", "/fibonacci", "--once", "--server-timeout", "0.5")
     assert (nobody.code, nobody.out) == (Exit.NO_SERVER, "")

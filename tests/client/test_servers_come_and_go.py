@@ -11,6 +11,8 @@ import actionkit as ak
 from actionkit import GoalState, RetryPolicy, Timeouts
 from actionkit._calls import session
 from tests.conftest import NEVER, all_is_logged, is_accepted, runs_nothing
+from tests.player import player
+from tests.waiting import until
 
 ONCE = RetryPolicy.none()
 _QUESTIONS = 3
@@ -45,6 +47,29 @@ def test_a_clean_end_is_noticed(end, action_server, make_client):
     server.wait_for("executing", count=2)
     again.cancel()
     assert again.outcome(10).status is GoalState.CANCELED
+
+
+@pytest.mark.parametrize("end", ["terminate", pytest.param("kill", marks=pytest.mark.long)])
+def test_a_node_that_only_publishes_feedback_is_not_a_server(
+    end, action_server, make_client, caplog
+):
+    with player():
+        server = action_server("never_finishes")
+        client = make_client(retry=ONCE)
+        future = client.call_async({"order": 1})
+        server.wait_for("executing")
+        until(client._session.port.only_publishing)
+        getattr(server, end)()
+        began = time.monotonic()
+        with pytest.raises(ak.ServerLostError):
+            future.result(40)
+        assert time.monotonic() - began < (2 if end == "terminate" else 30)
+        with pytest.raises(ak.ServerUnavailableError) as caught:
+            client.call({"order": 1}, timeout=0.5)
+        assert "is published by /player, without its services" in str(caught.value)
+        server.restart()
+        assert is_accepted(client.call_async({"order": 1}))
+    assert "has 2 servers" not in caplog.text
 
 
 @pytest.mark.long

@@ -55,6 +55,11 @@ class World:
         """Let the graph show these servers."""
         self.graph = [Endpoint(gid, action_type, "/node") for gid in gids]
 
+    def play(self, *gids: bytes) -> None:
+        """Let the graph show that these only publish feedback, too."""
+        assert self.graph is not None
+        self.graph += [Endpoint(gid, OURS, "/player", serves=False) for gid in gids]
+
     def match(self, *gids: bytes) -> None:
         """Let these servers be there, seen by the graph and by the middleware's event."""
         self.serve(*gids)
@@ -436,3 +441,84 @@ def test_a_server_that_the_graph_shows_before_its_event_is_counted_once(world: W
     world.readiness.answered()
     world.readiness.matched(2, 1)  # and one that takes the place of another counts all the same
     assert world.readiness.servers == {A, B, b"unnamed"}
+
+
+# --- publishers of feedback that are not servers -----------------------------------------------
+
+
+def test_a_player_is_no_server(world: World) -> None:
+    world.play(C)
+    world.readiness.matched(1, 1)
+    assert (world.readiness.state, world.readiness.count) == (State.ABSENT, 0)
+    assert not world.readiness.has_seen_servers
+    world.clock.advance(11.0)
+    assert (world.news(), world.probes, len(world.clock.queue)) == ([], [], 0)
+    world.readiness.look(lambda: True)
+    assert world.news() == []  # nor one of another type
+
+
+def test_a_player_beside_a_server_changes_nothing(ready: World) -> None:
+    ready.play(C)
+    ready.readiness.matched(2, 1)
+    assert (ready.readiness.servers, ready.readiness.count) == ({A}, 1)
+    assert (ready.readiness.ready, ready.news()) == (True, [])
+    ready.serve()
+    ready.play(C)
+    ready.readiness.matched(1)
+    assert (ready.readiness.state, ready.news()) == (State.ABSENT, [("lost", {A})])
+
+
+def test_a_server_is_lost_though_a_player_stays_and_the_graph_is_behind(ready: World) -> None:
+    ready.play(C)
+    ready.readiness.matched(2, 1)
+    ready.readiness.matched(1)
+    assert (ready.readiness.count, ready.readiness.state) == (1, State.SETTLING)
+    ready.serve()
+    ready.play(C)
+    ready.clock.advance(0.01)
+    assert (ready.readiness.count, ready.news()) == (0, [("lost", {A})])
+
+
+def test_a_player_whose_event_is_ahead_of_the_graph_is_no_server_either(world: World) -> None:
+    world.services = False
+    world.readiness.matched(1, 1)
+    assert world.readiness.count == 1  # it may be one
+    world.play(C)
+    world.clock.advance(11.0)
+    assert (world.readiness.count, world.readiness.state) == (0, State.ABSENT)
+    assert (world.probes, len(world.clock.queue)) == ([], 0)
+
+
+@pytest.mark.parametrize("late", [0.5, 15.0])
+def test_services_may_come_into_sight_after_the_feedback(late: float, world: World) -> None:
+    world.play(A)
+    world.readiness.matched(1, 1)
+    world.readiness.look(lambda: not world.readiness.ready)
+    world.clock.advance(late)
+    world.serve(A)
+    world.clock.advance(1.0 + HEAD_START)
+    world.readiness.answered()
+    assert world.news() == ["ready"]
+
+
+def test_a_server_that_takes_the_place_of_a_player_is_seen(world: World) -> None:
+    world.play(C)
+    world.readiness.matched(1, 1)
+    world.graph = []  # the player has gone, and the server does not show yet
+    world.readiness.matched(1, 1)
+    assert world.readiness.count == 1
+    world.serve(A)
+    world.clock.advance(HEAD_START)
+    assert (world.readiness.servers, world.readiness.count) == ({A}, 1)
+    assert world.probes
+
+
+def test_a_player_that_the_graph_shows_and_that_is_not_matched_hides_no_server(
+    ready: World,
+) -> None:
+    ready.play(C)  # its feedback may be best-effort
+    ready.readiness.matched(1)
+    assert (ready.readiness.servers, ready.readiness.count) == ({A}, 1)
+    ready.readiness.answered()
+    ready.clock.advance(11.0)
+    assert (ready.readiness.ready, ready.news()) == (True, ["ready"])

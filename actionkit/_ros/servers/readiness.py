@@ -167,7 +167,9 @@ class ServerReadiness:
             # goes to the new one, so it is not lost with the old one.
             self._outdated = self._in_sight - UNNAMED
             self._compare()
-        if missing > 0 and self.state is State.READY:
+        # Until the graph shows who has left, it may be the last server.
+        doubtful = count <= len(self._not_serving)
+        if (missing > 0 or doubtful) and self.state is State.READY:
             self._begin_settling()
         self._early = max(0, self._early - came)
         self._compare_later(_FIRST_STEP, self._matched_at)
@@ -280,14 +282,11 @@ class ServerReadiness:
         ours = [end for end in listed if end.action_type == self._action_type]
         gids = frozenset(end.gid for end in ours)
         self._not_serving = frozenset(end.gid for end in ours if not end.serves)
-        if not gids:
-            # The event may be ahead of the graph: a server without a name is still a server.
-            return self.servers or UNNAMED
-        if self._outdated:
-            if gids <= self._outdated and self._timers.now() - self._matched_at < _NAMED_WITHIN:
-                return gids | UNNAMED
+        if not gids <= self._outdated or self._timers.now() - self._matched_at >= _NAMED_WITHIN:
             self._outdated = frozenset()
-        return gids | UNNAMED if len(gids) < self.publishers else gids
+        # The event may be ahead of the graph: a server without a name is still a server.
+        named = gids or self.servers
+        return named | UNNAMED if self._outdated or len(named) < self.publishers else named
 
     def _settle(self, since: float, step: float) -> None:
         if self._closed or self.state is not State.SETTLING or since != self._settling_since:
