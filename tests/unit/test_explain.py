@@ -487,6 +487,13 @@ def test_that_security_is_on_is_told_where_no_server_is_seen() -> None:
     assert "ROS security is on, as enclave '/robot/client': only servers with keys of" in told
 
 
+def test_nodes_that_only_publish_feedback_are_told_of() -> None:
+    around = GraphSnapshot({}, 7, "rmw_fastrtps_cpp", only_publishing=("/bridge", "/player"))
+    told = str(explained(ENDINGS[End.NO_SERVER][0], surroundings=lambda: around))
+    assert "Its feedback is published by /bridge and /player, without its services" in told
+    assert "Allow it more time" not in told
+
+
 @pytest.mark.parametrize("end", [End.NO_SERVER, End.NO_ACCEPTANCE])
 def test_a_server_in_sight_that_sends_nothing_is_told_of(end: End) -> None:
     around = GraphSnapshot({"/fibonacci": TYPE}, 7, "rmw_fastrtps_cpp", no_data=True)

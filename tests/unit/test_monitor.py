@@ -558,8 +558,17 @@ def test_goals_are_told_of_silence_and_of_its_end(world: World) -> None:
 def test_several_servers_are_warned_of_once_with_their_nodes(
     world: World, caplog: pytest.LogCaptureFixture
 ) -> None:
+    world.players = {b"p"}
+    world.serve(b"a", b"p")
+    world.clock.advance(1.0)
     world.serve(b"a")
+    world.nodes[b"b"] = "server_b"
+    world.graph = [b"a", b"b"]  # before its event
+    world.read_event()
     world.serve(b"a", b"b")
+    world.clock.advance(1.0)
+    assert all_is_logged()
+    assert len(caplog.records) == 1
     world.serve(b"a")
     world.serve(b"a", b"b")
     world.clock.advance(1.0)

@@ -289,7 +289,7 @@ class ServerMonitor:
         self._tell_who_has_them()
         if gone and not held:
             self._lose_all(gone)
-        if self.readiness.count > 1 and not self._warned:
+        if len(self.readiness.servers) > 1 and not self._warned:
             # Their names are known a moment later.
             self._timers.call_at(self._timers.now() + _NAMING, self._warn_of_several)
 

@@ -95,9 +95,9 @@ class Survey:
             clients = node.get_subscriptions_info_by_topic(names.feedback)
             action = ActionSeen(
                 name,
-                servers=_in_order(end for end in publishers if end.serves),
-                clients=_in_order(map(graph.endpoint_of, clients)),
-                only_publishing=_in_order(end for end in publishers if not end.serves),
+                servers=_endpoints(end for end in publishers if end.serves),
+                clients=_endpoints(map(graph.endpoint_of, clients)),
+                only_publishing=_endpoints(end for end in publishers if not end.serves),
             )
             seen[name] = action
             if action.servers:
@@ -177,5 +177,5 @@ class Survey:
         self.close()
 
 
-def _in_order(ends: Iterable[graph.Endpoint]) -> tuple[graph.Endpoint, ...]:
+def _endpoints(ends: Iterable[graph.Endpoint]) -> tuple[graph.Endpoint, ...]:
     return tuple(sorted(ends, key=lambda end: (end.node, end.action_type, end.gid)))
