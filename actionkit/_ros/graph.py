@@ -30,7 +30,7 @@ class Endpoint:
     action_type: str  # such as `test_msgs/action/Fibonacci`
     node: str  # the full name of its node; `""` while it is not known yet
     best_effort: bool = False  # whether it publishes, or wants to receive, feedback best-effort
-    serves: bool = True  # `False` for a publisher whose node does not have the action's services
+    serves: bool = True  # `False` if its node only publishes: it lacks the action's services
 
 
 @dataclass(frozen=True)

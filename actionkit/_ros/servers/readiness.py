@@ -118,7 +118,7 @@ class ServerReadiness:
         self._in_sight: frozenset[bytes] = frozenset()
         """The ids of all publishers in sight."""
         self._not_serving: frozenset[bytes] = frozenset()
-        """Those of them that are not servers, or whose services are not known yet."""
+        """Those of them that are not servers, or seem so until their services are known."""
         self._outdated: frozenset[bytes] = frozenset()
         """The publishers that the graph shows while it does not show the newest one yet."""
         self._matched_at = 0.0
