@@ -109,7 +109,6 @@ def test_watch_sees_the_goals_of_others_and_their_end(world: World, tmp_path: Pa
     assert "=> goal SUCCEEDED; no end of the call in this log" in drawn.out
 
 
-@pytest.mark.long
 def test_a_player_of_feedback_is_not_a_server(empty_world: World) -> None:
     with player(empty_world.environment):
         assert empty_world.run("list", "--wait", "1").out == ""
@@ -119,6 +118,7 @@ def test_a_player_of_feedback_is_not_a_server(empty_world: World) -> None:
         assert "Only its feedback is published, by /player." in nobody.err
 
 
+@pytest.mark.long
 def test_watch_ends_when_asked_to(empty_world: World) -> None:
     nobody = empty_world.run("watch", "/fibonacci", "--once", "--server-timeout", "0.5")
     assert (nobody.code, nobody.out) == (Exit.NO_SERVER, "")
