@@ -111,7 +111,7 @@ def test_watch_sees_the_goals_of_others_and_their_end(world: World, tmp_path: Pa
 
 def test_a_player_of_feedback_is_not_a_server(empty_world: World) -> None:
     with player(empty_world.environment):
-        assert empty_world.run("list", "--wait", "1").out == ""
+        assert "/fibonacci" not in empty_world.run("list", "--wait", "1").out
         nobody = empty_world.run("info", "/fibonacci", "--wait", "1")
         assert nobody.code == Exit.NO_SERVER
         assert nobody.out == "Action: /fibonacci\nAction clients: 0\nAction servers: 0\n"
