@@ -45,7 +45,7 @@ def cancel_everything(session: Session, timeout: float) -> dict[uuid.UUID, Cance
     action = Cancelling(session.action_name)
     runtime = session.port.runtime
     least = max(FIRST, runtime.in_graph_since + _DISCOVERY - now)
-    with Survey(runtime.place, only=session.action_name) as survey:
+    with Survey(runtime.place, only=session.port.names) as survey:
         cancel_goals(
             survey,
             [action],

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from actionkit._ros import graph
+from actionkit._ros.names import ActionNames
 from actionkit._ros.stopping.goal_board import Board
 from actionkit._ros.tools.watch import GoalSeen, StatusReader, one_of_each
 from tests.unit.test_wire import status_array
@@ -73,7 +74,7 @@ EXECUTING, SUCCEEDED, CANCELED = 2, 4, 5
 def test_each_change_is_told_once(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     one, two = (bytes([number]) * 16 for number in (1, 2))
     told: list[Any] = []
-    reader = StatusReader("/a", on_goals=told.extend, on_servers=lambda _: None)
+    reader = StatusReader(ActionNames.of("/a"), on_goals=told.extend, on_servers=lambda _: None)
     runtime = reader._reader.runtime
 
     def come(*arrays: list[tuple[bytes, int]]) -> list[tuple[str, str]]:

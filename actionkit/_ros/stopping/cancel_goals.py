@@ -73,11 +73,12 @@ def cancel_goals(
                 if seen.name not in cancellers and seen.name not in broken:
                     put = _putter(inbox, action)
                     try:
+                        names = survey.names(seen.name)
                         reader = StatusReader(
-                            seen.name, on_goals=put, on_servers=put, place=survey.place
+                            names, on_goals=put, on_servers=put, place=survey.place
                         )
                         stack.callback(reader.close)
-                        cancellers[seen.name] = GoalCanceller(seen.name, put, survey.place)
+                        cancellers[seen.name] = GoalCanceller(names, put, survey.place)
                         stack.callback(cancellers[seen.name].close)
                     except Exception as error:  # noqa: BLE001  cancel those of the other actions
                         broken.add(seen.name)

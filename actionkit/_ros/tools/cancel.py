@@ -18,6 +18,7 @@ from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros import runtimes
 from actionkit._ros.cancels import CancelQueue, CancelWindow
 from actionkit._ros.codes import cancel_answer
+from actionkit._ros.names import ActionNames
 from actionkit._ros.native import RCLError
 from actionkit._ros.wait_set import ResponseSource
 from actionkit._threads.clock import TimerHandle
@@ -52,7 +53,7 @@ class GoalCanceller:
 
     def __init__(
         self,
-        action_name: str,
+        names: ActionNames,
         on_answer: Callable[[CancelSaid | AllSaid], object],
         place: runtimes.Place | None = None,
     ) -> None:
@@ -60,7 +61,7 @@ class GoalCanceller:
 
         `on_answer` gets each answer, on another thread. Each server on the name answers.
         """
-        self._name = action_name
+        self._names = names
         self._on_answer = on_answer
         self._asked: dict[int, tuple[bytes, float]] = {}
         """Request -> goal, also for answered requests: another server may answer, too."""
@@ -105,13 +106,13 @@ class GoalCanceller:
 
     def _begin(self) -> None:
         client = self._runtime.node.create_client(
-            CancelGoal, f"{self._name}/_action/cancel_goal", qos_profile=QoSProfile(depth=_DEPTH)
+            CancelGoal, self._names.cancel_goal, qos_profile=QoSProfile(depth=_DEPTH)
         )
         self._source = ResponseSource(client, self._take)
         self._runtime.enable(self._source)
         self._queue = CancelQueue(
             self._runtime,
-            self._runtime.window(CancelWindow, self._name),
+            self._runtime.window(CancelWindow, self._names.action),
             send=self._send,
             cancel_timer=self._runtime.cancel_timer,
         )

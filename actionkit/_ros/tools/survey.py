@@ -46,10 +46,12 @@ class ActionSeen:
 class Survey:
     """Looks at the graph. A context manager."""
 
-    def __init__(self, place: runtimes.Place | None = None, only: str | None = None) -> None:
+    def __init__(
+        self, place: runtimes.Place | None = None, only: ActionNames | None = None
+    ) -> None:
         """Take the node of a place, or make one, which begins to discover others.
 
-        `place` is that of `runtimes.acquire`. `only` is the full name of an action: no other one is
+        `place` is that of `runtimes.acquire`. `only` are the names of one action: no other one is
         looked at. Any error of rclpy goes to the caller.
         """
         began = time.monotonic()
@@ -84,13 +86,17 @@ class Survey:
         node = self.runtime.node
         return self.runtime.run(lambda: resolve_without_node(node.context, node, name)).action
 
+    def names(self, name: str) -> ActionNames:
+        """Return the names of an action's services and topics, remapped as those given."""
+        return ActionNames.of(name) if self._only is None else self._only
+
     def actions(self) -> dict[str, ActionSeen]:
         """Return the actions that are in sight now, sorted by name."""
         node = self.runtime.node
         seen = {}
-        found = graph.action_names(node) if self._only is None else [self._only]
+        found = graph.action_names(node) if self._only is None else [self._only.action]
         for name in sorted(found):
-            names = ActionNames.of(name)
+            names = self.names(name)
             publishers = graph.publishers(node, names)
             clients = node.get_subscriptions_info_by_topic(names.feedback)
             action = ActionSeen(
@@ -112,7 +118,7 @@ class Survey:
         A process that stands still is out of sight for one that comes later; its clients are not.
         They read the status; a client of ours that merely waits for a server does not.
         """
-        topic = ActionNames.of(name).status
+        topic = self.names(name).status
         seen = self.actions().get(name)
         if seen is None or seen.servers or not seen.clients:
             return False

@@ -64,7 +64,7 @@ class StatusReader:
 
     def __init__(
         self,
-        action_name: str,
+        names: ActionNames,
         on_goals: Callable[[list[GoalSeen]], None],
         on_servers: Callable[[tuple[str, ...]], None],
         place: Place | None = None,
@@ -74,7 +74,7 @@ class StatusReader:
         On another thread, `on_goals` gets the goals that have changed, at first all that a server
         remembers, and `on_servers` gets the names of the servers' nodes when they change.
         """
-        self._names = ActionNames.of(action_name)
+        self._names = names
         self._on_goals = on_goals
         self._on_servers = on_servers
         self._servers: tuple[str, ...] = ()

@@ -128,7 +128,7 @@ def _list(survey: Survey, name: str, server_timeout: float) -> int:
         return _no_server(survey, name)
     board = Board()
     inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    reader = StatusReader(name, on_goals=inbox.put, on_servers=inbox.put)
+    reader = StatusReader(survey.names(name), on_goals=inbox.put, on_servers=inbox.put)
     try:
         first_look(board, inbox, server_timeout)
     finally:

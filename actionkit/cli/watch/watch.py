@@ -82,7 +82,7 @@ def command(
             None, "watch", speaks=False, on_change=lambda: inbox.put(Held(view.state.active))
         )
         view.start()
-        reader = StatusReader(full, on_goals=inbox.put, on_servers=inbox.put)
+        reader = StatusReader(survey.names(full), on_goals=inbox.put, on_servers=inbox.put)
         try:
             if once:
                 return _once(full, board, inbox, server_timeout, type_of if as_json else None)
