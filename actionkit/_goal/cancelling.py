@@ -38,11 +38,20 @@ class CancellableGoal(GoalRecord):
             self._final_reason = self._final_reason or why
         if why is CancelReason.DEADLINE:
             self._latest = now + self._timeouts.cancel
-        if self._unwanted:
+        if self.settled:
+            return [] if abandon else self._ask_again()
+        if self.cancel_reason is not None:
             return []
-        if abandon or (self._left_alone and why is not CancelReason.CANCELLED):
+        if abandon or (self._is_left_alone and why is not CancelReason.CANCELLED):
             return self._leave(why)
         return self._cancel(why, now)
+
+    def _ask_again(self) -> list[fx.Effect]:
+        """Its caller has left: ask once more, because a refusal need not be the last word."""
+        if not self.in_flight or self.facts.lost or self._terminal_seen is not None:
+            return []
+        self._forget_refusals()
+        return [fx.AskCancel()]
 
     def _leave(self, why: CancelReason) -> list[fx.Effect]:
         """Let it run."""
@@ -103,9 +112,9 @@ class CancellableGoal(GoalRecord):
 
     @property
     def _refusal_counts(self) -> bool:
-        """Whether a refusal matters: somebody wants or wanted to cancel the goal, and it runs."""
+        """Whether a refusal matters: the goal is to be cancelled, and it runs."""
         ends = self._cancel_reply is CancelReply.ACCEPTED or self._terminal_seen is not None
-        return (self._unwanted or self._refused_reason is not None) and not ends
+        return self.unwanted and not ends
 
     def _cancel_refused(self, now: float, asked_at: float) -> list[fx.Effect]:
         """The server answered that it will not cancel the goal."""
@@ -138,7 +147,7 @@ class CancellableGoal(GoalRecord):
         """The server cancels the goal, perhaps after a refusal of its own or of another server."""
         self._cancel_reply = CancelReply.ACCEPTED
         self.facts.refused = False
-        if self._refused_reason is None or self._unwanted:
+        if self._refused_reason is None or self._given_up:
             return []
         self.cancel_reason, self._refused_reason = self._refused_reason, None
         self.cancelled_at = now

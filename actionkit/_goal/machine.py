@@ -29,6 +29,7 @@ from actionkit._goal.stages import (
     Stage,
 )
 from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._model.settings import Timeouts
 from actionkit._model.values import GoalState
 
 _ONE_IS_GONE = "one of its action servers is gone, and the others do not have it"
@@ -41,12 +42,8 @@ class Goal(CancellableGoal):
     def sent(self, now: float, servers: int = 1) -> list[fx.Effect]:
         """The middleware has just got the goal's request; so many servers may receive it."""
         self.facts.servers = max(1, servers)
-        effects: list[fx.Effect] = [self._enter(GoalState.SENT)]
-        if self.watched_early:
-            effects.append(fx.WatchStatus())
-        if self._timeouts.accept is not None:
-            effects.append(fx.Arm(fx.Timer.ACCEPT, now + self._timeouts.accept))
-        return [*effects, self._arm_reask(now)]
+        watch: list[fx.Effect] = [fx.WatchStatus()] if self.watched_early else []
+        return [self._enter(GoalState.SENT), *watch, *self._arm_accept(now), self._arm_reask(now)]
 
     def attached(self, now: float, servers: int, *, left_alone: bool) -> list[fx.Effect]:
         """Somebody else has sent it, and one of so many servers may have it: begin to follow it.
@@ -57,10 +54,42 @@ class Goal(CancellableGoal):
         self._left_alone = left_alone
         self.state = GoalState.SENT
         self.facts.servers = max(1, servers)
-        effects: list[fx.Effect] = [fx.WatchStatus(), fx.AskResult()]
-        if self._timeouts.accept is not None:
-            effects.append(fx.Arm(fx.Timer.ACCEPT, now + self._timeouts.accept))
-        return [*effects, self._arm_reask(now)]
+        asks = fx.WatchStatus(), fx.AskResult()
+        return [*asks, *self._arm_accept(now), self._arm_reask(now)]
+
+    def attached_again(
+        self, timeouts: Timeouts, now: float, _: int, *, left_alone: bool
+    ) -> list[fx.Effect]:
+        """Another call follows it from now on; the one that it was of has given up on it (C1.16).
+
+        What is known about the goal stays, and only what the new call wants counts. But it is
+        still cancelled if there is nothing to follow: then the new call ends at once.
+        """
+        self.settled = self._left_alone = self.facts.told = False
+        self.cancel_reason = self._final_reason = self._refused_reason = self._held = None
+        self._timeouts, self._phase, self._latest = timeouts, "", math.inf
+        if self.stage is Stage.ELSEWHERE:
+            why = "one server has ended it, and another one is asked to cancel it"
+            return self._settle(fx.End.RESULT_LOST, lost_because=why)
+        if self.facts.lost:
+            return self._settle(fx.End.LOST, lost_because="its action server is gone")
+        self._left_alone = left_alone
+        self._forget_refusals()
+        self._unknown_to_server = self._ended_first = False
+        self._cancelled_before, self._forgotten_at = True, None
+        self._reask_after = FIRST_REASK
+        effects: list[fx.Effect] = [fx.StopCancel(), fx.WatchStatus(), fx.AskResult(anew=True)]
+        if self.stage is Stage.SENT:
+            effects += self._arm_accept(now)
+        else:
+            self.stage = Stage.ACCEPTED  # also if its server was lost, and is back
+            seen, self.state = self.state, GoalState.ACCEPTED
+            effects.append(fx.Record(self.state))
+            if RANK.get(seen, 0) > RANK[self.state]:
+                effects.append(self._enter(seen))
+        if self._terminal_seen is not None:
+            effects += self._arm_result(now)
+        return [*effects, self._arm_reask(now), *self._arm_stall(now)]
 
     def server_ready(self, now: float) -> list[fx.Effect]:
         """A server can be used (again)."""
@@ -104,7 +133,7 @@ class Goal(CancellableGoal):
         if self.stage is Stage.ACCEPTED:
             # One server has ended it and seemed to be the only one, but this one has not.
             facts.over, self._terminal_seen = False, None
-        cancel: list[fx.Effect] = [fx.AskCancel()] if self._unwanted else []
+        cancel: list[fx.Effect] = [fx.AskCancel()] if self.unwanted else []
         return [fx.AskResult(anew=True), *cancel]
 
     def _shown(self, now: float) -> list[fx.Effect]:
@@ -121,7 +150,7 @@ class Goal(CancellableGoal):
         effects.append(fx.AskResult(anew=True))
         self._reask_after = FIRST_REASK
         effects.append(self._arm_reask(now))
-        if self._unwanted:
+        if self.unwanted:
             effects.append(fx.AskCancel())
         return effects + self._arm_stall(now)
 
@@ -182,10 +211,7 @@ class Goal(CancellableGoal):
             self._forget_refusals()
             self._reask_after = FIRST_REASK / 2
             # A goal that has ended sends no feedback, so its silence means nothing.
-            effects += [fx.Disarm(fx.Timer.STALL), self._arm_reask(now)]
-            limit = self._timeouts.result
-            if limit is not None and not self.settled:
-                effects.append(fx.Arm(fx.Timer.RESULT, now + limit))
+            effects += [fx.Disarm(fx.Timer.STALL), self._arm_reask(now), *self._arm_result(now)]
         return effects
 
     def result(
@@ -240,7 +266,11 @@ class Goal(CancellableGoal):
                 kept = None  # only a late success is useful
         if self.settled:
             effects.append(fx.LateResult(status, result))
-        return effects + self._end_here(end, now, result=kept)
+        because = ""
+        confirmed = canceled and self._cancel_reply is CancelReply.ACCEPTED
+        if end is fx.End.CANCELED_BY_OTHER and confirmed and self._cancelled_before:
+            because = "an earlier call of this client had cancelled it"
+        return effects + self._end_here(end, now, result=kept, lost_because=because)
 
     def _unknown(
         self, now: float, asked_at: float, *, own: bool, everybody: bool

@@ -32,6 +32,7 @@ class GoalRecord:
         self.settled = False
         self.cancel_reason: CancelReason | None = None
         self._final_reason: CancelReason | None = None  # the first one that is in `FINAL`
+        self._cancelled_before = False  # an earlier call of the client had given up on it
         self.abandoned = False  # it was let run, as the user chose
         self._attached = False  # somebody else has sent it
         self._left_alone = False  # only an explicit cancel cancels it
@@ -69,7 +70,7 @@ class GoalRecord:
             return True
         denied = self.stage is Stage.SENT and self._unknown_to_server
         ended = self._terminal_seen is not None  # then only its result is missing
-        return self.in_flight and self.stage is not Stage.LOST and not denied and not ended
+        return self.in_flight and not (self.facts.lost or denied or ended)
 
     @property
     def awaits_result_of(self) -> GoalState | None:
@@ -86,30 +87,49 @@ class GoalRecord:
         return self.stage in (Stage.SENT, Stage.LOST)
 
     @property
-    def _is_left_alone(self) -> bool:
-        """Whether it is only followed: nothing that happens to it makes us cancel it."""
-        return self._left_alone and self.cancel_reason is None
+    def unwanted(self) -> bool:
+        """Whether its caller does not want it: it is cancelled when a server shows that it has it.
+
+        That is also so after a refusal, when the caller waits for the end of the goal again.
+        """
+        return self._given_up or self._refused_reason is not None
 
     @property
-    def _unwanted(self) -> bool:
+    def _given_up(self) -> bool:
+        """Whether its caller has left, or waits for its cancellation only."""
         return self.settled or self.cancel_reason is not None
+
+    @property
+    def _is_left_alone(self) -> bool:
+        """Whether it is only followed: nothing that happens to it makes us cancel it."""
+        wanted = self.cancel_reason is None and self._refused_reason is None
+        return self._left_alone and wanted
 
     @property
     def _asked_to_cancel(self) -> bool:
         """Whether this side has asked, or has begun to ask, for its cancellation."""
-        refused = self._refused_reason is not None
-        return self._unwanted or refused or self._cancel_reply is not CancelReply.NONE
+        return self.unwanted or self._cancel_reply is not CancelReply.NONE
 
     # --- timers ----------------------------------------------------------------------------
 
     def _arm_reask(self, now: float) -> fx.Effect:
         return fx.Arm(fx.Timer.REASK, now + self._reask_after)
 
+    def _arm_accept(self, now: float) -> list[fx.Effect]:
+        limit = self._timeouts.accept
+        return [] if limit is None else [fx.Arm(fx.Timer.ACCEPT, now + limit)]
+
+    def _arm_result(self, now: float) -> list[fx.Effect]:
+        limit = self._timeouts.result
+        if limit is None or self.settled:
+            return []
+        return [fx.Arm(fx.Timer.RESULT, now + limit)]
+
     def _arm_stall(self, now: float) -> list[fx.Effect]:
         silence = self._timeouts.feedback
         # A goal that has ended, or is being cancelled, may send no feedback: silence means nothing.
         quiet = self._terminal_seen is not None or self.facts.others_cancel
-        if silence is None or quiet or self._unwanted or self.stage is not Stage.ACCEPTED:
+        if silence is None or quiet or self._given_up or self.stage is not Stage.ACCEPTED:
             return []
         return [fx.Arm(fx.Timer.STALL, now + silence)]
 

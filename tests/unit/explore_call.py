@@ -47,6 +47,9 @@ UNIMPORTANT = (
 )
 
 
+NOT_MINE = ("goal_id", "goal", "asked_now")
+
+
 @dataclass(frozen=True)
 class Replacement:
     """What a call asks the one that replaces it; by then, that one is over."""
@@ -87,6 +90,7 @@ class Attempt:
         """The servers that have answered that they accept it."""
         self.timers: frozenset[fx.Timer] = frozenset()
         self.asked = self.released = False
+        self.asked_now = False  # by the latest event
 
     @property
     def cancel_is_ours(self) -> bool:
@@ -101,7 +105,7 @@ class Attempt:
             if name not in UNIMPORTANT
         ]
         facts = astuple(self.goal.facts)[1:]
-        mine = tuple(v for n, v in vars(self).items() if n not in ("goal_id", "goal"))
+        mine = tuple(v for n, v in vars(self).items() if n not in NOT_MINE)
         return (*fields, facts, mine, tuple(map(tuple, truth)))
 
 
@@ -239,6 +243,7 @@ class World:
                 attempt.timers -= {effect.timer}
             elif isinstance(effect, fx.AskCancel):
                 attempt.asked |= bool(attempt.given_to)
+                attempt.asked_now = True
             elif isinstance(effect, fx.Settle):
                 attempt.timers = frozenset()
                 if attempt is self.m.attempt:
@@ -559,7 +564,12 @@ class World:
         if tell and event == "accepts":
             listener.shown |= {s}
         if tell:
+            listener.asked_now = False
             self.apply(listener, tell())
+        if tell and event == "accepts" and not listener.released and not listener.asked_now:
+            gave_up = self.m.unwanted and not self.hurried
+            if gave_up or listener is not self.m.attempt:
+                raise Broken("a server takes a goal that nobody wants, and is not asked to cancel")
 
     # --- what must hold --------------------------------------------------------------------
 
@@ -684,6 +694,19 @@ class Replaced(World):
     """Another goal may be sent in its place."""
 
     may_be_replaced = True
+
+
+class Refused(World):
+    """Each server was sent the goal, and the first one refuses to cancel it."""
+
+    def __init__(self, resend: str, attempts: int, servers: int) -> None:
+        super().__init__(resend, attempts, servers)
+        for server in range(servers):
+            self.happens("comes", server)
+        self.happens("turn", "fine")
+        self.happens("cancel", None)
+        for event in ("accepts unseen", "refuses", "refuses"):
+            self.happens(event, (self.m.goal_id, 0))
 
 
 class Attached(World):

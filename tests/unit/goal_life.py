@@ -151,6 +151,7 @@ class Life:
         self.started = self.released = self.abandoned = self.broke = False
         self.cancel_asked = self.cancel_accepted = self.cancelling = False
         self.refused = self.refused_lately = self.refusal_meant = False
+        self.cancelled_before = False  # by an earlier call
         self.refused_at: float | None = None
 
     # --- driving ---------------------------------------------------------------------------
@@ -165,13 +166,15 @@ class Life:
     def tell(self, event: str, *args: Any, **options: Any) -> list[Effect]:
         """Let an event happen now; return what it asks for."""
         before = replace(self.server)
+        asks_again = self.ending is not None and event in GIVING_UP
         if event in ("result", "cancel_answered"):
             options.setdefault("asked_at", self.now)
         self._note(event, args, options)
         given = (GIVING_UP[event],) if event in GIVING_UP else args
+        last = (1,) if event == "attached_again" else ()  # how many servers may have it
         happens = getattr(self.goal, "give_up" if event in GIVING_UP else event)
         try:
-            effects: list[Effect] = happens(*given, self.now, **options)
+            effects: list[Effect] = happens(*given, self.now, *last, **options)
         except AssertionError as error:
             raise Broken(f"the machine takes every event: {self.told}") from error
         self.all += effects
@@ -184,8 +187,25 @@ class Life:
         for effect in effects:
             self._carry_out(effect, event, args)
         self.cancelling = Timer.CANCEL in self.timers
+        if asks_again and AskCancel() in effects:
+            self.refusal_meant, self.refused_at = False, None
         self._check(event, before, effects)
+        if asks_again and not options.get("abandon") and self.in_flight:
+            asked = AskCancel() in effects or self.server.lost or self.server.ended
+            self._require(asked, "who has left can ask again")
         return effects
+
+    def attach_again(self) -> None:
+        """Let another call attach to the goal, if the one that it was of is over."""
+        if self.ending is None or not self.in_flight:
+            return
+        self.ending = self.deadline = None
+        self.cancelled_before = self.cancel_accepted
+        if self.server.back or not self.server.lost:  # else there is nothing to follow
+            self.server.lost = self.server.denied = self.cancel_asked = False
+            self.refused = self.refused_lately = self.refusal_meant = self.cancelling = False
+            self.server.forgotten_at = self.refused_at = None
+        self.tell("attached_again", self.timeouts, left_alone=False)
 
     def fire(self, timer: Timer | str) -> list[Effect]:
         """Let an armed timer fire, at its time."""
@@ -329,7 +349,8 @@ class Life:
         lost = ending.end is End.LOST and not self.broke
         self._require(not (lost and server.ended), "a goal that ended was not lost with its server")
         others = ending.end is End.CANCELED_BY_OTHER
-        self._require(not (others and self.cancel_accepted), "our cancel is nobody else's")
+        ours = self.cancel_accepted and not self.cancelled_before
+        self._require(not (others and ours), "our cancel is nobody else's")
         stalled = ending.end is End.STALLED and not self.cancel_asked
         self._require(not stalled, "a stall is told after a cancel")
         self._require((ending.phase != "") == (ending.end is End.DEADLINE), "deadlines have phases")
@@ -345,7 +366,8 @@ class Life:
         settled = self.ending is not None
         self._require(goal.settled == settled, "`settled` tells of Settle")
         self._require(goal.in_flight == self.in_flight, "`in_flight`: a server may be running it")
-        may_run = self.in_flight and not (server.lost or server.denied or server.ended)
+        lost = server.lost and not server.back
+        may_run = self.in_flight and not (lost or server.denied or server.ended)
         self._require(goal.may_run == may_run, "`may_run`: a server in sight may be running it")
         known = server.over or server.lost or self.left_alone
         self._require(settled or not known, "no caller is left waiting")

@@ -21,6 +21,7 @@ from tests.unit.explore_call import (
     Attached,
     Broken,
     LeftAlone,
+    Refused,
     Replaced,
     World,
     explore,
@@ -47,7 +48,12 @@ def test_no_promise_is_broken(resend: str, servers: int, most: int) -> None:
     assert transitions > states >= SMALL
 
 
-KINDS = {Attached: ("never_accepted", 1), LeftAlone: ("never_accepted", 1), Replaced: ("always", 2)}
+KINDS = {
+    Refused: ("never_accepted", 1),
+    Attached: ("never_accepted", 1),
+    LeftAlone: ("never_accepted", 1),
+    Replaced: ("always", 2),
+}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -229,14 +235,20 @@ MUTANTS = {
     "a goal that is left alone is cancelled at the deadline": (
         Goal,
         "give_up",
-        "(self._left_alone and why is not CancelReason.CANCELLED)",
+        "(self._is_left_alone and why is not CancelReason.CANCELLED)",
         "False",
     ),
     "a late acceptance is not cancelled": (
         Goal,
         "_shown",
-        "if self._unwanted:",
+        "if self.unwanted:",
         "if False:",
+    ),
+    "a late acceptance is not cancelled after another server's refusal": (
+        Goal,
+        "unwanted",
+        " or self._refused_reason is not None",
+        "",
     ),
     "a lost goal counts as stopped": (
         GoalFacts,
@@ -381,6 +393,7 @@ def look_everywhere() -> None:
     """Where most is found, first."""
     for kind, (resend, attempts) in KINDS.items():
         hunt(resend, attempts, 1, walks=300, kind=kind)
+    explore("never_accepted", attempts=1, servers=2, most=SMALL, kind=Refused)
     for hunting, seed in LUCKY:
         hunt(*hunting, walks=300, seed=seed)
     explore("confirmed_stopped", attempts=2, servers=1, most=3000)

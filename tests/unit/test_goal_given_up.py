@@ -18,11 +18,14 @@ from actionkit._goal.effects import (
     LateResult,
     Record,
     Release,
+    Settle,
+    StopCancel,
     Timer,
 )
+from actionkit._goal.machine import Goal
 from actionkit._goal.stages import DOUBT, CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
-from actionkit._model.settings import LONGEST_GRACE
+from actionkit._model.settings import LONGEST_GRACE, Timeouts
 from actionkit._model.values import CancelReport, GoalState
 
 
@@ -467,6 +470,95 @@ def test_a_refusal_that_was_believed_for_want_of_time_is_asked_about_once_more()
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
     life.tell("result", GoalState.CANCELED, None)
     assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.CONFIRMED)
+
+
+def test_a_server_that_accepts_after_the_refusal_of_another_one_is_asked_to_cancel() -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0, servers=2)
+    goal.give_up(CancelReason.CANCELLED, 1.0)
+    goal.accepted(1.1)
+    goal.cancel_answered(CancelAnswer.REFUSED, 1.2, asked_at=1.0)
+    goal.timer(Timer.CANCEL, 4.0)
+    assert not goal.settled  # its caller waits for its end
+    assert AskCancel() in goal.accepted(5.0)
+
+
+def test_a_caller_who_cancels_again_after_a_refusal_asks_again() -> None:
+    life = Life(60.0)
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    for _ in range(2):
+        life.tell("cancel_answered", CancelAnswer.REFUSED)
+        life.wait_until(life.now + DOUBT)
+    assert life.goal.cancel_reason is None
+    assert AskCancel() in life.see("cancel")
+    life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    life.tell("result", GoalState.CANCELED, None)
+    assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.CONFIRMED)
+
+
+@pytest.mark.parametrize("why", [CancelReason.DEADLINE, CancelReason.CLOSED])
+def test_a_refused_cancel_of_what_is_left_alone_is_asked_for_again(why: CancelReason) -> None:
+    """It was to be left alone, until its caller cancelled it."""
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.attached(0.0, 1, left_alone=True)
+    goal.give_up(CancelReason.CANCELLED, 1.0)
+    for now in (1.1, 2.0):
+        goal.cancel_answered(CancelAnswer.REFUSED, now, asked_at=now)
+    assert AskCancel() in goal.give_up(why, 3.0)
+
+
+# --- another call attaches to it ---------------------------------------------------------------
+
+
+def test_what_is_taken_over_is_asked_no_more_to_cancel() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(9.0)
+    assert life.end is End.DEADLINE
+    life.attach_again()
+    assert StopCancel() in life.all
+    assert life.states[-1] is GoalState.ACCEPTED  # the new call shows it from here on
+    asked = life.all.count(AskCancel())
+    life.wait_until(100.0)
+    assert life.all.count(AskCancel()) == asked
+    life.tell("result", GoalState.SUCCEEDED, 1)
+    assert life.end is End.SUCCEEDED
+
+
+def test_what_was_not_accepted_yet_and_is_taken_over_is_cancelled_again_if_that_is_given_up() -> (
+    None
+):
+    life = Life(3.0)
+    life.see(*UNTIL_SENT)
+    life.wait_until(9.0)
+    life.attach_again()
+    life.wait_until(life.now + 5.0)
+    assert life.all[-5:].count(AskCancel()) == 1  # not accepted in time: the new call ends, too
+    life.wait_until(life.now + 2.0)
+    assert life.end is End.NO_ACCEPTANCE
+    assert AskCancel() in life.see("accepted")
+
+
+def test_what_is_lost_is_not_taken_over_and_is_cancelled_when_its_server_is_back() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("server_lost", "gone")
+    life.attach_again()
+    assert life.end is End.LOST
+    assert AskCancel() in life.see("server_back")
+
+
+def test_what_runs_on_another_server_is_not_taken_over_and_is_cancelled_there() -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0, servers=2)
+    goal.accepted(0.1)
+    goal.accepted(0.1)
+    goal.result(GoalState.ABORTED, None, 1.0, asked_at=0.2, everybody=False)
+    assert goal.stage is Stage.ELSEWHERE
+    (settled,) = goal.attached_again(Timeouts(), 2.0, 2, left_alone=True)
+    assert isinstance(settled, Settle)
+    assert settled.ending.end is End.RESULT_LOST
+    assert AskCancel() in goal.timer(Timer.REASK, 3.0)
 
 
 def test_a_refusal_that_nothing_contradicts_counts_when_the_grace_ends() -> None:

@@ -34,6 +34,7 @@ EVENTS: list[Event] = [
     ("fail", "broken", RuntimeError()),
     ("close", True),
     ("close", False),
+    ("attach again",),
     *(
         ("status", GoalState(name))
         for name in ("ACCEPTED", "EXECUTING", "CANCELING", "SUCCEEDED", "CANCELED", "ABORTED")
@@ -88,7 +89,9 @@ def happens(life: Life, event: Event) -> None:
     name, *args = event
     if name == "accepted" and life.goal.facts.yeses:
         return  # it would be the answer of a second server
-    if name == "close":
+    if name == "attach again":
+        life.attach_again()
+    elif name == "close":
         life.tell("close", abandon=args[0])
     elif name == "fire":
         life.fire(args[0])
@@ -184,8 +187,8 @@ def test_long_lives(
 ) -> None:
     life = Life(deadline, server=server, accept=accept, feedback=feedback, cancel=cancel)
     lead(life, beginning, events)
-    if deadline is not None:
-        life.wait_until(deadline + cancel)
+    if life.deadline is not None:
+        life.wait_until(life.deadline + cancel)
         assert life.ending is not None  # (C2.3)
     assert life.count(Release) <= 1
 

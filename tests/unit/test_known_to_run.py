@@ -60,6 +60,7 @@ def test_of_one_whose_server_is_gone_nothing_is_known_until_that_denies_it() -> 
     goal.result(None, None, 4.0, asked_at=3.0)
     assert goal.facts.known_to_run is None
     goal.server_back(5.0)
+    assert goal.facts.known_to_run is goal.may_run is True
     goal.result(None, None, 6.0, asked_at=5.0)
     assert goal.facts.known_to_run is False
 
