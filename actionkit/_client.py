@@ -283,6 +283,9 @@ class Client(Generic[ActionT_co]):
     ) -> GoalFuture[ResultT, FeedbackT]:
         """Follow a goal that another client, process or computer has sent, or an earlier run.
 
+        It may also be a goal of this client, if its call is over and the goal may still run. Then
+        this call takes it over, and the earlier call asks no more to cancel it.
+
         Returns at once, and sends no goal. The future is like that of `call_async`: feedback,
         state, result, timeline, `cancel()`. The timeline begins with what the server says now. A
         server of micro-ROS sends a result only to the client that asked last: if you attach to its
@@ -303,13 +306,13 @@ class Client(Generic[ActionT_co]):
         Raises:
             ClientClosedError: The client was closed.
             RuntimeError: This process was forked from the client's.
-            TypeError, ValueError: An argument is wrong, or this client follows the goal already.
+            TypeError, ValueError: An argument is wrong, or a call of this client that is not over
+                has the goal.
         """
         if on_give_up not in ("leave", "cancel"):
             raise ValueError(f"on_give_up={on_give_up!r} must be 'leave' or 'cancel'")
         followed = goal_id_of(goal_id)
-        if any(call.goal_id == followed for call in list(self._session.calls)):
-            raise ValueError(f"goal {followed} is followed by this client already: use that future")
+        self._session.check_not_followed(followed)
         call = self._prepare(
             None,
             on_feedback,
@@ -482,8 +485,9 @@ class Client(Generic[ActionT_co]):
 
         It waits for the server's confirmations until none has come for `timeouts.cancel` seconds
         and a second more. Many goals are cancelled a few at a time, so with many goals it may wait
-        60 s longer. A warning names goals that may still be running then. The server is asked to
-        cancel them for a little longer.
+        60 s longer. With `on_close="cancel"`, it asks once more to cancel goals that may run though
+        their calls are over. A warning names goals that may still be running then. The server is
+        asked to cancel them for a little longer.
 
         It also waits for callbacks that are due or running, 5 s, or `timeouts.cancel` if that is
         longer. A warning names those that have not returned by then. Afterwards none begins. Ctrl-C

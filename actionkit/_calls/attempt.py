@@ -72,14 +72,14 @@ class Attempt:
         timeouts: Timeouts,
         owner: AttemptOwner,
         *,
-        on_out_of_sight: Callable[[Attempt], None],
+        on_change: Callable[[Attempt], None],
     ) -> None:
         """Make an attempt; the caller sends its goal next.
 
         We choose `goal_id` ourselves, so the goal can be cancelled before the server has
-        acknowledged it (R5). `on_out_of_sight` is called when nothing is left to watch
-        (`goal.stage` is OVER), or when nothing can be watched for now because the server is gone
-        (LOST).
+        acknowledged it (R5). `on_change` is called when nothing is left to watch (`goal.stage` is
+        OVER), when nothing can be watched for now because the server is gone (LOST), and when a
+        server has refused to cancel the goal.
         """
         self.goal_id = goal_id
         self.number = 1
@@ -89,8 +89,8 @@ class Attempt:
         self._link = link
         self._liveness = timeouts.liveness
         self._now = link.runtime.now
-        self._owner = owner
-        self._on_out_of_sight = on_out_of_sight
+        self.owner = self._sender = owner
+        self._on_change = on_change
         self._timers = GoalTimers(link.runtime)
         self._effects: deque[fx.Effect] = deque()
         self._applying = False
@@ -102,7 +102,7 @@ class Attempt:
     @property
     def unwanted(self) -> bool:
         """Whether the caller has cancelled: then the goal must not be sent."""
-        return self._owner.unwanted
+        return self.owner.unwanted
 
     @property
     def cancel_is_ours(self) -> bool:
@@ -116,9 +116,16 @@ class Attempt:
         self._servers = self._link.send_goal(self, message)
 
     def attach(self, *, left_alone: bool) -> None:
-        """Have the link tell about a goal that somebody else has sent. Errors: `follow_goal`."""
+        """Have the link tell about a goal that somebody else has sent."""
         self._servers = self._link.follow_goal(self)
         self._first = partial(self.goal.attached, left_alone=left_alone)
+
+    def attach_again(self, owner: AttemptOwner, timeouts: Timeouts, *, left_alone: bool) -> None:
+        """Follow the goal for another call, which attaches to it; the earlier call is over."""
+        self.owner = owner
+        self._liveness = timeouts.liveness
+        self._in_outbox = True
+        self._first = partial(self.goal.attached_again, timeouts, left_alone=left_alone)
 
     def start(self) -> None:
         """Follow the goal after `send` or `attach`."""
@@ -131,7 +138,7 @@ class Attempt:
         effects = self.goal.give_up(why, self._now(), abandon=abandon)
         self._apply(effects)
         asked_before = not effects and why is CancelReason.CANCELLED
-        if asked_before and self._owner.urgent and not self.goal.facts.is_lost_with_server:
+        if asked_before and self.owner.urgent and not self.goal.facts.is_lost_with_server:
             self.cancel_again()  # before others: at Ctrl-C, rclpy's handler may close us first
 
     def cancel_again(self) -> None:
@@ -179,7 +186,7 @@ class Attempt:
     def on_feedback(self, messages: list[bytes]) -> None:
         # First record the states that feedback proves, so acceptance is visible before it (C1.8).
         self._apply(self.goal.feedback(self._now()))
-        self._owner.on_feedback(self, messages)
+        self.owner.on_feedback(self, messages)
 
     def on_status(self, state: GoalState) -> None:
         self._apply(self.goal.status(state, self._now()))
@@ -227,13 +234,13 @@ class Attempt:
     def on_server_lost(self, reason: str) -> None:
         self._apply(self.goal.server_lost(reason, self._now()))
         self._look_whether_lost(True)
-        self._on_out_of_sight(self)
+        self._on_change(self)
 
     def _look_whether_lost(self, was_seen: bool) -> None:
         if was_seen and self.goal.stage is Stage.LOST:
             self._link.stop_cancel(self)
-            self._owner.on_over(self)  # the policy may allow another goal now
-            self._on_out_of_sight(self)
+            self.owner.on_over(self)  # the policy may allow another goal now
+            self._on_change(self)
 
     # --- carrying out ----------------------------------------------------------------------
 
@@ -263,13 +270,15 @@ class Attempt:
         self._timers.disarm(effect.timer)
 
     def _record(self, effect: fx.Record) -> None:
-        self._owner.on_record(self, effect)
+        self.owner.on_record(self, effect)
+        if effect.cancel_refused:
+            self._on_change(self)
 
     def _ask_result(self, effect: fx.AskResult) -> None:
         self._link.ask_result(self, supersedes_earlier=effect.anew)
 
     def _ask_cancel(self, _: fx.AskCancel) -> None:
-        urgent = self._owner.urgent or self.goal.cancel_reason is CancelReason.DEADLINE
+        urgent = self.owner.urgent or self.goal.cancel_reason is CancelReason.DEADLINE
         self._link.ask_cancel(self, urgent=urgent)
 
     def _stop_cancel(self, _: fx.StopCancel) -> None:
@@ -289,16 +298,18 @@ class Attempt:
 
     def _settle(self, effect: fx.Settle) -> None:
         self._timers.keep_only(fx.Timer.REASK)
-        self._owner.on_end(self, effect.ending)
+        self.owner.on_end(self, effect.ending)
 
     def _late_result(self, effect: fx.LateResult) -> None:
-        self._owner.on_late_result(self, effect.state, effect.result)
+        self.owner.on_late_result(self, effect.state, effect.result)
 
     def _release(self, _: fx.Release) -> None:
         self._timers.keep_only()
         self._link.forget(self, abandoned=self.goal.abandoned, finished=self._has_result)
-        self._on_out_of_sight(self)
-        self._owner.on_over(self)
+        self._on_change(self)
+        self.owner.on_over(self)
+        if self._sender is not self.owner:
+            self._sender.on_over(self)  # the ledger may have its call
 
     _CARRY_OUT: ClassVar[dict[type[fx.Effect], Callable[[Attempt, Any], None]]] = {
         fx.Arm: _arm,

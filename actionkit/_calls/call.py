@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 from actionkit._calls import effects as cx
 from actionkit._calls.attempt import Attempt
 from actionkit._calls.call_record import ActionView, CallRecord
+from actionkit._calls.call_view import GoalsKeeper
 from actionkit._calls.classify_runner import ClassifyRunner
 from actionkit._calls.error_texts import CLIENT_CLOSED, ENDING
 from actionkit._calls.future import GoalFuture
@@ -46,7 +47,7 @@ class CallLink(Protocol):
     def dequeue(self, waiter: Call, goal_id: uuid.UUID) -> None: ...
 
 
-class CallSession(ActionView, GoalsWatch, Protocol):
+class CallSession(ActionView, GoalsKeeper, GoalsWatch, Protocol):
     """What a call needs of its session."""
 
     @property
@@ -99,6 +100,11 @@ class Call:
     def goal_id(self) -> uuid.UUID:
         """The id of the current goal, or of the goal that the outcome describes."""
         return self.machine.goal_id
+
+    @property
+    def goal_ids(self) -> tuple[uuid.UUID, ...]:
+        """The ids of the current goal, and of those that may run."""
+        return (self.goal_id, *self.goals.may_run)
 
     @property
     def unwanted(self) -> bool:

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from actionkit._goal.facts import GoalFacts
 from actionkit._model.timeline import Recorder
 from actionkit._model.values import GoalReport, GoalState
+from actionkit._threads.function_runner import Clock
 
 _KEPT = 100
 """How many goals that do not run any more a call keeps, for `Outcome.goals`."""
@@ -82,6 +83,12 @@ class GoalsOfCall:
         return True if True in known else None if None in known else False
 
 
+class GoalsKeeper(Clock, Protocol):
+    """What a future needs of its session."""
+
+    def cancel_again(self, goal_ids: tuple[uuid.UUID, ...]) -> None: ...
+
+
 class CallView(Protocol):
     """What a future needs to know about its call."""
 
@@ -122,10 +129,13 @@ class CallIsOver:
     timeline: Recorder
     cancel_grace: float
     to_replace: tuple[Any, ...]
+    session: GoalsKeeper
     left_alone: bool = False
 
     def request_cancel(self) -> None:
-        """Do nothing: it is too late."""
+        """Ask once more to cancel the goals that may run. From any thread; never blocks."""
+        if left := self.goals.may_run:
+            self.session.cancel_again(left)
 
     def replace_by(self, call: Any) -> None:
-        """The same."""
+        """Do nothing: it is too late."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from actionkit._calls.future import GoalFuture
+from actionkit._calls.last_request import LastRequest
 from actionkit._calls.left_running import LINGER, warn_of_goals_left
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._threads.in_hand import patience
@@ -15,6 +16,7 @@ from actionkit._threads.waiting import Flag
 if TYPE_CHECKING:
     from actionkit._calls.session import Session
 
+_Awaited: TypeAlias = GoalFuture[Any, Any] | LastRequest
 MARGIN = 0.5
 """Seconds that closing may take in addition to the wait for cancellations: the communication thread
 ends the calls in milliseconds, but a busy machine is slower."""
@@ -59,7 +61,8 @@ def end_calls(sessions: Sequence[Session], others: Sequence[GoalFuture[Any, Any]
     for session in sessions:
         session.close_calls()
     try:
-        _await_ends(sessions, [*_futures(sessions), *others], grace)
+        last_requests = [session.last_request for session in sessions]
+        _await_ends(sessions, [*_futures(sessions), *others, *last_requests], grace)
         for session in sessions:
             session.end_grace()
         await_ends(_futures(sessions), MARGIN)
@@ -72,27 +75,25 @@ def _futures(sessions: Sequence[Session]) -> list[GoalFuture[Any, Any]]:
     return [future for session in sessions for future in session.futures]
 
 
-def _await_ends(
-    sessions: Sequence[Session], futures: list[GoalFuture[Any, Any]], grace: float
-) -> None:
+def _await_ends(sessions: Sequence[Session], awaited: Sequence[_Awaited], grace: float) -> None:
     try:
-        await_ends(futures, grace)
+        await_ends(awaited, grace)
     except KeyboardInterrupt:
         for session in sessions:
             session.interrupted_at = time.monotonic()
         raise
 
 
-def await_ends(futures: list[GoalFuture[Any, Any]], grace: float) -> None:
+def await_ends(awaited: Sequence[_Awaited], grace: float) -> None:
     """Wait for calls to end, as long as at least one ends within each `grace` seconds."""
     latest = time.monotonic() + grace + LONGEST_GRACE
-    before = len(futures) + 1
-    while futures and len(futures) < before and time.monotonic() < latest:
-        before = len(futures)
+    before = len(awaited) + 1
+    while awaited and len(awaited) < before and time.monotonic() < latest:
+        before = len(awaited)
         until = time.monotonic() + grace
-        if all(future._wait_until_over(until - time.monotonic()) for future in futures):
+        if all(each._wait_until_over(until - time.monotonic()) for each in awaited):
             return
-        futures = [future for future in futures if not future.done()]
+        awaited = [each for each in awaited if not each.done()]
 
 
 def _release(sessions: Sequence[Session]) -> None:

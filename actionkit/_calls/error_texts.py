@@ -181,6 +181,8 @@ def _told_by_result(result: Any) -> str:
 
 
 def _canceled(ending: Ending, call: ErrorContext) -> str:
+    if ending.lost_because:
+        return f"{_what(call)} was cancelled after {_after(call)}: {ending.lost_because}."
     return (
         f"{_what(call)} was cancelled after {_after(call)}, and not by this client."
         " Another client, an operator or the server itself did so; it is not tried again."

@@ -41,7 +41,7 @@ def cancel_everything(session: Session, timeout: float) -> dict[uuid.UUID, Cance
     now = time.monotonic()
     until = now + timeout
     goals = session.goals_in_flight()
-    session.cancel_again()
+    session.cancel_again(tuple(goal.goal_id for goal in goals))
     action = Cancelling(session.action_name)
     runtime = session.port.runtime
     least = max(FIRST, runtime.in_graph_since + _DISCOVERY - now)

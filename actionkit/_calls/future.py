@@ -14,7 +14,7 @@ from typing import Any, Generic, cast
 from typing_extensions import Never, Self
 
 from actionkit._calls.awaiting import Awaiters
-from actionkit._calls.call_view import CallIsOver, CallView
+from actionkit._calls.call_view import CallIsOver, CallView, GoalsKeeper
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast
 from actionkit._calls.live_goal import LiveGoal
 from actionkit._calls.signals import is_ending
@@ -24,7 +24,6 @@ from actionkit._model.errors import ActionKitError, ClientClosedError
 from actionkit._model.settings import check_seconds
 from actionkit._model.values import GoalEvent, GoalState, Outcome
 from actionkit._threads.diagnostics import is_interrupt, log_here, log_later
-from actionkit._threads.function_runner import Clock
 from actionkit._threads.in_hand import Label
 from actionkit._threads.pool import Pool
 from actionkit._threads.waiting import Flag, run_in_thread, taken_from
@@ -68,7 +67,7 @@ class GoalFuture(
         call: CallView,
         feedback: FeedbackBroadcast[FeedbackT],
         pool: Pool,
-        clock: Clock,
+        session: GoalsKeeper,
     ) -> None:
         super().__init__()
         self._call = call
@@ -81,8 +80,8 @@ class GoalFuture(
         self._acceptance: GoalEvent | None = None
         self._pid = os.getpid()
         self._user_callbacks: deque[Callable[[Any], object]] = deque()
-        self._awaiters = Awaiters(self._over, clock)
-        self._clock = clock
+        self._awaiters = Awaiters(self._over, session)
+        self._session = session
 
     def __repr__(self) -> str:
         return f"<GoalFuture {self.goal_id} {self.state}{' done' if self.done() else ''}>"
@@ -270,15 +269,17 @@ class GoalFuture(
         stays pending. If no answer comes, the future ends after `Timeouts.cancel` seconds with a
         `DeadlineExceededError` of the phase `"cancel"`.
 
+        If the call is over and its goal may still run, the server is asked again. The future does
+        not change then; `known_to_run` tells when the goal has stopped.
+
         Returns:
-            `True` if the request was made, or if this future was cancelled before; `False` if the
+            `True` if the call was not over, or if this future was cancelled before; `False` if the
             call ended in another way.
         """
         self._check_process()
-        if self.done():
-            return self.cancelled()
+        over = self.done()
         self._call.request_cancel()
-        return True
+        return self.cancelled() if over else True
 
     def running(self) -> bool:
         """Whether the goal was sent and the call is not over."""
@@ -345,7 +346,7 @@ class GoalFuture(
 
     def _is_of(self, session: object) -> bool:
         """Whether the call is one of this session, which has its thread."""
-        return self._clock is session
+        return self._session is session
 
     def _accept(self, event: GoalEvent) -> None:
         """Tell that a server has accepted a goal. On the communication thread. Never blocks."""
@@ -377,6 +378,7 @@ class GoalFuture(
             call.timeline,
             call.cancel_grace,
             call.to_replace,
+            self._session,
         )
         notified = self._notify_base_at_once()
         self._over.set()

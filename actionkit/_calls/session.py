@@ -21,11 +21,12 @@ from actionkit._calls.drivers import find_driver
 from actionkit._calls.error_texts import CLIENT_CLOSED, ENDING
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.graph_snapshot import GraphSnapshot
+from actionkit._calls.last_request import LastRequest
 from actionkit._calls.left_running import LINGER
 from actionkit._calls.request import Request
 from actionkit._calls.signals import is_ending
 from actionkit._goal.facts import GoalFacts
-from actionkit._goal.stages import Stage
+from actionkit._goal.stages import CancelReason, Stage
 from actionkit._model.errors import ClientClosedError
 from actionkit._observers.delivery import ObserverDispatcher
 from actionkit._observers.protocol import Observer
@@ -48,6 +49,7 @@ event tells that, and nothing polls more often (C7.4)."""
 _CTRL_C_HEARD = 0.6
 """Seconds until a blocking call notices Ctrl-C (see `_threads.waiting`). Then it cancels its goal,
 even if the client abandons the others."""
+_FOLLOWED = "goal {} is followed by this client already: use that future"
 _MOST = 4096
 """With more goals that may run, the oldest that was lost with its server is forgotten."""
 
@@ -98,6 +100,7 @@ class Session:
         """Called soon after a goal has stopped, or was lost, and after a call is over."""
         self._attempts: dict[Attempt, None] = {}
         """The attempts with a goal that may run, oldest first."""
+        self.last_request = LastRequest()
         self._linger_timer: TimerHandle | None = None
         """Runs from the release until everything is freed."""
         self._node_timer: TimerHandle | None = None
@@ -155,6 +158,11 @@ class Session:
                 action_name=self.action_name,
             )
 
+    def check_not_followed(self, goal_id: uuid.UUID) -> None:
+        """Raise `ValueError` if a call in flight has this goal."""
+        if any(goal_id in call.goal_ids for call in list(self.calls)):
+            raise ValueError(_FOLLOWED.format(goal_id))
+
     def prepare(self, request: Request) -> Call:
         """Make a call. Its time begins now, but it sends nothing yet."""
         return Call(self, request, self.dispatcher)
@@ -184,10 +192,15 @@ class Session:
             call.request_cancel()
         return len(calls)
 
+    def cancel_again(self, goal_ids: tuple[uuid.UUID, ...]) -> None:
+        """Ask once more to cancel goals of calls that are over. From any thread; never blocks."""
+        self.call_soon(partial(self._cancel_again, goal_ids))
+
     def end_calls(self) -> None:
         """End every call, even after closing, because the program ends."""
         for call in list(self.calls):
             call.request_end()
+        self.call_soon(self._ask_last_time)
 
     def wait_for_server(self, timeout: float | None) -> bool:
         """Block until goals can be sent; return whether they can. Raises the errors of `check`.
@@ -241,10 +254,16 @@ class Session:
     def send(self, goal_id: uuid.UUID, request: Request, owner: Call) -> Attempt:
         """Send a goal, or attach to one, and watch it until it is over.
 
-        Raises the errors of rclpy's converters; `ValueError` if it is watched already.
+        Raises the errors of rclpy's converters; `ValueError` if a call in flight follows it.
         """
-        forget = self._out_of_sight
-        made = Attempt(self.link, goal_id, request.timeouts, owner, on_out_of_sight=forget)
+        timeouts, left_alone = request.timeouts, request.left_alone
+        if request.attach is not None and (earlier := self.watched(goal_id)) is not None:
+            if earlier.owner in self.calls:
+                raise ValueError(_FOLLOWED.format(goal_id))
+            earlier.attach_again(owner, timeouts, left_alone=left_alone)
+            return earlier
+        forget = self._changed
+        made = Attempt(self.link, goal_id, timeouts, owner, on_change=forget)
         # Else a goal that somebody cancels in its first second might be sent again (C4.4).
         may_fail_for_now = request.classify is not None or request.timeouts.feedback is not None
         tries_again = request.retry.attempts != 1 or request.retry.stop is not None
@@ -252,7 +271,7 @@ class Session:
         if request.attach is None:
             made.send(request.goal)
         else:
-            made.attach(left_alone=request.left_alone)
+            made.attach(left_alone=left_alone)
         self._attempts[made] = None
         return made
 
@@ -260,11 +279,9 @@ class Session:
         """Return the goals that may run, also those of calls that have ended. From any thread."""
         return [each.goal.facts for each in list(self._attempts)]
 
-    def cancel_again(self) -> None:
-        """Ask once more for the cancellation of goals that calls gave up on. From any thread."""
-        for attempt in list(self._attempts):
-            if attempt.goal.facts.given_up:
-                self.call_soon(attempt.cancel_again)
+    def watched(self, goal_id: uuid.UUID) -> Attempt | None:
+        """Return the attempt with a goal that may run, if there is one. From any thread."""
+        return next((each for each in list(self._attempts) if each.goal_id == goal_id), None)
 
     def server_is_ready(self) -> bool:
         """Whether goals can be sent now. On the communication thread."""
@@ -289,7 +306,12 @@ class Session:
         self._goals_changed()
         self._free_if_done()
 
-    def _out_of_sight(self, attempt: Attempt) -> None:
+    def _cancel_again(self, goal_ids: tuple[uuid.UUID, ...]) -> None:
+        for attempt in list(self._attempts):
+            if attempt.goal_id in goal_ids and not self.port.freed.is_set():
+                attempt.give_up(CancelReason.CANCELLED)
+
+    def _changed(self, attempt: Attempt) -> None:
         if attempt.goal.stage is Stage.OVER:
             self._attempts.pop(attempt, None)
         elif attempt.goal.stage is Stage.LOST and len(self._attempts) > _MOST:
@@ -298,6 +320,7 @@ class Session:
         self._free_if_done()
 
     def _goals_changed(self) -> None:
+        self.last_request.look()
         for look in self.on_goals_changed:
             self.call_soon(look)
 
@@ -321,6 +344,17 @@ class Session:
         self.port.end_waits()
         for call in list(self.calls):
             call.close(abandon=self._abandon, because=self._ended_because)
+        if self._abandon:
+            self.last_request.drop()
+        else:
+            self._ask_last_time()
+
+    def _ask_last_time(self) -> None:
+        """Ask once more to cancel the goals that may run though their calls are over."""
+        if self.port.freed.is_set():
+            self.last_request.drop()
+        elif not self.last_request.began:
+            self.last_request.begin([each for each in self._attempts if each.goal.settled])
 
     def _look_at_ros(self) -> None:
         """End every call if the user's ROS was shut down (C2.6)."""
@@ -349,6 +383,7 @@ class Session:
             call.fail(DIED, error)
         for attempt in list(self._attempts):
             attempt.goal.lose_touch()
+        self.last_request.drop()
         self.port.end_waits()
         # The entities died with the thread; nothing can free them.
         self.port.freed.set()

@@ -148,14 +148,8 @@ class Link:
         return self.monitor.goal_sent(key)
 
     def follow_goal(self, listener: GoalListener) -> int:
-        """Follow a goal that somebody else has sent; return how many servers may have it.
-
-        Raises:
-            ValueError: It is followed already.
-        """
+        """Follow a goal that somebody else has sent; return how many servers may have it."""
         key = listener.goal_id.bytes
-        if key in self._listeners:
-            raise ValueError(f"goal {listener.goal_id} is followed by this client already")
         self._feedback.start()
         self._requests.follow(key)
         self._listeners[key] = listener

@@ -67,6 +67,53 @@ def test_it_cancels_a_goal_of_another_client(action_server, others, client):
     assert runs_nothing(server)
 
 
+def test_a_goal_that_an_earlier_call_gave_up_on_is_taken_over(action_server, make_client):
+    script = ["refuse_cancel", "gate", "heed_cancel", {"feedback": 1}, "never"]
+    server = action_server("scripted", script=script)
+    client = make_client(timeouts=Timeouts(server=30.0, cancel=0.5))
+    assert client.wait_for_server(20)
+    earlier, heard = client.call_async(LONG, timeout=0.5), []
+    assert earlier.outcome(20).cancel is CancelReport.REFUSED
+    ours = client.attach(earlier.goal_id, on_feedback=heard.append)
+    with pytest.raises(ValueError, match="is followed by this client already: use that future"):
+        client.attach(earlier.goal_id)
+    assert ours.wait_accepted(20).goal_id == earlier.goal_id
+    asked = len(cancels(server))
+    server.release()
+    until(lambda: heard)
+    assert (ours.state, earlier.known_to_run) == (GoalState.EXECUTING, True)
+    assert len(cancels(server)) == asked
+    ours.cancel()
+    assert ours.outcome(20).cancel is CancelReport.CONFIRMED
+    assert ours.cancelled()
+    assert earlier.known_to_run is False
+    assert runs_nothing(server)
+
+
+@pytest.mark.parametrize("how", ["deadline", pytest.param("everything", marks=pytest.mark.long)])
+def test_a_goal_that_an_earlier_call_is_cancelling_is_followed_to_its_end(
+    how, action_server, make_client, others
+):
+    server = action_server("slow_cancel", gate=1)
+    client = make_client(timeouts=Timeouts(server=30.0, cancel=0.3))
+    assert client.wait_for_server(20)
+    if how == "deadline":
+        earlier = client.call_async(LONG, timeout=0.5)
+        assert earlier.outcome(20).cancel is CancelReport.UNKNOWN
+    else:
+        earlier = running(server, others)
+        assert client.cancel_everything(2.0)[earlier.goal_id] is CancelReport.UNKNOWN
+    server.wait_for("cancel_accepted")
+    ours = client.attach(earlier.goal_id)
+    until(lambda: ours.state is GoalState.CANCELING)
+    server.release()
+    # `cancel_everything` cancels more than its own calls.
+    who = "an earlier call of this client had" if how == "deadline" else "and not by this client"
+    with pytest.raises(ak.GoalCanceledError, match=who):
+        ours.result(20)
+    until(lambda: earlier.known_to_run is False)
+
+
 def test_a_goal_that_has_ended_gives_its_result(action_server, others, client):
     action_server("fibonacci")
     theirs = others.call_async({"order": 4})

@@ -11,6 +11,9 @@ import actionkit as ak
 from actionkit import CancelReport, GoalState, Timeouts
 from actionkit._calls import session as _session
 from tests.conftest import asked_to_cancel, cancels, is_accepted, runs_nothing
+from tests.waiting import until
+
+REFUSES_UNTIL_RELEASED = ["refuse_cancel", "gate", "heed_cancel", "never"]
 
 
 def test_cancel_before_the_send_sends_nothing(action_server, make_client):
@@ -63,6 +66,69 @@ def test_a_refused_cancel_leaves_the_goal_to_wait_for(action_server, make_client
     # Asked once more, where it runs for so long; a request that is not answered soon is repeated.
     assert 1 <= server.count("cancel_refused") <= 4
     assert future.outcome().cancel is CancelReport.REFUSED
+
+
+@pytest.fixture
+def refused(action_server, make_client):
+    """A call that ended with a refused cancel; and its server, which heeds the next one."""
+    server = action_server("scripted", script=REFUSES_UNTIL_RELEASED)
+    client = make_client(timeouts=Timeouts(cancel=0.5))
+    assert client.wait_for_server(20)
+    future = client.call_async({"order": 1}, timeout=0.5)
+    assert future.outcome(20).cancel is CancelReport.REFUSED
+    assert future.known_to_run
+    server.release()
+    server.wait_for("step", count=4)
+    return server, client, future
+
+
+def test_a_future_whose_call_is_over_asks_again(refused):
+    server, client, future = refused
+    assert not future.cancel()
+    until(lambda: future.known_to_run is False)
+    assert runs_nothing(server)
+    client.close()
+    server.sync()
+    assert server.count("cancel_accepted") == 1
+
+
+@pytest.mark.parametrize("policy", ["cancel", "abandon"])
+def test_closing_asks_again_for_what_was_refused(policy, refused):
+    server, client, future = refused
+    client._session._abandon = policy == "abandon"
+    client.close()
+    server.sync()
+    asked = policy == "cancel"
+    assert server.count("cancel_accepted") == asked
+    assert future.known_to_run is not asked
+
+
+REFUSED_BEFORE = """
+import actionkit
+from actionkit import Timeouts
+from test_msgs.action import Fibonacci
+actionkit.cancel_on_signals()
+client = actionkit.Client(Fibonacci, "fibonacci", timeouts=Timeouts(cancel=0.5))
+assert client.wait_for_server(20)
+print(client.call_async({"order": 1}, timeout=0.5).outcome().cancel, flush=True)
+input()
+"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("how", ["exit", "signal"])
+def test_a_program_that_ends_asks_again_for_what_was_refused(how, action_server, run_script):
+    server = action_server("scripted", script=REFUSES_UNTIL_RELEASED)
+    program = run_script(REFUSED_BEFORE)
+    assert program.line() == "REFUSED"
+    server.release()
+    server.wait_for("step", count=4)
+    if how == "exit":
+        print(file=program.process.stdin, flush=True)
+    else:
+        program.process.terminate()
+    server.wait_for("canceled")
+    program.process.wait(20)
 
 
 def test_a_cancel_that_is_not_confirmed_ends_the_call(action_server, make_client):

@@ -242,7 +242,7 @@ class CallLife:
 
     def send(self, goal_id: uuid.UUID, request: Request, owner: Call) -> Attempt:
         forget = lambda _: None  # noqa: E731
-        attempt = Attempt(self.link, goal_id, request.timeouts, owner, on_out_of_sight=forget)
+        attempt = Attempt(self.link, goal_id, request.timeouts, owner, on_change=forget)
         attempt.send(request.goal)
         return attempt
 

@@ -167,7 +167,7 @@ class NetworkLife(CommunicationThread):
                 uuid.UUID(int=self.chance.getrandbits(128)),
                 timeouts,
                 self,
-                on_out_of_sight=lambda _: None,
+                on_change=lambda _: None,
             )
             waiter = Waiter(self.link, attempt)
             if self.chance.random() < 0.5:
