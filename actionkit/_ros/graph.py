@@ -20,6 +20,8 @@ _OF_EVERY_NODE = "/parameter_events"
 _PARTICIPANT = 12
 """Bytes of an endpoint's id that identify its DDS participant."""
 _FEEDBACK_TYPE = "_FeedbackMessage"
+_DDS = ("rmw_fastrtps", "rmw_cyclonedds", "rmw_connext")
+"""Middleware that shows the answers of services as topics; Zenoh does not."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +77,10 @@ def publishers(node: Node, names: ActionNames) -> list[Endpoint]:
         RCLError: The node's context was shut down.
     """
     found = list(map(endpoint_of, node.get_publishers_info_by_topic(names.feedback)))
-    if not found or names.feedback != feedback_topic(names.action):
-        return found  # where the feedback is remapped, it may come by a relay
+    # Where the feedback is remapped, it may come by a relay.
+    remapped = names.feedback != feedback_topic(names.action)
+    if not found or remapped or not middleware().startswith(_DDS):
+        return found
     answering = node.get_publishers_info_by_topic(_replies(names.send_goal), no_mangle=True)
     serving = {(bytes(info.endpoint_gid[:_PARTICIPANT]), _node_of(info)) for info in answering}
 

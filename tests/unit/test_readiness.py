@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
+from actionkit._ros import graph
 from actionkit._ros.graph import Endpoint
+from actionkit._ros.names import ActionNames
 from actionkit._ros.servers.readiness import ServerReadiness, State
 from tests.unit.clock import Clock
 
@@ -522,3 +527,21 @@ def test_a_player_that_the_graph_shows_and_that_is_not_matched_hides_no_server(
     ready.readiness.answered()
     ready.clock.advance(11.0)
     assert (ready.readiness.ready, ready.news()) == (True, ["ready"])
+
+
+@pytest.mark.parametrize(("middleware", "servers"), [("rmw_fastrtps_cpp", 0), ("rmw_zenoh_cpp", 1)])
+def test_where_services_are_not_topics_each_publisher_counts_as_a_server(
+    middleware: str, servers: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(graph, "middleware", lambda: middleware)
+    publisher: Any = SimpleNamespace(
+        endpoint_gid=bytes(24),
+        topic_type="a/action/A_FeedbackMessage",
+        node_name="node",
+        node_namespace="/",
+        qos_profile=SimpleNamespace(reliability=None),
+    )
+    node: Any = SimpleNamespace(
+        get_publishers_info_by_topic=lambda _, no_mangle=False: [] if no_mangle else [publisher]
+    )
+    assert len(graph.servers(node, ActionNames.of("/a"))) == servers
