@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -176,6 +177,16 @@ def test_a_process_that_was_stopped_learns_what_it_missed(
     assert agent.finish()[0] == 0
 
 
+def is_replaced_by_a_file(directory: Path) -> bool:
+    """Whether a file took the place of a directory, before the listener made it again."""
+    directory.rename(directory.with_name(f"away-{uuid.uuid4()}"))
+    try:
+        directory.touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    return True
+
+
 @pytest.mark.long
 def test_a_file_is_obeyed_before_anybody_is_discovered(
     ros_domain: int, apart: Callable[[], None]
@@ -190,8 +201,7 @@ def test_a_file_is_obeyed_before_anybody_is_discovered(
         assert agent.why_held() is None
         # Its own errors count as not knowing.
         directory = Path(files.directory)
-        directory.rename(directory.with_suffix(".away"))
-        directory.touch()
+        until(lambda: is_replaced_by_a_file(directory))
         assert "not known" in (agent.why_held() or "")
         directory.unlink()
         assert agent.why_held() is None
