@@ -88,12 +88,16 @@ def await_ends(awaited: Sequence[_Awaited], grace: float) -> None:
     """Wait for calls to end, as long as at least one ends within each `grace` seconds."""
     latest = time.monotonic() + grace + LONGEST_GRACE
     before = len(awaited) + 1
-    while awaited and len(awaited) < before and time.monotonic() < latest:
-        before = len(awaited)
+    while awaited and (calls := _count_calls(awaited)) < before and time.monotonic() < latest:
+        before = calls
         until = time.monotonic() + grace
         if all(each._wait_until_over(until - time.monotonic()) for each in awaited):
             return
         awaited = [each for each in awaited if not each.done()]
+
+
+def _count_calls(awaited: Sequence[_Awaited]) -> int:
+    return sum(isinstance(each, GoalFuture) for each in awaited)
 
 
 def _release(sessions: Sequence[Session]) -> None:

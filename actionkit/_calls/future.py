@@ -270,7 +270,8 @@ class GoalFuture(
         `DeadlineExceededError` of the phase `"cancel"`.
 
         If the call is over and its goal may still run, the server is asked again. The future does
-        not change then; `known_to_run` tells when the goal has stopped.
+        not change then; `known_to_run` tells when the goal has stopped. Nothing is asked if the
+        goal was left to run, or if another call has attached to it: then that call decides.
 
         Returns:
             `True` if the call was not over, or if this future was cancelled before; `False` if the

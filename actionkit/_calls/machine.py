@@ -254,7 +254,8 @@ class CallMachine:
             return self.give_up(CancelReason.CANCELLED)
         if self._is_late(now) or not self.may_send():
             self.phase = Phase.WAITING
-            self._held_up = not all(each.goal.facts.is_over for each in self.earlier)
+            in_doubt = not all(each.goal.facts.is_over for each in self.earlier)
+            self._held_up = in_doubt and self._resend == "server_gone"
             until = self._gone_by if self._held_up else self._wait_until
             return [cx.AwaitServer(until, another=True)]
         self.phase = Phase.TRYING

@@ -262,10 +262,11 @@ class Session:
                 raise ValueError(_FOLLOWED.format(goal_id))
             earlier.attach_again(owner, timeouts, left_alone=left_alone)
             return earlier
-        forget = self._changed
-        made = Attempt(self.link, goal_id, timeouts, owner, on_change=forget)
+        made = Attempt(self.link, goal_id, timeouts, owner, on_change=self._changed)
         # Else a goal that somebody cancels in its first second might be sent again (C4.4).
-        may_fail_for_now = request.classify is not None or request.timeouts.feedback is not None
+        despite_loss = request.retry.resend in ("server_gone", "always")
+        silence = request.timeouts.feedback
+        may_fail_for_now = request.classify is not None or silence is not None or despite_loss
         tries_again = request.retry.attempts != 1 or request.retry.stop is not None
         made.goal.watched_early = may_fail_for_now and tries_again
         if request.attach is None:
@@ -308,7 +309,12 @@ class Session:
 
     def _cancel_again(self, goal_ids: tuple[uuid.UUID, ...]) -> None:
         for attempt in list(self._attempts):
-            if attempt.goal_id in goal_ids and not self.port.freed.is_set():
+            # If another call has attached to the goal, that call decides.
+            if (
+                attempt.goal_id in goal_ids
+                and attempt.goal.settled
+                and not self.port.freed.is_set()
+            ):
                 attempt.give_up(CancelReason.CANCELLED)
 
     def _changed(self, attempt: Attempt) -> None:
@@ -393,6 +399,7 @@ class Session:
     def _end_grace(self) -> None:
         for call in list(self.calls):
             call.end_grace()
+        self.last_request.drop()
 
     # --- what frees the port, on the communication thread ----------------------------------
 
@@ -435,6 +442,7 @@ class Session:
             if timer is not None:
                 self.cancel_timer(timer)
         self._linger_timer = self._node_timer = None
+        self.last_request.drop()
         for attempt in list(self._attempts):
             attempt.drop()
         self.port.runtime.on_failure.remove(self._on_failure)

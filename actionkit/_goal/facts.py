@@ -32,9 +32,7 @@ class GoalFacts:
     left: bool = False  # nobody tracks it any more
     refused: bool = False  # the server refused the last cancel request
     told: bool = False  # the user was told that it may run
-    others_cancel: bool = (
-        False  # it was seen as being cancelled before we had asked for that (C4.4)
-    )
+    others_cancel: bool = False  # it was CANCELING before we had asked for that (C4.4)
     attached: bool = False  # somebody else has sent it, so no server answers us whether it accepts
 
     @property

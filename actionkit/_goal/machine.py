@@ -73,7 +73,8 @@ class Goal(CancellableGoal):
             return self._settle(fx.End.RESULT_LOST, lost_because=why)
         if self.facts.lost:
             return self._settle(fx.End.LOST, lost_because="its action server is gone")
-        self._left_alone = left_alone
+        # What no server has answered yet may be accepted later, when nobody looks: it is cancelled.
+        self._left_alone = left_alone and self.facts.accepted
         self._forget_refusals()
         self._unknown_to_server = self._ended_first = False
         self._cancelled_before, self._forgotten_at = True, None
@@ -300,7 +301,7 @@ class Goal(CancellableGoal):
         """Another server may have got the goal, too, or one left the graph or came back."""
         facts, more = self.facts, away > self.facts.away
         stays = facts.gone and away >= facts.away  # those that are there do not have it: `_gone`
-        facts.servers, facts.away = max(servers, facts.yeses), away
+        facts.servers, facts.away = max(1, servers, facts.yeses), away
         facts.gone = stays or away >= facts.servers
         if more and facts.servers > 1 and self.stage in (Stage.ACCEPTED, Stage.ELSEWHERE):
             return [fx.AskResult(anew=True)]

@@ -129,6 +129,7 @@ class GoalRecord:
         silence = self._timeouts.feedback
         # A goal that has ended, or is being cancelled, may send no feedback: silence means nothing.
         quiet = self._terminal_seen is not None or self.facts.others_cancel
+        quiet |= self._cancel_reply is CancelReply.ACCEPTED  # for an earlier call of this client
         if silence is None or quiet or self._given_up or self.stage is not Stage.ACCEPTED:
             return []
         return [fx.Arm(fx.Timer.STALL, now + silence)]

@@ -123,7 +123,7 @@ class AcceptanceTimeoutError(TransientError):
 
 
 class ServerLostError(TransientError):
-    """The server went away, or was restarted, with the goal in flight.
+    """The server went away, or seems to have been restarted, with the goal in flight.
 
     A server that is alive but silent does not count as lost, unless `Timeouts.liveness` says so.
     Only deadlines end such a call.

@@ -56,7 +56,7 @@ class Timeouts:
         total: For the whole call, if the call itself has no `timeout=`. The wait for a cancellation
             (`cancel`) comes on top.
         feedback: The longest time without a feedback message after the acceptance. Then the goal is
-            cancelled, and the call fails.
+            cancelled, and the call fails. It no longer counts when somebody else cancels the goal.
         cancel: For the confirmation of a cancellation. Never `None`.
         liveness: The longest silence of the server of a goal, in which it does not even answer a
             harmless question, before it counts as lost. Use this only with servers that answer

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import signal
 import uuid
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,7 +14,7 @@ from actionkit import Client, GoalState, Timeouts, servers
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.domain import Domain
 from actionkit._ros.stopping.cancelling import _SETTLE, Cancelling
-from actionkit._ros.tools.cancel import AllSaid
+from actionkit._ros.tools.cancel import AllSaid, CancelSaid
 from actionkit._ros.tools.watch import GoalSeen
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli.cancel_and_stop._stop_table import exit_of
@@ -268,7 +267,7 @@ def fate(
     assert cancelling.to_ask_singly(0.0) == [GOAL]
     assert cancelling.to_ask_singly(0.0) == []
     for answer in answers:
-        cancelling.take(SimpleNamespace(goal_id=GOAL, answer=answer), 0.0)
+        cancelling.take(CancelSaid(GOAL, answer), 0.0)
     goal_is(cancelling, GOAL, state)
     told = cancelling.settle(now, over=over)
     assert cancelling.settle(now, over=over) == []
@@ -316,7 +315,7 @@ def test_what_is_said_of_a_goal(
 
 def test_a_goal_that_ended_after_its_refusal_does_not_run() -> None:
     cancelling = Cancelling("/a", [GOAL])
-    cancelling.take(SimpleNamespace(goal_id=GOAL, answer=R), 0.0)
+    cancelling.take(CancelSaid(GOAL, R), 0.0)
     goal_is(cancelling, GOAL, "EXECUTING")
     assert [fate.cancel for fate in cancelling.settle(1.5, over=False)] == ["REFUSED"]
     goal_is(cancelling, GOAL, "SUCCEEDED")
@@ -358,7 +357,7 @@ def test_the_exit_code_is_that_of_the_worst() -> None:
     goals = [str(uuid.UUID(int=number)) for number in range(1, 4)]
     cancelling = Cancelling("/a", goals)
     assert exit_of(cancelling) is Exit.OK
-    cancelling.take(SimpleNamespace(goal_id=goals[0], answer=U), 0.0)
+    cancelling.take(CancelSaid(goals[0], U), 0.0)
     cancelling.settle(2.0, over=False)
     assert exit_of(cancelling) is Exit.NO_SUCH_GOAL
     goal_is(cancelling, goals[2], "EXECUTING")
@@ -366,6 +365,6 @@ def test_the_exit_code_is_that_of_the_worst() -> None:
     assert exit_of(cancelling) is Exit.CANCEL_UNKNOWN
     cancelling = Cancelling("/a", goals)
     goal_is(cancelling, goals[2], "EXECUTING")
-    cancelling.take(SimpleNamespace(goal_id=goals[2], answer=R), 0.0)
+    cancelling.take(CancelSaid(goals[2], R), 0.0)
     cancelling.settle(2.0, over=True)
     assert exit_of(cancelling) is Exit.CANCEL_REFUSED

@@ -8,8 +8,28 @@ from typing import Any, cast
 import pytest
 
 from actionkit._calls import exit as _exit
+from actionkit._calls.closing import await_ends
+from actionkit._calls.future import GoalFuture
+from actionkit._calls.last_request import LastRequest
 
 GRACE = 0.5
+
+
+class GoalFutureNeverOver(GoalFuture[Any, Any]):
+    """The future of a call that does not end."""
+
+    def __init__(self) -> None:
+        self.waits = 0
+
+    def __del__(self) -> None:
+        pass
+
+    def done(self) -> bool:
+        return False
+
+    def _wait_until_over(self, seconds: float) -> bool:
+        self.waits += 1
+        return False
 
 
 class FakeSession:
@@ -35,3 +55,11 @@ def test_goals_that_were_waited_for_in_vain_are_not_waited_for_again(ago: float)
     session = FakeSession(began - ago)
     _exit._await_freed(cast(Any, [session]), began, GRACE)
     assert session.waited_until == ([] if ago else [began + GRACE])
+
+
+def test_the_last_request_gives_no_second_wait() -> None:
+    """Only a call that ends shows that others may end, too."""
+    never, request = GoalFutureNeverOver(), LastRequest()
+    request.drop()
+    await_ends([never, request], GRACE)
+    assert never.waits == 1

@@ -9,6 +9,7 @@ import pytest
 from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
 
 from actionkit._goal.effects import (
+    Arm,
     AskCancel,
     AskResult,
     Disarm,
@@ -537,6 +538,28 @@ def test_what_was_not_accepted_yet_and_is_taken_over_is_cancelled_again_if_that_
     life.wait_until(life.now + 2.0)
     assert life.end is End.NO_ACCEPTANCE
     assert AskCancel() in life.see("accepted")
+
+
+def test_what_was_not_accepted_yet_and_is_taken_over_is_not_left_to_run() -> None:
+    goal = Goal(uuid.uuid4(), Timeouts(accept=1.0))
+    goal.sent(0.0)
+    goal.give_up(CancelReason.DEADLINE, 0.5)
+    goal.timer(Timer.CANCEL, 3.0)
+    goal.attached_again(Timeouts(accept=1.0), 4.0, 1, left_alone=True)
+    effects = goal.timer(Timer.ACCEPT, 5.0)
+    assert AskCancel() in effects
+    assert Release() not in effects
+
+
+def test_the_silence_of_what_is_taken_over_while_it_is_cancelled_is_no_stall() -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0)
+    goal.accepted(0.1)
+    goal.give_up(CancelReason.DEADLINE, 0.5)
+    goal.cancel_answered(CancelAnswer.ACCEPTED, 0.6, asked_at=0.5)
+    goal.timer(Timer.CANCEL, 3.0)
+    effects = goal.attached_again(Timeouts(feedback=1.0), 4.0, 1, left_alone=True)
+    assert not any(isinstance(each, Arm) and each.timer is Timer.STALL for each in effects)
 
 
 def test_what_is_lost_is_not_taken_over_and_is_cancelled_when_its_server_is_back() -> None:

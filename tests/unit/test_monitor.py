@@ -412,6 +412,18 @@ def test_goals_are_lost_with_the_last_server_that_may_have_them(world: World) ->
     assert len(on_a.lost) == 2
 
 
+def test_a_server_that_goes_before_it_has_a_name_is_one_server_that_is_gone(world: World) -> None:
+    world.alive = {b"a"}
+    world.see(b"a")
+    world.read_event()
+    world.clock.advance(0.7)  # the graph does not show it
+    goal = world.sent()
+    world.lose(b"a")
+    world.read_event()
+    assert goal.lost
+    assert goal.servers[-1] == (1, 1)
+
+
 def test_a_player_that_seemed_to_be_a_second_server_does_not_count(world: World) -> None:
     world.serve(b"a")
     goal = world.sent()

@@ -100,6 +100,32 @@ def test_a_goal_without_a_status_has_stopped_when_its_server_has_forgotten_it(se
     ]
 
 
+def test_what_one_of_two_servers_does_not_know_may_be_on_the_other() -> None:
+    action = Cancelling("/a", [ONE])
+    action.seen(["/server", "/second"])
+    assert action.to_ask_singly(0.0) == []
+    assert action.to_ask_singly(1.0) == [ONE]
+    for request in (1, 2):  # both answers may be of the same server
+        action.take(CancelSaid(ONE, CancelAnswer.UNKNOWN_GOAL, request), 1.1)
+    assert action.settle(4.0, over=False) == []
+    action.take(CancelSaid(ONE, CancelAnswer.UNKNOWN_GOAL, 2), 4.1)
+    assert [fate.cancel for fate in action.settle(6.0, over=False)] == ["NO_SUCH_GOAL"]
+
+
+def test_a_refusal_excuses_no_server_that_cannot_cancel_all() -> None:
+    action = stopping("EXECUTING")
+    action.seen(["/server", "/second"])
+    action.take_news(("/second", "/server"), 0.0)
+    assert action.to_ask(0.0) == 1
+    for code in (1, 2):
+        action.take_all(AllSaid(1, (), code=code), 0.1)
+    assert action.to_ask_singly(1.0) == [ONE]
+    action.take(CancelSaid(ONE, CancelAnswer.REFUSED), 1.1)
+    action.settle(3.0, over=True)
+    assert "2 of 2 servers cannot, or will not, cancel all goals" in action.unheard
+    assert "(return code 1, 2, of /second, /server)" in action.unheard
+
+
 def test_a_server_that_says_nothing_may_have_goals() -> None:
     action = stopping()
     action.to_ask(0.0)

@@ -298,7 +298,9 @@ class ServerMonitor:
         servers = self.readiness.servers
         present = servers | self._doubted | (UNNAMED if servers else frozenset())
         for listener, goal in self._sent_goals():
-            listener.on_servers_changed(len(goal.given_to), len(goal.given_to - present))
+            # A server that went before it had a name is not in the set any more.
+            given_to = max(1, len(goal.given_to))
+            listener.on_servers_changed(given_to, given_to - len(goal.given_to & present))
 
     def _lose_all(self, gone: frozenset[bytes]) -> None:
         reason = "its action server is gone"

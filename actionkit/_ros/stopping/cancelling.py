@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from actionkit._model.cancel_answer import CancelAnswer
@@ -21,6 +21,8 @@ it is cancelling it (`list.remove` in a loop over that list)."""
 _SETTLE = 1.0
 """Seconds to wait after a refusal or "unknown goal", because more news may come: the goal's end (if
 a goal ends at the same time, a server answers like a refusal), or another server's answer."""
+_REJECTED = 1
+"""The return code `ERROR_REJECTED` of `action_msgs/srv/CancelGoal`."""
 _BEST = (
     CancelAnswer.ACCEPTED,
     CancelAnswer.TERMINATED,
@@ -49,8 +51,10 @@ class _Target:
     answer: CancelAnswer | None = None
     since: float = 0.0
     """When that answer came, or it was asked again after that."""
-    forgotten: bool = False
-    """Whether the only server has agreed to cancel it, and no longer knows it."""
+    again: bool = False
+    """Whether it was asked again some time after a server agreed to cancel it."""
+    unknown: Counter[int] = field(default_factory=Counter)
+    """How many servers have answered each request by saying that they do not know it."""
     consents: int = 0
     """How many answers say that it is being cancelled: each server that has it gives one."""
     fate: Fate | None = None
@@ -92,8 +96,8 @@ class Cancelling:
         """How many servers have answered each request."""
         self._consents: Counter[int] = Counter()
         """How many of them have not answered with an error."""
-        self._code = 0
-        """The last such error."""
+        self._codes: set[int] = set()
+        """These errors."""
 
     # --- what happens ----------------------------------------------------------------------
 
@@ -119,7 +123,7 @@ class Cancelling:
         self.answers += 1
         self._answers[said.request] += 1
         self._consents[said.request] += not said.code
-        self._code = said.code or self._code
+        self._codes |= {said.code} - {0}
         for goal_id in said.canceling:
             self._targets.setdefault(goal_id, _Target(asked=now)).consents += 1
 
@@ -128,8 +132,7 @@ class Cancelling:
         self.answers += 1
         target = self._targets[said.goal_id]
         target.consents += said.answer is CancelAnswer.ACCEPTED
-        unknown = said.answer is CancelAnswer.UNKNOWN_GOAL
-        target.forgotten = unknown and target.consents > 0 and self._most <= 1
+        target.unknown[said.request] += said.answer is CancelAnswer.UNKNOWN_GOAL
         if target.answer is None or _BEST.index(said.answer) < _BEST.index(target.answer):
             target.answer, target.since = said.answer, now
 
@@ -196,7 +199,8 @@ class Cancelling:
         for goal_id, target in self._targets.items():
             silent = goal_id not in self.board.goals and self._has_looked_long(now)
             if silent and target.consents and now - target.since >= _AGAIN:
-                target.since = now
+                target.since, target.again = now, True
+                target.unknown.clear()  # only the answers from now on count
                 new.append(goal_id)
         return new
 
@@ -216,7 +220,7 @@ class Cancelling:
             if row is not None and row.ended and (target.fate is None or refused):
                 told = self._ended(row, target, now, over)
             elif target.fate is None:
-                told = _running(row, target, now, over, self._may_come)
+                told = _running(row, target, now, over, self._may_come, self._most)
             if told is not None:
                 target.fate = Fate(goal_id, told[0], row.state if row else "", told[1])
                 new.append(target.fate)
@@ -283,11 +287,12 @@ class Cancelling:
         if self.silent:
             told = "no server answered"
         elif not self._waits_for_answers:
-            if any(fate.cancel == "REFUSED" for fate in self.fates):
-                return ""  # servers in C++ answer to that with an error
+            if self._codes == {_REJECTED} and any(f.cancel == "REFUSED" for f in self.fates):
+                return ""  # servers in C++ answer with this error if they refuse for each goal
+            codes = ", ".join(map(str, sorted(self._codes)))
             told = (
                 f"{self.missing} of {max(1, servers)} servers cannot, or will not, cancel all goals"
-                f" (return code {self._code}, of {', '.join(self.servers) or 'unknown nodes'}):"
+                f" (return code {codes}, of {', '.join(self.servers) or 'unknown nodes'}):"
                 " cancel each by its id"
             )
         return f"{self.name}: {told}. GOALS MAY STILL BE RUNNING."
@@ -305,20 +310,20 @@ def _ended(row: WatchedGoal, target: _Target) -> tuple[str, str]:
 
 
 def _running(
-    row: WatchedGoal | None, target: _Target, now: float, over: bool, may_come: bool
+    row: WatchedGoal | None, target: _Target, now: float, over: bool, may_come: bool, servers: int
 ) -> tuple[str, str] | None:
     """Return what is known of a goal without a seen end, or `None` if that may still change."""
     settled = over or now - target.since >= _SETTLE
     canceling = row is not None and row.state == "CANCELING"
     if target.answer is CancelAnswer.REFUSED and not canceling and settled:
         return "REFUSED", "The server refused to cancel it. IT IS STILL RUNNING."
-    unknown = target.answer is CancelAnswer.UNKNOWN_GOAL and row is None
-    if target.forgotten and row is None:
+    unknown = row is None and max(target.unknown.values(), default=0) >= max(1, servers)
+    if unknown and target.again and servers <= 1:
         return (
             "CONFIRMED",
             "Its server agreed to cancel it, and no longer knows it: it has stopped.",
         )
-    if unknown and (over if may_come else settled):
+    if unknown and not target.consents and (over if may_come else settled):
         return "NO_SUCH_GOAL", "No server in sight knows it: it ended long ago, or never was here."
     if not over:
         return None

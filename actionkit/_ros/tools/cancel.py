@@ -37,6 +37,7 @@ class CancelSaid:
 
     goal_id: str
     answer: CancelAnswer
+    request: int = 0  # the number of the request; each server on the name answers it
 
 
 @dataclass(frozen=True)
@@ -165,4 +166,4 @@ class GoalCanceller:
             key, asked_at = self._asked[seq]
             answer = cancel_answer(response, key, canceling)
             self._queue.answered(key, answer, asked_at)
-            self._on_answer(CancelSaid(str(uuid.UUID(bytes=key)), answer))
+            self._on_answer(CancelSaid(str(uuid.UUID(bytes=key)), answer, seq))
