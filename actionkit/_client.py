@@ -15,7 +15,7 @@ from actionkit._calls.blocking_guards import refuse_in_callback, warn_on_event_l
 from actionkit._calls.budget import RetryBudget, check_budget
 from actionkit._calls.call import Call
 from actionkit._calls.classify import Classify, check_classify
-from actionkit._calls.closing import await_cancel, close
+from actionkit._calls.closing import close, end_interrupted
 from actionkit._calls.drivers import in_thread
 from actionkit._calls.everything import cancel_everything
 from actionkit._calls.explain import invalid_goal
@@ -186,7 +186,8 @@ class Client(Generic[ActionT_co]):
         """Send a goal and wait for its result.
 
         Ctrl-C cancels the goal on the server, waits for the confirmation, `timeouts.cancel` seconds
-        at most, and raises `KeyboardInterrupt`. A second Ctrl-C ends the wait.
+        at most, and raises `KeyboardInterrupt`. A second Ctrl-C ends the wait. If the goal may run
+        on, the error's last argument and a warning in the log name it.
 
         Args:
             goal: The action's goal message, or a mapping of its field names.
@@ -227,11 +228,10 @@ class Client(Generic[ActionT_co]):
         try:
             self._session.begin(call)
             return future.result()
-        finally:
+        except BaseException as error:
             if not future.done():
-                # Ctrl-C, or an error that a signal handler of the user's raised here.
-                call.request_cancel(urgent=True)
-                await_cancel(self._session, future)
+                end_interrupted(self._session, call, error)
+            raise
 
     def call_async(
         self: Client[ActionType[GoalT, ResultT, FeedbackT]],

@@ -70,6 +70,7 @@ class Awaiters:
     async def wait(
         self,
         cancel: Callable[[], object],
+        tell: Callable[[BaseException], None],
         grace: float,
         until: Flag | None = None,
         seconds: float | None = None,
@@ -77,8 +78,9 @@ class Awaiters:
         """Wait until the call is over; return the error to raise if somebody else cancelled it.
 
         `cancel` cancels the goal. It is called if no coroutine waits any more, or can wait. A
-        cancelled task waits `grace` seconds for the confirmation. `until` is another end of the
-        wait, which comes no later than the call's; after `seconds` it ends, too.
+        cancelled task waits `grace` seconds for the confirmation; then `tell` gets the error with
+        which it ends. `until` is another end of the wait, which comes no later than the call's;
+        after `seconds` it ends, too.
 
         Raises:
             RuntimeError: The coroutine runs under nothing that can wait for a goal.
@@ -95,7 +97,7 @@ class Awaiters:
             self._waiting.discard(waiting)
             return driver.was_cancelled
         except BaseException as error:
-            await self._give_up(driver, error, waiting, cancel, grace)
+            await self._give_up(driver, error, waiting, cancel, tell, grace)
             raise
 
     async def _give_up(
@@ -104,6 +106,7 @@ class Awaiters:
         error: BaseException,
         waiting: object,
         cancel: Callable[[], object],
+        tell: Callable[[BaseException], None],
         grace: float,
     ) -> None:
         """Cancel the goal if no other coroutine waits; wait for the confirmation if possible."""
@@ -114,8 +117,14 @@ class Awaiters:
             await driver.let_others_begin()
         finally:
             cancelled = self._stop(waiting, cancel)
-        if cancelled:
+        if not cancelled:
+            return
+        try:
             await driver.wait_cancelled(self._over, grace)
+        except BaseException as second:
+            tell(second)
+            raise
+        tell(error)
 
     def _stop(self, waiting: object, cancel: Callable[[], object]) -> bool:
         self._waiting.discard(waiting)

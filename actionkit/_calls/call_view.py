@@ -77,6 +77,11 @@ class GoalsOfCall:
             goal.told = True
 
     @property
+    def told(self) -> bool:
+        """Whether the user knows about each goal that may run."""
+        return all(goal.told for goal in self._left)
+
+    @property
     def known_to_run(self) -> bool | None:
         """True if a goal is known to run, False if all are known not to run; else `None`."""
         known = {goal.known_to_run for goal in self._goals}
@@ -85,6 +90,8 @@ class GoalsOfCall:
 
 class GoalsKeeper(Clock, Protocol):
     """What a future needs of its session."""
+
+    action_name: str
 
     def cancel_again(self, goal_ids: tuple[uuid.UUID, ...]) -> None: ...
 

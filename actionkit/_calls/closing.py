@@ -14,6 +14,7 @@ from actionkit._threads.in_hand import patience
 from actionkit._threads.waiting import Flag
 
 if TYPE_CHECKING:
+    from actionkit._calls.call import Call
     from actionkit._calls.session import Session
 
 _Awaited: TypeAlias = GoalFuture[Any, Any] | LastRequest
@@ -43,10 +44,20 @@ def close(session: Session) -> None:
     session.dispatcher.flush(time.monotonic() + OBSERVERS_TIMEOUT)
 
 
-def await_cancel(session: Session, future: GoalFuture[Any, Any]) -> None:
-    """Wait until a call that was just cancelled ends, for at most `Timeouts.cancel`."""
-    if not session.was_interrupted:
-        _await_ends([session], [future], session.cancel_grace)
+def end_interrupted(session: Session, call: Call, error: BaseException) -> None:
+    """Cancel a blocking call, wait for at most `Timeouts.cancel`, and tell what may still run.
+
+    `error` is Ctrl-C, or what a signal handler of the user's raised. A second Ctrl-C ends the wait.
+    """
+    future = call.future
+    call.request_cancel(urgent=True)
+    try:
+        if not session.was_interrupted:
+            _await_ends([session], [future], session.cancel_grace)
+    except BaseException as second:
+        future._tell_of_goals_left(second)
+        raise
+    future._tell_of_goals_left(error)
 
 
 def end_calls(sessions: Sequence[Session], others: Sequence[GoalFuture[Any, Any]] = ()) -> float:

@@ -26,16 +26,14 @@ def explain(ending: Ending, call: ErrorContext) -> BaseException | None:
     judged_transient = rejected and ending.verdict is Verdict.TRANSIENT
     if ending.strategy_fault is not None or (judged_transient and ending.not_retried):
         return _exhausted(ending, call)
-    if ending.end is End.REPLACED:
-        return concurrent.futures.CancelledError(
-            f"goal {call.goal_id} of action {call.action_name!r} was replaced by its caller after"
+    if ending.end in (End.REPLACED, End.CANCELLED_BY_CALLER):
+        how = "replaced" if ending.end is End.REPLACED else "cancelled"
+        happened = (
+            f"goal {call.goal_id} of action {call.action_name!r} was {how} by its caller after"
             f" {call.elapsed:.1f} s"
         )
-    if ending.end is End.CANCELLED_BY_CALLER:
-        return concurrent.futures.CancelledError(
-            f"goal {call.goal_id} of action {call.action_name!r} was cancelled by its caller"
-            f" after {call.elapsed:.1f} s"
-        )
+        left = left_running(happened, ending, call)
+        return concurrent.futures.CancelledError(f"{happened}.{left}" if left else happened)
     cls, text = TEXTS[ending.end]
     if judged_transient:
         cls = errors.TransientError

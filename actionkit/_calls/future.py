@@ -16,6 +16,7 @@ from typing_extensions import Never, Self
 from actionkit._calls.awaiting import Awaiters
 from actionkit._calls.call_view import CallIsOver, CallView, GoalsKeeper
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast
+from actionkit._calls.left_running import tell_of_goals_left
 from actionkit._calls.live_goal import LiveGoal
 from actionkit._calls.signals import is_ending
 from actionkit._goal.effects import End
@@ -194,11 +195,14 @@ class GoalFuture(
         seconds = check_seconds("timeout", timeout)
         self._check_process()
         was_cancelled = await self._awaiters.wait(
-            self._give_up, self._call.cancel_grace, self._answered, seconds
+            self._give_up,
+            self._tell_of_goals_left,
+            self._call.cancel_grace,
+            self._answered,
+            seconds,
         )
         if self._acceptance is None and self.cancelled():
-            self._looked_at = True
-            raise was_cancelled(f"goal {self.goal_id} was cancelled")
+            raise was_cancelled(str(self._error(0)))
         return self._accepted_or_raise()
 
     def _accepted_or_raise(self) -> GoalEvent:
@@ -221,8 +225,9 @@ class GoalFuture(
         """Wait without polling and without blocking the thread of this coroutine.
 
         Cancelling the waiting task cancels the goal on the server. The task then waits for the
-        confirmation, for at most `Timeouts.cancel` seconds, before it ends. If several tasks wait
-        for one goal, only the last task that is cancelled cancels the goal.
+        confirmation, for at most `Timeouts.cancel` seconds, before it ends. If the goal may run on,
+        the error's last argument and a warning in the log name it. If several tasks wait for one
+        goal, only the last task that is cancelled cancels the goal.
 
         Raises:
             RuntimeError: The coroutine runs under nothing that can wait; the goal is cancelled.
@@ -232,9 +237,11 @@ class GoalFuture(
     async def _wait_async(self) -> ResultT:
         self._looked_at = True
         self._check_process()
-        was_cancelled = await self._awaiters.wait(self._give_up, self._call.cancel_grace)
+        was_cancelled = await self._awaiters.wait(
+            self._give_up, self._tell_of_goals_left, self._call.cancel_grace
+        )
         if self.cancelled():
-            raise was_cancelled(f"goal {self.goal_id} was cancelled")
+            raise was_cancelled(str(self._error(0)))
         return self.result(0)
 
     def _give_up(self) -> bool:
@@ -243,6 +250,10 @@ class GoalFuture(
         if os.getpid() != self._pid or self._call.left_alone:
             return False
         return self.cancel()
+
+    def _tell_of_goals_left(self, error: BaseException) -> None:
+        """Add the goals that may run to the error that ended a wait, and warn of them."""
+        tell_of_goals_left(error, self._session.action_name, self._call.goals)
 
     # Asyncio calls these if this is a task's coroutine, as in `asyncio.create_task(future)`.
 

@@ -1,4 +1,4 @@
-"""Warns of goals that may still be running if nothing will stop or watch them any more."""
+"""Tells of goals that may still be running where no error of ours tells it (C2.8)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import logging
 import sys
 import uuid
 
+from actionkit._calls.call_view import GoalsOfCall
+from actionkit._calls.still_running import name_those_left
 from actionkit._threads.diagnostics import log_later, write_to_stderr
 
 _log = logging.getLogger("actionkit")
@@ -14,6 +16,8 @@ LINGER = 30.0
 busy in a callback answers only after the callback, and few callbacks take longer."""
 _NAMED = 10
 """How many goals the warning names, so that it stays readable; the log of the goals has all."""
+
+_STOP_IT = "Stop the robot by other means if it must not move."
 
 _muted = False
 
@@ -39,11 +43,35 @@ def warn_of_goals_left(goals: list[tuple[str, uuid.UUID]], seconds: float | None
         if seconds is None
         else f" It goes on asking for {seconds:g} s, or until this program ends."
     )
-    text = (
+    _warn(
         f"{len(goals)} goal{'s' if len(goals) > 1 else ''} MAY STILL BE RUNNING: no server has"
-        f" confirmed that {named}{more} stopped.{after}"
-        " Stop the robot by other means if it must not move."
+        f" confirmed that {named}{more} stopped.{after} {_STOP_IT}"
     )
+
+
+def tell_of_goals_left(error: BaseException, action_name: str, goals: GoalsOfCall) -> None:
+    """Add the goals of a call that may run to the error that interrupted it, and warn of them.
+
+    `CancelledError` and `KeyboardInterrupt` have no text. A service or a notebook goes on after
+    them for hours, and its closing would warn too late.
+    """
+    left = name_those_left(goals.reports)
+    if not left:
+        return
+    happened = f"the call of action {action_name!r} was interrupted.{left}"
+    if not isinstance(error, Exception):  # those that users raise in signal handlers have a text
+        # anyio looks at the first argument of a cancellation, so this one comes last.
+        error.args = (*error.args, happened)
+    ids = " ".join(map(str, goals.may_run[:_NAMED]))
+    advice = f"`actionkit cancel {action_name} {ids}` asks the server once more. {_STOP_IT}"
+    if sys.version_info >= (3, 11):
+        error.add_note(advice)
+    if not goals.told and not _muted:
+        _warn(f"{happened} {advice}")
+    goals.tell()
+
+
+def _warn(text: str) -> None:
     if _log.hasHandlers():  # without handlers, logging itself would write to standard error
         log_later(logging.WARNING, text)
     if not _logs_to_stderr():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from actionkit._calls.error_context import ErrorContext
 from actionkit._goal.effects import Ending
 from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalState
@@ -20,11 +22,16 @@ ELSEWHERE = "one server has stopped it, and another on the same name has not con
 def left_running(text: str, ending: Ending, call: ErrorContext) -> str:
     """Name the goals of the call that may run and that a text does not mention (C2.8)."""
     told = " STILL " in text and call.goal_id  # the text says that about its own goal
+    return name_those_left(goal for goal in ending.goals if goal.goal_id != told)
+
+
+def name_those_left(goals: Iterable[GoalReport]) -> str:
+    """Name the goals of a call that may run, and say why they may; empty if there are none."""
     left: dict[str, list[str]] = {}
-    for goal in ending.goals:
-        if goal.fate.may_run and goal.goal_id != told:
+    for goal in goals:
+        if goal.fate.may_run:
             left.setdefault(why_it_may_run(goal), []).append(f"goal {goal.goal_id}")
-    return "".join(_may_still_run(goals, why) for why, goals in left.items())
+    return "".join(_may_still_run(named, why) for why, named in left.items())
 
 
 def why_it_may_run(goal: GoalReport) -> str:

@@ -12,10 +12,19 @@ from typing import Any
 
 from test_msgs.action import Fibonacci, NestedMessage
 
-from actionkit import ActionKitError, Client, JsonLines, cancel_on_signals, servers
+from actionkit import (
+    ActionKitError,
+    Client,
+    GoalFuture,
+    JsonLines,
+    Timeouts,
+    cancel_on_signals,
+    servers,
+)
 
 SHELF = {"nested_field": {"float64_value": 3.0}}  # metres to drive
 HOME = {"nested_field": {"float64_value": 1.0}}
+STOPPING = Timeouts(cancel=20.0)  # the robot needs some seconds until it stands
 
 
 class Robot:
@@ -25,6 +34,14 @@ class Robot:
         self.navigate, self.pick, self.dock = navigate, pick, dock
         self.battery_low = asyncio.Event()
         self.once_low = False
+        self.last: GoalFuture[Any, Any] | None = None
+
+    async def send(self, client: Any, goal: Any, on_feedback: Any = None, **options: Any) -> Any:
+        """Send a goal if the last one is known to have stopped, and return its result."""
+        if self.last is not None and self.last.known_to_run is not False:
+            raise RuntimeError(f"goal {self.last.goal_id} may still be running")
+        self.last = client.call_async(goal, on_feedback, **options)
+        return await self.last
 
     async def use_battery(self, feedback: Any) -> None:
         """Let the battery run low once, half-way to the shelf. A real one has a subscription."""
@@ -34,20 +51,20 @@ class Robot:
 
     async def work(self) -> None:
         """Drive to the shelf, pick, drive home, dock."""
-        await self.navigate.call_async(SHELF, self.use_battery)
+        await self.send(self.navigate, SHELF, self.use_battery)
         for attempt in range(1, 4):
             try:
-                await self.pick.call_async({"order": 4}, timeout=20.0)
+                await self.send(self.pick, {"order": 4}, timeout=20.0)
                 break
             except ActionKitError:
                 if attempt == 3:
                     raise
-        await self.navigate.call_async(HOME)
-        await self.dock.call_async({"order": 3}, timeout=60.0)
+        await self.send(self.navigate, HOME)
+        await self.send(self.dock, {"order": 3}, timeout=60.0)
 
     async def charge(self) -> None:
         """Charge until the battery is full."""
-        await self.dock.call_async({"order": 8}, timeout=60.0)
+        await self.send(self.dock, {"order": 8}, timeout=60.0)
         self.battery_low.clear()
 
     async def mission(self) -> None:
@@ -60,7 +77,8 @@ class Robot:
                 if working.done():
                     return await working
             finally:
-                # Cancelling the task cancels its goal; it ends when the server has confirmed that.
+                # Cancelling the task cancels its goal. The task ends when the server has confirmed
+                # that, but after `Timeouts.cancel` at the latest.
                 for task in (working, low):
                     task.cancel()
                     with suppress(asyncio.CancelledError, ActionKitError):
@@ -72,7 +90,7 @@ async def run(log: str) -> None:
     """Run the mission once."""
     observer = JsonLines(log)
     async with (
-        Client(NestedMessage, "navigate", observers=[observer]) as navigate,
+        Client(NestedMessage, "navigate", timeouts=STOPPING, observers=[observer]) as navigate,
         Client(Fibonacci, "pick", observers=[observer]) as pick,
         Client(Fibonacci, "dock", observers=[observer]) as dock,
     ):

@@ -12,6 +12,7 @@ import pytest
 import actionkit as ak
 from actionkit import CancelReport, Client, Timeouts
 from tests.conftest import runs_nothing
+from tests.waiting import until
 
 
 def test_gather(action_server, make_client):
@@ -80,6 +81,58 @@ def test_the_wait_for_confirmation_is_bounded(action_server, make_client):
     future = asyncio.run(main())
     assert future.outcome(5).cancel is CancelReport.UNKNOWN
     server.wait_for("cancel_accepted")
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "why"),
+    [
+        ("refuses_cancel", {"period": 0.2}, "the server refused to cancel it"),
+        ("slow_cancel", {"gate": 1}, "the server has not said that it ended"),
+    ],
+)
+def test_a_cancelled_task_is_told_at_once_what_may_still_run(
+    name, options, why, action_server, make_client, caplog, monkeypatch
+):
+    monkeypatch.setattr("actionkit._calls.left_running._muted", False)
+    server = action_server(name, **options)
+    client = make_client(timeouts=Timeouts(cancel=1.0))
+
+    async def main():
+        future = client.call_async({"order": 40})
+
+        async def mission():
+            try:
+                await future
+            except asyncio.CancelledError as error:
+                told.append(error)
+                raise
+
+        task = asyncio.create_task(mission())
+        await asyncio.to_thread(server.wait_for, "executing")
+        task.cancel("the battery is low")
+        await asyncio.wait([task])
+        return future
+
+    told = []
+    future = asyncio.run(main())
+    (error,) = told
+    news = f"Goal {future.goal_id} of this call MAY STILL BE RUNNING: {why}."
+    first, text = error.args
+    assert (first, text) == (
+        "the battery is low",
+        f"the call of action '/fibonacci' was interrupted. {news}",
+    )
+    if sys.version_info >= (3, 11):
+        (note,) = error.__notes__
+        assert f"`actionkit cancel /fibonacci {future.goal_id}`" in note
+
+    def warnings():
+        return [record for record in caplog.records if news in record.message]
+
+    until(warnings)
+    server.release()
+    client.close()  # it need not warn again
+    assert [(record.name, record.levelname) for record in warnings()] == [("actionkit", "WARNING")]
 
 
 @pytest.mark.long

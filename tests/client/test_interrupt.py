@@ -211,6 +211,37 @@ except KeyboardInterrupt:
     assert script.finish()[0] == 7
 
 
+@pytest.mark.parametrize("presses", [1, 2])
+def test_ctrl_c_tells_at_once_what_may_still_run(presses, action_server, run_script):
+    server = action_server("slow_cancel", gate=1)
+    grace = {1: 0.3, 2: 60}[presses]
+    script = run_script(
+        HEAD
+        + f"client = Client(Fibonacci, 'fibonacci', timeouts=Timeouts(cancel={grace}))"
+        + """
+try:
+    client.call({"order": 1}, on_feedback=lambda fb: print("running"))
+except KeyboardInterrupt as error:
+    print(*error.args)
+    print(*getattr(error, "__notes__", ["actionkit cancel"]))
+input()  # as a service or a notebook goes on
+"""
+    )
+    assert script.line() == "running"
+    script.process.send_signal(signal.SIGINT)
+    (goal,) = server.wait_for("cancel_accepted")
+    if presses == 2:
+        script.process.send_signal(signal.SIGINT)
+    news = f"Goal {goal.goal_id} of this call MAY STILL BE RUNNING: the server has not said that"
+    assert news in script.line()
+    assert "actionkit cancel" in script.line()
+    assert news in script.process.stderr.readline()
+    server.release()
+    server.wait_for("canceled")
+    code, _, err = script.finish()  # which ends the input
+    assert (code, "MAY STILL" in err) == (1, False)
+
+
 @pytest.mark.parametrize("init", ["", "import rclpy; rclpy.init()"])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_signals_under_asyncio_cancel_the_goal(number, init, action_server, run_script):

@@ -6,6 +6,7 @@ goals, are written into docs/pictures/.
 
 from __future__ import annotations
 
+import asyncio
 import importlib.util
 import os
 import re
@@ -18,7 +19,7 @@ import pytest
 from click.testing import CliRunner
 from test_msgs.action import Fibonacci, NestedMessage
 
-from actionkit import Client, read_json_lines
+from actionkit import Client, Timeouts, read_json_lines
 from actionkit.cli._app import app
 from tests import forked
 from tests.conftest import without_noise
@@ -36,6 +37,16 @@ STORY = [
     ("/navigate", "ok"),
     ("/dock", "ok"),
 ]
+
+
+def imported(name: str) -> Any:
+    """Return an example as a module."""
+    spec = importlib.util.spec_from_file_location(name, DOCS / "examples" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    return example
 
 
 def story(log: Path) -> list[tuple[str, str]]:
@@ -65,6 +76,44 @@ def test_the_mission(name: str, ros_domain: int, tmp_path: Path) -> None:
         draw(PICTURES / "mission.svg")
 
 
+@pytest.mark.parametrize("confirmed", [True, False])
+def test_the_mission_sends_nothing_beside_a_robot_that_stops_slowly(
+    confirmed: bool, action_server: Any
+) -> None:
+    nested = "test_msgs/action/NestedMessage"
+    driving = action_server("slow_cancel", action_name="navigate", action_type=nested, gate=1)
+    docking = action_server("fibonacci", action_name="dock", period=0.05)
+    example = imported("mission_asyncio")
+    stopping = Timeouts(cancel=20.0 if confirmed else 0.3)
+
+    async def mission() -> None:
+        async with (
+            Client(NestedMessage, "navigate", timeouts=stopping) as navigate,
+            Client(Fibonacci, "dock") as dock,
+        ):
+            robot = example.Robot(navigate, None, dock)
+            task = asyncio.create_task(robot.mission())
+            await asyncio.to_thread(driving.wait_for, "executing")
+            robot.battery_low.set()
+            await asyncio.to_thread(driving.wait_for, "cancel_accepted")
+            if confirmed:
+                driving.release()
+                await asyncio.to_thread(docking.wait_for, "accepted")
+                task.cancel()
+                await asyncio.wait([task])
+            else:
+                with pytest.raises(RuntimeError, match="may still be running"):
+                    await task
+                driving.release()
+
+    asyncio.run(mission())
+    (stopped,) = driving.wait_for("canceled")
+    docking.sync()
+    docked = [event.monotonic for event in docking.events if event.event == "accepted"]
+    assert len(docked) == confirmed
+    assert all(stopped.monotonic < at for at in docked)
+
+
 def draw(svg: Path) -> None:
     ran = CliRunner().invoke(app, ["timeline", str(PICTURES / "mission.jsonl"), "--svg", str(svg)])
     assert ran.exit_code == 0, ran.output
@@ -77,11 +126,7 @@ def test_the_picture_of_the_goals_is_of_the_log_beside_it(tmp_path: Path) -> Non
 
 
 def test_the_picture_of_the_tree_is_that_of_the_example(ros_domain: int) -> None:
-    spec = importlib.util.spec_from_file_location("mission", DOCS / "examples" / "mission_tree.py")
-    assert spec is not None
-    assert spec.loader is not None
-    example: Any = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(example)
+    example = imported("mission_tree")
     with (
         Client(NestedMessage, "navigate") as navigate,
         Client(Fibonacci, "pick") as pick,

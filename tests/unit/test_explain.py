@@ -402,6 +402,13 @@ def test_a_thread_that_died_knows_nothing_of_the_goal() -> None:
     assert "RUNNING" not in str(explained(ending))  # where nothing was sent
 
 
+@pytest.mark.parametrize("end", [End.CANCELLED_BY_CALLER, End.REPLACED])
+def test_a_cancelled_call_names_an_earlier_goal_that_may_run(end: End) -> None:
+    lost = GoalReport(uuid.uuid4(), GoalFate.LOST)
+    error = explained(Ending(end, GoalState.CANCELED, goals=(lost,)))
+    assert f" Goal {lost.goal_id} of this call MAY STILL BE RUNNING: the server is" in str(error)
+
+
 @pytest.mark.parametrize("end", ENDINGS, ids=lambda end: end.name)
 def test_other_goals_of_the_call_that_may_run_are_named(end: End) -> None:
     fates = GoalFate.UNANSWERED, GoalFate.LOST, GoalFate.RUNNING, GoalFate.ENDED, GoalFate.LOST
