@@ -6,6 +6,7 @@ for users, and may change in any release. Besides what is below, it has:
 - `Classify`, `check_classify`: the type of `classify=`, and its check.
 - `in_thread`: await a function that blocks. `unless_by_anyio`: wait in a cancelled task.
 - `log_later`, `log_own_error`: log without blocking.
+- `name_those_left`: name the goals of a call that may run.
 - `mute`: do not report goals at exit, because the program has done that.
 - `unfinished_goals`: whether a ledger has goals of dead processes that nobody follows.
 - `usual_ledger`: the path of the ledger of programs that are guarded.
@@ -25,6 +26,7 @@ from actionkit._calls.drivers import in_thread, unless_by_anyio
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.ledger.chosen import usual_path as usual_ledger
 from actionkit._calls.left_running import mute
+from actionkit._calls.still_running import name_those_left
 from actionkit._client import Client
 from actionkit._leftovers.ledger import unfinished as unfinished_goals
 from actionkit._leftovers.watcher import watch_over
@@ -43,6 +45,7 @@ __all__ = [
     "log_later",
     "log_own_error",
     "mute",
+    "name_those_left",
     "prepare_call",
     "status_topic",
     "type_of",

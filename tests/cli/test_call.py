@@ -42,6 +42,11 @@ def interrupt_a_stopped_server(running: Running, server: Server) -> None:
     running.signal(signal.SIGINT)
 
 
+def end_one_of_two(running: Running, server: Server) -> None:
+    server.wait_for("executing", count=2)
+    server.release(1)
+
+
 @dataclass
 class Scene:
     """One call, and how it ends."""
@@ -119,6 +124,14 @@ SCENES = {
         "The retries ended",
         {"ends": "succeeded"},
         kind=NESTED,
+    ),
+    "runs-elsewhere": Scene(
+        Exit.CANCEL_UNKNOWN,
+        "twins",
+        says=" of this call MAY STILL BE RUNNING: ",
+        options={"gate": 1},
+        act=end_one_of_two,
+        apart=True,
     ),
     "interrupted": Scene(
         Exit.INTERRUPTED, "never_finishes", says="Goal canceled: CONFIRMED", act=interrupt
@@ -210,7 +223,7 @@ def assert_came_to(name: str, server: Server, goal: str) -> None:
     elif name == "interrupted-refused":
         server.wait_for("cancel_refused", goal_id=goal)
         assert goal in server.running()
-    elif name == "interrupted-ended":
+    elif name in ("interrupted-ended", "runs-elsewhere"):
         server.wait_for("succeeded", goal_id=goal)
     elif name == "interrupted-unanswered":
         assert goal in server.running()
@@ -238,7 +251,6 @@ ELSEWHERE = {
     Exit.FAILED: "test_doctor.py",
     Exit.NO_ROS: "test_usage.py",
     Exit.CANCEL_REFUSED: "test_cancel.py",
-    Exit.CANCEL_UNKNOWN: "test_cancel.py",
     Exit.NO_SUCH_GOAL: "test_cancel.py",
     Exit.HELD: "test_stop.py",
     Exit.NOT_EXECUTABLE: "test_guard.py",

@@ -9,10 +9,12 @@ from typing import Any, cast
 
 import pytest
 
-from actionkit import GoalEvent, GoalState
+from actionkit import CancelReport, GoalEvent, GoalState, Outcome
+from actionkit._model.values import GoalFate, GoalReport
 from actionkit.cli._shared import signals as _signals
-from actionkit.cli._shared.exits import Exit
+from actionkit.cli._shared.exits import Exit, exit_of
 from actionkit.cli.call._calling import Calling
+from actionkit.cli.call._reports import TextReport, became
 
 
 def test_an_end_is_told_after_the_feedback_that_came_before_it() -> None:
@@ -46,3 +48,18 @@ def test_two_signals_of_one_press_are_one(monkeypatch: pytest.MonkeyPatch) -> No
         signal.raise_signal(signal.SIGINT)
         assert (first, left) == ([Exit.INTERRUPTED], [(Exit.TERMINATED, "farewell")])
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_success_names_the_goals_that_may_still_run(capsys: pytest.CaptureFixture[str]) -> None:
+    """As of two servers on one name, or of an earlier attempt."""
+    ids = uuid.UUID(int=1), uuid.UUID(int=2)
+    goals = (GoalReport(ids[0], GoalFate.LOST), GoalReport(ids[1], GoalFate.ENDED))
+    outcome = Outcome(
+        GoalState.SUCCEEDED, None, None, 2, cast(Any, ()), ids[1], CancelReport.UNKNOWN, goals=goals
+    )
+    left = f"Goal {ids[0]} of this call MAY STILL BE RUNNING: the server is gone, or silent."
+    assert exit_of(outcome) == Exit.CANCEL_UNKNOWN
+    TextReport(None).finished(outcome, exit_of(outcome))
+    assert capsys.readouterr().err == f"Warning: {left}\n"
+    ended = "Too late to cancel: the goal had ended as SUCCEEDED."
+    assert became(outcome) == f"{ended} {left}"

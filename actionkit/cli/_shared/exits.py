@@ -45,8 +45,9 @@ class Exit(IntEnum):
     )
     CANCEL_UNKNOWN = (
         23,
-        "A goal may still be running: its end was not seen. Of `call`: also if other things went"
-        " wrong, but not after Ctrl-C or a signal, and not with codes 15 and 18.",
+        "A goal may still be running: its end was not seen. Of `call`: also if it succeeded on one"
+        " of two servers, or other things went wrong, but not after Ctrl-C or a signal, and not"
+        " with codes 15 and 18.",
     )
     NO_SUCH_GOAL = 24, "Of `cancel` and `attach`: no server in sight knows a goal of that id."
     HELD = (
@@ -97,9 +98,7 @@ def ended_without_result(outcome: Outcome[Any]) -> str | None:
 
 def exit_of(outcome: Outcome[Any]) -> Exit:
     """Return the exit code for a call that nobody interrupted."""
-    if outcome.error is None:
-        return Exit.OK
-    code = _of_error(outcome)
+    code = Exit.OK if outcome.error is None else _of_error(outcome)
     if code in (Exit.SERVER_LOST, Exit.NO_ANSWER):  # these say that the goal may run
         return code
     return _MAY_RUN.get(str(outcome.cancel), code)

@@ -7,6 +7,7 @@ import uuid
 from dataclasses import dataclass
 from typing import Any
 
+from actionkit._internal_api import name_those_left
 from actionkit._messages.convert import to_plain
 from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit._observers.json_schema import event_line, outcome_line
@@ -56,7 +57,13 @@ class Report:
 
 
 def became(outcome: Outcome[Any]) -> str:
-    """Return a sentence about what happened to a goal that was interrupted."""
+    """Say what happened to a goal that was interrupted, and which other goals may run."""
+    text = _became(outcome)
+    told = " STILL " in text and outcome.goal_id  # the text says that about its own goal
+    return text + name_those_left(goal for goal in outcome.goals if goal.goal_id != told)
+
+
+def _became(outcome: Outcome[Any]) -> str:
     if outcome.status in (GoalState.SUCCEEDED, GoalState.ABORTED):
         return f"Too late to cancel: the goal had ended as {outcome.status}."
     if (ended_as := ended_without_result(outcome)) is not None:
@@ -145,6 +152,8 @@ class TextReport(Report):
             self.out(became(outcome))
         elif outcome.error is not None:
             say(f"Error: {outcome.error}", err=True)
+        elif left := name_those_left(outcome.goals):
+            say(f"Warning:{left}", err=True)
 
 
 class JsonReport(Report):
