@@ -12,10 +12,11 @@ from typing import Any
 from actionkit._calls.error_context import ErrorContext
 from actionkit._calls.graph_snapshot import DISCOVERY, no_data, seen_instead
 from actionkit._calls.still_running import (
-    ELSEWHERE,
+    GONE,
     cancel_sentence,
+    is_being_cancelled,
     is_left,
-    is_lost,
+    unconfirmed,
     why_it_may_run,
 )
 from actionkit._goal.effects import End, Ending
@@ -221,15 +222,17 @@ def _deadline(ending: Ending, call: ErrorContext) -> str:
             " Cancel it again when its server is there, or stop it by other means."
         )
     if ending.phase == "cancel":
-        unconfirmed = f"the server did not confirm that within {call.timeouts.cancel:g} s"
-        if ending.lost_because or is_lost(ending, call):
-            unconfirmed = "its server is gone, or silent"
-        if ending.elsewhere:
-            unconfirmed = ELSEWHERE
+        remedy = (
+            "Allow more time, or stop it by other means."
+            if is_being_cancelled(call)
+            else "While this client is open, it is cancelled as soon as the server answers; stop it"
+            " by other means if that cannot wait."
+        )
+        gone = ending.lost_because and not ending.elsewhere
         return (
-            f"{_what(call)} was cancelled by its caller, but {unconfirmed}: IT MAY STILL BE"
-            " RUNNING. While this client is open, it is cancelled as soon as the server answers;"
-            " stop it by other means if that cannot wait."
+            f"{_what(call)} was cancelled by its caller, but"
+            f" {GONE if gone else unconfirmed(ending, call)}: IT MAY STILL"
+            f" BE RUNNING. {remedy}"
         )
     if ending.phase == "server" and call.attempts == 1:
         return (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from actionkit._calls.error_context import ErrorContext
-from actionkit._goal.effects import Ending
+from actionkit._goal.effects import Ending, LastNews
 from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalState
 
 _NAMED = 10
@@ -16,6 +16,7 @@ _WHY_IT_MAY_RUN = {
     GoalFate.LOST: "the server is gone, or silent",
     GoalFate.LEFT: "nobody looks after it any more",
 }
+GONE = "its server is gone, or silent"
 ELSEWHERE = "one server has stopped it, and another on the same name has not confirmed that it has"
 
 
@@ -66,16 +67,30 @@ def cancel_sentence(ending: Ending, call: ErrorContext) -> str:
         return " It was cancelled on the server, which confirmed that it runs no more."
     if ending.own_cancel is CancelReport.REFUSED:
         return " The server refused to cancel it: IT IS STILL RUNNING."
-    if ending.own_cancel is CancelReport.UNKNOWN and ending.elsewhere:
-        return f" {ELSEWHERE[0].upper()}{ELSEWHERE[1:]}: IT MAY STILL BE RUNNING."
-    if ending.own_cancel is CancelReport.UNKNOWN and is_lost(ending, call):
-        return " Its server is gone, or silent: IT MAY STILL BE RUNNING."
     if ending.own_cancel is CancelReport.UNKNOWN:
-        return (
-            f" The server did not confirm its cancellation within {call.timeouts.cancel:g} s:"
-            " IT MAY STILL BE RUNNING."
-        )
+        why = unconfirmed(ending, call)
+        return f" {why[0].upper()}{why[1:]}: IT MAY STILL BE RUNNING."
     return ""
+
+
+def unconfirmed(ending: Ending, call: ErrorContext) -> str:
+    """Say why it is not known that a cancelled goal has stopped, as a part of a sentence."""
+    if ending.elsewhere:
+        return ELSEWHERE
+    if is_lost(ending, call):
+        return GONE
+    if ending.news is LastNews.UNKNOWN_TO_SERVER:  # then nobody has waited any longer
+        return "its server does not know it yet, and may still accept it"
+    within = f"within {call.timeouts.cancel:g} s"
+    if is_being_cancelled(call):
+        limit = "the time of Timeouts(cancel=...)"
+        return f"the server is cancelling it, and did not end it {within}, {limit}"
+    return f"the server did not confirm its cancellation {within}"
+
+
+def is_being_cancelled(call: ErrorContext) -> bool:
+    """Whether the server was seen to cancel this goal."""
+    return (call.goal_id, GoalState.CANCELING) in [(e.goal_id, e.state) for e in call.timeline]
 
 
 def is_lost(ending: Ending, call: ErrorContext) -> bool:

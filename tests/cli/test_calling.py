@@ -63,3 +63,22 @@ def test_a_success_names_the_goals_that_may_still_run(capsys: pytest.CaptureFixt
     assert capsys.readouterr().err == f"Warning: {left}\n"
     ended = "Too late to cancel: the goal had ended as SUCCEEDED."
     assert became(outcome) == f"{ended} {left}"
+
+
+def test_a_cancel_that_takes_longer_is_not_told_as_one_without_an_answer() -> None:
+    goal = uuid.UUID(int=1)
+    events = [GoalEvent(goal, 1, GoalState.CANCELING, 1.0, 1.0)]
+    goals = (GoalReport(goal, GoalFate.RUNNING),)
+    for timeline, told in (([], "as no answer came."), (events, "The server is cancelling it")):
+        outcome = Outcome(
+            GoalState.TIMED_OUT,
+            None,
+            RuntimeError(),
+            1,
+            cast(Any, timeline),
+            goal,
+            CancelReport.UNKNOWN,
+            goals=goals,
+        )
+        assert told in became(outcome)
+        assert became(outcome).count("MAY STILL BE RUNNING") == 1

@@ -133,11 +133,13 @@ def test_a_program_that_ends_asks_again_for_what_was_refused(how, action_server,
 
 def test_a_cancel_that_is_not_confirmed_ends_the_call(action_server, make_client):
     server = action_server("slow_cancel", gate=1)
-    future = make_client(timeouts=Timeouts(cancel=0.3)).call_async({"order": 1})
+    future = make_client(timeouts=Timeouts(cancel=1.0)).call_async({"order": 1})
     server.wait_for("executing")
     future.cancel()
     with pytest.raises(ak.DeadlineExceededError) as caught:
         future.result(10)
+    late = "the server is cancelling it, and did not end it within 1 s, the time of Timeouts(cancel"
+    assert late in str(caught.value)
     assert caught.value.phase == "cancel"
     assert caught.value.cancel is CancelReport.UNKNOWN
     server.release()

@@ -457,6 +457,32 @@ def test_what_was_not_waited_for_is_not_said_to_have_been(fate: GoalFate) -> Non
     assert ("gone, or silent: IT MAY STILL BE RUNNING." in text) == (fate is GoalFate.LOST)
 
 
+@pytest.mark.parametrize("end", [End.DEADLINE, End.NO_ACCEPTANCE])
+def test_a_cancel_that_no_server_could_confirm_yet_was_not_waited_for(end: End) -> None:
+    ending = Ending(
+        end,
+        GoalState.TIMED_OUT,
+        given_up=True,
+        news=LastNews.UNKNOWN_TO_SERVER,
+        phase="cancel" if end is End.DEADLINE else "",
+    )
+    text = str(explained(ending))
+    assert "ts server does not know it yet, and may still accept it: IT MAY STILL BE" in text
+    assert "within 2 s" not in text
+
+
+@pytest.mark.parametrize("phase", ["cancel", "execute"])
+def test_a_cancel_that_was_accepted_needs_more_time(phase: str) -> None:
+    canceling = replace(EVENT, goal_id=GOAL_ID, state=GoalState.CANCELING)
+    ending = Ending(
+        End.DEADLINE, GoalState.TIMED_OUT, phase=phase, given_up=True, news=LastNews.NOTHING
+    )
+    text = str(explained(ending, timeline=(EVENT, canceling)))
+    late = "he server is cancelling it, and did not end it within 2 s, the time of Timeouts(cancel"
+    assert late in text
+    assert "as soon as the server answers" not in text
+
+
 # --- why it was not tried again (contract C4.1) ------------------------------------------------
 
 TRANSIENT = [End.NO_ACCEPTANCE, End.LOST, End.STALLED]

@@ -11,6 +11,7 @@ _WORDS = {
     "give the call more time": "give the call more time with --timeout",
     "Timeouts(accept=...)": "--accept-timeout",
     "Timeouts(feedback=...)": "--feedback-timeout",
+    "Timeouts(cancel=...)": "--cancel-timeout",
     "timeout= or Timeouts(result=...)": "--timeout or --result-timeout",
     "came late, and is in `late_result`": "came late",
     "What the server sent with it is in `error.result`; its log may say more": "Look at the result,"

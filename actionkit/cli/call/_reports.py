@@ -25,10 +25,14 @@ _CAUSES = {
 _BECAME = {
     CancelReport.CONFIRMED: "Goal canceled: CONFIRMED. The server says that it runs no more.",
     CancelReport.REFUSED: "Goal not canceled: REFUSED by the server. IT IS STILL RUNNING.",
-    CancelReport.UNKNOWN: "Goal perhaps not canceled: UNKNOWN, for want of an answer. IT MAY"
-    " STILL BE RUNNING.",
+    CancelReport.UNKNOWN: "Goal perhaps not canceled: UNKNOWN, as no answer came. IT MAY STILL BE"
+    " RUNNING.",
     CancelReport.NOT_NEEDED: "Nothing to cancel: NOT_NEEDED. No goal was running.",
 }
+_IS_CANCELED = (
+    "Goal not canceled in time: UNKNOWN. The server is cancelling it, and did not end it. IT MAY"
+    " STILL BE RUNNING. --cancel-timeout allows more time."
+)
 _WITH_RESULT = (GoalState.SUCCEEDED, GoalState.ABORTED, GoalState.CANCELED)
 
 
@@ -75,6 +79,11 @@ def _became(outcome: Outcome[Any]) -> str:
             if outcome.status is GoalState.CANCELED
             else CancelReport.NOT_NEEDED
         )
+    canceling = (outcome.goal_id, GoalState.CANCELING)
+    if report is CancelReport.UNKNOWN and canceling in [
+        (e.goal_id, e.state) for e in outcome.timeline
+    ]:
+        return _IS_CANCELED
     return _BECAME[report]
 
 
