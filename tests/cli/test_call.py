@@ -99,7 +99,7 @@ SCENES = {
         "no_result",
         "{order: 3}",
         words=("--timeout", "6", "--cancel-timeout", "0.5"),
-        says="ended as SUCCEEDED; its result did not come within 6 s",
+        says="ended as SUCCEEDED; its result did not come within the time of --timeout",
     ),
     "no-answer": Scene(
         Exit.NO_ANSWER, "silent", words=("--accept-timeout", "0.5"), says="neither accepted nor"

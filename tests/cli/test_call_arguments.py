@@ -49,6 +49,8 @@ def test_without_a_server_the_type_is_not_known(empty_world: World) -> None:
         assert (done.code, done.out) == (Exit.NO_SERVER, "")
         assert "'/fibonacci' has no server in sight" in done.err
         assert "its type is not known, and nothing was sent" in done.err
+        limit = f"can take 3 s to be seen. To wait longer, use {option}.\n"
+        assert done.err.endswith(limit)
 
 
 @pytest.mark.long

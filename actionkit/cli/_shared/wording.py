@@ -33,6 +33,9 @@ _PATTERNS = {
     r"attempts of the retry policy are": "attempts that --retries allows are",
     r" \(resend=[^)]*\)": "",
     r"the retry budget forbids it \(<[^>]*>\)": "too many attempts failed",
+    # A part of that time may have gone by before the call, in a look for the type.
+    r"the time given to the call, [\d.e+-]+ s,": "the time of --timeout",
+    r"within [\d.e+-]+ s, the time given to the call": "within the time of --timeout",
     r"classify_by_field(\([^)]*\))?: ": "--ok or --transient: ",
     r"\baction_name=": "the name ",
     r"give node= the node that is meant, or give the whole name": "give the whole name",

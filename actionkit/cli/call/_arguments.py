@@ -20,6 +20,9 @@ _TYPE = re.compile(r"[A-Za-z]\w*/action/[A-Za-z]\w*")
 _NAME = re.compile(r"[\w/.-]+")
 """Matches a type, also a wrong one, but not a goal, which has braces, a colon or a space."""
 
+_SEEN_WITHIN = 3.0
+"""Seconds until a server is seen, also if the first announcement of it was lost."""
+
 
 def told_apart(
     name: str, type_name: str | None, words: tuple[str, ...], stdin: bool
@@ -87,8 +90,10 @@ def _whole(text: str) -> str:
     return f"{package}/action/{name}" if slash and "/" not in name else text
 
 
-def served_type(survey: Survey, name: str, patience: float) -> str:
+def served_type(survey: Survey, name: str, patience: float, limit: str) -> str:
     """Return the type that the servers of an action have; wait `patience` seconds for a server.
+
+    `limit` is the option that sets `patience`.
 
     Raises:
         Problem: There is no server.
@@ -102,10 +107,11 @@ def served_type(survey: Survey, name: str, patience: float) -> str:
         enough=lambda actions: full in actions and bool(actions[full].servers),
     )
     if full not in seen or not seen[full].servers:
+        late = f" A server that runs can take {_SEEN_WITHIN:g} s to be seen."
         raise Problem(
             Exit.NO_SERVER,
-            f"{nothing_there(full, seen)} So its type is not known, and nothing was sent. To wait"
-            " longer, use --server-timeout.",
+            f"{nothing_there(full, seen)} So its type is not known, and nothing was sent."
+            f"{late if patience < _SEEN_WITHIN else ''} To wait longer, use {limit}.",
         )
     first, *others = seen[full].types
     if others:

@@ -65,7 +65,7 @@ def command(
     from actionkit.cli.call import _arguments
 
     with open_survey() as survey:
-        type_name = _arguments.served_type(survey, name, server_timeout)
+        type_name = _arguments.served_type(survey, name, server_timeout, "--server-timeout")
         action = _arguments.action_class(type_name)
 
         from actionkit import Client, Timeouts

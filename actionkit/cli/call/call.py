@@ -125,9 +125,10 @@ def command(
         if type_name is None:
             # Open until the client is made: so the client sees the same servers at once.
             survey = until_made.enter_context(open_survey())
-            patience = timeouts["server_timeout"]
-            patience = patience if timeout is None else min(patience, timeout)
-            type_name = _arguments.served_type(survey, name, patience)
+            patience, limit = timeouts["server_timeout"], "--server-timeout"
+            if timeout is not None and timeout < patience:
+                patience, limit = timeout, "--timeout"
+            type_name = _arguments.served_type(survey, name, patience, limit)
             if timeout is not None:
                 timeout = max(0.0, timeout - (time.monotonic() - survey.opened))
         action = _arguments.action_class(type_name)
