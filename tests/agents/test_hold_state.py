@@ -232,15 +232,38 @@ def test_a_file_that_cannot_be_read_is_no_file_that_tells_nothing(
         reader.read()
 
 
-def test_nobodys_links_are_followed(directory: Path, tmp_path: Path) -> None:
+@pytest.mark.every
+@pytest.mark.parametrize("kind", ["symlink", "folder", "pipe"])
+def test_what_is_in_the_place_of_a_file_may_be_a_hold(
+    kind: str, directory: Path, tmp_path: Path
+) -> None:
     HoldFiles(7).write(of(one("1")))
     (file,) = directory.iterdir()
     file.unlink()
-    (tmp_path / "other").write_text(encode(of(one("2"))))
-    file.symlink_to(tmp_path / "other")
-    assert HoldFiles(7).read() == HoldState()
+    if kind == "symlink":
+        (tmp_path / "other").write_text(encode(HoldState()))
+        file.symlink_to(tmp_path / "other")
+    elif kind == "folder":
+        file.mkdir()
+    else:
+        os.mkfifo(file)
+    for use in (HoldFiles(7).read, lambda: HoldFiles(7).write(of(one("2")))):
+        with pytest.raises(UnreadableError, match="is not a regular file: remove it"):
+            use()
+    assert not stat.S_ISREG(file.lstat().st_mode)
+    assert HoldFiles(8).read() == HoldState()
     directory.joinpath("domain-7").mkdir()
-    assert HoldFiles(7).read() == HoldState()
+    assert HoldFiles(8).read() == HoldState()
+
+
+def test_a_link_in_the_place_of_the_directory_hides_no_hold(
+    directory: Path, tmp_path: Path
+) -> None:
+    directory.symlink_to(tmp_path / "nowhere")
+    with pytest.raises(UnreadableError, match="is a symbolic link: remove it"):
+        HoldFiles(7).read()
+    with pytest.raises(NotADirectoryError):
+        HoldFiles(7).write(of(one("1")))
 
 
 def test_a_hold_does_not_outlive_a_start_of_the_computer(

@@ -137,6 +137,18 @@ def test_goals_are_cancelled_even_if_nothing_can_be_told(
     assert server.count("canceled") == 1
 
 
+def test_a_hold_that_is_in_no_file_is_told_of(world: World) -> None:
+    done = world.run_apart("stop", "--json", ACTIONKIT_HOLD_DIR="/proc")  # not even root writes
+    assert done.code == Exit.FAILED, done
+    told = json.loads(done.out.splitlines()[-1])
+    (keeper,) = keepers(world.domain)
+    assert (told["held"], told["kept_by"]) == (True, keeper)
+    assert told["unwritten"].startswith("/proc: ")
+    words = " ".join(done.err.split())
+    assert f"The hold is not in a file on this computer ({told['unwritten']})." in words
+    assert f"it lasts only while process {keeper}" in words
+
+
 @pytest.mark.long
 def test_fifty_goals_of_ten_servers_and_those_that_do_not_stop(
     world: World, agent: HoldListener, goals: Callable[..., list[GoalFuture[Any, Any]]]

@@ -69,6 +69,8 @@ class HoldFiles:
         """
         directory = self.directory
         try:
+            if os.path.islink(directory):  # nobody can write there: see `_make`
+                raise UnreadableError(f"{directory} is a symbolic link: remove it")
             with os.scandir(directory) as entries:
                 ours = sorted(
                     (entry for entry in entries if self._is_ours(entry)), key=lambda e: e.name
@@ -76,6 +78,8 @@ class HoldFiles:
                 seen = [(entry.name, entry.stat(follow_symlinks=False)) for entry in ours]
         except FileNotFoundError:
             return HoldState()
+        except UnreadableError:
+            raise
         except OSError as error:
             raise UnreadableError(f"{directory}: {error.strerror}") from error
         signature = [(name, info.st_ino, info.st_mtime_ns, info.st_size) for name, info in seen]
@@ -86,21 +90,21 @@ class HoldFiles:
         return state
 
     def _is_ours(self, entry: os.DirEntry[str]) -> bool:
-        """Whether it is a file of this domain and boot.
+        """Whether it has the name of a file of this domain and boot.
 
-        The owner does not matter: a rootless container has other numbers for the same users.
+        The owner does not matter: a rootless container has other numbers for the same users. What
+        has such a name and is not a file counts, too: a hold cannot be written there.
         """
-        prefix = entry.name.rpartition("-")[0]
-        return prefix == f"{self._prefix}{_boot()}" and entry.is_file(follow_symlinks=False)
+        return entry.name.rpartition("-")[0] == f"{self._prefix}{_boot()}"
 
     def write(self, state: HoldState) -> None:
         """Write all of `state` into our file, unless it is there already.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: It cannot be written. What cannot be read is never replaced: it may be a hold.
         """
         path = Path(self.directory) / self._own
-        with contextlib.suppress(FileNotFoundError, UnreadableError):
+        with contextlib.suppress(FileNotFoundError):
             state, old = merged(state, before := _read(str(path))), before
             if state == old:
                 return
@@ -122,9 +126,13 @@ class HoldFiles:
 
 def _read(path: str) -> HoldState:
     try:
-        with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "rb") as file:
-            content = file.read(LONGEST + 1)
-    except FileNotFoundError:
+        if not stat.S_ISREG(os.lstat(path).st_mode):
+            raise UnreadableError(f"{path} is not a regular file: remove it")
+        # Not blocking: another user may put a named pipe there after that look.
+        flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+        with open(os.open(path, flags), "rb") as file:
+            content = file.read(LONGEST + 1) or b""
+    except (FileNotFoundError, UnreadableError):
         raise
     except OSError as error:
         raise UnreadableError(f"{path}: {error.strerror}") from error
@@ -136,7 +144,7 @@ def _make(directory: Path) -> None:
         directory.mkdir()
         directory.chmod(_FOR_ALL)
     if not stat.S_ISDIR(directory.lstat().st_mode):
-        raise NotADirectoryError(f"{directory} is no directory")
+        raise NotADirectoryError(f"{directory} is not a directory")
 
 
 @cache

@@ -102,6 +102,7 @@ class HoldView:
         self._cut_off = False
         self._told: HoldState | None = None
         self._trouble = ""
+        self._unwritten = ""
         self._stopping = False
         self._pid = os.getpid()
         self._thread = threading.Thread(target=self._main, name="actionkit-hold", daemon=True)
@@ -176,6 +177,11 @@ class HoldView:
         except OSError:
             return False
         return bool(set(told.holds) & set(self.state.holds))
+
+    @property
+    def unwritten(self) -> str:
+        """Why a hold does not get into the files; `""` if nothing is known to be wrong."""
+        return self._unwritten or self._read_files()
 
     def add(self, state: HoldState) -> None:
         """Add this to the state, and publish it."""
@@ -314,7 +320,12 @@ class HoldView:
 
     def _write(self) -> None:
         if self._speaks and self._files is not None:
-            self._files.write(self._take_texts())
+            try:
+                self._files.write(self._take_texts())
+                self._unwritten = ""
+            except OSError as error:
+                why = error.strerror or error  # it is tried again at the next look
+                self._unwritten = f"{self._files.directory}: {why}"
 
     def _leave(self) -> None:
         topic, self._topic = self._topic, None

@@ -55,8 +55,8 @@ none until `actionkit stop --release`, by anybody in the ROS domain; other progr
 only these actions are canceled, and agents are not held. This is no emergency stop in the sense of
 a safety norm. The exit code is 0 where every goal is known to run no more and agents are held, 22
 where a server refused, 23 where a goal may still be running, 14 where no server was in sight, and 1
-where the hold may not last. --status ends with 0 where there is no hold, with 25 where there is
-one, and with 1 where that is not known."""
+where the hold may not last, as where no file could be written. --status ends with 0 where there is
+no hold, with 25 where there is one, and with 1 where that is not known."""
 
 
 def _set_domain(ctx: click.Context, param: click.Parameter, value: int | None) -> None:
@@ -170,7 +170,7 @@ def _stop_and_hold(hold: Hold, keeper: Keeper, timeout: float, as_json: bool) ->
             if not stopped:
                 say("No action server is in sight, so nothing was canceled.", err=True)
             until = min(until, time.monotonic() + _GRACE)
-            while not held() and time.monotonic() < until:
+            while time.monotonic() < until and not (held() and (view.in_files or view.unwritten)):
                 time.sleep(_TICK)
             codes.append(_tell_of_hold(view, hold, keeper, as_json))
         finally:
@@ -226,8 +226,10 @@ def _tell_of_hold(view: HoldView, hold: Hold, keeper: Keeper, as_json: bool) -> 
     knowing, late = agents_told(view)
     active = view.state.active
     kept = _is_kept(view, hold, keeper)
+    unwritten = "" if view.in_files else view.unwritten or "the disk is too slow"
     if as_json:
-        say(line_of(view, kept_by=keeper.pid if ready else None, told=knowing, late=late))
+        kept_by = keeper.pid if ready else None
+        say(line_of(view, kept_by=kept_by, told=knowing, late=late, unwritten=unwritten))
     elif active:
         in_sight = f"; {len(knowing)} in sight obey." if knowing else "; none is in sight."
         say(f"Agents are held until `actionkit stop --release`{in_sight}")
@@ -235,13 +237,22 @@ def _tell_of_hold(view: HoldView, hold: Hold, keeper: Keeper, as_json: bool) -> 
         say(f"Error: The {who} has not confirmed that it is held.", err=True)
     if not active:
         say("Somebody has released the hold meanwhile.", err=True)
-    elif not kept:
+        return Exit.FAILED
+    if not kept:
         say(
             "Error: The process that keeps the hold has not come up. The hold lasts only while a"
             " file on this computer, or an agent that knows of it, tells of it.",
             err=True,
         )
-    return Exit.OK if kept and not late and active else Exit.FAILED
+    if unwritten:
+        process = f"process {keeper.pid}, which this command leaves behind, or " if ready else ""
+        say(
+            f"Error: The hold is not in a file on this computer ({unwritten}). Without a file it"
+            f" lasts only while {process}an agent that knows of it runs. Agents that start after"
+            " that send goals.",
+            err=True,
+        )
+    return Exit.FAILED if late or unwritten or not kept else Exit.OK
 
 
 @contextlib.contextmanager
