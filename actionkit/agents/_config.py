@@ -35,7 +35,7 @@ def read_file(path: str | PathLike[str]) -> Config:
         content = file.read()
     source = fspath(path)
     try:
-        config = toml.loads(content.decode())
+        config = toml.loads(content.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
         raise ConfigError((f"{source}: this is not TOML: {error}",)) from error
     return read_config(config, source)

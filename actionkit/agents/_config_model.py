@@ -139,7 +139,7 @@ class TopicConfig(_Tool):
 
     kind = "msg"
     topic: _RosName
-    max_age: Annotated[float, Field(ge=0, le=MOST)] | None = None
+    max_age: Annotated[float, Field(gt=0, le=MOST)] | None = None
     max_size: Annotated[int, Field(ge=1, le=100_000)] = 768
 
 

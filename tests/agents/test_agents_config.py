@@ -59,7 +59,7 @@ def read(fields: Any) -> ActionConfig:
 
 def test_a_file(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
-    path.write_text(RIGHT)
+    path.write_text(RIGHT, "utf-8-sig")  # as some editors write it
     config = read_file(path)
     assert config.domain_id == 7
     (drive,) = config.tools.values()
@@ -110,7 +110,7 @@ def test_every_problem_is_told_with_its_place() -> None:
             "four": 4,
             "five": {"action": "a", "type": NESTED, "timeout": 10**400},
         },
-        "topics": {"one": {"topic": "/t", "type": NESTED, "max_size": 0}},
+        "topics": {"one": {"topic": "/t", "type": NESTED, "max_size": 0, "max_age": 0}},
     }
     text = "\n".join(problems(config))
     for part in (
@@ -132,6 +132,7 @@ def test_every_problem_is_told_with_its_place() -> None:
         "robot.toml: tools.five.timeout: 1000",
         f"robot.toml: topics.one.type: '{NESTED}' is not a message type",
         "robot.toml: topics.one.max_size: 0 is outside of 1 to 100000",
+        "robot.toml: topics.one.max_age: 0 must be above 0",
     ):
         assert part in text
 

@@ -61,7 +61,7 @@ def test_topics(
     topics = {
         "battery": topic("/battery", "sensor_msgs/msg/BatteryState", max_age=60),
         "mode": topic("mode", "std_msgs/msg/String"),
-        "old": topic("mode", "std_msgs/msg/String", max_age=0.0),
+        "old": topic("mode", "std_msgs/msg/String", max_age=1e-6),
         "camera": topic("camera", "sensor_msgs/msg/Image", max_size=100),
         "scan": topic("scan", "sensor_msgs/msg/LaserScan", max_size=20),
         "quiet": topic("quiet", "std_msgs/msg/String"),
@@ -89,7 +89,7 @@ def test_topics(
             assert 0 <= values["battery"]["age"] < 5
             assert values["mode"]["message"] == {"data": "latest"}, values["mode"]
             assert values["old"]["status"] == "no_message"
-            assert "of the last 0 s" in values["old"]["error"]["message"]
+            assert "of the last 1e-06 s" in values["old"]["error"]["message"]
             assert values["camera"]["message"]["width"] == 640
             assert "data" not in values["camera"]["message"]
             (image,) = results["camera"].images
