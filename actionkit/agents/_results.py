@@ -142,7 +142,13 @@ class ActionValue:
         str | None,
         Doc("What came of cancelling it; null where it was not cancelled.", enum=_CANCELS),
     ] = None
-    elapsed: Annotated[float, Doc("Seconds that it took.")] = 0.0
+    elapsed: Annotated[
+        float,
+        Doc(
+            "Seconds of the goal: the wait for its server, and retries, are in it; what came"
+            " before, such as the wait for a human's approval, is not."
+        ),
+    ] = 0.0
     goal_id: Annotated[str | None, Doc("For the tool goals; null where nothing was sent.")] = None
     attempts: Annotated[int, Doc("How many goals were sent.")] = 0
     feedback: Annotated[dict[str, Any] | None, Doc("The latest feedback.")] = None
@@ -176,7 +182,7 @@ class GoalValue:
     status: Annotated[str, Doc("How it ended, or that it has not.", enum=_GOAL_STATUSES)]
     state: Annotated[str, Doc("Its last known state on the robot.")]
     may_still_run: MayRun
-    elapsed: Annotated[float, Doc("Seconds that it took, or has taken.")]
+    elapsed: Annotated[float, Doc("Seconds of the goal, as in its result.")]
     ended_ago: Annotated[float | None, Doc("Seconds since its end; null while it runs.")] = None
     why_cancelled: Annotated[
         str | None, Doc("Why it was cancelled here; null where it was not.")
