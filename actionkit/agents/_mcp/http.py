@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import hmac
+import json
 import logging
 import re
 import resource
@@ -19,7 +20,10 @@ import uvicorn
 from mcp.server import Server
 from mcp.server.auth.middleware.bearer_auth import BearerAuthBackend, RequireAuthMiddleware
 from mcp.server.auth.provider import AccessToken
-from mcp.server.transport_security import TransportSecuritySettings
+from mcp.server.streamable_http import LAST_EVENT_ID_HEADER, MCP_SESSION_ID_HEADER
+from mcp.server.transport_security import RequestBodyLimitMiddleware, TransportSecuritySettings
+from mcp.shared.dispatcher import coerce_request_id
+from starlette.datastructures import Headers
 from starlette.middleware.authentication import AuthenticationMiddleware
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -27,7 +31,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from actionkit.agents._mcp.address import Address
 from actionkit.agents._mcp.session import GONE
-from actionkit.agents._mcp.stdio import MOST_BYTES
+from actionkit.agents._mcp.stdio import MOST_BYTES, RUNS_ALREADY, request_id
 
 PATH = "/mcp"
 _MOST_CONNECTIONS = 256
@@ -42,6 +46,7 @@ _NAMED = re.compile(rb"(https?://)?(\[[0-9A-Fa-f:.]+\]|[^:/@\s\[\]]+)(:[0-9]{1,5
 """A host or an origin. The SDK knows the names, but takes anything for a port."""
 _MISNAMED = {b"host": 421, b"origin": 403}
 """The HTTP status if the header is malformed."""
+_RESUMES = LAST_EVENT_ID_HEADER.encode()
 _RECORDS_A_MINUTE = 20
 _LONGEST_RECORD = 300
 
@@ -61,7 +66,8 @@ def make_app(server: Server[Any], where: Address) -> ASGIApp:
         max_sessions=_MOST_SESSIONS,
         session_idle_timeout=_SESSION_IDLE,
     )
-    guarded: ASGIApp = _Watched(inner)
+    # Each message that `_OneOfAnId` gets is a whole body.
+    guarded: ASGIApp = _Watched(RequestBodyLimitMiddleware(_OneOfAnId(inner), MOST_BYTES))
     if where.token:
         guarded = AuthenticationMiddleware(
             RequireAuthMiddleware(guarded, []), backend=BearerAuthBackend(_OneToken(where.token))
@@ -105,6 +111,8 @@ class _Watched:
             if name in _MISNAMED and not _NAMED.fullmatch(value):
                 await Response(status_code=_MISNAMED[name])(scope, receive, send)
                 return
+        # Nothing is kept for a client that comes back; the SDK would not answer at all.
+        scope["headers"] = [one for one in scope["headers"] if one[0] != _RESUMES]
         gone = asyncio.Event()
         watcher: asyncio.Task[None] | None = None
 
@@ -131,6 +139,41 @@ class _Watched:
         finally:
             if watcher is not None:
                 watcher.cancel()
+
+
+class _OneOfAnId:
+    """Refuses a request with the id of one that runs in the same session; see `RUNS_ALREADY`."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+        self._running: set[object] = set()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        session = Headers(scope=scope).get(MCP_SESSION_ID_HEADER)
+        if session is None or scope["method"] != "POST":
+            await self._app(scope, receive, send)
+            return
+        message: Message | None = await receive()
+        assert message is not None
+        number = request_id(message.get("body", b""))
+        key = None if number is None else (session, coerce_request_id(number))
+        if key in self._running:
+            error = dict(zip(("code", "message"), RUNS_ALREADY, strict=True))
+            answer = json.dumps({"jsonrpc": "2.0", "id": number, "error": error})
+            await Response(answer, 400, media_type="application/json")(scope, receive, send)
+            return
+
+        async def receive_again() -> Message:
+            nonlocal message
+            first, message = message, None
+            return first or await receive()
+
+        if key is not None:
+            self._running.add(key)
+        try:
+            await self._app(scope, receive_again, send)
+        finally:
+            self._running.discard(key)
 
 
 class _Connection(H11Protocol):

@@ -25,6 +25,8 @@ MOST_BYTES = 4 * 1024 * 1024
 """The longest message that is read, as for the body of an HTTP request."""
 _HEAD = 200
 """Bytes in which to look for the id of a request; so few cannot be nested too deeply."""
+RUNS_ALREADY = -32600, "a request with this id still runs; this one was refused: nothing was done"
+"""With such an id, the SDK would forget the first request, and nothing could cancel its goal."""
 
 
 class Stdio:
@@ -49,6 +51,7 @@ class Stdio:
         os.close(nothing)
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(line_buffering=True)  # as it is where people read it
+        self._running: set[Any] = set()  # ids of requests
 
     async def serve(self, server: Server[Any], gone: Callable[[], object]) -> None:
         """Serve the host. `gone` is called, from a thread, when it has closed either pipe."""
@@ -62,7 +65,7 @@ class Stdio:
 
     async def write(self, text: str) -> None:
         """Write, and return when it is written. Cancelling ends the wait, not the writing."""
-        await asyncio.to_thread(self._write, text.encode(errors="replace"))
+        await asyncio.to_thread(self._answer, text)
 
     async def flush(self) -> None:
         """Return when everything that was given to `write` is written."""
@@ -74,14 +77,30 @@ class Stdio:
     async def __anext__(self) -> str:
         """Return the next message. Answer those that cannot be read: the SDK would ignore them."""
         while line := await asyncio.to_thread(self._read):
-            problem = _problem(line)
-            if not problem:
+            message, problem = _parsed(line)
+            if message is not None and not self._runs_already(message):
                 return line.decode(errors="replace")
             if line.strip():
-                error = {"code": -32700, "message": f"{problem}; nothing was done"}
-                answer = {"jsonrpc": "2.0", "id": _id_of(line), "error": error}
-                await self.write(json.dumps(answer) + "\n")
+                code, text = (-32700, f"{problem}; nothing was done") if problem else RUNS_ALREADY
+                error = {"code": code, "message": text}
+                answer = {"jsonrpc": "2.0", "id": request_id(line), "error": error}
+                await asyncio.to_thread(self._write, json.dumps(answer).encode() + b"\n")
         raise StopAsyncIteration
+
+    def _runs_already(self, message: Any) -> bool:
+        """Return whether it is a request with the id of one that runs; remember other ids."""
+        from mcp.shared.dispatcher import coerce_request_id
+
+        method, number = getattr(message, "method", None), getattr(message, "id", None)
+        if method == "notifications/cancelled":  # its request is never answered
+            cancelled = (message.params or {}).get("requestId")
+            if isinstance(cancelled, (str, int)):
+                self._running.discard(coerce_request_id(cancelled))
+        if method is None or number is None:
+            return False
+        before = len(self._running)
+        self._running.add(coerce_request_id(number))
+        return len(self._running) == before
 
     # -- in threads ------------------------------------------------------------------------
 
@@ -95,6 +114,14 @@ class Stdio:
         if not rest:
             self._gone()
         return line if rest else b""
+
+    def _answer(self, text: str) -> None:
+        from mcp.shared.dispatcher import coerce_request_id
+        from pydantic_core import from_json
+
+        if text and "method" not in (message := from_json(text)):
+            self._running.discard(coerce_request_id(message["id"]))
+        self._write(text.encode(errors="replace"))
 
     def _write(self, data: bytes) -> None:
         try:
@@ -111,22 +138,22 @@ class Stdio:
         self._gone()
 
 
-def _problem(line: bytes) -> str:
+def _parsed(line: bytes) -> tuple[Any, str]:
+    """Return a message, and `""`; or `None`, and why it cannot be read."""
     from mcp.types import jsonrpc_message_adapter
     from pydantic import ValidationError
 
     if not line.endswith(b"\n"):
-        return f"the message is longer than {MOST_BYTES} bytes"
+        return None, f"the message is longer than {MOST_BYTES} bytes"
     try:
-        jsonrpc_message_adapter.validate_json(line[:-1], by_name=False)
+        return jsonrpc_message_adapter.validate_json(line[:-1], by_name=False), ""
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        return f"the message cannot be read ({first['msg'][:200]})"
-    return ""
+        return None, f"the message cannot be read ({first['msg'][:200]})"
 
 
-def _id_of(line: bytes) -> str | int | None:
-    """Return the id of a request that cannot be read, if all of it, or its beginning, says it."""
+def request_id(line: bytes) -> str | int | None:
+    """Return the id of a request, if all of it, or its beginning where it is broken, says it."""
     from pydantic_core import from_json
 
     found: Any = None

@@ -138,6 +138,45 @@ def test_a_client_that_ends_its_session(robot: Robot, http: HttpServing) -> None
     asyncio.run(scenario())
 
 
+def test_an_id_that_is_used_again_while_its_call_runs(robot: Robot, http: HttpServing) -> None:
+    watch = Watch(robot.server("never_finishes"))
+
+    async def scenario() -> None:
+        async with httpx2.AsyncClient(timeout=PATIENCE) as client:
+            headers = {**HEADERS, "Mcp-Session-Id": await open_session(client, http.url)}
+
+            async def post(**message: object) -> httpx2.Response:
+                whole = {"jsonrpc": "2.0", **message}
+                return await client.post(http.url, json=whole, headers=headers)
+
+            params = {"name": "patrol", "arguments": {}}
+            calling = asyncio.ensure_future(post(id=7, method="tools/call", params=params))
+            await watch.until("executing")
+            again = await post(id="7", method="tools/call", params=params)
+            assert (again.status_code, again.json()["id"]) == (400, "7")
+            assert "a request with this id still runs" in again.json()["error"]["message"]
+            await post(method="notifications/cancelled", params={"requestId": 7})
+            assert await watch.summary() == "a goal, canceled"
+            assert '"id":7' in (await calling).text
+            assert (await post(id=7, method="ping")).status_code == 200
+
+    asyncio.run(scenario())
+
+
+def test_a_client_that_comes_back_for_events(http: HttpServing) -> None:
+    """No answer has an id to go on from, so such a request is as any other."""
+
+    async def scenario() -> None:
+        async with httpx2.AsyncClient(timeout=PATIENCE) as client:
+            headers = {**HEADERS, "Mcp-Session-Id": await open_session(client, http.url)}
+            headers["Last-Event-ID"] = "1"
+            async with client.stream("GET", http.url, headers=headers) as answer:
+                assert answer.status_code == 200
+                assert answer.headers["content-type"].startswith("text/event-stream")
+
+    asyncio.run(scenario())
+
+
 @pytest.mark.parametrize("way", HTTP, ids=str)
 @pytest.mark.long
 def test_a_client_that_hangs(robot: Robot, http: HttpServing, way: Way) -> None:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from actionkit.agents._mcp.stdio import MOST_BYTES, _id_of
+from actionkit.agents._mcp.stdio import MOST_BYTES, RUNS_ALREADY, request_id
 from tests import forked
 from tests.agents.over_mcp.lab import PATIENCE
 
@@ -35,6 +35,8 @@ class Echo:
             if item.message.method == "hang":
                 os.write(2, b"hangs")
                 time.sleep(60)
+            if item.message.method in ("wait", "notifications/cancelled"):
+                continue
             answer = JSONRPCResponse(jsonrpc="2.0", id=item.message.id, result=item.message.params)
             await writes.send(SessionMessage(answer))
 
@@ -122,6 +124,22 @@ def test_a_long_message_takes_little_memory_and_the_next_one_is_read() -> None:
         assert host.answer()["id"] == 3
 
 
+def test_an_id_that_is_used_again_while_its_request_runs() -> None:
+    with echo() as host:
+        for _ in range(2):  # again after its answer: the SDK takes that
+            host.send(message(1))
+            assert "result" in host.answer()
+        host.send(message(1, "wait") + message(1))
+        refused = host.answer()
+        assert refused["id"] == 1
+        assert refused["error"] == {"code": -32600, "message": RUNS_ALREADY[1]}
+        host.send(message(1).replace(b"1,", b'"1",'))  # the same to the SDK
+        assert "error" in host.answer()
+        cancelled = {"method": "notifications/cancelled", "params": {"requestId": 1}}
+        host.send(json.dumps({"jsonrpc": "2.0", **cancelled}).encode() + b"\n" + message(1))
+        assert "result" in host.answer()
+
+
 def test_pipes_that_do_not_block() -> None:
     with echo(blocking=False) as host:
         for number in range(3):
@@ -153,4 +171,4 @@ DEEP = b'{"order":' * 10_000
     ],
 )
 def test_whose_request_it_was(line: bytes, found: object) -> None:
-    assert _id_of(line) == found
+    assert request_id(line) == found
