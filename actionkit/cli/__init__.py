@@ -19,7 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         from actionkit.cli._app import run
 
         code = int(run(arguments))
-        sys.stdout.flush()
+        print(end="", flush=True)  # does nothing if there was no standard output at the start
     except KeyboardInterrupt:
         # The call is cleaned up by now; nothing may interrupt the rest.
         signal.signal(signal.SIGINT, signal.SIG_IGN)

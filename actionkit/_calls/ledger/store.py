@@ -199,8 +199,7 @@ class Store:
         except (sqlite3.Error, OSError) as error:
             raise LedgerError(
                 f"the ledger {self._path} cannot be used ({error}), so nothing was sent. Make room"
-                " on its disk, give another path, or do without it: ledger=None, and no"
-                " ACTIONKIT_LEDGER"
+                " on its disk, or name another file"
             ) from error
 
     def _open(self) -> sqlite3.Connection:

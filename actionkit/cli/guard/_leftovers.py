@@ -33,7 +33,8 @@ def open_ledger(path: str | None) -> Ledger:
     try:
         return Ledger(path or usual_ledger())
     except LedgerError as error:
-        raise Problem(Exit.FAILED, str(error)) from error
+        where = "" if path else ". The environment variable ACTIONKIT_LEDGER names it"
+        raise Problem(Exit.FAILED, f"{error}{where}") from error
     except (OSError, RuntimeError) as error:  # no home, or one that cannot be written
         raise Problem(
             Exit.FAILED,

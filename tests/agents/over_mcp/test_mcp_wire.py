@@ -149,6 +149,24 @@ def test_what_is_missing_is_named(robot: Robot) -> None:
 
 
 @pytest.mark.long
+def test_a_ledger_that_cannot_be_used(robot: Robot) -> None:
+    code, out, errors = run(robot, ACTIONKIT_LEDGER=str(robot.file))
+    assert (code, out) == (1, "")
+    assert "ledger=" not in errors
+    told = "name another file. The environment variable ACTIONKIT_LEDGER names it"
+    assert told in " ".join(errors.split())
+
+
+@pytest.mark.long
+def test_an_output_that_is_closed_at_the_start(robot: Robot) -> None:
+    command = ["bash", "-c", 'exec "$@" >&-', "bash", *robot.words()]
+    done = subprocess.run(command, input="", stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert "standard input or output is closed" in line
+
+
+@pytest.mark.long
 def test_a_wrong_file_is_told_of_whole(robot: Robot) -> None:
     path = robot.file.with_name("wrong.toml")
     path.write_text('[tools.a]\naction = 7\n[topics.b]\nspeed = "fast"\n')
