@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,6 +19,8 @@ from test_msgs.action import Fibonacci
 
 from actionkit import Client, GoalFuture, GoalState, servers
 from actionkit._ros.holds import view
+from actionkit._ros.holds.ours import new_hold
+from actionkit._ros.holds.state import HoldState
 from actionkit.agents._hold import HoldListener
 from actionkit.cli._shared.exits import Exit
 from actionkit.servers import Server
@@ -147,6 +150,27 @@ def test_a_hold_that_is_in_no_file_is_told_of(world: World) -> None:
     words = " ".join(done.err.split())
     assert f"The hold is not in a file on this computer ({told['unwritten']})." in words
     assert f"it lasts only while process {keeper}" in words
+
+
+FULL = """
+from actionkit._ros.holds.files import HoldFiles
+def write(*_):
+    raise OSError(28, "No space left on device")
+HoldFiles.write = write
+"""
+
+
+@pytest.mark.long
+def test_a_release_that_is_in_no_file_is_told_of(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ACTIONKIT_HOLD_DIR", str(tmp_path))
+    view.HoldFiles(world.domain).write(HoldState({(hold := new_hold()).hold_id: hold}))
+    done = world.run_apart("stop", "--release", before=FULL)
+    assert done.code == Exit.FAILED, done
+    told = f"A file on this computer still has the hold ({tmp_path}: No space left on device)."
+    assert told in " ".join(done.err.split())
+    assert world.run_apart("stop", "--release").code == Exit.OK
 
 
 @pytest.mark.long

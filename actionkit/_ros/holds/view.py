@@ -9,7 +9,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from actionkit._model.domain import environment_domain
@@ -169,14 +169,13 @@ class HoldView:
                 said for node, said in self._heard.items() if node != own and self._in_sight(node)
             ]
 
-    @property
-    def in_files(self) -> bool:
-        """Whether a file on this computer has a hold that nobody has released."""
+    def in_files(self, holds: Iterable[Hold]) -> bool:
+        """Whether the files on this computer say that one of these holds lasts."""
         try:
             told = self._files.read() if self._files is not None else HoldState()
         except OSError:
             return False
-        return bool(set(told.holds) & set(self.state.holds))
+        return any(hold.hold_id in told.holds for hold in holds)
 
     @property
     def unwritten(self) -> str:
@@ -324,8 +323,9 @@ class HoldView:
                 self._files.write(self._take_texts())
                 self._unwritten = ""
             except OSError as error:
-                why = error.strerror or error  # it is tried again at the next look
-                self._unwritten = f"{self._files.directory}: {why}"
+                # It is tried again at the next look.
+                place = f"{self._files.directory}: {error.strerror}"
+                self._unwritten = place if error.strerror else str(error)
 
     def _leave(self) -> None:
         topic, self._topic = self._topic, None

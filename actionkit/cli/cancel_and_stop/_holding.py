@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 _LOOK = 0.1
 """Seconds between two looks while others are being told."""
+TOO_SLOW = "the disk is too slow"
+"""Why something is not in a file if no error came."""
 
 
 class Keeper:
@@ -125,9 +127,11 @@ def release(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
         if over or new or not (state.active or unknown or late):
             break
         time.sleep(_LOOK)
+    view.close()  # it writes the release to a file, at the latest now
+    unwritten = (view.unwritten or TOO_SLOW) if view.in_files(ended.values()) else ""
     if as_json:
         told = new or tuple(ended.values())
-        say(hold_line(bool(new), told, late=late, unknown=unknown))
+        say(hold_line(bool(new), told, late=late, unknown=unknown, unwritten=unwritten))
     for hold in () if as_json else ended.values():
         say(f"Released: the hold of {hold.by}{since(hold)}.")
     if not ended and not unknown and not as_json:
@@ -141,7 +145,13 @@ def release(view: HoldView, timeout: float, *, as_json: bool) -> Exit:
         )
     if unknown:
         say(f"Error: There may be more holds: {unknown}. Try again.", err=True)
-    return Exit.HELD if new else Exit.FAILED if late or unknown else Exit.OK
+    if unwritten:
+        say(
+            f"Error: A file on this computer still has the hold ({unwritten}). Agents that start"
+            " later are held. Mend that, and try again.",
+            err=True,
+        )
+    return Exit.HELD if new else Exit.FAILED if late or unknown or unwritten else Exit.OK
 
 
 def _await_known(view: HoldView, timeout: float) -> None:
@@ -153,7 +163,7 @@ def _await_known(view: HoldView, timeout: float) -> None:
 def _keepers(view: HoldView, holds: Sequence[Hold]) -> list[str]:
     names = {hold.hold_id for hold in holds}
     keepers = [str(said.sender) for said in view.others if names & set(said.state.holds)]
-    files = ["a file on this computer"] if view.in_files else []
+    files = ["a file on this computer"] if view.in_files(holds) else []
     return sorted(keepers) + files
 
 

@@ -170,7 +170,7 @@ def _stop_and_hold(hold: Hold, keeper: Keeper, timeout: float, as_json: bool) ->
             if not stopped:
                 say("No action server is in sight, so nothing was canceled.", err=True)
             until = min(until, time.monotonic() + _GRACE)
-            while time.monotonic() < until and not (held() and (view.in_files or view.unwritten)):
+            while time.monotonic() < until and not (held() and (_in_file(view) or view.unwritten)):
                 time.sleep(_TICK)
             codes.append(_tell_of_hold(view, hold, keeper, as_json))
         finally:
@@ -219,14 +219,18 @@ def _is_kept(view: HoldView, hold: Hold, keeper: Keeper) -> bool:
     return keeper.is_ready() or bool(active and hold not in active)
 
 
+def _in_file(view: HoldView) -> bool:
+    return view.in_files(view.state.active)
+
+
 def _tell_of_hold(view: HoldView, hold: Hold, keeper: Keeper, as_json: bool) -> Exit:
-    from actionkit.cli.cancel_and_stop._holding import agents_told, line_of
+    from actionkit.cli.cancel_and_stop._holding import TOO_SLOW, agents_told, line_of
 
     ready = keeper.is_ready()
     knowing, late = agents_told(view)
     active = view.state.active
     kept = _is_kept(view, hold, keeper)
-    unwritten = "" if view.in_files else view.unwritten or "the disk is too slow"
+    unwritten = "" if _in_file(view) else view.unwritten or TOO_SLOW
     if as_json:
         kept_by = keeper.pid if ready else None
         say(line_of(view, kept_by=kept_by, told=knowing, late=late, unwritten=unwritten))
