@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import fcntl
 import sqlite3
 import threading
 import time
 import uuid
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
@@ -40,7 +41,7 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def rows(path: Path) -> int:
-    with sqlite3.connect(path) as file:
+    with closing(sqlite3.connect(path)) as file:
         return int(file.execute("SELECT count(*) FROM goals").fetchone()[0])
 
 
@@ -162,6 +163,85 @@ with Client(Fibonacci, "fibonacci") as client:
 def test_a_forked_child_and_its_parent_are_two_processes(action_server, run_script, path):
     action_server("fibonacci")
     assert run_script(FORKS).finish() == (0, "", "")
+
+
+GOES_ON = """
+import os, shutil, sys, uuid
+from actionkit import Ledger
+path = os.environ["ACTIONKIT_LEDGER"]
+ledger = Ledger(path)
+ledger._add(uuid.uuid4(), "/a", "b/action/C", 0)
+if sys.argv[1] == "copies its folder":
+    shutil.copytree(os.path.dirname(path), sys.argv[2])
+else:
+    os.remove(path + "-alive")
+print(flush=True)
+sys.stdin.readline()
+ledger._add(uuid.uuid4(), "/a", "b/action/C", 0)
+print(flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize("what", ["copies its folder", "removes -alive"])
+def test_a_process_counts_as_alive_until_it_ends(what, run_script, path, tmp_path_factory):
+    program = run_script(GOES_ON, what, str(tmp_path_factory.mktemp("copies") / "copy"))
+    program.line()
+    with open(f"{path}-shm", "r+b") as shared, pytest.raises(BlockingIOError):
+        fcntl.lockf(shared, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, 128)  # or SQLite would empty it
+    assert rows(path) == 1  # and closes the file: then SQLite tidies up
+    ledger = Ledger(path)
+    assert ledger.leftovers() == []
+    print(file=program.process.stdin, flush=True)
+    program.line()
+    program.process.kill()
+    program.process.wait(20)
+    assert len(ledger.leftovers()) == 2
+
+
+FORK_GOES_ON = """
+import os, sys, uuid
+from actionkit import Ledger
+Ledger(os.environ["ACTIONKIT_LEDGER"])._add(uuid.uuid4(), "/a", "b/action/C", 0)
+if os.fork() == 0:
+    print(flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_forked_child_does_not_keep_its_parent_alive(run_script, path):
+    program = run_script(FORK_GOES_ON)
+    program.line()
+    program.process.kill()
+    program.process.wait(20)
+    assert [goal.pid for goal in Ledger(path).leftovers()] == [program.process.pid]
+
+
+VERSION_1_0 = """
+import fcntl, os, sqlite3, struct, sys
+path = os.environ["ACTIONKIT_LEDGER"]
+file = sqlite3.connect(path, isolation_level=None)
+number = file.execute("INSERT INTO processes (pid, host) VALUES (7, 'h')").lastrowid
+file.execute("INSERT INTO goals VALUES ('%s', '/a', 'b/C', 0, 1, 0, 0, 0, %d, NULL, 0)"
+             % (sys.argv[1], number))
+alive = open(path + "-alive", "r+")
+fcntl.lockf(alive, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, number)
+wanted = struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, 1, 1, 0)
+found = struct.unpack("hhqqi", fcntl.fcntl(alive, fcntl.F_GETLK, wanted))[0]
+print(found != fcntl.F_UNLCK, flush=True)
+sys.stdin.read()
+"""
+
+
+def test_version_1_0_and_this_one_see_each_other_alive(run_script, path):
+    ledger = Ledger(path)
+    ledger._add(uuid.uuid4(), "/a", "b/action/C", 0)
+    other = run_script(VERSION_1_0, str(uuid.uuid4()))
+    assert other.line() == "True"
+    assert ledger.leftovers() == []
+    other.process.kill()
+    other.process.wait(20)
+    assert [goal.pid for goal in ledger.leftovers()] == [7]
 
 
 def test_a_goal_that_is_refused_or_lost_is_told_and_stays(action_server, run_script, path):

@@ -35,13 +35,17 @@ def _before_fork() -> None:
         store.before_fork()
 
 
-def _after_fork() -> None:
+def _after_fork(*, child: bool) -> None:
     for store in _stores.values():
-        store.after_fork()
+        store.after_fork(child=child)
     _lock.release()
 
 
-os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_after_fork)
+os.register_at_fork(
+    before=_before_fork,
+    after_in_parent=partial(_after_fork, child=False),
+    after_in_child=partial(_after_fork, child=True),
+)
 
 
 class _Writer:
@@ -122,7 +126,7 @@ class LedgerFile:
             LedgerError: The file cannot be used.
         """
         self.path = Path(path).resolve()
-        with _lock:  # one for each file: see `Lives`
+        with _lock:  # one for each file: a process has one number in it
             if self.path not in _stores:
                 _stores[self.path] = Store(self.path)
         self._store = _stores[self.path]

@@ -12,28 +12,63 @@ import struct
 
 _FLOCK = "hhqqi"
 """`struct flock` of Linux on 64 bits: type, whence, start, length, pid."""
+_SHARED = 0x40000002, 510
+"""The bytes that each process with an open SQLite file has locked in it, to read."""
+_IN_USE = 128, 1
+"""The same in its `-shm` file."""
 
 
 class Lives:
-    """The lock file of a ledger: each process locks the byte of its number.
+    """The locks of this process: the byte of its number in the ledger, and in its `-alive` file.
 
-    These locks belong to the process, so a forked child does not have them. Closing any descriptor
-    of the file would drop them all, so there is one for each path, and it stays open.
+    Version 1.0 knows only the second, which somebody may remove. A POSIX lock ends when the process
+    closes any descriptor of the file, as it does when it copies the folder. So these are locks of
+    open file descriptions. SQLite's are POSIX locks, and some of them say that the file is in use.
+    Without these, another process removes its `-wal` file, with goals. So this holds them, too.
     """
 
     def __init__(self, path: str) -> None:
-        """Open the file; make it if there is none. Raises OSError."""
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        """Open the files; SQLite has made the first two. Raises OSError."""
         self._own = 0
+        self._descriptors: list[int] = []
+        try:
+            for name in (path, f"{path}-shm", f"{path}-alive"):
+                flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC
+                self._descriptors.append(os.open(name, flags, 0o666))
+            self._file, shared_memory, self._alive = self._descriptors
+            _lock(self._file, fcntl.F_RDLCK, *_SHARED)
+            _lock(shared_memory, fcntl.F_RDLCK, *_IN_USE)
+        except BaseException:
+            self.close()
+            raise
 
-    def begin(self, number: int) -> None:
-        """Lock the number of this process, from 1. Raises OSError."""
-        fcntl.lockf(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, number)
+    def close(self) -> None:
+        """Close the files: in a forked child, which shares these locks, or if they are not used."""
+        while self._descriptors:
+            os.close(self._descriptors.pop())
+
+    def begin(self, number: int) -> bool:
+        """Lock the number of this process, from 1; return whether it is free. Raises OSError."""
+        try:
+            _lock(self._file, fcntl.F_WRLCK, number, 1)
+            _lock(self._alive, fcntl.F_WRLCK, number, 1)
+        except BlockingIOError:
+            return False  # `-alive` has outlived an earlier ledger, and a process of that one
         self._own = number
+        return True
 
     def is_alive(self, number: int) -> bool:
         """Whether the process with this number lives. Raises OSError."""
-        wanted = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, number, 1, 0)
-        found = fcntl.fcntl(self._descriptor, fcntl.F_GETLK, wanted)
-        other: int = struct.unpack(_FLOCK, found)[0]
-        return number == self._own or other != fcntl.F_UNLCK
+        files = self._file, self._alive
+        return number == self._own or any(_is_locked(file, number) for file in files)
+
+
+def _lock(descriptor: int, kind: int, start: int, length: int) -> None:
+    wanted = struct.pack(_FLOCK, kind, os.SEEK_SET, start, length, 0)
+    fcntl.fcntl(descriptor, fcntl.F_OFD_SETLK, wanted)
+
+
+def _is_locked(descriptor: int, start: int) -> bool:
+    wanted = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, start, 1, 0)
+    kind: int = struct.unpack(_FLOCK, fcntl.fcntl(descriptor, fcntl.F_OFD_GETLK, wanted))[0]
+    return kind != fcntl.F_UNLCK

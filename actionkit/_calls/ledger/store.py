@@ -22,6 +22,8 @@ _AGAIN = 0.01
 """Seconds between two tries to make the file."""
 _PAGE = 1024
 """Bytes of a new file's pages: each write writes some whole, and a goal takes some 100 bytes."""
+_MOST_IN_USE = 1000
+"""Processes that may still use an earlier file, which was removed: their numbers are not free."""
 _VERSION = 2
 _SCHEMA = """
 CREATE TABLE processes (number INTEGER PRIMARY KEY AUTOINCREMENT, pid INTEGER, host TEXT);
@@ -118,7 +120,8 @@ class Store:
 
     def __init__(self, path: Path) -> None:
         """Open the file, or make it."""
-        self._path = path
+        self.path = path
+        self._name = str(path)
         self.lock = threading.RLock()  # a signal handler may come in the middle
         self._pid = 0
         self._db: sqlite3.Connection | None = None
@@ -135,8 +138,10 @@ class Store:
             self._db.close()
             self._db = None
 
-    def after_fork(self) -> None:
+    def after_fork(self, *, child: bool) -> None:
         """Go on, in both processes. Each opens the file again."""
+        if child:
+            self._lives.close()  # or the parent would count as alive for as long as the child lives
         self.lock.release()
 
     def add(self, row: tuple[object, ...]) -> None:
@@ -198,15 +203,14 @@ class Store:
             raise
         except (sqlite3.Error, OSError) as error:
             raise LedgerError(
-                f"the ledger {self._path} cannot be used ({error}), so nothing was sent. Make room"
+                f"the ledger {self.path} cannot be used ({error}), so nothing was sent. Make room"
                 " on its disk, or name another file"
             ) from error
 
     def _open(self) -> sqlite3.Connection:
-        if self._pid != os.getpid():  # not again in a parent after its fork
-            self._lives = Lives(f"{self._path}-alive")
+        again = self._pid == os.getpid()  # in a parent after its fork
         db = sqlite3.connect(
-            self._path, timeout=_BUSY, isolation_level=None, check_same_thread=False
+            self.path, timeout=_BUSY, isolation_level=None, check_same_thread=False
         )
         db.execute(f"PRAGMA page_size={_PAGE}")
         until = time.monotonic() + _BUSY
@@ -219,28 +223,40 @@ class Store:
                     raise
                 time.sleep(_AGAIN)
         db.execute("PRAGMA synchronous=NORMAL")
-        if self._pid != os.getpid():
-            with _transaction(db):
-                self._begin(db)
-            self._pid = os.getpid()
+        if not again:
+            db.execute("PRAGMA user_version").fetchone()  # SQLite opens all files only now
+            lives = Lives(self._name)
+            try:
+                with _transaction(db):
+                    self._number = _begin(db, lives)
+            except BaseException:
+                lives.close()
+                raise
+            self._lives, self._pid = lives, os.getpid()
         self._db = db
         return db
 
-    def _begin(self, db: sqlite3.Connection) -> None:
-        """Make the tables if there are none, and write this process down."""
-        (version,) = db.execute("PRAGMA user_version").fetchone()
-        if version == 0:
-            for statement in _SCHEMA.split(";"):
-                db.execute(statement)
-            db.execute(f"PRAGMA user_version={_VERSION}")
-        elif version != _VERSION:
-            raise sqlite3.DatabaseError(f"its version is {version}, and not {_VERSION}")
-        me = (os.getpid(), socket.gethostname())
+
+def _begin(db: sqlite3.Connection, lives: Lives) -> int:
+    """Make the tables if there are none, and write this process down; return its number."""
+    (version,) = db.execute("PRAGMA user_version").fetchone()
+    if version == 0:
+        for statement in _SCHEMA.split(";"):
+            db.execute(statement)
+        db.execute(f"PRAGMA user_version={_VERSION}")
+    elif version != _VERSION:
+        raise sqlite3.DatabaseError(f"its version is {version}, and not {_VERSION}")
+    me = (os.getpid(), socket.gethostname())
+    for _ in range(_MOST_IN_USE):
         cursor = db.execute("INSERT INTO processes (pid, host) VALUES (?, ?)", me)
-        self._number = int(cursor.lastrowid or 0)
-        self._lives.begin(self._number)  # before others can see the number
-        dead = [row for row in db.execute(_IDLE).fetchall() if not self._lives.is_alive(row[0])]
-        db.executemany("DELETE FROM processes WHERE number = ?", dead)
+        number = int(cursor.lastrowid or 0)
+        if lives.begin(number):  # before others can see the number
+            break
+    else:
+        raise BlockingIOError("another program has locked its -alive file")
+    dead = [row for row in db.execute(_IDLE).fetchall() if not lives.is_alive(row[0])]
+    db.executemany("DELETE FROM processes WHERE number = ?", dead)
+    return number
 
 
 @contextmanager
