@@ -217,6 +217,28 @@ def test_a_forked_child_does_not_keep_its_parent_alive(run_script, path):
     assert [goal.pid for goal in Ledger(path).leftovers()] == [program.process.pid]
 
 
+FORKS_LATER = """
+import os
+from actionkit import Ledger, LedgerError
+path = os.environ["ACTIONKIT_LEDGER"]
+ledger = Ledger(path)
+folder = os.path.dirname(path)
+os.rename(folder, folder + "-old")
+os.mkdir(folder)
+if os.fork() == 0:
+    os._exit(len(Ledger(path).leftovers()))  # this makes it
+print(os.wait()[1])
+try:
+    ledger.leftovers()
+except LedgerError as error:
+    print("was removed" in str(error))
+"""
+
+
+def test_another_file_is_not_taken_for_the_ledger_after_a_fork(run_script, path):
+    assert run_script(FORKS_LATER).finish() == (0, "0\nTrue\n", "")
+
+
 VERSION_1_0 = """
 import fcntl, os, sqlite3, struct, sys
 path = os.environ["ACTIONKIT_LEDGER"]
@@ -242,6 +264,34 @@ def test_version_1_0_and_this_one_see_each_other_alive(run_script, path):
     other.process.kill()
     other.process.wait(20)
     assert [goal.pid for goal in ledger.leftovers()] == [7]
+
+
+def test_nothing_is_sent_while_the_file_is_gone(action_server, make_client, path):
+    server = action_server("fibonacci")
+    client = make_client()
+    client.call({"order": 1})
+    away = path.with_suffix(".away")
+
+    def sends_nothing():
+        with pytest.raises(ak.LedgerError, match=r"goals\.db was removed, renamed or replaced"):
+            client.call({"order": 1})
+
+    path.rename(away)
+    sends_nothing()
+    path.mkdir()
+    sends_nothing()
+    path.rmdir()
+    path.touch()
+    sends_nothing()
+    away.replace(path)
+    client.call({"order": 1})
+    for end in ("", "-wal", "-shm"):
+        Path(f"{path}{end}").unlink()
+    sends_nothing()
+    client.close()
+    make_client().call({"order": 1})  # with a new file, beside the old `-alive`
+    server.sync()
+    assert server.count("goal_received") == 3
 
 
 def test_a_goal_that_is_refused_or_lost_is_told_and_stays(action_server, run_script, path):

@@ -24,19 +24,19 @@ _PAUSE = 0.2
 killed meanwhile, they count as left over, and turn out to have ended."""
 _Item = tuple[Store, uuid.UUID] | Callable[[], object]
 """A call to remove from a file, or something else to do."""
-_stores: dict[Path, Store] = {}
+_stores: list[Store] = []
 _lock = threading.RLock()
 """For the stores, and for the start of the thread."""
 
 
 def _before_fork() -> None:
     _lock.acquire()
-    for store in _stores.values():
+    for store in _stores:
         store.before_fork()
 
 
 def _after_fork(*, child: bool) -> None:
-    for store in _stores.values():
+    for store in _stores:
         store.after_fork(child=child)
     _lock.release()
 
@@ -127,9 +127,10 @@ class LedgerFile:
         """
         self.path = Path(path).resolve()
         with _lock:  # one for each file: a process has one number in it
-            if self.path not in _stores:
-                _stores[self.path] = Store(self.path)
-        self._store = _stores[self.path]
+            usable = [one for one in _stores if one.path == self.path and one.is_there()]
+            self._store = usable[0] if usable else Store(self.path)
+            if not usable:
+                _stores.append(self._store)
         _writer.begin()  # now: while a program ends, Python starts no more threads
 
     def __repr__(self) -> str:

@@ -36,6 +36,7 @@ class Lives:
                 flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC
                 self._descriptors.append(os.open(name, flags, 0o666))
             self._file, shared_memory, self._alive = self._descriptors
+            self._identity = _identity(os.fstat(self._file))
             _lock(self._file, fcntl.F_RDLCK, *_SHARED)
             _lock(shared_memory, fcntl.F_RDLCK, *_IN_USE)
         except BaseException:
@@ -46,6 +47,13 @@ class Lives:
         """Close the files: in a forked child, which shares these locks, or if they are not used."""
         while self._descriptors:
             os.close(self._descriptors.pop())
+
+    def is_at(self, path: str) -> bool:
+        """Whether the ledger is still the file at the path. Raises OSError."""
+        try:
+            return _identity(os.stat(path)) == self._identity
+        except (FileNotFoundError, NotADirectoryError):
+            return False
 
     def begin(self, number: int) -> bool:
         """Lock the number of this process, from 1; return whether it is free. Raises OSError."""
@@ -61,6 +69,10 @@ class Lives:
         """Whether the process with this number lives. Raises OSError."""
         files = self._file, self._alive
         return number == self._own or any(_is_locked(file, number) for file in files)
+
+
+def _identity(file: os.stat_result) -> tuple[int, int]:
+    return file.st_dev, file.st_ino
 
 
 def _lock(descriptor: int, kind: int, start: int, length: int) -> None:

@@ -9,7 +9,7 @@ import threading
 import time
 import uuid
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -144,9 +144,16 @@ class Store:
             self._lives.close()  # or the parent would count as alive for as long as the child lives
         self.lock.release()
 
+    def is_there(self) -> bool:
+        """Whether the file is still at its path. Raises nothing."""
+        with suppress(OSError):
+            return self._lives.is_at(self._name)
+        return False
+
     def add(self, row: tuple[object, ...]) -> None:
         """Write a call of this process down: the columns from `goal_id` to `sent`."""
         with self._used() as db:
+            self._check_there()
             db.execute(_ADD, (*row, self._number))
 
     def remove(self, goal_ids: Iterable[uuid.UUID]) -> None:
@@ -207,8 +214,18 @@ class Store:
                 " on its disk, or name another file"
             ) from error
 
+    def _check_there(self) -> None:
+        """Raise `LedgerError` if the file is gone: nobody would find what is written into it."""
+        if not self._lives.is_at(self._name):
+            raise LedgerError(
+                f"the ledger {self.path} was removed, renamed or replaced while this program used"
+                " it, so nothing was sent. Put the file back, or start the program again"
+            )
+
     def _open(self) -> sqlite3.Connection:
         again = self._pid == os.getpid()  # in a parent after its fork
+        if again:
+            self._check_there()
         db = sqlite3.connect(
             self.path, timeout=_BUSY, isolation_level=None, check_same_thread=False
         )
