@@ -5,9 +5,10 @@ from __future__ import annotations
 import contextlib
 import signal
 import sys
-import warnings
 from collections.abc import Sequence
 from typing import NoReturn
+
+from actionkit.cli._shared import early
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -16,21 +17,20 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     `arguments` are the words after `actionkit`; `None` takes them from `sys.argv`.
     """
     try:
-        from actionkit.cli._app import run
-
+        with early.remembered():
+            from actionkit.cli._app import run
         code = int(run(arguments))
         print(end="", flush=True)  # does nothing if there was no standard output at the start
     except KeyboardInterrupt:
         # The call is cleaned up by now; nothing may interrupt the rest.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        # A half-made object, such as an event loop, may print a warning when it is freed.
-        sys.unraisablehook = lambda _: None
-        warnings.simplefilter("ignore")
+        early.be_quiet()
         code = 130  # Exit.INTERRUPTED; the signal may have interrupted its import
         with contextlib.suppress(OSError):  # the reader was interrupted, too
             print("\nInterrupted.", file=sys.stderr)
-    except BrokenPipeError:
-        # The program that reads our output (`| head`) ended, and Python flushes again at exit.
+    except OSError:
+        # The program that reads our output (`| head`) ended, or the output cannot be written.
+        # Python flushes again at exit.
         from actionkit.cli._shared.signals import discard_output
 
         discard_output()

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import click
 
+from actionkit.cli._shared import early
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.options import HELP, debug_option, debugging
 from actionkit.cli._shared.problems import Problem
@@ -181,12 +182,13 @@ def run(arguments: Sequence[str] | None) -> int:
         BrokenPipeError: Nobody reads the output any more.
     """
     try:
-        code = app.main(
-            arguments,
-            prog_name="actionkit",
-            standalone_mode=False,
-            auto_envvar_prefix="ACTIONKIT",  # such as ACTIONKIT_CALL_SERVER_TIMEOUT=30
-        )
+        with early.remembered():
+            code = app.main(
+                arguments,
+                prog_name="actionkit",
+                standalone_mode=False,
+                auto_envvar_prefix="ACTIONKIT",  # such as ACTIONKIT_CALL_SERVER_TIMEOUT=30
+            )
     except click.Abort:  # click turns Ctrl-C into this
         raise KeyboardInterrupt from None
     except _OutputClosedError:

@@ -289,6 +289,33 @@ def test_sigterm_is_as_ctrl_c(world: World) -> None:
     server.wait_for("canceled", goal_id=last["goal_id"])
 
 
+LOSES_CTRL_C = """
+import signal, sys
+class Finder:
+    def find_spec(self, name, *rest):
+        if name == "actionkit.cli.call._calling":
+            try:
+                signal.raise_signal(signal.SIGINT)
+            except KeyboardInterrupt:
+                {then}
+sys.meta_path.insert(0, Finder())
+"""
+
+
+@pytest.mark.parametrize("then", ["pass", "raise RuntimeError('calling __set_name__')"])
+def test_ctrl_c_that_an_import_loses_ends_the_call_before_the_goal_is_sent(
+    world: World, then: str
+) -> None:
+    server = world.server("never_finishes")
+    server.sync()
+    before = server.count("goal_received")
+    words = ("call", "never_finishes", FIBONACCI)
+    done = world.run_apart(*words, before=LOSES_CTRL_C.format(then=then))
+    assert (done.code, done.out, done.err.strip()) == (Exit.INTERRUPTED, "", "Interrupted.")
+    server.sync()
+    assert server.count("goal_received") == before
+
+
 @pytest.mark.long
 def test_what_still_runs_is_told_even_where_nobody_reads_the_output(world: World) -> None:
     server = world.server("slow_cancel", gate=1)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from actionkit._model.missing import cannot_import
+from actionkit.cli._shared import early
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.similar_hint import hint_at_similar
 from actionkit.cli._shared.stdout import keep_clean
@@ -37,6 +38,7 @@ def import_ros(*modules: str) -> None:
         except Exception as error:  # also errors of a broken middleware
             text = cannot_import(module.partition(".")[0], error)
             raise Problem(Exit.NO_ROS, f"{text}. `actionkit doctor` tells more.") from error
+    early.check()
 
 
 def open_survey() -> Survey:

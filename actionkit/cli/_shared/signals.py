@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from types import FrameType
 
+from actionkit.cli._shared import early
 from actionkit.cli._shared.exits import Exit
 
 _EXITS = {
@@ -35,6 +36,9 @@ def handled(
     Signals that were ignored before, as with `nohup` or a shell's `&`, stay ignored. `first` gets
     the exit code and runs in the main thread, in the middle of its work. It is called so many
     `times` before another signal ends the process. `farewell` returns the text for that.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C came before, and was lost.
     """
     told: list[float] = []
 
@@ -55,6 +59,7 @@ def handled(
         if signal.getsignal(number) is not signal.SIG_IGN
     }
     try:
+        early.check()
         yield
     finally:
         for number, handler in before.items():
