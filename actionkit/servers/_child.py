@@ -10,6 +10,7 @@ import stat
 import sys
 import threading
 import time
+import uuid
 from collections.abc import Callable, Sequence
 from typing import IO, TYPE_CHECKING, Any, NoReturn
 
@@ -23,9 +24,8 @@ if TYPE_CHECKING:
 
 _STOP_TIMEOUT = 3.0
 """Seconds for a clean end; normally much less. Then the process is ended."""
-
-
-_QUESTION = "(no goal of this server: mostly a client that asks whether the server answers)"
+_EVERY_GOAL = str(uuid.UUID(int=0))
+"""The id in a request to cancel all goals."""
 
 
 class StdoutJournal:
@@ -39,6 +39,9 @@ class StdoutJournal:
         self._without = {"feedback"} if level == "goals" else set()
         self._human = human
         self._began = time.monotonic()
+        self._known = {None, _EVERY_GOAL}
+        """The ids of goals that came, for people. A client asks whether a server answers by a
+        cancel request for an id that does not exist, and such questions are not shown."""
 
     def emit(self, event: str, goal_id: str | None = None, **details: Any) -> None:
         if event in self._without or (self._only is not None and event not in self._only):
@@ -46,9 +49,10 @@ class StdoutJournal:
         with self.lock:
             now = time.monotonic()
             if self._human:
+                if event == "cancel_requested" and goal_id not in self._known:
+                    return
+                self._known.add(goal_id)
                 extra = " ".join(f"{key}={value}" for key, value in details.items())
-                if event == "cancel_requested" and not details["running"]:
-                    extra += f"  {_QUESTION}"
                 short = (goal_id or "")[:8]
                 line = f"{now - self._began:9.3f}  {event:<16} {short:<8}  {extra}".rstrip()
             else:
