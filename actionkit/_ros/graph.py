@@ -34,6 +34,11 @@ class Endpoint:
     best_effort: bool = False  # whether it publishes, or wants to receive, feedback best-effort
     serves: bool = True  # `False` if its node only publishes: it lacks the action's services
 
+    @property
+    def participant(self) -> bytes:
+        """What all endpoints of one process have in common, or of one of its contexts."""
+        return self.gid[:_PARTICIPANT]
+
 
 @dataclass(frozen=True)
 class Versions:
@@ -87,7 +92,7 @@ def publishers(node: Node, names: ActionNames) -> list[Endpoint]:
     def serves(end: Endpoint) -> bool:
         # Names of nodes come later; until then, the process decides.
         return any(
-            participant == end.gid[:_PARTICIPANT] and (node == end.node or not (node and end.node))
+            participant == end.participant and (node == end.node or not (node and end.node))
             for participant, node in serving
         )
 

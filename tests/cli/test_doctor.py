@@ -17,8 +17,8 @@ import pytest
 
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli.doctor._findings import Finding, problem
-from actionkit.cli.doctor._graph import round_trip_findings
-from actionkit.cli.doctor._machine import origin, shared_memory
+from actionkit.cli.doctor._graph import missing, round_trip_findings
+from actionkit.cli.doctor._machine import origin, rclpy_places, rclpy_version, shared_memory
 from actionkit.cli.doctor._settings import settings
 from tests.cli.conftest import FIBONACCI, PATIENCE, Done, World
 
@@ -94,7 +94,8 @@ def test_clients_of_another_type_are_found(empty_world: World) -> None:
     done = empty_world.run("doctor", "twins", "--json", "--wait", "1")
     (two,) = of("servers", findings(done))
     assert (two.level, done.code) == ("note", Exit.OK)
-    assert "2 servers" in two.text
+    assert "2 servers in one process" in two.text
+    assert "restart" not in two.remedy
 
 
 @pytest.mark.long
@@ -303,6 +304,21 @@ def test_a_finding_needs_a_remedy() -> None:
 def test_where_an_rclpy_comes_from() -> None:
     place = Path("/opt/ros/jazzy/lib/python3.12/site-packages/rclpy")
     assert origin(place) == "the ROS installation /opt/ros/jazzy"
+
+
+def test_the_version_is_that_of_the_rclpy_that_is_used(tmp_path: Path) -> None:
+    """Another one may be installed further back on Python's path, as this one's wheels are."""
+    told = tmp_path / "rclpy-9.8.7.dist-info" / "METADATA"
+    told.parent.mkdir()
+    told.write_text("Metadata-Version: 2.1\nName: rclpy\nVersion: 9.8.7\n", "utf-8")
+    assert rclpy_version(tmp_path / "rclpy") == "9.8.7"
+    assert origin(tmp_path / "rclpy") == "a workspace or another installation"
+    assert rclpy_version(rclpy_places()[0])[0].isdigit()
+
+
+def test_it_does_not_advise_itself() -> None:
+    text = missing("/nothing", {}, 0).text
+    assert text.endswith("has no server in sight. `actionkit list` shows the actions in sight.")
 
 
 def trip(**parts: Any) -> Any:

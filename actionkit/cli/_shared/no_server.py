@@ -10,12 +10,16 @@ if TYPE_CHECKING:
     from actionkit._ros.tools.survey import ActionSeen
 
 
-def nothing_there(name: str, actions: dict[str, ActionSeen]) -> str:
-    """Return a sentence about an action without a server, with similar names."""
+def nothing_there(name: str, actions: dict[str, ActionSeen], *, doctor: bool = False) -> str:
+    """Return sentences about an action without a server, with similar names.
+
+    `doctor` means that `actionkit doctor` says so: it does not refer to itself.
+    """
     served = [action.name for action in actions.values() if action.servers]
     near = similar_names(name, served)
     hint = f" Did you mean {' or '.join(near)}?" if near else ""
-    more = "" if hint else " `actionkit list` shows the actions in sight, `actionkit doctor` more."
+    more = "" if doctor else ", `actionkit doctor` more"
+    more = "" if hint else f" `actionkit list` shows the actions in sight{more}."
     others = actions[name].only_publishing if name in actions else ()
     nodes = " and ".join(sorted({end.node for end in others if end.node}))
     only = f" Only its feedback is published, by {nodes}." if nodes else ""

@@ -45,7 +45,7 @@ def actions_in_sight(survey: Survey, name: str | None, wait: float) -> Iterator[
         return
     action = served.get(name)
     if action is None:
-        yield _missing(name, actions, survey.domain_id)
+        yield missing(name, actions, survey.domain_id)
         return
     seconds = survey.first_seen.get(name, 0.0)
     yield ok("discovery", f"a server of {name} was seen after {seconds * 1000:.0f} ms")
@@ -77,12 +77,13 @@ def _all(survey: Survey, served: dict[str, ActionSeen]) -> Iterator[Finding]:
         yield ok("servers", f"and {len(served) - _LISTED} more; `actionkit list` shows all")
 
 
-def _missing(name: str, actions: dict[str, ActionSeen], domain: int) -> Finding:
+def missing(name: str, actions: dict[str, ActionSeen], domain: int) -> Finding:
+    """Return what to do about an action without a server in sight."""
     clients = actions[name].clients if name in actions else ()
     waiting = f" Waiting for one are: {_nodes(clients)}." if clients else ""
     return problem(
         "servers",
-        nothing_there(name, actions) + waiting,
+        nothing_there(name, actions, doctor=True) + waiting,
         "Correct the name, its namespace included, or start the server: in domain"
         f" {domain}, within the range of discovery.",
     )
@@ -98,11 +99,15 @@ def _one(survey: Survey, action: ActionSeen) -> Iterator[Finding]:
             "One of the servers has the wrong type or name: remap or stop it.",
         )
     elif len(action.servers) > 1:
+        one_process = len({end.participant for end in action.servers}) == 1
         yield note(
             "servers",
-            f"{name} has {len(action.servers)} servers: each goal is run by all of them.",
-            "Stop all but one. Right after a restart it is the old one that is not forgotten so"
-            " far, for up to 20 s.",
+            f"{name} has {len(action.servers)} servers{' in one process' if one_process else ''}:"
+            " each goal is run by all of them.",
+            "Change that program: it is to make one only."
+            if one_process
+            else "Stop all but one. Right after a restart it is the old one that is not forgotten"
+            " so far, for up to 20 s.",
         )
     wrong = sorted({end.action_type for end in action.clients} - set(types))
     if wrong:

@@ -46,7 +46,7 @@ def machine(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
     if failure := _import_failure():
         yield _broken(places[0], failure, environment)
         return
-    yield ok("rclpy", f"{_rclpy_version(places[0])}, {places[0]} ({origin(places[0])})")
+    yield ok("rclpy", f"{rclpy_version(places[0])}, {places[0]} ({origin(places[0])})")
     if len(places) > 1:
         yield note(
             "rclpy",
@@ -111,7 +111,7 @@ def origin(place: Path) -> str:
     """Return in a few words where an rclpy comes from."""
     if str(place).startswith(_PREFIX):
         return f"the ROS installation {_PREFIX}{place.parts[3]}"
-    if _metadata("ros-jazzy-rclpy"):
+    if _version_at(place, "ros-jazzy-rclpy"):
         return "wheels from a package index"
     return "a workspace or another installation"
 
@@ -190,14 +190,21 @@ def _broken(place: Path, error: str, environment: Mapping[str, str]) -> Finding:
     return problem("rclpy", text, remedy)
 
 
-def _rclpy_version(place: Path) -> str:
+def rclpy_version(place: Path) -> str:
+    """Return the version of the rclpy there."""
     for name in ("ros-jazzy-rclpy", "rclpy"):
-        if version := _metadata(name):
+        if version := _version_at(place, name):
             return version
     package = place.parents[3] / "share" / "rclpy" / "package.xml"
     if package.is_file() and (found := re.search(r"<version>(.*?)<", package.read_text("utf-8"))):
         return found[1]
     return "of unknown version"
+
+
+def _version_at(place: Path, name: str) -> str:
+    """Return the version of the package `name` that was installed to the folder of `place`."""
+    found = importlib.metadata.distributions(name=name, path=[str(place.parent)])
+    return next((each.version for each in found), "")
 
 
 def _metadata(name: str) -> str:
