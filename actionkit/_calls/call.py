@@ -430,6 +430,8 @@ class Call:
         assert ending is not None
         self.state = ending.status
         self._strike_out()
+        if self._ledger is not None:  # a goal may run, but it is the last one
+            self._ledger._limit_soon(self._call_id, self.machine.attempts)
         self._record.end_feedback(ending, client_closes=self.machine.closing == CLIENT_CLOSED)
         outcome = self._record.outcome(ending, self.goal_id, self.machine.attempts)
         self._record.tell_outcome(outcome)

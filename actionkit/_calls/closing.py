@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.last_request import LastRequest
+from actionkit._calls.ledger import chosen as ledgers
 from actionkit._calls.left_running import LINGER, warn_of_goals_left
 from actionkit._model.settings import LONGEST_GRACE
 from actionkit._threads.in_hand import patience
@@ -39,8 +40,8 @@ def close(session: Session) -> None:
             session.callbacks.dues.finish(time.monotonic() + patience(session.cancel_grace))
     finally:
         session.callbacks.dues.end()
-    if session.ledger is not None:
-        session.ledger._flush()
+        if session.ledger is not None:
+            ledgers.flush()
     session.dispatcher.flush(time.monotonic() + OBSERVERS_TIMEOUT)
 
 

@@ -12,6 +12,7 @@ from functools import cache, partial
 
 from actionkit._calls import signals
 from actionkit._calls.closing import FREEING_TIMEOUT, OBSERVERS_TIMEOUT, end_calls
+from actionkit._calls.ledger import chosen as ledgers
 from actionkit._calls.left_running import warn_of_goals_left
 from actionkit._calls.session import Session, open_sessions
 from actionkit._model.settings import LONGEST_GRACE
@@ -45,9 +46,7 @@ def close_all() -> None:
         grace = max((session.cancel_grace for session in sessions), default=0.0)
         until = time.monotonic() + _in_hand.patience(grace)
         _is_interrupted(partial(_in_hand.finish_all, until, _in_hand.CALLBACKS))
-    ledger = next((session.ledger for session in sessions if session.ledger is not None), None)
-    if ledger is not None:
-        _is_interrupted(ledger._flush)  # that is for all ledgers
+    _is_interrupted(ledgers.flush)
     observers_until = time.monotonic() + OBSERVERS_TIMEOUT
     _is_interrupted(partial(delivery.flush_all, observers_until))
     _in_hand.end_all()  # after this, observers get nothing either
@@ -115,6 +114,7 @@ def cancel_goals(hurry: Callable[[], bool]) -> None:
             if time.monotonic() >= min(max(began, confirmed_at), began + LONGEST_GRACE) + grace:
                 break
             Flag().wait(_LOOK)
+        ledgers.flush()
     finally:
         warn_of_goals_left(_give_up_waiting(sessions))
 

@@ -85,7 +85,7 @@ def _cancel(
             return
         futures: dict[Leftover, list[GoalFuture[Any, Any]]] = defaultdict(list)
         for call, goal_id in find(client, calls, until - min(_LAST, seconds / 3)):
-            future = client.attach(goal_id, on_give_up="cancel")
+            future = client.attach(goal_id or call.goal_id, on_give_up="cancel")
             future.cancel()
             futures[call].append(future)
         every = [future for each in futures.values() for future in each]

@@ -7,7 +7,7 @@ import uuid
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from actionkit._calls.ledger.store import Leftover
+from actionkit._calls.ledger.store import Leftover, attempt_number
 from actionkit._ros.tools.topic import StoppedError
 from actionkit._ros.tools.watch import GoalSeen, goals_seen
 from actionkit._threads.waiting import Flag
@@ -26,8 +26,8 @@ def domain_of(client: Client[Any]) -> int:
 
 def find(
     client: Client[Any], calls: Iterable[Leftover], until: float
-) -> Iterator[tuple[Leftover, uuid.UUID]]:
-    """Yield each goal of calls that runs; of a call without one, the last that is known.
+) -> Iterator[tuple[Leftover, uuid.UUID | None]]:
+    """Yield each goal of calls that runs; of a call without one, the last that is known, if any.
 
     A goal that was sent just before its process ended may be accepted late, and so may a retry. So
     this looks again until the monotonic time `until`, or until no other goal can come. The client
@@ -46,19 +46,20 @@ def find(
                     yield call, goal_id
             # Its process is dead, and sent a retry only when the goal before it had ended.
             last = found[call] and not call.parallel
-            if last or late or any(_is_last(call, goal.state) for goal in goals.values()):
+            if last or late or any(_is_last(call, goal, goals[goal].state) for goal in goals):
                 waiting.remove(call)
                 if not found[call]:
-                    yield call, max(goals, default=call.goal_id)
+                    yield call, max(goals, default=None)
         if waiting:
             Flag().wait(_AGAIN)
 
 
-def _is_last(call: Leftover, state: str) -> bool:
-    """Whether a call sends no other goal beside, or after, one that has ended in this state."""
-    if call.attempts == 1:
-        return True
-    return state == "SUCCEEDED" and not call.judged and not call.parallel
+def _is_last(call: Leftover, goal_id: uuid.UUID, state: str) -> bool:
+    """Whether a call sends no other goal beside, or after, one that is in this state."""
+    if call.parallel:
+        return call.attempts == 1
+    last = attempt_number(call.goal_id, goal_id) == call.attempts
+    return last or (state == "SUCCEEDED" and not call.judged)
 
 
 def _known(client: Client[Any], until: float) -> dict[uuid.UUID, GoalSeen]:

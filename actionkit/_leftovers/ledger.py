@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,11 +10,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 from actionkit._calls.ledger.file import LedgerFile
-from actionkit._calls.ledger.store import Leftover
+from actionkit._calls.ledger.store import Leftover, attempt_number
 from actionkit._model.arguments import UNSET, Unset
 from actionkit._model.errors import LedgerError
 from actionkit._model.settings import check_seconds
 from actionkit._model.values import CancelReport
+from actionkit._threads.diagnostics import log_here
 from actionkit._threads.waiting import Flag
 
 if TYPE_CHECKING:
@@ -132,6 +134,7 @@ class Ledger(LedgerFile):
         def is_meant(goal: Leftover) -> bool:
             return (goal.action_name, goal.domain_id) == action
 
+        waits = False
         while others := [goal for goal in self._store.in_other_hands() if is_meant(goal)]:
             if time.monotonic() >= until:
                 goal = others[0]
@@ -140,21 +143,37 @@ class Ledger(LedgerFile):
                     f" {goal.action_name}, which a process that has ended has left running. Send"
                     " nothing until it has stopped; `actionkit leftovers` shows the others."
                 )
+            if not waits:
+                waits = True
+                text = "waiting for at most %g s for another process that cancels or follows %s"
+                log_here(logging.WARNING, text, _LOOK, _named(others))
             Flag().wait(_AGAIN)
         followed: dict[Leftover, list[GoalFuture[ResultT, FeedbackT]]] = {}
         with self._claimed(is_meant, follows=True) as (claimed, _):
+            if claimed:
+                text = "looking for at most %g s for %s, which a process that has ended has left"
+                log_here(logging.WARNING, text, _LOOK, _named(claimed))
             if claimed and not client.wait_for_server(_SERVER):
                 until = time.monotonic()  # the futures say so
             for goal, goal_id in find(client, claimed, until):
                 future = client.attach(
-                    goal_id, timeout=timeout, on_feedback=on_feedback, on_give_up=on_give_up
+                    goal_id or goal.goal_id,
+                    timeout=timeout,
+                    on_feedback=on_feedback,
+                    on_give_up=on_give_up,
                 )
                 followed.setdefault(goal, []).append(future)
+                if goal_id is not None and not goal.parallel:  # its process is dead: it is the last
+                    self._limit_soon(goal.goal_id, attempt_number(goal.goal_id, goal_id))
             for goal in followed:
                 claimed.remove(goal)
         for goal, futures in followed.items():
+            over = partial(self._over, goal, futures)
             for future in futures:
-                future.add_done_callback(partial(self._over, goal, futures))
+                # No done callback: a process that is told to end does not wait for these.
+                future._over.add_waiter(over)
+                if future.done():
+                    over()
         by_age = sorted(followed, key=lambda goal: goal.sent)
         return [future for goal in by_age for future in followed[goal]]
 
@@ -169,21 +188,23 @@ class Ledger(LedgerFile):
         claimed: list[Leftover] = []
         stopped: list[Leftover] = []
         try:
-            for goal in filter(wanted, self.leftovers()):
-                claimed.append(goal)  # before: to give back what is not ours does nothing
-                if not self._store.claim(goal, follows=follows):
-                    claimed.remove(goal)
+            self._store.claim(wanted, claimed, follows=follows)
             yield claimed, stopped
         finally:
             self._store.end_claims(claimed, stopped)
 
-    def _over(
-        self, goal: Leftover, futures: list[GoalFuture[Any, Any]], _: GoalFuture[Any, Any]
-    ) -> None:
+    def _over(self, goal: Leftover, futures: list[GoalFuture[Any, Any]]) -> None:
+        """End the claim if all is over. Never blocks; from any thread."""
         if all(future.done() for future in futures):
             has_stopped = all(future.known_to_run is False for future in futures)
             stopped = [goal] if has_stopped else []
             self._do_soon(partial(self._store.end_claims, [goal], stopped))
+
+
+def _named(goals: list[Leftover]) -> str:
+    """Return the first of some goals of one action, and how many more there are."""
+    more = f" and {len(goals) - 1} more" if len(goals) > 1 else ""
+    return f"goal {goals[0].goal_id} of {goals[0].action_name}{more}"
 
 
 def unfinished(ledger: Ledger) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import signal
 import sqlite3
 import threading
 import time
@@ -45,6 +46,11 @@ def rows(path: Path) -> int:
         return int(file.execute("SELECT count(*) FROM goals").fetchone()[0])
 
 
+def attempts(path: Path) -> int:
+    with sqlite3.connect(path) as file:
+        return int(file.execute("SELECT attempts FROM goals").fetchone()[0])
+
+
 def test_goals_are_written_down_before_they_are_sent_and_removed_when_they_have_stopped(
     action_server, make_client, path
 ):
@@ -79,17 +85,23 @@ def killed(run_script, server, source=PROGRAM, count=1):
     return goal_id
 
 
-def test_a_mission_goes_on_with_the_goal_that_runs(action_server, make_client, run_script, path):
+def test_a_mission_goes_on_with_the_goal_that_runs(
+    action_server, make_client, run_script, path, caplog
+):
     server = action_server("fibonacci", period=0.05)
     goal_id = killed(run_script, server)
     ledger = Ledger(path)
     client = make_client()
     (future,) = ledger.attach(client, timeout=0.1)
+    looks = f"looking for at most 10 s for goal {goal_id} of /fibonacci, which"
+    assert looks in caplog.text
     assert ledger.attach(client) == []
     assert ledger.cancel() == {}, "each goal is in the hands of one"
     assert str(future.goal_id) == goal_id
     assert isinstance(future.exception(20), ak.DeadlineExceededError)
-    (future,) = until(lambda: ledger.attach(client))  # it was given up on, and is left over again
+    (goal,) = until(ledger.leftovers)  # it was given up on, and is left over again
+    assert goal.attempts == 1, "its process is dead, so no other goal is looked for"
+    (future,) = ledger.attach(client)
     assert len(future.result(30).sequence) == 101
     until(lambda: rows(path) == 0)
     assert server.count("goal_received") == 1
@@ -331,27 +343,29 @@ HOLDS = """
 import os, sys
 from actionkit import Ledger
 store = Ledger(os.environ["ACTIONKIT_LEDGER"])._store
-(goal,) = store.leftovers()
-print(store.claim(goal, follows=False), flush=True)
+claimed = []
+store.claim(lambda goal: True, claimed, follows=False)
+print(len(claimed), flush=True)
 sys.stdin.read()
 """
 
 
 def test_nothing_is_told_to_be_over_while_another_process_cancels_it(
-    action_server, make_client, run_script, path, monkeypatch
+    action_server, make_client, run_script, path, monkeypatch, caplog
 ):
     server = action_server("never_finishes")
     killed(run_script, server)
     ledger = Ledger(path)
     (goal,) = ledger.leftovers()
     other = run_script(HOLDS)
-    assert other.line() == "True"
+    assert other.line() == "1"
     assert ledger.leftovers() == []
     monkeypatch.setattr("actionkit._leftovers.ledger._LOOK", 0.5)
     with pytest.raises(
         ak.LedgerError, match=f"another process cancels or follows goal {goal.goal_id}"
     ):
         ledger.attach(make_client())
+    assert "waiting for at most 0.5 s for another process that cancels or follows" in caplog.text
     assert ledger.cancel(0.5) == {goal: ak.CancelReport.UNKNOWN}
     with ThreadPoolExecutor(1) as threads:
         cancelling = threads.submit(ledger.cancel, 30)
@@ -375,6 +389,46 @@ def test_a_goal_that_is_cancelled_at_the_end_of_its_program_is_removed(
     assert run_script(ENDS, fresh=True).finish()[0] == 0
     assert runs_nothing(server)
     assert rows(path) == 0
+
+
+TOLD_TO_END = """
+import os, sys
+from actionkit import Client, Ledger, cancel_on_signals
+from test_msgs.action import Fibonacci
+cancel_on_signals()
+client = Client(Fibonacci, "fibonacci")
+if sys.argv[1] == "own":
+    future = client.call_async({"order": 1})
+else:
+    (future,) = Ledger(os.environ["ACTIONKIT_LEDGER"]).attach(client, on_give_up="cancel")
+print(future.wait_accepted(20), flush=True)
+future.exception()
+"""
+
+
+@pytest.mark.parametrize("whose", ["own", "followed"])
+def test_a_goal_that_a_signal_has_cancelled_is_removed(whose, action_server, run_script, path):
+    server = action_server("never_finishes")
+    if whose == "followed":
+        killed(run_script, server)
+    program = run_script(TOLD_TO_END, whose)
+    program.line()
+    program.process.send_signal(signal.SIGTERM)
+    assert program.finish()[0] == -signal.SIGTERM
+    assert runs_nothing(server)
+    assert rows(path) == 0
+
+
+def test_a_call_that_is_over_is_not_looked_for_beyond_its_last_goal(
+    action_server, make_client, path
+):
+    action_server("refuses_cancel")
+    client = make_client(retry=RetryPolicy(attempts=3))
+    assert client.wait_for_server(20)
+    assert isinstance(
+        client.call_async({"order": 100}, timeout=0.2).exception(20), ak.DeadlineExceededError
+    )
+    until(lambda: attempts(path) == 1)
 
 
 LEAVES_BAD = """

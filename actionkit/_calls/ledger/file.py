@@ -20,8 +20,8 @@ from actionkit._threads.waiting import Flag
 _FLUSH = 2.0
 """Seconds to wait at a client's end until the goals that have ended are removed from the file."""
 _PAUSE = 0.2
-"""Seconds in which goals that have ended are collected, to be removed together. If the process is
-killed meanwhile, they count as left over, and turn out to have ended."""
+"""Seconds after a removal in which goals that have ended are collected, to be removed together. If
+the process is killed meanwhile, they count as left over, and turn out to have ended."""
 _Item = tuple[Store, uuid.UUID] | Callable[[], object]
 """A call to remove from a file, or something else to do."""
 _stores: list[Store] = []
@@ -90,8 +90,6 @@ class _Writer:
     def _run(self, asked: queue.SimpleQueue[_Item]) -> None:
         while True:
             items = [asked.get()]
-            self._hurry.wait(_PAUSE)  # many at once cost hardly more than one
-            self._hurry = Flag()
             while not asked.empty():
                 items.append(asked.get())
             ended: dict[Store, list[uuid.UUID]] = defaultdict(list)
@@ -108,9 +106,12 @@ class _Writer:
                     step()
                 except Exception:  # noqa: BLE001  they count as left over: too many are safe
                     log_own_error()
+            self._hurry.wait(_PAUSE)  # many at once cost hardly more than one
+            self._hurry = Flag()
 
 
 _writer = _Writer()
+flush = _writer.flush
 
 
 class LedgerFile:
@@ -163,10 +164,10 @@ class LedgerFile:
         """Remove a call. Never blocks; from any thread."""
         _writer.soon((self._store, goal_id))
 
+    def _limit_soon(self, goal_id: uuid.UUID, attempts: int) -> None:
+        """Record that a call sends no more goals than these. Never blocks; from any thread."""
+        _writer.soon(partial(self._store.limit, goal_id, attempts))
+
     def _do_soon(self, do: Callable[[], object]) -> None:
         """Do something with the file. Never blocks; from any thread."""
         _writer.soon(do)
-
-    def _flush(self) -> None:
-        """Wait a moment until all that was asked for is done, for all files."""
-        _writer.flush()

@@ -8,7 +8,7 @@ import sqlite3
 import threading
 import time
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +34,8 @@ CREATE TABLE goals (
 """
 _ADD = "INSERT INTO goals VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, NULL, 0)"
 _REMOVE = "DELETE FROM goals WHERE goal_id = ?"
-_CLAIM = "UPDATE goals SET holder = ?, follows = ? WHERE goal_id = ? AND holder IS ?"
+_CLAIM = "UPDATE goals SET holder = ?, follows = ? WHERE goal_id = ?"
+_LIMIT = "UPDATE goals SET attempts = ? WHERE goal_id = ?"
 _RELEASE = "UPDATE goals SET holder = NULL WHERE goal_id = ? AND holder = ?"
 _ALL = (
     "SELECT goal_id, action, type, domain, attempts, judged, parallel, sent, pid, host, owner,"
@@ -70,7 +71,7 @@ class Leftover:
 
     def has(self, goal_id: uuid.UUID) -> bool:
         """Whether a goal belongs to this call: as its first goal, or as a retry."""
-        return 0 <= goal_id.int - self.goal_id.int < self.attempts
+        return 1 <= attempt_number(self.goal_id, goal_id) <= self.attempts
 
 
 def attempt_id(first: uuid.UUID, number: int) -> uuid.UUID:
@@ -79,6 +80,11 @@ def attempt_id(first: uuid.UUID, number: int) -> uuid.UUID:
     So the file need not be written again before a retry.
     """
     return uuid.UUID(int=first.int + number - 1)
+
+
+def attempt_number(first: uuid.UUID, goal_id: uuid.UUID) -> int:
+    """Return the number of the attempt with this goal, from 1."""
+    return goal_id.int - first.int + 1
 
 
 @dataclass(frozen=True)
@@ -161,6 +167,11 @@ class Store:
         with self._used() as db, _transaction(db):
             db.executemany(_REMOVE, [(str(one),) for one in goal_ids])
 
+    def limit(self, goal_id: uuid.UUID, attempts: int) -> None:
+        """Record that a call sends no more goals than these."""
+        with self._used() as db:
+            db.execute(_LIMIT, (attempts, str(goal_id)))
+
     def leftovers(self) -> list[Leftover]:
         """Return the calls of dead processes that no living one has in hand, oldest first."""
         return [row.goal for row in self._rows() if not self._is_held(row)]
@@ -177,13 +188,14 @@ class Store:
             if self._is_held(row) and row.holder != self._number
         }
 
-    def claim(self, goal: Leftover, *, follows: bool) -> bool:
-        """Take a leftover in hand; return whether nobody else was faster."""
+    def claim(
+        self, wanted: Callable[[Leftover], bool], claimed: list[Leftover], *, follows: bool
+    ) -> None:
+        """Take in hand what is wanted of the leftovers, and add it to a list, oldest first."""
         with self._used() as db, _transaction(db):
-            found = [row for row in self._rows() if row.goal == goal and not self._is_held(row)]
-            values = [(self._number, follows, str(goal.goal_id), row.holder) for row in found]
-            db.executemany(_CLAIM, values)
-            return bool(found)
+            goals = [goal for goal in self.leftovers() if wanted(goal)]
+            claimed += goals  # before: to give back what is not ours does nothing
+            db.executemany(_CLAIM, [(self._number, follows, str(goal.goal_id)) for goal in goals])
 
     def end_claims(self, goals: Iterable[Leftover], stopped: Iterable[Leftover] = ()) -> None:
         """Remove those that have stopped, and give the others back: they are left over again."""
