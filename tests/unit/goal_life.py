@@ -404,7 +404,9 @@ class Life:
         server, limits = self.server, self.timeouts
         if not self.cancelling:
             unanswered = server.has_it and not server.accepted
-            runs = server.accepted and not server.ended and not server.others_cancel
+            # One that a server is cancelling, for others or for an earlier call, may be silent.
+            runs = server.accepted and not server.ended
+            runs &= not (server.others_cancel or self.cancelled_before)
             needed = {
                 Timer.ACCEPT: unanswered and limits.accept is not None,
                 Timer.STALL: runs and limits.feedback is not None,
