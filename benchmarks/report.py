@@ -19,7 +19,7 @@ from rich.table import Table
 from benchmarks.measure import Figure, Plot, Report, Verdict
 
 _LARGE = 1000.0
-_PROMISES = {
+_AIMS = {
     1: "A call costs less than a hand-written client's",
     2: "Calls do not get slower with the history of the server",
     3: "1,000 goals at a time cost no more each than ten",
@@ -141,16 +141,16 @@ def write_docs(reports: Mapping[int, Report], path: Path) -> None:
 
 
 def _targets(reports: Sequence[Report]) -> list[str]:
-    """A line for each promise; `benchmarks/figures.md` has each target."""
-    lines = ["| | what is promised | targets met | the tightest |", "|---|---|---|---|"]
+    """A line for each aim; `benchmarks/figures.md` has each target."""
+    lines = ["| | the aim | targets met | the tightest |", "|---|---|---|---|"]
     for report in reports:
         if not report.verdicts:
             continue
         met = sum(verdict.met for verdict in report.verdicts)
         target, measured, limit, _ = _verdict(max(report.verdicts, key=lambda one: one.share))
-        promise = _PROMISES.get(report.number, report.title)
+        aim = _AIMS.get(report.number, report.title)
         lines.append(
-            f"| {report.number} | {promise} | {met} of {len(report.verdicts)}"
+            f"| {report.number} | {aim} | {met} of {len(report.verdicts)}"
             f" | {target}: {measured} ({limit}) |"
         )
     return [*lines, ""]
