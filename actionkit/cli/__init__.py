@@ -20,7 +20,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         with early.remembered():
             from actionkit.cli._app import run
         code = int(run(arguments))
-        print(end="", flush=True)  # does nothing if there was no standard output at the start
+        if sys.stdout is not None:  # `mcp >&-`
+            sys.stdout.flush()
     except KeyboardInterrupt:
         # The call is cleaned up by now; nothing may interrupt the rest.
         signal.signal(signal.SIGINT, signal.SIG_IGN)

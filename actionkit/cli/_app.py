@@ -17,6 +17,7 @@ from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.options import HELP, debug_option, debugging
 from actionkit.cli._shared.problems import Problem
 from actionkit.cli._shared.say import say
+from actionkit.cli._shared.stdout import open_closed
 
 
 class _Known(NamedTuple):
@@ -147,6 +148,8 @@ class _Group(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in _COMMANDS:
             return None
+        if cmd_name != "mcp":  # which tells its host what is closed
+            open_closed()
         module = importlib.import_module(f"actionkit.cli.{_COMMANDS[cmd_name].module}")
         command: click.Command = module.command
         return command

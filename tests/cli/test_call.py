@@ -349,6 +349,31 @@ def test_a_closed_pipe_cancels_the_goal(world: World, writes: bool) -> None:
     assert goal_id(running.text) not in server.running()
 
 
+CLOSED = "standard output cannot be written (Bad file descriptor)"
+FULL = "standard output cannot be written (No space left on device)"
+
+
+@pytest.mark.parametrize(
+    ("before", "told"),
+    [
+        ("r, w = os.pipe(); os.close(r); os.dup2(w, 1)", ""),  # `| no-such-command`
+        ("os.dup2(os.open('/dev/full', os.O_WRONLY), 1)", FULL),
+        ("os.close(1); sys.stdout = None", CLOSED),  # `>&-`, as Python sees it
+    ],
+    ids=["no reader", "full", "closed"],
+)
+def test_nothing_is_sent_if_nobody_can_get_the_output(world: World, before: str, told: str) -> None:
+    server = world.server("never_finishes")
+    server.sync()
+    sent = server.count("goal_received")
+    words = ("call", "never_finishes", FIBONACCI)
+    done = world.run_apart(*words, before=f"import os, sys; {before}")
+    expected = f"Error: {told}.\n" if told else ""
+    assert (done.code, done.err) == (Exit.OUTPUT_CLOSED, f"{expected}Nothing was sent.\n")
+    server.sync()
+    assert server.count("goal_received") == sent
+
+
 @pytest.mark.long
 def test_a_signal_that_was_ignored_stays_ignored(world: World) -> None:
     """As under nohup, or in the background of a script."""

@@ -228,6 +228,13 @@ def test_options_may_come_from_the_environment(empty_world: World) -> None:
     assert re.search(r"after [0-4]\.\d s of looking", done.err)  # and not the usual 5
 
 
+def test_an_output_that_cannot_be_written_is_told(empty_world: World) -> None:
+    full = "import os; os.dup2(os.open('/dev/full', os.O_WRONLY), 1)"
+    done = empty_world.run_apart("show", FIBONACCI, before=full)
+    told = "Error: standard output cannot be written (No space left on device).\n"
+    assert (done.code, done.err) == (Exit.OUTPUT_CLOSED, told)
+
+
 @pytest.mark.long
 def test_what_libraries_write_to_standard_output_is_not_in_it(empty_world: World) -> None:
     """Fast DDS does, where something is wrong."""

@@ -59,7 +59,11 @@ class Exit(IntEnum):
     NOT_FOUND = 127, "Of `guard`: the program is not there."
     HANGUP = 129, "The terminal was closed; as after Ctrl-C."
     INTERRUPTED = 130, "Ctrl-C. The output says what happened to the goal; it may still be running."
-    OUTPUT_CLOSED = 141, "The reader of the output ended, as `| head -1` does; as after Ctrl-C."
+    OUTPUT_CLOSED = (
+        141,
+        "The reader of the output ended, as `| head -1` does, or it cannot be written, as to a full"
+        " disk; as after Ctrl-C.",
+    )
     TERMINATED = 143, "SIGTERM; as after Ctrl-C."
 
     def __new__(cls, code: int, meaning: str) -> Exit:

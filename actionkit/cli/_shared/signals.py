@@ -78,7 +78,8 @@ def leave_at_once(code: Exit, words: str) -> None:
 def watch_output(closed: Callable[[], object]) -> None:
     """Call `closed` on another thread when nobody reads our output any more.
 
-    A write would show it, too, but the next write may be hours away while a goal runs.
+    A write would show it, too, but the next write may be hours away while a goal runs. If it is so
+    already, call it here.
     """
     try:
         descriptor = sys.stdout.fileno()
@@ -88,9 +89,13 @@ def watch_output(closed: Callable[[], object]) -> None:
     if not (stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode)):
         return
 
+    poll = select.poll()
+    poll.register(descriptor, 0)  # errors are always reported
+    if poll.poll(0):
+        closed()
+        return
+
     def watch() -> None:
-        poll = select.poll()
-        poll.register(descriptor, 0)  # errors are always reported
         poll.poll()
         closed()
 

@@ -1,4 +1,7 @@
-"""Keeps standard output for the command's own output, because Fast DDS writes errors there."""
+"""Keeps standard output for the command's own output, because Fast DDS writes errors there.
+
+Opens it where it is closed.
+"""
 
 from __future__ import annotations
 
@@ -24,3 +27,16 @@ def keep_clean() -> None:
     sys.stdout = os.fdopen(
         kept, "w", encoding=before.encoding, errors=before.errors, buffering=1, closefd=False
     )
+
+
+def open_closed() -> None:
+    """Open the standard streams that are closed, as by `>&-`.
+
+    Else the next file or socket gets their number, and libraries write into it. Our own output
+    fails: nobody gets it. Errors are dropped.
+    """
+    for name, flags in (("stdin", os.O_WRONLY), ("stdout", os.O_RDONLY), ("stderr", os.O_WRONLY)):
+        if getattr(sys, name) is None:
+            number = os.open(os.devnull, flags)
+            stream = os.fdopen(number, "r" if name == "stdin" else "w", closefd=False)
+            setattr(sys, name, stream)

@@ -18,6 +18,7 @@ from actionkit._messages.progress import Progress
 from actionkit._model.errors import ActionKitError
 from actionkit._model.values import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit.cli._shared.exits import Exit, exit_of
+from actionkit.cli._shared.say import say
 from actionkit.cli._shared.signals import discard_output, handled, watch_output
 from actionkit.cli._shared.wording import in_options
 from actionkit.cli.call._reports import Now, Report, became
@@ -82,6 +83,10 @@ class Calling:
 
     def _run(self, begin: Callable[[Callable[[Any], None]], GoalFuture[Any, Any]]) -> Exit:
         self._tell(self._report.begin)
+        self._empty_inbox()
+        if self._code is not None:  # a signal came, or nobody gets the output
+            self._tell(lambda: say("Nothing was sent.", err=True))
+            return self._code
         self._began = time.monotonic()
         self._future = future = begin(self._on_feedback)
         future.add_done_callback(lambda _: self._inbox.put(_nothing))
@@ -92,9 +97,7 @@ class Calling:
                 self._client.close()
             if self._detach_at is not None and time.monotonic() >= self._detach_at:
                 self._client.close()
-        with contextlib.suppress(queue.Empty):
-            while True:
-                self._inbox.get_nowait()()
+        self._empty_inbox()
         self._catch_up(time.monotonic(), ended=True)
         if self._not_shown:
             self._tell(lambda: self._report.not_shown(self._not_shown))
@@ -105,6 +108,11 @@ class Calling:
         self._tell(lambda: self._report.finished(outcome, code))
         self._last_words(outcome)
         return self._code or code
+
+    def _empty_inbox(self) -> None:
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self._inbox.get_nowait()()
 
     def _turn(self) -> None:
         with contextlib.suppress(queue.Empty):
@@ -156,7 +164,10 @@ class Calling:
         self._inbox.put(lambda: self._interrupt(code))
 
     def _interrupt(self, code: Exit) -> None:
-        if self._future is None or self._future.done():
+        if self._future is None:  # so it is not sent
+            self._code = self._code or code
+            return
+        if self._future.done():
             return
         if self._detaches and self._code is None:
             self._code = code
