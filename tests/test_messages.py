@@ -311,6 +311,7 @@ class Word(str, enum.Enum):
             array("f", [math.inf, -math.inf]),
         ),
         (UnboundedSequences, "float32_values", numpy.array([0.5]), array("f", [0.5])),
+        (UnboundedSequences, "float64_values", numpy.ma.array([0.5]), array("d", [0.5])),
         (UnboundedSequences, "bool_values", numpy.array([True, False]), [True, False]),
         (UnboundedSequences, "string_values", ("a", "b"), ["a", "b"]),
         (UnboundedSequences, "string_values", numpy.array(["a", "b"]), ["a", "b"]),
@@ -481,6 +482,13 @@ OTHERS: list[Refusal] = [
         "is a 2x7 array, but this needs a list of geometry_msgs/msg/Pose or of mappings of its",
     ),
     (Arrays, {"int32_values": numpy.array(3)}, FieldError, "int32_values", "0-dimensional array"),
+    (
+        UnboundedSequences,
+        {"float64_values": numpy.ma.array([1.0, 2.0, 3.0], mask=[0, 1, 0])},
+        FieldError,
+        "float64_values",
+        "no value at index 1, which is masked",  # numpy would send 1e+20 there
+    ),
     (UnboundedSequences, {"int8_values": b"a"}, FieldTypeError, "int8_values", "b'a' is of type"),
     (UnboundedSequences, {"float32_values": [1, -1e39]}, FieldError, "float32_values[1]", "-1e+39"),
     (UnboundedSequences, {"float32_values": [1, 1e39]}, FieldError, "float32_values[1]", "1e+39"),

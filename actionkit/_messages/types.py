@@ -226,12 +226,20 @@ def items_of(value: Any, ros_type: str) -> Sequence[Any]:
 
 
 def _is_vector(value: Any) -> bool:
-    """Return whether a value is a numpy array; raise a FieldError if it is not flat."""
+    """Return whether a value is a numpy array; raise a FieldError if it is not flat, or masked."""
     numpy = sys.modules.get("numpy")  # an array exists only if numpy is loaded already
     if numpy is None or not isinstance(value, numpy.ndarray):
         return False
     if value.ndim == 1:
-        return True
+        mask: Any = getattr(value, "mask", None)  # of a masked array; one bool if nothing is
+        if mask is None or not mask.any():
+            return True
+        # Else numpy puts a number of its own there, such as 1e+20.
+        problem = (
+            f"the array has no value at index {int(mask.argmax())}, which is masked; give"
+            " value.filled(...) with a number for it, or value.compressed() without it"
+        )
+        raise FieldError("", value, problem)
     shape = "x".join(map(str, value.shape)) or "0-dimensional"
     problem = f"{shown(value)} is a {shape} array; ROS arrays are flat, give value.ravel()"
     raise FieldError("", value, problem)
