@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import os
 import signal
 import sqlite3
 import threading
@@ -285,7 +286,7 @@ def test_nothing_is_sent_while_the_file_is_gone(action_server, make_client, path
     away = path.with_suffix(".away")
 
     def sends_nothing():
-        with pytest.raises(ak.LedgerError, match=r"goals\.db was removed, renamed or replaced"):
+        with pytest.raises(ak.LedgerError, match=r"goals\.db was removed, renamed, replaced"):
             client.call({"order": 1})
 
     path.rename(away)
@@ -297,6 +298,8 @@ def test_nothing_is_sent_while_the_file_is_gone(action_server, make_client, path
     sends_nothing()
     away.replace(path)
     client.call({"order": 1})
+    os.truncate(path, 0)
+    sends_nothing()
     for end in ("", "-wal", "-shm"):
         Path(f"{path}{end}").unlink()
     sends_nothing()

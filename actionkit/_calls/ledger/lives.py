@@ -71,8 +71,8 @@ class Lives:
         return number == self._own or any(_is_locked(file, number) for file in files)
 
 
-def _identity(file: os.stat_result) -> tuple[int, int]:
-    return file.st_dev, file.st_ino
+def _identity(file: os.stat_result) -> tuple[int, int, bool]:
+    return file.st_dev, file.st_ino, file.st_size > 0  # if it was emptied, SQLite starts a new one
 
 
 def _lock(descriptor: int, kind: int, start: int, length: int) -> None:

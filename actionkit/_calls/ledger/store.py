@@ -230,8 +230,9 @@ class Store:
         """Raise `LedgerError` if the file is gone: nobody would find what is written into it."""
         if not self._lives.is_at(self._name):
             raise LedgerError(
-                f"the ledger {self.path} was removed, renamed or replaced while this program used"
-                " it, so nothing was sent. Put the file back, or start the program again"
+                f"the ledger {self.path} was removed, renamed, replaced or emptied while this"
+                " program used it, so nothing was sent. Put the file back, or start the program"
+                " again"
             )
 
     def _open(self) -> sqlite3.Connection:
