@@ -239,6 +239,8 @@ class Store:
         again = self._pid == os.getpid()  # in a parent after its fork
         if again:
             self._check_there()
+        else:
+            Path(f"{self._name}-alive").touch()  # its error says more than SQLite's
         db = sqlite3.connect(
             self.path, timeout=_BUSY, isolation_level=None, check_same_thread=False
         )
