@@ -89,6 +89,10 @@ class Behaviour:
         """Return whether `decide` may wait about this goal."""
         return self.decides_slowly
 
+    def takes_time_to_cancel(self) -> bool:
+        """Return whether `may_cancel` may wait."""
+        return False
+
     def decide(self, run: Run) -> bool:
         """Return whether to accept the goal."""
         return run.order >= 0

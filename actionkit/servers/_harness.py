@@ -66,7 +66,10 @@ class JournalledServer(ActionServer):
                 await self._serve_goal(goal, run)
         cancel = taken_data.pop("cancel", None)
         if cancel is not None:
-            await self._serve_cancel(cancel)
+            if self._behaviour.takes_time_to_cancel():
+                self._harness.executor.create_task(self._serve_cancel, cancel)
+            else:
+                await self._serve_cancel(cancel)
         if "result" in taken_data:
             await self._serve_result(taken_data.pop("result"))
         if taken_data:

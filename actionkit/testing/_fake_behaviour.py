@@ -89,8 +89,6 @@ class Fake(Behaviour):
         except BaseException as error:  # noqa: BLE001  pytest.fail() raises no Exception
             self._goals.on_error(error)
             return run.refuse("a function of the test raised")
-        run.refuses_cancel = plan.settings["cancel"] == "refuse"
-        run.heeds_cancel = plan.settings["cancel"] == "accept"
         return bool(plan.settings["accept"])
 
     def begin(self, run: Run) -> None:
@@ -102,8 +100,18 @@ class Fake(Behaviour):
             other.preempt()
         run.begin()
 
+    def takes_time_to_cancel(self) -> bool:
+        with self._lock:
+            return any(callable(run.notes.settings["cancel"]) for run in self._running)
+
     def may_cancel(self, run: Run) -> bool:
-        return not run.refuses_cancel
+        try:
+            answer = run.notes.value("cancel", run.goal)
+        except BaseException as error:  # noqa: BLE001  pytest.fail() raises no Exception
+            self._goals.on_error(error)
+            answer = "refuse"
+        run.heeds_cancel = answer == "accept"
+        return bool(answer != "refuse")
 
     def execute_to_end(self, run: Run) -> object:
         try:

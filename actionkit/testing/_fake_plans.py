@@ -18,7 +18,7 @@ from actionkit._model.similar_names import similar_names
 
 ENDS = ("succeeded", "aborted", "canceled", "never")
 CANCELS = ("accept", "refuse", "ignore")
-EARLY = ("accept", "period", "end", "cancel", "preempts")
+EARLY = ("accept", "period", "end", "preempts")
 """Settings that must be known before a goal is accepted."""
 
 

@@ -47,7 +47,8 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
     goal and returns the value. `script` has the settings for each goal in turn. A function runs on
     the goal's own thread. If it raises, the goal is rejected (or aborted, if it was accepted). The
     test gets the exception from `wait_for`, or at the latest from `stop` or the end of the `with`
-    statement.
+    statement. (The function `cancel` has a thread for each request; if it raises, that request is
+    refused.)
 
     Every method may be called from any thread. When the server stops, it does not end its running
     goals. Real servers do the same.
@@ -89,8 +90,10 @@ class FakeServer(Generic[GoalT, ResultT, FeedbackT]):
                 if somebody else had cancelled them.
             cancel: The answer to a request to cancel: `"accept"` (the goal ends as CANCELED at
                 once), `"refuse"`, or `"ignore"` (it is accepted, but the goal goes on to its
-                `end`). A goal that a client cancelled has an empty result, unless `end` is
-                `"never"` or `"canceled"`: then it has `result`.
+                `end`). A function is called for each request, and the answer waits for it. A goal
+                that a client cancelled has an empty result, unless `end` is `"never"` or
+                `"canceled"`: then it has `result`, and stays in CANCELING until that function
+                returns.
             preempts: Whether an accepted goal replaces the running goals, as in Nav2's servers:
                 they end as ABORTED with an empty result, then the new goal executes. Otherwise
                 goals run side by side.

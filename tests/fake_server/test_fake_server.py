@@ -103,6 +103,33 @@ def test_cancels_by_a_plain_client(
     assert names(server, goal_id).count("cancel_requested") == 1
 
 
+def test_cancel_is_asked_for_each_request_and_may_take_long(
+    fake_server: Any, driver: Driver
+) -> None:
+    answers, stopped = threading.Event(), threading.Event()
+    answer = iter(["refuse", "accept"])
+    server = fake_server(
+        Fibonacci,
+        "fibonacci",
+        end="never",
+        cancel=lambda goal: answers.wait(30) and next(answer),
+        result=lambda goal: stopped.wait(30) and FIELDS,
+    )
+    driver.connect()
+    goal_id, handle = driver.accepted()
+    server.wait_for("executing")
+    refused = handle.cancel_goal_async()
+    server.wait_for("cancel_requested")
+    driver.accepted()  # other requests are answered meanwhile
+    assert not refused.done()
+    answers.set()
+    assert driver.wait(refused).goals_canceling == []
+    assert driver.cancel(goal_id) == (OK, [goal_id])
+    assert goal_id in server.running()  # in CANCELING, until it has stopped
+    stopped.set()
+    assert driver.outcome(handle) == (CANCELED, FIELDS["sequence"])
+
+
 @pytest.mark.long
 def test_it_ends_while_goals_run_that_never_end(ros_domain: int, driver: Driver) -> None:
     for cancel in ("accept", "ignore"):

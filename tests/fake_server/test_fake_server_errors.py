@@ -17,7 +17,7 @@ from actionkit import (
 )
 from actionkit.testing import FakeServer
 from tests.fake_server.conftest import FIELDS, NOT_RETRIED
-from tests.rclpy_client import Driver
+from tests.rclpy_client import OK, Driver
 
 
 class Oops(Exception):
@@ -37,7 +37,7 @@ def fails(_goal: Any) -> Any:
     pytest.fail("this goal should not have come")
 
 
-REJECTED = [{"accept": oops}, {"end": oops}, {"period": oops}, {"cancel": oops}]
+REJECTED = [{"accept": oops}, {"end": oops}, {"period": oops}]
 RAISING = [
     *[(settings, GoalRejectedError, Oops, "here") for settings in REJECTED],
     ({"script": oops}, GoalRejectedError, Oops, "here"),
@@ -98,6 +98,18 @@ def test_wait_for_raises_it_at_once_and_it_is_raised_once(
         server.wait_for("rejected")
         with pytest.raises(AssertionError, match="saw 0 of 1 'succeeded' events within 0 s"):
             server.wait_for("succeeded", timeout=0)
+
+
+def test_a_cancel_is_refused_where_the_function_raises(ros_domain: int, driver: Driver) -> None:
+    with (  # noqa: PT012
+        pytest.raises(Oops),
+        FakeServer(Fibonacci, "fibonacci", end="never", cancel=oops) as server,
+    ):
+        driver.connect()
+        goal_id, _ = driver.accepted()
+        server.wait_for("executing")
+        answer = driver.cancel(goal_id)
+    assert answer == (OK, [])
 
 
 def test_the_error_comes_with_that_of_the_test(ros_domain: int, make_client: Any) -> None:
