@@ -159,16 +159,21 @@ def why_not() -> str:
         return f"network namespaces cannot be made here: {error.stderr.strip()}"
 
 
-def skip_where_nothing_can_be_lost(network: Network) -> None:
-    """Skip the test where neither nftables nor netem is there."""
-    if shutil.which("nft"):
-        return
+def why_nothing_can_be_lost(network: Network) -> str:
+    """Why no packets can be lost here; `""` where they can, by nftables or netem."""
     try:
         network.lose(0)
     except (subprocess.CalledProcessError, FileNotFoundError) as error:
         said = getattr(error, "stderr", "") or str(error)
-        pytest.skip(f"no nftables here (the command nft), and no netem: {said.strip()}")
+        return f"no nftables here (the command nft), and no netem: {said.strip()}"
     network.lose_nothing()
+    return ""
+
+
+def skip_where_nothing_can_be_lost(network: Network) -> None:
+    """Skip the test where neither nftables nor netem is there."""
+    if problem := why_nothing_can_be_lost(network):
+        pytest.skip(problem)
 
 
 def _route(host: Host) -> None:

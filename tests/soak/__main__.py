@@ -5,15 +5,13 @@ stopped, restarted, doubled and replaced, or that block, over networks that lose
 programs that are told to end, and by children of `multiprocessing`. What callers are told is
 compared with what the servers' own journals show. The exit code is 0 only where nothing was left
 running and nothing was wrong.
-
-Where it runs in the background, SIGINT may be ignored there, and so it is by its programs: then
-those told by Ctrl-C go on.
 """
 
 from __future__ import annotations
 
 import faulthandler
 import random
+import signal
 import sys
 import tempfile
 import time
@@ -67,7 +65,9 @@ def main(
     if write_docs and f"{minutes:g} minutes" != attacks.SOAK_TIME:
         raise click.UsageError(f"docs/maintainers/faults.md tells of {attacks.SOAK_TIME}")
     totals = Totals(random.randrange(10_000) if seed is None else seed)
-    problem = "asked for" if no_network else network.why_not()
+    # A shell ignores it in the background, and so would the programs that are told by Ctrl-C.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    problem = "asked for" if no_network else _why_no_network()
     click.echo(f"seed {totals.seed}" + (f"; no network: {problem}" if problem else ""))
     began = told = time.monotonic()
     with tempfile.TemporaryDirectory() as directory, places(with_network=not problem) as found:
@@ -93,6 +93,13 @@ def main(
     if write_docs and totals.good:
         _write_docs(totals)
     sys.exit(0 if totals.good else 1)
+
+
+def _why_no_network() -> str:
+    if problem := network.why_not():
+        return problem
+    with network.two_hosts() as hosts:
+        return network.why_nothing_can_be_lost(hosts)
 
 
 def _round(todo: plan.Plan, place: Place, workers: dict[str, Worker], directory: Path) -> Result:
