@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 from actionkit.cli._app import app
 from actionkit.cli._shared.exits import Exit
+from actionkit.cli._shared.say import say
 from tests import forked
 from tests.cli.conftest import FIBONACCI, NESTED, Done, World
 
@@ -285,6 +286,24 @@ def test_each_shell_is_given_its_script(empty_world: World, shell: str) -> None:
 def test_the_documented_exit_codes_are_the_real_ones() -> None:
     rows = re.findall(r"^\| (\d+) \| `(\w+)` \| (.*) \|$", DOCS.read_text("utf-8"), re.M)
     assert rows == [(str(code.value), code.name, code.meaning.replace("|", "\\|")) for code in Exit]
+
+
+def test_a_narrow_terminal_breaks_no_word(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    help_text = CliRunner().invoke(app, ["call", "--help"], terminal_width=40).output
+    codes = help_text.partition("Exit codes:\n")[2]
+    assert max(map(len, codes.splitlines())) <= 40
+    assert "\n         --feedback-timeout seconds; the\n" in codes
+    error = f"Error: {FIBONACCI} is an action type. Write: actionkit call /fibonacci '{{order: 5}}'"
+    say(error, err=True)
+    assert capsys.readouterr().err == f"{error}\n"  # one line for programs
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    say(error, err=True)
+    *said, command = capsys.readouterr().err.splitlines()
+    assert said == [f"Error: {FIBONACCI} is an", "action type. Write:"]
+    assert command == "actionkit call /fibonacci '{order: 5}'"  # to be copied
 
 
 def test_every_capture_is_linked_from_the_documentation() -> None:

@@ -21,6 +21,7 @@ from actionkit.cli._shared.options import (
     name_argument,
 )
 from actionkit.cli._shared.problems import Problem, import_ros, open_survey
+from actionkit.cli._shared.say import wrapped
 from actionkit.cli._shared.stdout import keep_clean
 from actionkit.cli._shared.wording import in_options
 
@@ -37,11 +38,16 @@ Examples:
   actionkit call /navigate nav2_msgs/action/NavigateToPose --progress distance_remaining \\
       '{pose: {header: {stamp: now, frame_id: map}, pose: {position: {x: 1.5}}}}'
 
-Ctrl-C cancels the goal on the server and tells what became of it; twice leaves at once.
+Ctrl-C cancels the goal on the server and says what happened to it; twice leaves at once."""
 
-\b
-Exit codes:
-""" + "\n".join(f"  {code.value:>3}  {code.meaning}" for code in Exit)
+
+class _WithExitCodes(click.Command):
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        super().format_epilog(ctx, formatter)
+        formatter.write("\n  Exit codes:\n")
+        for code in Exit:
+            meaning = wrapped(code.meaning, 9, columns=formatter.width)
+            formatter.write(f"    {code.value:>3}  {meaning}\n")
 
 
 def _timeout(name: str, words: str, default: float | None) -> Callable[[_F], _F]:
@@ -50,7 +56,7 @@ def _timeout(name: str, words: str, default: float | None) -> Callable[[_F], _F]
     return click.option(option, type=SECONDS, default=default, show_default=True, help=words)
 
 
-@click.command("call", context_settings=HELP, epilog=_EPILOG)
+@click.command("call", cls=_WithExitCodes, context_settings=HELP, epilog=_EPILOG)
 @name_argument
 @click.argument("type_name", metavar="[TYPE]", required=False, shell_complete=complete_types)
 @click.argument("words", metavar="[GOAL]", nargs=-1)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
-import textwrap
 from collections.abc import Iterator
 
 import click
@@ -20,14 +18,12 @@ from actionkit.cli._shared.options import (
     wait_option,
 )
 from actionkit.cli._shared.problems import Problem, full_name, open_survey
-from actionkit.cli._shared.say import say
+from actionkit.cli._shared.say import say, wrapped
 from actionkit.cli.doctor._findings import Finding, problem
 from actionkit.cli.doctor._machine import machine, shared_memory
 from actionkit.cli.doctor._settings import settings
 
 _STYLES = {"ok": "green", "note": "yellow", "problem": "red"}
-_WIDTH = 96
-"""Characters of a line at most; wider text is hard to read."""
 _EPILOG = """\b
 Examples:
   actionkit doctor
@@ -92,14 +88,7 @@ def _show(finding: Finding, as_json: bool) -> None:
         sys.stdout.flush()
         return
     label = click.style(f"{finding.level:<7}", fg=_STYLES[finding.level])
-    say(_wrapped(f"{finding.topic}: {finding.text}"), label=f"{label} ")
+    say(wrapped(f"{finding.topic}: {finding.text}", 8), label=f"{label} ")
     if finding.remedy:
-        say(f"          -> {_wrapped(finding.remedy, 13)}")
+        say(f"          -> {wrapped(finding.remedy, 13)}")
     sys.stdout.flush()
-
-
-def _wrapped(text: str, indent: int = 8) -> str:
-    width = min(_WIDTH, shutil.get_terminal_size((_WIDTH, 24)).columns) - indent
-    # A longer word, such as a path, is not split, so that people can copy it.
-    lines = textwrap.wrap(text, max(1, width), break_long_words=False, break_on_hyphens=False)
-    return ("\n" + " " * indent).join(lines)
