@@ -32,7 +32,7 @@ PAGES = {
     "tables": "cost/",
     "glossary": "glossary/",
 }
-WIDTHS = {"desktop": 1400, "phone": 420}
+WIDTHS = {"desktop": 1280, "phone": 420}
 HEIGHT = 1600
 """Pixels from the top of each page; more than a screen has, so that more is seen."""
 
