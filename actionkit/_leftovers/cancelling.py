@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+import uuid
 from collections import defaultdict
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -12,7 +13,7 @@ from typing import Any
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.ledger.store import Leftover
 from actionkit._client import Client
-from actionkit._leftovers.finding import find
+from actionkit._leftovers.finding import asked, find, in_sight
 from actionkit._messages.by_name import interface_class
 from actionkit._model.domain import Domain
 from actionkit._model.settings import Timeouts
@@ -22,6 +23,8 @@ from actionkit._threads.waiting import Flag
 
 _LAST = 3.0
 """Seconds at the end for servers to answer about goals that nobody has seen; a third at most."""
+_PER_SECOND = 1000
+"""Goals that servers are asked about in a second, roughly: many get more time for that."""
 _TICK = 0.05
 """Seconds between two looks whether goals have ended."""
 _WORST = (
@@ -33,10 +36,13 @@ _WORST = (
 _Told = dict[Leftover, CancelReport]
 
 
-def cancel_all(calls: Iterable[Leftover], seconds: float, server: float) -> _Told:
+def cancel_all(
+    calls: Iterable[Leftover], seconds: float, server: float, unseen: set[Leftover]
+) -> _Told:
     """Cancel the goals of calls; return what happened to each call.
 
-    This takes so many `seconds` at most; a server is looked for `server` seconds at most.
+    This takes so many `seconds` at most; a server is looked for `server` seconds at most. Calls
+    are added to `unseen` if no server of their action is in sight after that.
     """
     by_action: dict[tuple[int, str, str], list[Leftover]] = defaultdict(list)
     for call in calls:
@@ -46,7 +52,7 @@ def cancel_all(calls: Iterable[Leftover], seconds: float, server: float) -> _Tol
     done = {action: Flag() for action in by_action}
     for action, left in by_action.items():
         flag = done[action]
-        cancel = partial(_cancel, *action, left, seconds, server, told, flag)
+        cancel = partial(_cancel, *action, left, seconds, server, told, unseen, flag)
         run = partial(_in_thread, cancel, flag)
         threading.Thread(target=run, name="actionkit-leftovers", daemon=True).start()
     until = time.monotonic() + seconds
@@ -74,6 +80,7 @@ def _cancel(
     seconds: float,
     server: float,
     told: _Told,
+    unseen: set[Leftover],
     done: Flag,
 ) -> None:
     """Cancel the goals of one action."""
@@ -82,12 +89,29 @@ def _cancel(
     action_type: Any = interface_class(kind, "action")
     with Client(action_type, name, node=Domain(domain), timeouts=limits) as client:
         if not client.wait_for_server(min(server, seconds)):
+            if seconds >= server and not in_sight(client):
+                unseen.update(calls)
             return
         futures: dict[Leftover, list[GoalFuture[Any, Any]]] = defaultdict(list)
-        for call, goal_id in find(client, calls, until - min(_LAST, seconds / 3)):
-            future = client.attach(goal_id or call.goal_id, on_give_up="cancel")
+        not_found: dict[uuid.UUID, Leftover] = {}
+
+        def stop(call: Leftover, goal_id: uuid.UUID) -> None:
+            future = client.attach(goal_id, on_give_up="cancel")
             future.cancel()
             futures[call].append(future)
+
+        last = min(_LAST, seconds / 3) + min(len(calls) / _PER_SECOND, seconds / 3)
+        for call, goal_id in find(client, calls, until - last):
+            if goal_id is None:
+                not_found[call.goal_id] = call
+            else:
+                stop(call, goal_id)
+        newest_first = reversed(not_found)
+        for goal_id, is_known in asked(client, newest_first, until):
+            if is_known:
+                stop(not_found[goal_id], goal_id)
+            else:
+                told[not_found[goal_id]] = CancelReport.NOT_NEEDED
         every = [future for each in futures.values() for future in each]
         while any(future.known_to_run is not False for future in every):
             if time.monotonic() >= until:

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import queue
 import time
 import uuid
+from bisect import bisect_right
+from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import closing
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from actionkit._calls.ledger.store import Leftover, attempt_number
+from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._ros import graph
+from actionkit._ros.stopping.goal_board import arrived
+from actionkit._ros.tools.cancel import GoalCanceller
 from actionkit._ros.tools.topic import StoppedError
 from actionkit._ros.tools.watch import GoalSeen, goals_seen
 from actionkit._threads.waiting import Flag
@@ -17,6 +26,11 @@ if TYPE_CHECKING:
 
 _AGAIN = 0.3
 """Seconds between two looks."""
+_AT_ONCE = 50
+"""Goals that servers are asked about at a time; fewer requests than these are on their way."""
+_TICK = 0.05
+"""Seconds between two checks whether the time is over."""
+_Answer = tuple[uuid.UUID, bool]
 
 
 def domain_of(client: Client[Any]) -> int:
@@ -35,11 +49,12 @@ def find(
     """
     found: dict[Leftover, set[uuid.UUID]] = {call: set() for call in calls}
     waiting = set(found)
+    by_id = sorted(found, key=lambda call: call.goal_id.int)
     while waiting:
-        known = _known(client, until)
+        seen = _by_call(by_id, _known(client, until))
         late = time.monotonic() >= until
-        for call in [call for call in found if call in waiting]:
-            goals = {goal_id: goal for goal_id, goal in known.items() if call.has(goal_id)}
+        for call in [call for call in (found if late else seen) if call in waiting]:
+            goals = seen.get(call, {})
             for goal_id, goal in goals.items():
                 if goal.in_flight and goal_id not in found[call]:
                     found[call].add(goal_id)
@@ -60,6 +75,52 @@ def _is_last(call: Leftover, goal_id: uuid.UUID, state: str) -> bool:
         return call.attempts == 1
     last = attempt_number(call.goal_id, goal_id) == call.attempts
     return last or (state == "SUCCEEDED" and not call.judged)
+
+
+def _by_call(
+    by_id: list[Leftover], known: dict[uuid.UUID, GoalSeen]
+) -> dict[Leftover, dict[uuid.UUID, GoalSeen]]:
+    """Return the goals of each call that has some. There may be many calls, and many goals."""
+    seen: dict[Leftover, dict[uuid.UUID, GoalSeen]] = {}
+    for goal_id, goal in known.items():
+        place = bisect_right(by_id, goal_id.int, key=lambda call: call.goal_id.int)
+        if place and by_id[place - 1].has(goal_id):
+            seen.setdefault(by_id[place - 1], {})[goal_id] = goal
+    return seen
+
+
+def asked(client: Client[Any], goal_ids: Iterable[uuid.UUID], until: float) -> Iterator[_Answer]:
+    """Ask to cancel goals; yield each with whether a server knows it, when all have answered.
+
+    This ends when each goal was yielded, or at the monotonic time `until`.
+    """
+    port = client._session.port
+    answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    unknown: Counter[int] = Counter()
+    """How many servers do not know the goal of each request."""
+    left, waiting = iter(goal_ids), set[uuid.UUID]()
+    with closing(GoalCanceller(port.names, answers.put, port.runtime.place)) as canceller:
+        while time.monotonic() < until:
+            for goal_id in islice(left, _AT_ONCE - len(waiting)):
+                waiting.add(goal_id)
+                canceller.cancel(str(goal_id))
+            if not waiting:
+                return
+            servers = in_sight(client)
+            for said in arrived(answers, _TICK):
+                goal_id = uuid.UUID(said.goal_id)
+                knows = said.answer is not CancelAnswer.UNKNOWN_GOAL
+                unknown[said.request] += not knows
+                if goal_id in waiting and (knows or unknown[said.request] >= max(1, servers)):
+                    waiting.remove(goal_id)
+                    canceller.stop(said.goal_id)
+                    yield goal_id, knows
+
+
+def in_sight(client: Client[Any]) -> int:
+    """Return how many servers of a client's action the graph shows, also those not ready."""
+    port = client._session.port
+    return port.runtime.run(lambda: len(graph.servers(port.runtime.node, port.names)))
 
 
 def _known(client: Client[Any], until: float) -> dict[uuid.UUID, GoalSeen]:

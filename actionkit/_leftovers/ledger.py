@@ -66,8 +66,8 @@ class Ledger(LedgerFile):
             What happened to the goals of each call. `CONFIRMED`: the server has stopped them.
             `NOT_NEEDED`: they had ended, or no server knows them. These are removed from the file.
             `REFUSED`: the server does not stop them. `UNKNOWN`: no server was seen, none
-            answered, the action's package is not installed here, or another process has not
-            finished.
+            answered in time, the action's package is not installed here, or another process has
+            not finished.
 
         Raises:
             LedgerError: The file cannot be used.
@@ -75,10 +75,17 @@ class Ledger(LedgerFile):
         """
         seconds = check_seconds("timeout", timeout, optional=False)
         assert seconds is not None
-        return self._cancel(seconds, server=_SERVER)
+        return self._cancel(seconds)
 
-    def _cancel(self, seconds: float, *, server: float) -> dict[Leftover, CancelReport]:
-        """Cancel; look for a server `server` seconds at most."""
+    def _cancel(
+        self, seconds: float, *, server: float = _SERVER, forgotten: set[Leftover] | None = None
+    ) -> dict[Leftover, CancelReport]:
+        """Cancel; look for a server `server` seconds at most.
+
+        With a set `forgotten`, the calls of actions without a server in sight are removed, too, and
+        are added to it.
+        """
+        unseen: set[Leftover] = set()
         until = time.monotonic() + seconds
         told: dict[Leftover, CancelReport] = {}
         while True:
@@ -87,8 +94,11 @@ class Ledger(LedgerFile):
                     from actionkit._leftovers.cancelling import cancel_all
 
                     left = max(0.0, until - time.monotonic())
-                    told.update(cancel_all(claimed, left, server))
+                    told.update(cancel_all(claimed, left, server, unseen))
                     stopped += [goal for goal in claimed if told[goal] in _STOPPED]
+                    if forgotten is not None:
+                        forgotten |= unseen
+                        stopped.extend(unseen)
             others = [goal for goal, follows in self._store.in_other_hands().items() if not follows]
             others = [goal for goal in others if goal not in told]
             if not others or time.monotonic() >= until:

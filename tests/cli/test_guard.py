@@ -9,14 +9,17 @@ import signal
 import subprocess
 import sys
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from test_msgs.action import Fibonacci
 
 from actionkit import Ledger
+from actionkit._internal_api import client_in_domain
 from actionkit.cli import main
 from actionkit.cli._shared.exits import Exit
+from actionkit.servers import Server
 from tests import forked
 from tests.waiting import until
 
@@ -37,9 +40,12 @@ sys.exit(7)
 """
 LEAVES = """
 import sys, uuid
+from test_msgs.action import Fibonacci
+
 from actionkit import Ledger
-path, goal_id, domain = sys.argv[1:]
-Ledger(path)._add(uuid.UUID(goal_id), "/nobody", "test_msgs/action/Fibonacci", int(domain))
+from actionkit._internal_api import client_in_domain
+path, goal_id, domain, action = sys.argv[1:]
+Ledger(path)._add(uuid.UUID(goal_id), action, "test_msgs/action/Fibonacci", int(domain))
 """
 
 
@@ -146,11 +152,11 @@ def code_of(words: list[str]) -> object:
     return ended.value.code
 
 
-def leave(path: Path, domain: int = 0) -> uuid.UUID:
-    """Leave a goal of an action that has no server here; return its id."""
+def leave(path: Path, domain: int = 0, action: str = "/nobody") -> uuid.UUID:
+    """Leave a goal that was never sent; return its id. The usual action has no server here."""
     goal_id = uuid.uuid4()
     path.parent.mkdir(exist_ok=True)
-    words = [str(path), str(goal_id), str(domain)]
+    words = [str(path), str(goal_id), str(domain), action]
     forked.run([sys.executable, "-c", LEAVES, *words], check=True, timeout=ENOUGH)
     return goal_id
 
@@ -160,7 +166,9 @@ def test_leftovers_are_shown(path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr().out == "No goal is left over.\n"
     goal_id = leave(path)
     assert code_of(["leftovers", str(path)]) == Exit.CANCEL_UNKNOWN
-    assert f"/nobody  {goal_id}  sent 20" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert f"/nobody  {goal_id}  sent 20" in told
+    assert " s ago) by process" in told
     assert code_of(["leftovers", "--json"]) == Exit.CANCEL_UNKNOWN
     told = json.loads(capsys.readouterr().out)
     assert (told["kind"], told["goal_id"], told["cancel"]) == ("leftover", str(goal_id), None)
@@ -179,3 +187,26 @@ def test_a_goal_without_a_server_is_named_and_stays(
     assert code_of(["leftovers", "--cancel", "--timeout", "1"]) == Exit.CANCEL_UNKNOWN
     assert f"{goal_id}  sent" in capfd.readouterr().out
     assert [goal.goal_id for goal in until(Ledger(path).leftovers)] == [goal_id]
+
+
+@pytest.mark.long
+def test_only_the_goals_of_actions_without_a_server_are_forgotten(
+    path: Path,
+    ros_domain: int,
+    action_server: Callable[..., Server],
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    server = action_server("fibonacci")
+    words = ["leftovers", "--cancel", "--timeout", "7", "--forget"]
+    with client_in_domain(ros_domain, Fibonacci, "fibonacci") as client:  # sees what is paused
+        assert client.wait_for_server(ENOUGH)
+        server.pause()
+        kept = leave(path, ros_domain, "/fibonacci")
+        leave(path, ros_domain)
+        assert code_of(["leftovers", "--forget"]) == Exit.USAGE
+        assert code_of(words) == Exit.CANCEL_UNKNOWN
+        assert capfd.readouterr().out.count("Removed from the file: no server of its action") == 1
+        assert [goal.goal_id for goal in Ledger(path).leftovers()] == [kept]
+        server.resume()
+        assert code_of(words) == Exit.OK
+        assert Ledger(path).leftovers() == []

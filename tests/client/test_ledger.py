@@ -426,13 +426,15 @@ def test_a_goal_that_a_signal_has_cancelled_is_removed(whose, action_server, run
 def test_a_call_that_is_over_is_not_looked_for_beyond_its_last_goal(
     action_server, make_client, path
 ):
-    action_server("refuses_cancel")
-    client = make_client(retry=RetryPolicy(attempts=3))
-    assert client.wait_for_server(20)
-    assert isinstance(
-        client.call_async({"order": 100}, timeout=0.2).exception(20), ak.DeadlineExceededError
-    )
+    server = action_server("never_finishes")
+    client = make_client(retry=RetryPolicy(attempts=3), timeouts=ak.Timeouts(cancel=0.2))
+    future = client.call_async({"order": 1})
+    server.wait_for("executing", goal_id=str(future.goal_id))
+    server.pause()
+    future.cancel()
+    assert isinstance(future.exception(20), ak.DeadlineExceededError)
     until(lambda: attempts(path) == 1)
+    server.resume()
 
 
 LEAVES_BAD = """
@@ -452,6 +454,31 @@ def test_a_row_that_cannot_be_understood_does_not_hide_the_others(action_server,
         "test_msgs/action/Fibonacci": ak.CancelReport.CONFIRMED,
     }
     assert runs_nothing(server)
+
+
+MANY = """
+import os, sys, uuid
+from actionkit import Ledger
+ledger = Ledger(os.environ["ACTIONKIT_LEDGER"])
+for _ in range(500):
+    ledger._add(uuid.uuid4(), "/fibonacci", "test_msgs/action/Fibonacci", int(sys.argv[1]))
+"""
+
+
+@pytest.mark.long
+def test_many_goals_that_no_server_knows_are_removed_in_time(
+    action_server, run_script, path, ros_domain
+):
+    server = action_server("never_finishes")
+    goal_id = killed(run_script, server)
+    assert run_script(MANY, str(ros_domain)).finish() == (0, "", "")
+    began = time.monotonic()
+    told = {str(goal.goal_id): report for goal, report in Ledger(path).cancel(8).items()}
+    assert time.monotonic() - began < 9
+    assert told.pop(goal_id) is ak.CancelReport.CONFIRMED
+    assert list(told.values()) == [ak.CancelReport.NOT_NEEDED] * 500
+    assert runs_nothing(server)
+    assert rows(path) == 0
 
 
 def test_mcp_goes_on_cancelling_what_does_not_stop_at_once(

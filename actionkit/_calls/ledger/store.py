@@ -39,8 +39,9 @@ _LIMIT = "UPDATE goals SET attempts = ? WHERE goal_id = ?"
 _RELEASE = "UPDATE goals SET holder = NULL WHERE goal_id = ? AND holder = ?"
 _ALL = (
     "SELECT goal_id, action, type, domain, attempts, judged, parallel, sent, pid, host, owner,"
-    " holder, follows FROM goals JOIN processes ON number = owner ORDER BY sent"
+    " holder, follows FROM goals JOIN processes ON number = owner {} ORDER BY sent"
 )
+_HELD = "WHERE holder IS NOT NULL"
 _IDLE = "SELECT number FROM processes WHERE number NOT IN (SELECT owner FROM goals)"
 
 
@@ -181,7 +182,7 @@ class Store:
 
         The value is whether it follows the goal.
         """
-        rows = self._rows()
+        rows = self._rows(_HELD)
         return {
             row.goal: row.follows
             for row in rows
@@ -203,10 +204,10 @@ class Store:
             db.executemany(_REMOVE, [(str(goal.goal_id),) for goal in stopped])
             db.executemany(_RELEASE, [(str(goal.goal_id), self._number) for goal in goals])
 
-    def _rows(self) -> list[Row]:
-        """Return the calls of dead processes."""
+    def _rows(self, where: str = "") -> list[Row]:
+        """Return the calls of dead processes, or some of them."""
         with self._used() as db:
-            rows = [_row(*cells) for cells in db.execute(_ALL).fetchall()]
+            rows = [_row(*cells) for cells in db.execute(_ALL.format(where)).fetchall()]
             alive = {owner: self._lives.is_alive(owner) for owner in {row.owner for row in rows}}
         return [row for row in rows if not alive[row.owner]]
 

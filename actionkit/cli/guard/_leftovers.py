@@ -51,4 +51,14 @@ def what_happened(report: CancelReport) -> str:
 def line_of(goal: Leftover) -> str:
     """Return a line about a goal that is left over."""
     at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(goal.sent))
-    return f"{goal.action_name}  {goal.goal_id}  sent {at} by process {goal.pid} on {goal.host}"
+    who = f"process {goal.pid} on {goal.host}"
+    return f"{goal.action_name}  {goal.goal_id}  sent {at} ({_age(goal.sent)} ago) by {who}"
+
+
+def _age(sent: float) -> str:
+    """Return the time since then in its largest unit."""
+    seconds = max(0.0, time.time() - sent)
+    for unit, size in (("d", 86400), ("h", 3600), ("min", 60)):
+        if seconds >= size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"

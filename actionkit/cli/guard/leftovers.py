@@ -22,32 +22,48 @@ _EPILOG = """\b
 Examples:
   actionkit leftovers mission.db
   actionkit leftovers mission.db --cancel
+  actionkit leftovers mission.db --cancel --forget
 
 PATH is the file of a Ledger; left out, that in the environment variable ACTIONKIT_LEDGER, or the
 one that `actionkit guard` and `actionkit mcp` use. The exit code is 0 where no goal is left over,
 or every one is known to run no more; 22 where a server refused; 23 where a goal may still be
 running."""
+_FORGOTTEN = "Removed from the file: no server of its action is in sight."
 
 
 @click.command("leftovers", context_settings=HELP, epilog=_EPILOG)
 @click.argument("path", metavar="[PATH]", required=False, type=click.Path(exists=True))
-@click.option("--cancel", "cancels", is_flag=True, help="Cancel them.")
+@click.option(
+    "--cancel",
+    "cancels",
+    is_flag=True,
+    help="Cancel them, and remove those that have stopped, or that no server in sight knows.",
+)
+@click.option(
+    "--forget",
+    is_flag=True,
+    help="With --cancel: also remove those of actions without a server in sight. They may still"
+    " be running.",
+)
 @click.option(
     "--timeout", type=SECONDS, default=10.0, show_default=True, help="How long that may take."
 )
 @json_option("Write one JSON object for each goal.")
 @debug_option
-def command(path: str | None, cancels: bool, timeout: float, as_json: bool) -> int:
+def command(path: str | None, cancels: bool, forget: bool, timeout: float, as_json: bool) -> int:
     """Show the goals of programs that were killed and wrote them down in the file PATH."""
     from actionkit._internal_api import mute, unfinished_goals
 
+    if forget and not cancels:
+        raise click.UsageError("--forget needs --cancel, which looks for the servers")
     keep_clean()
     ledger = open_ledger(path)
+    forgotten: set[Leftover] = set()
     left: Mapping[Leftover, CancelReport | None] = dict.fromkeys(ledger.leftovers())
     if cancels and unfinished_goals(ledger):
         import_ros()
         mute()  # this tells what happened
-        left = ledger.cancel(timeout)
+        left = ledger._cancel(timeout, forgotten=forgotten if forget else None)
     for goal, report in left.items():
         if as_json:
             more = {"goal_id": str(goal.goal_id), "action_type": goal.type_name, "cancel": report}
@@ -55,7 +71,8 @@ def command(path: str | None, cancels: bool, timeout: float, as_json: bool) -> i
             say(note_line("leftover", goal.action_name, goal.sent, **more, **who))
         else:
             said = "" if report is None else f"\n  {report}: {what_happened(report)}"
-            say(f"{line_of(goal)}{said}")
+            removed = f"\n  {_FORGOTTEN}" if goal in forgotten else ""
+            say(f"{line_of(goal)}{said}{removed}")
     if not left and not as_json:
         say("No goal is left over.")
     reports = {str(report) for report in left.values()}
