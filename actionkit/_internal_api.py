@@ -11,6 +11,7 @@ for users, and may change in any release. Besides what is below, it has:
 - `unfinished_goals`: whether a ledger has goals of dead processes that nobody follows.
 - `usual_ledger`: the path of the ledger of programs that are guarded.
 - `watch_over`: start a process that cancels what this one leaves running.
+- `writers`: the living processes that write in a ledger.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from actionkit._calls.left_running import mute
 from actionkit._calls.still_running import name_those_left
 from actionkit._client import Client
 from actionkit._leftovers.ledger import unfinished as unfinished_goals
+from actionkit._leftovers.ledger import writers
 from actionkit._leftovers.watcher import watch_over
 from actionkit._model.domain import Domain
 from actionkit._model.settings import RetryPolicy
@@ -53,6 +55,7 @@ __all__ = [
     "unless_by_anyio",
     "usual_ledger",
     "watch_over",
+    "writers",
 ]
 
 

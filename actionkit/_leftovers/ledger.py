@@ -225,3 +225,12 @@ def unfinished(ledger: Ledger) -> bool:
     """
     others = ledger._store.in_other_hands().values()
     return bool(ledger.leftovers()) or not all(others)
+
+
+def writers(ledger: Ledger) -> set[int]:
+    """Return the ids of the living processes that write in a ledger.
+
+    Raises:
+        LedgerError: The file cannot be used.
+    """
+    return ledger._store.writers()

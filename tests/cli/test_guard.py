@@ -10,6 +10,7 @@ import subprocess
 import sys
 import uuid
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,39 @@ for name in ("SIGINT", "SIGTERM", "SIGUSR1", "SIGQUIT"):
 print(os.environ["ACTIONKIT_LEDGER"], os.getpid(), flush=True)
 for line in sys.stdin:
     print("got", line, end="", flush=True)
+sys.exit(7)
+"""
+#: Starts a process that writes in the ledger, and tells of its signals. It ends by SIGTERM, but in
+#: a "daemon" only by SIGKILL.
+STARTS = """
+import os, signal, sys, time
+from actionkit._calls.ledger.file import LedgerFile
+
+how = sys.argv[1]
+ready, is_ready = os.pipe()
+if os.fork() == 0:
+    if how == "daemon":
+        os.setsid()
+    if how == "daemon" and os.fork():
+        os._exit(0)
+    def told(number, frame):
+        os.write(1, f"{signal.Signals(number).name}\\n".encode())
+        if number == signal.SIGTERM and how != "daemon":
+            os._exit(0)
+    for name in ("SIGINT", "SIGTERM", "SIGUSR1"):
+        signal.signal(signal.Signals[name], told)
+    LedgerFile(os.environ["ACTIONKIT_LEDGER"])
+    os.write(1, f"{os.getpid()}\\n".encode())
+    os.write(is_ready, b".")
+    while True:
+        signal.pause()
+os.read(ready, 1)
+if how == "ros2 run":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # its child gets it, too
+if how != "background":
+    os.write(1, b"up\\n")
+    os.wait()
+    signal.pause()
 sys.exit(7)
 """
 LEAVES = """
@@ -112,23 +146,136 @@ def test_if_the_guard_is_killed_its_program_is_told_to_end(guard: subprocess.Pop
     assert lines(guard, 1) == ["SIGTERM"]
 
 
-def test_ctrl_c_in_a_terminal_reaches_the_program_once(path: Path) -> None:
+@contextmanager
+def in_terminal(*words: str) -> Iterator[Terminal]:
+    """A guard with a program in a terminal."""
     master, slave = pty.openpty()
-    words = [sys.executable, "-c", IN_TERMINAL, "guard", sys.executable, "-c", COUNTS]
-    process = subprocess.Popen(words, stdin=slave, stdout=slave, stderr=slave, close_fds=True)
+    command = [sys.executable, "-c", IN_TERMINAL, "guard", sys.executable, "-c", *words]
+    process = subprocess.Popen(command, stdin=slave, stdout=slave, stderr=slave, close_fds=True)
     os.close(slave)
-    terminal = Terminal(process, master)
     try:
+        yield Terminal(process, master)
+    finally:
+        process.kill()
+        process.wait()
+        os.close(master)
+
+
+def test_ctrl_c_in_a_terminal_reaches_the_program_once(path: Path) -> None:
+    with in_terminal(COUNTS) as terminal:
         terminal.until(str(path))
         terminal.press(b"\x03")
         terminal.until("SIGINT")
         terminal.press(b"\x04")  # Ctrl-D, the end of its input
         assert terminal.finish() == 7
         assert terminal.text.count("SIGINT") == 1
-    finally:
-        process.kill()
-        process.wait()
-        os.close(master)
+
+
+def test_each_ctrl_c_reaches_what_the_program_has_started_once(path: Path) -> None:
+    with in_terminal(STARTS, "dies") as terminal:
+        terminal.until("up")
+        terminal.press(b"\x03")
+        terminal.until("waiting for process")  # the program has ended
+        terminal.press(b"\x03")
+        terminal.until("which the program has started\r\n^CSIGINT")
+        terminal.process.send_signal(signal.SIGTERM)
+        assert terminal.finish() == -signal.SIGINT
+        assert terminal.text.count("SIGINT") == 2
+        assert terminal.text.count("SIGTERM") == 1
+
+
+@pytest.fixture
+def starting(path: Path) -> Iterator[Callable[[str], tuple[subprocess.Popen[str], int]]]:
+    """Starts guards with STARTS. Gives the guard, and the id of the process that writes."""
+    with ExitStack() as stack:
+
+        def start(how: str) -> tuple[subprocess.Popen[str], int]:
+            words = [sys.executable, "-m", "actionkit", "guard", sys.executable, "-c", STARTS, how]
+            pipe = subprocess.PIPE
+            environment = dict(os.environ)
+            options = {"stdout": pipe, "stderr": pipe, "text": True, "env": environment}
+            guard = stack.enter_context(forked.Popen(words, **options))
+            stack.callback(guard.kill)
+            said = lines(guard, 1 if how == "background" else 2)
+            pid = next(int(line) for line in said if line.isdecimal())
+            stack.callback(kill, pid)
+            return guard, pid
+
+        yield start
+
+
+def kill(pid: int) -> None:
+    with suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGKILL)
+
+
+def rest(guard: subprocess.Popen[str]) -> tuple[str, str]:
+    assert guard.stdout is not None
+    assert guard.stderr is not None
+    return guard.stdout.read(), guard.stderr.read()
+
+
+Starting = Callable[[str], tuple[subprocess.Popen[str], int]]
+
+
+def test_a_signal_reaches_what_the_program_has_started(starting: Starting) -> None:
+    """`ros2 run` ends by SIGTERM and tells nobody, and leaves SIGINT to its child."""
+    guard, pid = starting("ros2 run")
+    guard.send_signal(signal.SIGINT)
+    assert lines(guard, 1) == ["SIGINT"]
+    guard.send_signal(signal.SIGTERM)
+    assert guard.wait(ENOUGH) == -signal.SIGTERM
+    out, err = rest(guard)
+    assert out == "SIGTERM\n"
+    assert f"sending SIGTERM to process {pid} ({sys.executable} -c" in err
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+def test_the_guard_waits_for_what_the_program_leaves_in_the_background(starting: Starting) -> None:
+    guard, pid = starting("background")
+    assert guard.stderr is not None
+    assert guard.stderr.readline().startswith(f"actionkit guard: waiting for process {pid} (")
+    guard.send_signal(signal.SIGUSR1)
+    assert lines(guard, 1) == ["SIGUSR1"]
+    kill(pid)
+    assert guard.wait(ENOUGH) == 7
+    assert rest(guard) == ("", "")
+
+
+@pytest.mark.long
+def test_a_daemon_that_ignores_signals_is_killed(starting: Starting) -> None:
+    guard, pid = starting("daemon")
+    guard.send_signal(signal.SIGTERM)
+    assert guard.wait(ENOUGH) == -signal.SIGTERM
+    out, err = rest(guard)
+    assert out == "SIGTERM\n"
+    assert f"sending SIGKILL to process {pid} " in err
+
+
+def test_what_may_soon_write_is_told_to_end(path: Path) -> None:
+    """A mission that imports ROS writes nothing yet."""
+    words = [sys.executable, "-m", "actionkit", "guard", "sh", "-c", "sleep 99 & echo $!; wait"]
+    pipe = subprocess.PIPE
+    with forked.Popen(words, stdout=pipe, text=True, env=dict(os.environ)) as guard:
+        (pid,) = map(int, lines(guard, 1))
+        guard.send_signal(signal.SIGTERM)
+        try:
+            assert guard.wait(ENOUGH) == -signal.SIGTERM
+            with pytest.raises(ProcessLookupError):
+                os.kill(pid, 0)
+        finally:
+            kill(pid)
+
+
+def test_a_ledger_that_was_removed_tells_nothing(path: Path, tmp_path: Path) -> None:
+    words = ["sh", "-c", f"rm {path}*; : > {path}"]
+    words = [sys.executable, "-m", "actionkit", "guard", *words]
+    ended = forked.run(words, stderr=subprocess.PIPE, text=True, timeout=ENOUGH)
+    assert ended.returncode == Exit.FAILED
+    assert "not known which goals the program has left (another file is in the" in ended.stderr
+    assert "They MAY STILL BE RUNNING" in ended.stderr
+    assert "nothing was sent" not in ended.stderr
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,7 @@ from tests.faults.killed import (
     BY_DEFAULT,
     CANCELLING,
     CASES,
+    EXECUTING,
     GUARD,
     NEXT_GUARD,
     NOT_SENT,
@@ -169,6 +170,52 @@ def test_a_killed_program_leaves_no_goal_running(
     print(f"stopped {seconds:.1f} s after the kill")
     received = server.count("goal_received") - (case.phase == ACCEPTED)
     killed(Row(case, received, len(server.running()), seconds))
+
+
+RUNS_ANOTHER = """
+import subprocess, sys
+program = subprocess.Popen(sys.argv[1:])
+while program.returncode is None:
+    try:
+        program.communicate()
+    except KeyboardInterrupt:
+        pass
+sys.exit(program.returncode)
+"""
+"""As `ros2 run` does it."""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("ends", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+def test_a_goal_of_a_program_that_another_one_has_started(
+    ends: signal.Signals, action_server: Callable[..., Server], path: Path
+) -> None:
+    server = action_server("never_finishes")
+    program = [sys.executable, "-c", PROGRAM, server.action_name, EXECUTING]
+    words = [sys.executable, "-m", "actionkit", "guard", sys.executable, "-c", RUNS_ANOTHER]
+    pipe = subprocess.PIPE
+    options = {"stdin": pipe, "stdout": pipe, "text": True, "env": dict(os.environ)}
+    with forked.Popen([*words, *program], **options) as guard:
+        pid, goal_id = Script(guard).line().split()
+        try:
+            server.wait_for("executing", goal_id=goal_id)
+            if ends == signal.SIGKILL:
+                children = Path(f"/proc/{guard.pid}/task/{guard.pid}/children").read_text()
+                os.kill(int(children.split()[0]), ends)
+            else:
+                guard.send_signal(ends)
+            guard.wait(ENOUGH)
+            with pytest.raises(ProcessLookupError):
+                os.kill(int(pid), 0)
+            server.sync()
+            assert [event.goal_id for event in server.events if event.event == "canceled"] == [
+                goal_id
+            ]
+        finally:
+            guard.kill()
+            with suppress(ProcessLookupError):
+                os.kill(int(pid), signal.SIGKILL)
+    assert Ledger(path).leftovers() == []
 
 
 STEPS = ("lift", "carry", "place")

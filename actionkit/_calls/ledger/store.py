@@ -173,6 +173,12 @@ class Store:
         with self._used() as db:
             db.execute(_LIMIT, (attempts, str(goal_id)))
 
+    def writers(self) -> set[int]:
+        """Return the ids of the living processes that write here."""
+        with self._used() as db:
+            rows = db.execute("SELECT number, pid FROM processes").fetchall()
+            return {pid for number, pid in rows if self._lives.is_alive(number)}
+
     def leftovers(self) -> list[Leftover]:
         """Return the calls of dead processes that no living one has in hand, oldest first."""
         return [row.goal for row in self._rows() if not self._is_held(row)]

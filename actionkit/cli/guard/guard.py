@@ -6,23 +6,26 @@ cancelling is a process of its own.
 
 from __future__ import annotations
 
-import ctypes
 import importlib.util
 import os
 import resource
 import signal
 import subprocess
-from contextlib import suppress
+from typing import TYPE_CHECKING
 
 import click
 
 from actionkit._model.own_module import command_for
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli._shared.options import HELP, SECONDS, debug_option
-from actionkit.cli._shared.problems import Problem, import_ros
+from actionkit.cli._shared.problems import import_ros
 from actionkit.cli._shared.say import say
 from actionkit.cli._shared.signals import handled
 from actionkit.cli.guard._leftovers import open_ledger
+from actionkit.cli.guard._program import Program
+
+if TYPE_CHECKING:
+    from actionkit import Ledger
 
 _EPILOG = """\b
 Examples:
@@ -34,19 +37,17 @@ the program has ended in any way, also by SIGKILL, the goals that may still run 
 named, and then the guard ends as the program did. If the guard is killed, too, the next guard
 cancels them before it starts its program; `actionkit leftovers` does so as well.
 
-Guard each program that calls actions, not one that starts other programs."""
+If it starts others that call actions, as `ros2 run` does, the guard waits for them, too. After a
+signal, or a crash, it tells them to end."""
 _LABEL = "actionkit guard: "
 _EARLIER = "an earlier program has left goals, which are cancelled first"
 _NOW = "the program has left goals, which are cancelled now"
 _BUSY = "cancelling the goals that the program has left. Again, and it ends at once"
 _LEFT = "goals MAY STILL BE RUNNING. `actionkit leftovers` shows and cancels them"
-_PASSED_ON = {
-    *(signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT),
-    *(signal.SIGUSR1, signal.SIGUSR2),
-}
-_LOOK = 0.5
-"""Seconds between two looks whether the program has ended, if nobody is told of that."""
-_PR_SET_PDEATHSIG = 1
+_UNKNOWN = (
+    "it is not known which goals the program has left ({}). They MAY STILL BE RUNNING: `actionkit"
+    " stop` cancels all goals in sight"
+)
 
 
 @click.command("guard", context_settings={**HELP, "allow_interspersed_args": False}, epilog=_EPILOG)
@@ -68,29 +69,62 @@ _PR_SET_PDEATHSIG = 1
 @debug_option
 def command(path: str | None, timeout: float, words: tuple[str, ...]) -> int:
     """Run COMMAND, and cancel the goals that it leaves running, however it ends."""
-    from actionkit._internal_api import unfinished_goals
+    from actionkit._internal_api import unfinished_goals, writers
 
     ledger = open_ledger(path)
     if importlib.util.find_spec("rclpy") is None:
         import_ros()  # says what to do; without it no goal could be cancelled
     cancels = ["leftovers", str(ledger.path), "--cancel", "--timeout", str(timeout)]
     if unfinished_goals(ledger):
-        say(_LABEL + _EARLIER, err=True)
+        _say(_EARLIER)
         _cancel(cancels)
+    file = os.open(ledger.path, os.O_RDONLY)  # while it is open, no other one looks the same
+    failed = False
+
+    def checked() -> Ledger:
+        if not os.path.samestat(os.fstat(file), ledger.path.stat()):
+            raise FileNotFoundError(f"another file is in the place of {ledger.path}")
+        return ledger
+
+    def is_left() -> bool:
+        return unfinished_goals(checked())
+
+    def cancel() -> None:
+        nonlocal failed
+        if is_left():
+            _say(_NOW)
+            failed = _cancel(cancels) != Exit.OK
+            if failed:
+                _say(_LEFT)
+
+    def hear(_: Exit) -> None:
+        program.told = True
+        _say(_BUSY)
+
+    program = Program(lambda: writers(checked()), _say)
     # Until the end of this, a signal that is not for the program alone must not end the guard.
-    with handled(lambda _: say(_LABEL + _BUSY, err=True), lambda: _LABEL + _LEFT):
-        code = _run(words, {**os.environ, "ACTIONKIT_LEDGER": str(ledger.path)})
+    with handled(hear, lambda: _LABEL + _LEFT):
+        code = program.run(words, {**os.environ, "ACTIONKIT_LEDGER": str(ledger.path)})
         try:
-            if unfinished_goals(ledger):
-                say(_LABEL + _NOW, err=True)
-                if _cancel(cancels) != Exit.OK:
-                    say(_LABEL + _LEFT, err=True)
-        except OSError as error:  # the exit code is the program's all the same
-            say(f"{_LABEL}{error}\n{_LABEL}{_LEFT}", err=True)
+            try:
+                while program.await_writers(lambda: not failed and is_left()):
+                    cancel()
+                cancel()
+            finally:
+                program.end_others()
+            if not failed:
+                cancel()
+        except OSError as error:
+            _say(_UNKNOWN.format(error.__cause__ or error))
+            code = code or Exit.FAILED
     if code < 0:
         _end_by(-code)
         return 128 - code  # process 1 of a container does not end by a signal
     return code
+
+
+def _say(text: str) -> None:
+    say(_LABEL + text, err=True)
 
 
 def _cancel(words: list[str]) -> int:
@@ -99,45 +133,6 @@ def _cancel(words: list[str]) -> int:
     return subprocess.run(
         command_for("actionkit", *words), stdout=2, check=False, start_new_session=True
     ).returncode
-
-
-def _run(words: tuple[str, ...], environment: dict[str, str]) -> int:
-    """Run a command in the same terminal; return its exit code, or less than 0 after a signal.
-
-    Raises:
-        Problem: It cannot be started.
-    """
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # if it is ignored, the exit code is lost
-    # Blocked and then waited for: so it is known who has sent a signal.
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {*_PASSED_ON, signal.SIGCHLD})
-    prctl, guard = ctypes.CDLL(None).prctl, os.getpid()
-
-    def prepare() -> None:
-        prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)  # if the guard is killed, the program ends, too
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        if os.getppid() != guard:
-            os._exit(Exit.FAILED)
-
-    try:
-        process = subprocess.Popen(words, env=environment, preexec_fn=prepare)  # noqa: PLW1509
-    except FileNotFoundError as error:
-        raise Problem(Exit.NOT_FOUND, f"the command {words[0]!r} is not there") from error
-    except OSError as error:
-        raise Problem(
-            Exit.NOT_EXECUTABLE, f"the command {words[0]!r} cannot be run ({error.strerror})"
-        ) from error
-    else:
-        while process.poll() is None:
-            told = signal.sigtimedwait({*_PASSED_ON, signal.SIGCHLD}, _LOOK)
-            # A terminal has sent it to the program, too; a process has not.
-            if told is not None and told.si_signo != signal.SIGCHLD and told.si_code <= 0:
-                with suppress(PermissionError):  # such as for `sudo`
-                    process.send_signal(told.si_signo)
-        while signal.sigtimedwait(_PASSED_ON, 0) is not None:
-            pass  # these were for the program
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-    return process.returncode
 
 
 def _end_by(number: int) -> None:
