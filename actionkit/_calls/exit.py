@@ -25,6 +25,8 @@ from actionkit._threads.waiting import Flag
 _LOOK = 0.02
 """Seconds between two checks whether goals still run, while a process that was told to end waits:
 too short to notice, but long enough not to keep a processor busy."""
+_SETTLING = 0.5
+"""Seconds that the communication threads get for what they do at the moment: it takes far less."""
 _BEFORE_OTHERS = 1000
 """An exit priority above those of `multiprocessing` itself, which are 100 or less."""
 _inherited: list[Session] = []
@@ -114,9 +116,19 @@ def cancel_goals(hurry: Callable[[], bool]) -> None:
             if time.monotonic() >= min(max(began, confirmed_at), began + LONGEST_GRACE) + grace:
                 break
             Flag().wait(_LOOK)
+        _await_settled(sessions)
         ledgers.flush()
     finally:
         warn_of_goals_left(_give_up_waiting(sessions))
+
+
+def _await_settled(sessions: list[Session]) -> None:
+    """Wait a moment: a call that has just left its session may not have told its ledger so far."""
+    until = time.monotonic() + _SETTLING
+    for session in sessions:
+        settled = Flag()
+        session.call_soon(settled.set)
+        settled.wait(max(0.0, until - time.monotonic()))
 
 
 def _give_up_waiting(sessions: list[Session]) -> list[tuple[str, uuid.UUID]]:
