@@ -25,6 +25,8 @@ _LAST = 3.0
 """Seconds at the end for servers to answer about goals that nobody has seen; a third at most."""
 _PER_SECOND = 1000
 """Goals that servers are asked about in a second, roughly: many get more time for that."""
+_END = 0.5
+"""Seconds for a goal's result to come after its end was seen in the status."""
 _TICK = 0.05
 """Seconds between two looks whether goals have ended."""
 _WORST = (
@@ -117,6 +119,9 @@ def _cancel(
             if time.monotonic() >= until:
                 break
             Flag().wait(_TICK)
+        for future in every:
+            if future.known_to_run is False:  # its end, which says how, may come a moment later
+                future._wait_until_over(min(_END, until - time.monotonic()))
         told.update(
             (call, min(map(_report, each), key=_WORST.index)) for call, each in futures.items()
         )

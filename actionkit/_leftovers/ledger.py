@@ -161,7 +161,7 @@ class Ledger(LedgerFile):
         followed: dict[Leftover, list[GoalFuture[ResultT, FeedbackT]]] = {}
         with self._claimed(is_meant, follows=True) as (claimed, _):
             if claimed:
-                text = "looking for at most %g s for %s, which a process that has ended has left"
+                text = "looking for at most %g s for %s, left by a process that has ended"
                 log_here(logging.WARNING, text, _LOOK, _named(claimed))
             if claimed and not client.wait_for_server(_SERVER):
                 until = time.monotonic()  # the futures say so

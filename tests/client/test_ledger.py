@@ -94,7 +94,7 @@ def test_a_mission_goes_on_with_the_goal_that_runs(
     ledger = Ledger(path)
     client = make_client()
     (future,) = ledger.attach(client, timeout=0.1)
-    looks = f"looking for at most 10 s for goal {goal_id} of /fibonacci, which"
+    looks = f"looking for at most 10 s for goal {goal_id} of /fibonacci, left by"
     assert looks in caplog.text
     assert ledger.attach(client) == []
     assert ledger.cancel() == {}, "each goal is in the hands of one"

@@ -19,7 +19,7 @@ from actionkit._threads.waiting import Flag
 
 _FLUSH = 2.0
 """Seconds to wait at a client's end until the goals that have ended are removed from the file."""
-_PAUSE = 0.2
+_PAUSE = 0.05
 """Seconds after a removal in which goals that have ended are collected, to be removed together. If
 the process is killed meanwhile, they count as left over, and turn out to have ended."""
 _Item = tuple[Store, uuid.UUID] | Callable[[], object]
