@@ -34,7 +34,8 @@ class GoalsOfCall:
         self._goals = [*goals, goal]
 
     @property
-    def _left(self) -> list[GoalFacts]:
+    def facts_left(self) -> list[GoalFacts]:
+        """What is known about the goals that may run."""
         return [goal for goal in self._goals if goal.may_run]
 
     @property
@@ -45,7 +46,7 @@ class GoalsOfCall:
     @property
     def may_run(self) -> tuple[uuid.UUID, ...]:
         """The ids of the goals that may run, oldest first (C2.8)."""
-        return tuple(goal.goal_id for goal in self._left)
+        return tuple(goal.goal_id for goal in self.facts_left)
 
     @property
     def stopped(self) -> bool:
@@ -65,7 +66,7 @@ class GoalsOfCall:
     @property
     def gone(self) -> bool:
         """Whether each goal that may run was lost with a server that has left the graph."""
-        return all(goal.is_lost_with_server for goal in self._left)
+        return all(goal.is_lost_with_server for goal in self.facts_left)
 
     def left(self) -> GoalsOfCall:
         """Return the goals that are not known to have stopped."""
@@ -73,13 +74,13 @@ class GoalsOfCall:
 
     def tell(self) -> None:
         """Record that the user knows about the goals that may run."""
-        for goal in self._left:
+        for goal in self.facts_left:
             goal.told = True
 
     @property
     def told(self) -> bool:
         """Whether the user knows about each goal that may run."""
-        return all(goal.told for goal in self._left)
+        return all(goal.told for goal in self.facts_left)
 
     @property
     def known_to_run(self) -> bool | None:

@@ -100,6 +100,8 @@ class Session:
         """Called soon after a goal has stopped, or was lost, and after a call is over."""
         self._attempts: dict[Attempt, None] = {}
         """The attempts with a goal that may run, oldest first."""
+        self.taken_over: list[GoalFuture[Any, Any]] = []
+        """The futures of goals that dead processes have left."""
         self.last_request = LastRequest()
         self._linger_timer: TimerHandle | None = None
         """Runs from the release until everything is freed."""
@@ -500,6 +502,9 @@ class Session:
         nothing to warn of. Else all are named, so that their number is true.
         """
         left = [goal for goal in self.goals_in_flight() if goal.may_run]
+        # If these are left alone, nobody looks after them.
+        taken_over = [goal for future in self.taken_over for goal in future._call.goals.facts_left]
+        left += [goal for goal in taken_over if not any(goal is other for other in left)]
         if all(goal.told for goal in left):
             return []
         for goal in left:

@@ -172,6 +172,7 @@ class Ledger(LedgerFile):
                     on_feedback=on_feedback,
                     on_give_up=on_give_up,
                 )
+                client._session.taken_over.append(future)
                 followed.setdefault(goal, []).append(future)
                 if goal_id is not None and not goal.parallel:  # its process is dead: it is the last
                     self._limit_soon(goal.goal_id, attempt_number(goal.goal_id, goal_id))
