@@ -589,6 +589,17 @@ def test_several_servers_are_warned_of_once_with_their_nodes(
     assert "action /fibonacci has 2 servers (/server_a, /server_b)" in record.getMessage()
 
 
+def test_servers_with_unknown_nodes_are_warned_of_without_names(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    world.nodes |= {b"a": "_NODE_NAME_UNKNOWN_", b"b": "_NODE_NAME_UNKNOWN_"}
+    world.serve(b"a", b"b")
+    world.clock.advance(1.0)
+    assert all_is_logged()
+    [record] = caplog.records
+    assert record.getMessage().startswith("action /fibonacci has 2 servers: each of them runs")
+
+
 def test_servers_are_looked_for_once_a_second_where_there_is_no_event() -> None:
     world = World(matched=None)
     waiting = world.wait()

@@ -208,13 +208,14 @@ class ServerMonitor:
         servers = self._list_servers()
         if len(servers) > 1 and not self._warned:
             self._warned = True
+            names = ", ".join(server.node for server in servers)
             log_later(
                 logging.WARNING,
-                "action %s has %d servers (%s): each of them runs every goal, and the first"
+                "action %s has %d servers%s: each of them runs every goal, and the first"
                 " answer counts; after a restart the old one shows for up to 20 s",
                 self._names.action,
                 len(servers),
-                ", ".join(server.node or "unnamed" for server in servers),
+                f" ({names})" if all(server.node for server in servers) else "",
             )
 
     def _list_servers(self) -> list[graph.Endpoint]:
