@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from actionkit._calls.attempt import Attempt
-from actionkit._goal.stages import CancelReason
+from actionkit._goal.machine import Goal
+from actionkit._goal.stages import CancelReason, Stage
 from actionkit._threads.waiting import Flag
 
 
 class LastRequest:
     """Asks for each of these goals, and waits for the answers of servers that refused before.
 
+    It also waits for another server on the name that may run a goal which has ended by itself: that
+    one was asked to cancel it just now, and a program that ends at once takes the request with it.
     Other answers are not waited for: closing does not wait again for a server that has not answered
     or that is still cancelling. Only `done` and `_wait_until_over` are for any thread.
     """
@@ -25,7 +28,7 @@ class LastRequest:
     def begin(self, attempts: Iterable[Attempt]) -> None:
         """Ask, and wait for the answers that may be different now."""
         attempts = list(attempts)
-        self._awaited = [each for each in attempts if each.goal.facts.refused]
+        self._awaited = [each for each in attempts if _is_awaited(each.goal)]
         for each in attempts:
             each.give_up(CancelReason.CLOSED)
         self.began = True
@@ -50,3 +53,8 @@ class LastRequest:
     def _wait_until_over(self, seconds: float) -> bool:
         """Wait for at most so many seconds; return whether the wait is over."""
         return self._over.wait(seconds)
+
+
+def _is_awaited(goal: Goal) -> bool:
+    elsewhere = goal.stage is Stage.ELSEWHERE and goal.cancel_reason is None
+    return goal.facts.refused or elsewhere

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import threading
 import time
 import uuid
 
@@ -69,6 +70,27 @@ def test_a_cancel_is_not_confirmed_by_one_server_where_the_other_has_gone(
     assert outcome.error.late_result is None  # the other one's is not that of a success
     assert str(future.goal_id) in str(outcome.error)
     assert [goal.fate for goal in outcome.goals] == [GoalFate.LOST]
+
+
+@pytest.mark.long
+def test_closing_waits_until_the_other_server_has_cancelled_what_has_ended(
+    action_server, make_client
+):
+    """A program that ends at once would take the request to cancel it along."""
+    quick, slow = action_server("fibonacci", gate=1), action_server("never_finishes")
+    client = make_client(retry=ONCE, timeouts=Timeouts(server=30.0, cancel=20.0))
+    assert sees(client, 2)
+    future = client.call_async({"order": 1})
+    for server in (quick, slow):
+        server.wait_for("executing")
+    slow.pause()
+    quick.release()
+    assert future.outcome(10).cancel is CancelReport.UNKNOWN
+    resume = threading.Timer(0.3, slow.resume)
+    resume.start()
+    client.close()
+    assert future.known_to_run is False
+    slow.wait_for("canceled")
 
 
 def test_who_cancels_waits_for_both_servers(action_server, make_client):
