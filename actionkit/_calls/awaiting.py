@@ -113,18 +113,19 @@ class Awaiters:
         if driver is None or not isinstance(error, driver.cancellation):
             self._stop(waiting, cancel)
             return
+        cancelled = False
         try:
-            await driver.let_others_begin()
-        finally:
-            cancelled = self._stop(waiting, cancel)
-        if not cancelled:
-            return
-        try:
-            await driver.wait_cancelled(self._over, grace)
+            try:
+                await driver.let_others_begin()
+            finally:
+                cancelled = self._stop(waiting, cancel)
+            if cancelled:
+                await driver.wait_cancelled(self._over, grace)
+                tell(error)
         except BaseException as second:
-            tell(second)
+            if cancelled:
+                tell(second)
             raise
-        tell(error)
 
     def _stop(self, waiting: object, cancel: Callable[[], object]) -> bool:
         self._waiting.discard(waiting)

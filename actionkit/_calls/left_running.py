@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import sys
 import uuid
@@ -59,16 +60,17 @@ def tell_of_goals_left(error: BaseException, action_name: str, goals: GoalsOfCal
     if not left:
         return
     happened = f"the call of action {action_name!r} was interrupted.{left}"
-    if not isinstance(error, Exception):  # those that users raise in signal handlers have a text
-        # anyio looks at the first argument of a cancellation, so this one comes last.
-        error.args = (*error.args, happened)
     ids = " ".join(map(str, goals.may_run[:_NAMED]))
     advice = f"`actionkit cancel {action_name} {ids}` asks the server once more. {_STOP_IT}"
-    if sys.version_info >= (3, 11):
-        error.add_note(advice)
     if not goals.told and not _muted:
         _warn(f"{happened} {advice}")
     goals.tell()
+    with contextlib.suppress(Exception):  # a class of the user's may not allow it
+        if sys.version_info >= (3, 11):
+            error.add_note(advice)
+        if not isinstance(error, Exception):  # those that handlers of signals raise have a text
+            # anyio looks at the first argument of a cancellation, so this one comes last.
+            error.args = (*error.args, happened)
 
 
 def _warn(text: str) -> None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from contextlib import suppress
 from typing import Any
 
 from test_msgs.action import Fibonacci, NestedMessage
@@ -79,10 +78,9 @@ class Robot:
             finally:
                 # Cancelling the task cancels its goal. The task ends when the server has confirmed
                 # that, but after `Timeouts.cancel` at the latest.
-                for task in (working, low):
-                    task.cancel()
-                    with suppress(asyncio.CancelledError, ActionKitError):
-                        await task
+                working.cancel()
+                low.cancel()
+                await asyncio.gather(working, low, return_exceptions=True)
             await self.charge()
 
 

@@ -378,6 +378,40 @@ def test_nothing_is_told_to_be_over_while_another_process_cancels_it(
     assert runs_nothing(server)
 
 
+INTERRUPTED = """
+import os, sys, uuid
+from actionkit import Ledger
+ledger = Ledger(os.environ["ACTIONKIT_LEDGER"])
+ledger._add(uuid.uuid4(), "/fibonacci", "test_msgs/action/Fibonacci", 0)
+print("ready", flush=True)
+sys.stdin.readline()
+try:
+    print("waiting", flush=True)
+    ledger._store.claim(lambda goal: True, [], follows=True)
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+ledger._add(uuid.uuid4(), "/fibonacci", "test_msgs/action/Fibonacci", 0)
+print("written down", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_ctrl_c_in_the_wait_for_another_process_loses_no_goal(run_script, path):
+    """SQLite does not hear signals, so the error comes when its transaction has begun."""
+    Ledger(path)
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        program = run_script(INTERRUPTED)
+        assert program.line() == "ready"
+        other.execute("BEGIN IMMEDIATE")
+        print(file=program.process.stdin, flush=True)
+        assert program.line() == "waiting"
+        program.process.send_signal(signal.SIGINT)
+        other.execute("COMMIT")
+    assert program.line() == "interrupted"
+    assert program.line() == "written down"
+    assert rows(path) == 2
+
+
 ENDS = """
 from actionkit import Client
 from test_msgs.action import Fibonacci

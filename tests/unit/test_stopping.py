@@ -318,6 +318,13 @@ class Telling:
         self.released: list[Hold] = []
         self.others: list[Any] = []
         self.state = HoldState()
+        self.unwritten = ""
+
+    def close(self) -> None:
+        pass
+
+    def in_files(self, holds: Any) -> bool:
+        return False
 
     def known(self) -> tuple[HoldState, str]:
         last = len(self.looks) == 1

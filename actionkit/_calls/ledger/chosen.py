@@ -35,8 +35,9 @@ def ledger_of(given: LedgerFile | None) -> LedgerFile | None:
 def flush() -> None:
     """Wait a moment until the goals that have stopped are removed, from all files."""
     file = sys.modules.get("actionkit._calls.ledger.file")
-    if file is not None:
-        file.flush()
+    flush_all = getattr(file, "flush", None)  # another thread may be importing it
+    if flush_all is not None:
+        flush_all()
 
 
 def usual_path() -> Path:

@@ -16,6 +16,8 @@ _SHARED = 0x40000002, 510
 """The bytes that each process with an open SQLite file has locked in it, to read."""
 _IN_USE = 128, 1
 """The same in its `-shm` file."""
+_SET, _GET = getattr(fcntl, "F_OFD_SETLK", 37), getattr(fcntl, "F_OFD_GETLK", 36)
+"""Linux has them; a Python that was built with old headers does not name them."""
 
 
 class Lives:
@@ -32,8 +34,8 @@ class Lives:
         self._own = 0
         self._descriptors: list[int] = []
         try:
-            for name in (path, f"{path}-shm", f"{path}-alive"):
-                flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC
+            for name, make in ((path, 0), (f"{path}-shm", 0), (f"{path}-alive", os.O_CREAT)):
+                flags = os.O_RDWR | os.O_CLOEXEC | make
                 self._descriptors.append(os.open(name, flags, 0o666))
             self._file, shared_memory, self._alive = self._descriptors
             self._identity = _identity(os.fstat(self._file))
@@ -77,10 +79,10 @@ def _identity(file: os.stat_result) -> tuple[int, int, bool]:
 
 def _lock(descriptor: int, kind: int, start: int, length: int) -> None:
     wanted = struct.pack(_FLOCK, kind, os.SEEK_SET, start, length, 0)
-    fcntl.fcntl(descriptor, fcntl.F_OFD_SETLK, wanted)
+    fcntl.fcntl(descriptor, _SET, wanted)
 
 
 def _is_locked(descriptor: int, start: int) -> bool:
     wanted = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, start, 1, 0)
-    kind: int = struct.unpack(_FLOCK, fcntl.fcntl(descriptor, fcntl.F_OFD_GETLK, wanted))[0]
+    kind: int = struct.unpack(_FLOCK, fcntl.fcntl(descriptor, _GET, wanted))[0]
     return kind != fcntl.F_UNLCK

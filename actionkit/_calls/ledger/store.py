@@ -9,7 +9,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -230,7 +230,7 @@ class Store:
         except (sqlite3.Error, OSError) as error:
             raise LedgerError(
                 f"the ledger {self.path} cannot be used ({error}), so nothing was sent. Make room"
-                " on its disk, or name another file"
+                " on its disk, or name another file, on a disk of this computer"
             ) from error
 
     def _check_there(self) -> None:
@@ -248,32 +248,37 @@ class Store:
             self._check_there()
         else:
             Path(f"{self._name}-alive").touch()  # its error says more than SQLite's
-        db = sqlite3.connect(
-            self.path, timeout=_BUSY, isolation_level=None, check_same_thread=False
-        )
-        db.execute(f"PRAGMA page_size={_PAGE}")
-        until = time.monotonic() + _BUSY
-        while True:  # SQLite itself does not wait here for another process that makes the file
-            try:
-                db.execute("PRAGMA journal_mode=WAL")
-                break
-            except sqlite3.OperationalError:
-                if time.monotonic() >= until:
-                    raise
-                time.sleep(_AGAIN)
-        db.execute("PRAGMA synchronous=NORMAL")
-        if not again:
-            db.execute("PRAGMA user_version").fetchone()  # SQLite opens all files only now
-            lives = Lives(self._name)
-            try:
+        with ExitStack() as unless_used:
+            db = sqlite3.connect(
+                self.path, timeout=_BUSY, isolation_level=None, check_same_thread=False
+            )
+            unless_used.callback(db.close)
+            _make_file(db)
+            if not again:
+                db.execute("PRAGMA user_version").fetchone()  # SQLite opens all files only now
+                lives = Lives(self._name)
+                unless_used.callback(lives.close)
                 with _transaction(db):
                     self._number = _begin(db, lives)
-            except BaseException:
-                lives.close()
-                raise
-            self._lives, self._pid = lives, os.getpid()
-        self._db = db
+                self._lives, self._pid = lives, os.getpid()
+            self._db = db
+            unless_used.pop_all()
         return db
+
+
+def _make_file(db: sqlite3.Connection) -> None:
+    """Set how the file is written; make it if there is none."""
+    db.execute(f"PRAGMA page_size={_PAGE}")
+    until = time.monotonic() + _BUSY
+    while True:  # SQLite itself does not wait here for another process that makes the file
+        try:
+            db.execute("PRAGMA journal_mode=WAL")
+            break
+        except sqlite3.OperationalError:
+            if time.monotonic() >= until:
+                raise
+            time.sleep(_AGAIN)
+    db.execute("PRAGMA synchronous=NORMAL")
 
 
 def _begin(db: sqlite3.Connection, lives: Lives) -> int:
@@ -304,10 +309,11 @@ def _transaction(db: sqlite3.Connection) -> Iterator[None]:
     if db.in_transaction:
         yield
         return
-    db.execute("BEGIN IMMEDIATE")
     try:
+        db.execute("BEGIN IMMEDIATE")  # Ctrl-C may be heard only after it
         yield
+        db.execute("COMMIT")
     except BaseException:  # also Ctrl-C: nothing of it may count
-        db.execute("ROLLBACK")
+        if db.in_transaction:
+            db.execute("ROLLBACK")
         raise
-    db.execute("COMMIT")

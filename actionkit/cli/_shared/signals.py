@@ -105,7 +105,7 @@ def watch_output(closed: Callable[[], object]) -> None:
 def discard_output() -> None:
     """Drop unwritten output: Python would try to write it again at its end."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
-    for stream in (sys.stdout, sys.stderr):
+    for stream in filter(None, (sys.stdout, sys.stderr)):
         try:
             stream.flush()
         except OSError:

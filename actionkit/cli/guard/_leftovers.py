@@ -33,7 +33,7 @@ def open_ledger(path: str | None) -> Ledger:
     try:
         return Ledger(path or usual_ledger())
     except LedgerError as error:
-        where = "" if path else ". The environment variable ACTIONKIT_LEDGER names it"
+        where = "" if path else ". Name it in the environment variable ACTIONKIT_LEDGER"
         raise Problem(Exit.FAILED, f"{error}{where}") from error
     except (OSError, RuntimeError) as error:  # no home, or one that cannot be written
         raise Problem(

@@ -153,7 +153,7 @@ def test_a_ledger_that_cannot_be_used(robot: Robot) -> None:
     code, out, errors = run(robot, ACTIONKIT_LEDGER=str(robot.file))
     assert (code, out) == (1, "")
     assert "ledger=" not in errors
-    told = "name another file. The environment variable ACTIONKIT_LEDGER names it"
+    told = "on a disk of this computer. Name it in the environment variable ACTIONKIT_LEDGER"
     assert told in " ".join(errors.split())
 
 
