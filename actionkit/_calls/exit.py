@@ -123,7 +123,7 @@ def cancel_goals(hurry: Callable[[], bool]) -> None:
 
 
 def _await_settled(sessions: list[Session]) -> None:
-    """Wait a moment: a call that has just left its session may not have told its ledger so far."""
+    """Wait a moment: a call that has just left its session may still have to tell its ledger."""
     until = time.monotonic() + _SETTLING
     for session in sessions:
         settled = Flag()

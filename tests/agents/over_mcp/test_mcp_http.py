@@ -152,7 +152,7 @@ def test_an_id_that_is_used_again_while_its_call_runs(robot: Robot, http: HttpSe
             params = {"name": "patrol", "arguments": {}}
             calling = asyncio.ensure_future(post(id=7, method="tools/call", params=params))
             await watch.until("executing")
-            again = await post(id="7", method="tools/call", params=params)
+            again = await asyncio.wait_for(post(id="7", method="tools/call", params=params), 20)
             assert (again.status_code, again.json()["id"]) == (400, "7")
             assert "a request with this id still runs" in again.json()["error"]["message"]
             await post(method="notifications/cancelled", params={"requestId": 7})
