@@ -16,6 +16,7 @@ from actionkit._client import Client
 from actionkit._leftovers.finding import asked, find, in_sight
 from actionkit._messages.by_name import interface_class
 from actionkit._model.domain import Domain
+from actionkit._model.errors import ClientClosedError
 from actionkit._model.settings import Timeouts
 from actionkit._model.values import CancelReport, GoalState
 from actionkit._threads.diagnostics import log_own_error
@@ -29,6 +30,8 @@ _END = 0.5
 """Seconds for a goal's result to come after its end was seen in the status."""
 _TICK = 0.05
 """Seconds between two looks whether goals have ended."""
+_LATE = 60.0
+"""Seconds after the sending in which a server that needs long may still accept a goal."""
 _WORST = (
     CancelReport.REFUSED,
     CancelReport.UNKNOWN,
@@ -68,6 +71,8 @@ def _in_thread(cancel: Callable[[], None], done: Flag) -> None:
         cancel()
     except (ImportError, ValueError):
         pass  # the action's package is not installed here
+    except ClientClosedError:
+        pass  # the program ends
     except Exception:  # noqa: BLE001  the goals of other actions count, too
         log_own_error()
     finally:
@@ -90,7 +95,7 @@ def _cancel(
     limits = Timeouts(server=min(server, seconds))
     action_type: Any = interface_class(kind, "action")
     with Client(action_type, name, node=Domain(domain), timeouts=limits) as client:
-        if not client.wait_for_server(min(server, seconds)):
+        if not client.wait_for_server(max(0.0, min(server, until - _TICK - time.monotonic()))):
             if seconds >= server and not in_sight(client):
                 unseen.update(calls)
             return
@@ -108,8 +113,12 @@ def _cancel(
                 not_found[call.goal_id] = call
             else:
                 stop(call, goal_id)
+
+        def may_come(goal_id: uuid.UUID) -> bool:
+            return time.time() - not_found[goal_id].sent < _LATE
+
         newest_first = reversed(not_found)
-        for goal_id, is_known in asked(client, newest_first, until):
+        for goal_id, is_known in asked(client, newest_first, until - 2 * _TICK, may_come):
             if is_known:
                 stop(not_found[goal_id], goal_id)
             else:

@@ -7,7 +7,7 @@ import time
 import uuid
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -89,32 +89,47 @@ def _by_call(
     return seen
 
 
-def asked(client: Client[Any], goal_ids: Iterable[uuid.UUID], until: float) -> Iterator[_Answer]:
+def asked(
+    client: Client[Any],
+    goal_ids: Iterable[uuid.UUID],
+    until: float,
+    may_come: Callable[[uuid.UUID], bool],
+) -> Iterator[_Answer]:
     """Ask to cancel goals; yield each with whether a server knows it, when all have answered.
 
-    This ends when each goal was yielded, or at the monotonic time `until`.
+    One that `may_come`, as it was sent a short time ago, is asked for until the end if no server
+    knows it. This ends when each goal was yielded, or at the monotonic time `until`.
     """
     port = client._session.port
     answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
     unknown: Counter[int] = Counter()
     """How many servers do not know the goal of each request."""
-    left, waiting = iter(goal_ids), set[uuid.UUID]()
+    left, waiting, may_be_accepted = iter(goal_ids), set[uuid.UUID](), set[uuid.UUID]()
     with closing(GoalCanceller(port.names, answers.put, port.runtime.place)) as canceller:
         while time.monotonic() < until:
             for goal_id in islice(left, _AT_ONCE - len(waiting)):
                 waiting.add(goal_id)
                 canceller.cancel(str(goal_id))
-            if not waiting:
+            if not waiting and not may_be_accepted:
                 return
             servers = in_sight(client)
             for said in arrived(answers, _TICK):
                 goal_id = uuid.UUID(said.goal_id)
                 knows = said.answer is not CancelAnswer.UNKNOWN_GOAL
                 unknown[said.request] += not knows
-                if goal_id in waiting and (knows or unknown[said.request] >= max(1, servers)):
-                    waiting.remove(goal_id)
-                    canceller.stop(said.goal_id)
-                    yield goal_id, knows
+                if goal_id not in waiting and not (knows and goal_id in may_be_accepted):
+                    continue
+                if not knows and unknown[said.request] < max(1, servers):
+                    continue
+                waiting.discard(goal_id)
+                may_be_accepted.discard(goal_id)
+                if not knows and may_come(goal_id):
+                    may_be_accepted.add(goal_id)
+                    continue
+                canceller.stop(said.goal_id)
+                yield goal_id, knows
+    for goal_id in may_be_accepted:
+        yield goal_id, False
 
 
 def in_sight(client: Client[Any]) -> int:

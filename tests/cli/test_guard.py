@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import shlex
 import signal
 import subprocess
 import sys
@@ -253,19 +254,50 @@ def test_a_daemon_that_ignores_signals_is_killed(starting: Starting) -> None:
     assert f"sending SIGKILL to process {pid} " in err
 
 
-def test_what_may_soon_write_is_told_to_end(path: Path) -> None:
+@pytest.mark.parametrize("crashes", [False, True])
+def test_what_may_soon_write_is_told_to_end(crashes: bool, path: Path) -> None:
     """A mission that imports ROS writes nothing yet."""
-    words = [sys.executable, "-m", "actionkit", "guard", "sh", "-c", "sleep 99 & echo $!; wait"]
+    program = f"sleep 99 & echo $!; {'kill -9 $$' if crashes else 'wait'}"
+    words = [sys.executable, "-m", "actionkit", "guard", "sh", "-c", program]
     pipe = subprocess.PIPE
     with forked.Popen(words, stdout=pipe, text=True, env=dict(os.environ)) as guard:
         (pid,) = map(int, lines(guard, 1))
-        guard.send_signal(signal.SIGTERM)
+        if not crashes:
+            guard.send_signal(signal.SIGTERM)
         try:
-            assert guard.wait(ENOUGH) == -signal.SIGTERM
+            assert guard.wait(ENOUGH) == -(signal.SIGKILL if crashes else signal.SIGTERM)
             with pytest.raises(ProcessLookupError):
                 os.kill(pid, 0)
         finally:
             kill(pid)
+
+
+def test_a_signal_that_is_ignored_ends_nothing(path: Path) -> None:
+    """As SIGHUP is under `nohup`."""
+    guarded = "sleep 99 & echo $!; read line"
+    script = f"trap '' HUP; exec {sys.executable} -m actionkit guard sh -c '{guarded}'"
+    pipe = subprocess.PIPE
+    with subprocess.Popen(["sh", "-c", script], stdin=pipe, stdout=pipe, text=True) as guard:
+        (pid,) = map(int, lines(guard, 1))
+        guard.send_signal(signal.SIGHUP)
+        try:
+            assert guard.stdin is not None
+            print(file=guard.stdin, flush=True)
+            assert guard.wait(ENOUGH) == 0
+            os.kill(pid, 0)  # it goes on
+        finally:
+            kill(pid)
+
+
+def test_a_guard_that_nobody_hears_cancels_all_the_same(path: Path, ros_domain: int) -> None:
+    leaves = [sys.executable, "-c", LEAVES, str(path), str(uuid.uuid4()), str(ros_domain)]
+    program = f"{shlex.join([*leaves, '/nobody'])}; kill -9 $$"
+    words = [sys.executable, "-m", "actionkit", "guard", "--timeout", "0.2", "sh", "-c", program]
+    read, write = os.pipe()
+    os.close(read)
+    with forked.Popen(words, stderr=write, env=dict(os.environ)) as guard:
+        os.close(write)
+        assert guard.wait(ENOUGH) == -signal.SIGKILL
 
 
 def test_a_ledger_that_was_removed_tells_nothing(path: Path, tmp_path: Path) -> None:

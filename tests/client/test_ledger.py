@@ -343,6 +343,39 @@ def test_a_retry_after_a_goal_that_was_cancelled_before_is_cancelled(
     assert rows(path) == 0
 
 
+SENDS = """
+import os
+from actionkit import Client
+from test_msgs.action import Fibonacci
+client = Client(Fibonacci, "fibonacci")
+client.wait_for_server(20)
+print(client.call_async({"order": 90}).goal_id, flush=True)
+client.pending and os.read(0, 1)
+"""
+
+
+@pytest.mark.long
+def test_a_goal_that_is_accepted_while_it_is_asked_for_is_cancelled(
+    action_server, run_script, path
+):
+    server = action_server("slow_accept", gate=1, period=60)
+    program = run_script(SENDS)
+    goal_id = program.line()
+    server.wait_for("goal_received")
+    program.process.kill()
+    program.process.wait(20)
+    with ThreadPoolExecutor(1) as threads:
+        told = threads.submit(Ledger(path).cancel, 9)
+        server.wait_for(
+            "cancel_requested", goal_id=goal_id, count=2
+        )  # no server knows it, and it is asked again
+        server.release()
+        reports = list(told.result(30).values())
+        assert reports == [ak.CancelReport.CONFIRMED]
+    assert runs_nothing(server)
+    assert rows(path) == 0
+
+
 HOLDS = """
 import os, sys
 from actionkit import Ledger

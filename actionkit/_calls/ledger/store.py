@@ -176,7 +176,8 @@ class Store:
     def writers(self) -> set[int]:
         """Return the ids of the living processes that write here."""
         with self._used() as db:
-            rows = db.execute("SELECT number, pid FROM processes").fetchall()
+            here = (socket.gethostname(),)
+            rows = db.execute("SELECT number, pid FROM processes WHERE host = ?", here).fetchall()
             return {pid for number, pid in rows if self._lives.is_alive(number)}
 
     def leftovers(self) -> list[Leftover]:

@@ -61,6 +61,8 @@ class Program:
                 if os.getppid() != guard:
                     os._exit(Exit.FAILED)
 
+            if self.told:
+                return Exit.TERMINATED  # a signal came in the last moment
             try:
                 process = subprocess.Popen(words, env=environment, preexec_fn=prepare)  # noqa: PLW1509
             except FileNotFoundError as error:
@@ -84,13 +86,17 @@ class Program:
         """
         return self._await(self._writing, unless)
 
-    def end_others(self) -> None:
-        """If the program was told to end, end all of this session: some may soon write goals.
+    def end_others(self) -> bool:
+        """If the program was told to end, or has crashed, end all of this session.
 
-        Not before all goals are cancelled: that needs the servers among them.
+        Some may soon write goals. Not before all goals are cancelled: that needs the servers among
+        them. Return whether there were any.
         """
-        if self.told:
-            self._await(self._in_session, lambda: False)
+        if not (self.told or self._crashed):
+            return False
+        found = bool(self._in_session())
+        self._await(self._in_session, lambda: False)
+        return found
 
     def _await(self, look: Callable[[], set[int]], unless: Callable[[], bool]) -> bool:
         began = math.inf
@@ -132,7 +138,7 @@ class Program:
 
     def _hear(self, pids: set[int], seconds: float = _LOOK) -> bool:
         """Wait for a signal, pass it on to processes, and return whether there was any."""
-        told = signal.sigtimedwait({*_PASSED_ON, signal.SIGCHLD}, seconds)
+        told = signal.sigtimedwait(_heard_by_us(), seconds)
         if told is None or told.si_signo == signal.SIGCHLD:
             return told is not None
         self._heard = set() if told.si_signo in _ENDING else self._heard
@@ -143,7 +149,9 @@ class Program:
             self.told = True
         for pid in pids:
             with suppress(ProcessLookupError):
-                if told.si_code <= 0:
+                # Of a terminal that was closed, the kernel tells only the leader of the session.
+                leads = told.si_signo == signal.SIGHUP and os.getsid(0) == os.getpid()
+                if told.si_code <= 0 or leads:
                     self._send(pid, told.si_signo)
                 elif os.getpgid(pid) == os.getpgrp():
                     self._heard.add(pid)  # a terminal has sent it to the whole group
@@ -162,11 +170,17 @@ def _blocked() -> Iterator[set[int]]:
 
     They are waited for: so it is known who has sent them.
     """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {*_PASSED_ON, signal.SIGCHLD})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _heard_by_us())
     try:
         yield set(before)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _heard_by_us() -> set[int]:
+    """Return the signals to wait for; one that is ignored, as by `nohup`, stays so."""
+    heard = {each for each in _PASSED_ON if signal.getsignal(each) is not signal.SIG_IGN}
+    return {*heard, signal.SIGCHLD}
 
 
 def _ended() -> dict[int, int]:
@@ -185,13 +199,21 @@ def _is_ours(pid: int) -> bool:
         try:
             text = Path(f"/proc/{at}/stat").read_text()
         except OSError:
-            if at == pid:
-                return False
+            if at == pid or not _has_ended(at):
+                return False  # /proc may hide the processes of other users
             at = pid  # an ancestor has just ended: the process has another one now
             continue
         at = int(text[text.rindex(")") :].split()[2])
         if at in (0, os.getpid()):
             return at != 0
+
+
+def _has_ended(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except OSError as error:
+        return isinstance(error, ProcessLookupError)
+    return False
 
 
 def _name(pid: int) -> str:

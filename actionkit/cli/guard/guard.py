@@ -11,6 +11,7 @@ import os
 import resource
 import signal
 import subprocess
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import click
@@ -111,8 +112,8 @@ def command(path: str | None, timeout: float, words: tuple[str, ...]) -> int:
                     cancel()
                 cancel()
             finally:
-                program.end_others()
-            if not failed:
+                ended_others = program.end_others()
+            if ended_others or not failed:
                 cancel()
         except OSError as error:
             _say(_UNKNOWN.format(error.__cause__ or error))
@@ -124,7 +125,8 @@ def command(path: str | None, timeout: float, words: tuple[str, ...]) -> int:
 
 
 def _say(text: str) -> None:
-    say(_LABEL + text, err=True)
+    with suppress(OSError):  # the terminal may be closed: it cancels all the same
+        say(_LABEL + text, err=True)
 
 
 def _cancel(words: list[str]) -> int:

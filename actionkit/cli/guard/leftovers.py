@@ -28,6 +28,8 @@ PATH is the file of a Ledger; left out, that in the environment variable ACTIONK
 one that `actionkit guard` and `actionkit mcp` use. The exit code is 0 where no goal is left over,
 or every one is known to run no more; 22 where a server refused; 23 where a goal may still be
 running."""
+_LEAST = 6.0
+"""Seconds in which a server that runs is surely seen: `Ledger.cancel` looks for it for 5 s."""
 _FORGOTTEN = "Removed from the file: no server of its action is in sight."
 
 
@@ -56,6 +58,8 @@ def command(path: str | None, cancels: bool, forget: bool, timeout: float, as_js
 
     if forget and not cancels:
         raise click.UsageError("--forget needs --cancel, which looks for the servers")
+    if forget and timeout < _LEAST:
+        raise click.UsageError(f"--forget needs a --timeout of {_LEAST:g} s: it looks for servers")
     keep_clean()
     ledger = open_ledger(path)
     forgotten: set[Leftover] = set()
