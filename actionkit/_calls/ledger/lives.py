@@ -41,7 +41,7 @@ class Lives:
             self._identity = _identity(os.fstat(self._file))
             _lock(self._file, fcntl.F_RDLCK, *_SHARED)
             _lock(shared_memory, fcntl.F_RDLCK, *_IN_USE)
-        except BaseException:
+        except BaseException:  # also Ctrl-C: nobody would close them
             self.close()
             raise
 

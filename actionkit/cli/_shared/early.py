@@ -29,7 +29,7 @@ def remembered() -> Iterator[None]:
     try:
         yield
         check()
-    except Exception:
+    except Exception:  # an import can turn Ctrl-C into any error
         check()
         raise
     finally:
