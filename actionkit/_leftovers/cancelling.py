@@ -31,7 +31,11 @@ _END = 0.5
 _TICK = 0.05
 """Seconds between two looks whether goals have ended."""
 _LATE = 60.0
-"""Seconds after the sending in which a server that needs long may still accept a goal."""
+"""Seconds in which a server that needs long may still accept a goal, from when it was written down.
+It may have been sent later, after a wait for the server. So this counts only where there are many.
+"""
+_MANY = 50
+"""So many goals that no server knows yet cannot all be asked for until the end."""
 _WORST = (
     CancelReport.REFUSED,
     CancelReport.UNKNOWN,
@@ -113,9 +117,10 @@ def _cancel(
                 not_found[call.goal_id] = call
             else:
                 stop(call, goal_id)
+        few = len(not_found) < _MANY
 
         def may_come(goal_id: uuid.UUID) -> bool:
-            return time.time() - not_found[goal_id].sent < _LATE
+            return few or time.time() - not_found[goal_id].sent < _LATE
 
         newest_first = reversed(not_found)
         for goal_id, is_known in asked(client, newest_first, until - 2 * _TICK, may_come):

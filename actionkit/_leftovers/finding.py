@@ -97,8 +97,8 @@ def asked(
 ) -> Iterator[_Answer]:
     """Ask to cancel goals; yield each with whether a server knows it, when all have answered.
 
-    One that `may_come`, as it was sent a short time ago, is asked for until the end if no server
-    knows it. This ends when each goal was yielded, or at the monotonic time `until`.
+    One that `may_come` is asked for until the end if no server knows it yet. This ends when each
+    goal was yielded, or at the monotonic time `until`.
     """
     port = client._session.port
     answers: queue.SimpleQueue[Any] = queue.SimpleQueue()

@@ -355,15 +355,19 @@ client.pending and os.read(0, 1)
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("age", [0, 600])
 def test_a_goal_that_is_accepted_while_it_is_asked_for_is_cancelled(
-    action_server, run_script, path
+    age, action_server, run_script, path
 ):
+    """It is written down before the wait for a server, so it may be sent much later."""
     server = action_server("slow_accept", gate=1, period=60)
     program = run_script(SENDS)
     goal_id = program.line()
     server.wait_for("goal_received")
     program.process.kill()
     program.process.wait(20)
+    with closing(sqlite3.connect(path, isolation_level=None)) as file:
+        file.execute("UPDATE goals SET sent = sent - ?", (age,))
     with ThreadPoolExecutor(1) as threads:
         told = threads.submit(Ledger(path).cancel, 9)
         server.wait_for(
