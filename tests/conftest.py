@@ -184,6 +184,10 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     combination.enter(config)
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    return combination.ignores(config, collection_path) or None
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out tests that take long, unless they are asked for."""
     further = list(_further_variants(items))

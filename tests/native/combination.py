@@ -1,4 +1,8 @@
-"""The option `--combination`: holds what is in `PROMISES` on servers in C++, and on CycloneDDS."""
+"""The option `--combination`: which servers, and which middleware, the tests run on.
+
+Either those of what is in `PROMISES`, with servers in C++ and with CycloneDDS; or `tests/field`, with
+servers of other projects.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +10,12 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Container, Iterator
+from pathlib import Path
 
 import pytest
 
 from actionkit.servers import Server
+from tests.field import promises as field
 from tests.native import build
 from tests.native.promises import (
     COMBINATIONS,
@@ -22,8 +28,11 @@ from tests.native.promises import (
     is_named,
     row_of,
 )
+from tests.tables import Cell, Key, Page
 
 _OPTION = "--combination"
+_FIELD = "field"
+_FOLDER = Path(field.__file__).parent
 _WRITE = "ACTIONKIT_WRITE_WHERE_IT_RUNS"
 """With 1 in this variable, the table is written."""
 _PROGRAM = f"""
@@ -38,7 +47,7 @@ def add_option(parser: pytest.Parser) -> None:
     """Add the option."""
     parser.addoption(
         _OPTION,
-        choices=COMBINATIONS,
+        choices=(*COMBINATIONS, _FIELD),
         help="run the tests of docs/where-it-runs.md on these servers and this middleware",
     )
 
@@ -50,7 +59,12 @@ def enter(config: pytest.Config) -> None:
         pytest.UsageError: It cannot be built here.
     """
     chosen = config.getoption(_OPTION)
-    if not chosen or hasattr(config, "workerinput"):
+    everything = config.args == config.getini("testpaths")
+    if chosen == _FIELD and everything:
+        config.args[:] = [str(_FOLDER)]
+        if not hasattr(config, "workerinput"):
+            config.pluginmanager.register(_FieldPage(), "combination")
+    if chosen in (None, _FIELD) or hasattr(config, "workerinput"):
         return
     try:
         build.build()
@@ -59,9 +73,14 @@ def enter(config: pytest.Config) -> None:
     changed = build.environment() if chosen.endswith(CYCLONE) else {}
     if any(os.environ.get(name) != value for name, value in changed.items()):
         os.execve(sys.executable, sys.orig_argv, {**os.environ, **changed})
-    if config.args == config.getini("testpaths"):
+    if everything:
         config.args[:] = files()
         config.pluginmanager.register(_Page(), "combination")
+
+
+def ignores(config: pytest.Config, path: Path) -> bool:
+    """Return whether these tests are not looked at, as they are for a combination alone."""
+    return path == _FOLDER and config.getoption(_OPTION) != _FIELD
 
 
 def select(
@@ -71,8 +90,9 @@ def select(
 
     Of `further` variants, those alone that are named.
     """
-    if not config.getoption(_OPTION):
-        return False
+    chosen = config.getoption(_OPTION)
+    if chosen in (None, _FIELD):
+        return chosen is not None
 
     def is_meant(item: pytest.Item) -> bool:
         return row_of(item.nodeid) is not None and (item not in further or is_named(item.nodeid))
@@ -90,13 +110,47 @@ def servers(config: pytest.Config) -> Iterator[None]:
         yield
 
 
-class _Page:
-    """Compares how many tests of each promise have passed with the page."""
+class _Tables:
+    """Compares tables with what tests have seen, after a run in which all have passed."""
+
+    _page: Page
 
     def __init__(self) -> None:
+        self._problem = ""
+
+    def seen(self) -> dict[str, dict[Key, tuple[Cell, ...]]]:
+        """Return the rows of each table."""
+        raise NotImplementedError
+
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        if session.exitstatus:
+            return
+        for table, rows in self.seen().items():
+            if os.environ.get(_WRITE) == "1":
+                self._page.write(table, rows)
+                continue
+            try:
+                self._page.record(table, rows)
+            except AssertionError as error:
+                lines = str(error).splitlines()[:-1]
+                self._problem += "\n".join([*lines, f"If this is right, run it with {_WRITE}=1\n"])
+                session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        if self._problem:
+            terminalreporter.section("docs/where-it-runs.md")
+            terminalreporter.write_line(self._problem)
+
+
+class _Page(_Tables):
+    """Counts how many tests of each promise have passed."""
+
+    _page = PAGE
+
+    def __init__(self) -> None:
+        super().__init__()
         self._passed: Counter[str] = Counter()
         self._skipped: set[str] = set()
-        self._problem = ""
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         row = row_of(report.nodeid)
@@ -105,22 +159,31 @@ class _Page:
         if row is not None and report.skipped:
             self._skipped.add(row)
 
-    def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        if session.exitstatus:
-            return
+    def seen(self) -> dict[str, dict[Key, tuple[Cell, ...]]]:
         # Fast DDS from PyPI has no security: those tests are skipped.
-        seen = {(row,): (self._passed[row],) for row in PROMISES if row not in self._skipped}
-        if os.environ.get(_WRITE) == "1":
-            PAGE.write(TABLE, seen)
-            return
-        try:
-            PAGE.record(TABLE, seen)
-        except AssertionError as error:
-            lines = str(error).splitlines()[:-1]
-            self._problem = "\n".join([*lines, f"If this is right, run it with {_WRITE}=1"])
-            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        return {
+            TABLE: {(row,): (self._passed[row],) for row in PROMISES if row not in self._skipped}
+        }
 
-    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        if self._problem:
-            terminalreporter.section("docs/where-it-runs.md")
-            terminalreporter.write_line(self._problem)
+
+class _FieldPage(_Tables):
+    """Gathers what each server of the field did."""
+
+    _page = field.PAGE
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._cells: dict[tuple[str, str], str] = {}
+        self._skipped: set[str] = set()
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "teardown":
+            for name, told in report.user_properties:
+                if name == field.CELL:
+                    server, column, cell = told
+                    self._cells[server, column] = cell
+        if report.skipped:
+            self._skipped.add(report.nodeid)
+
+    def seen(self) -> dict[str, dict[Key, tuple[Cell, ...]]]:
+        return field.rows(self._cells) if not self._skipped else {}

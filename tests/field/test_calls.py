@@ -1,0 +1,151 @@
+"""Calls to servers of the field, judged by the servers' own logs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from actionkit import (
+    CancelReport,
+    DeadlineExceededError,
+    GoalAbortedError,
+    GoalRejectedError,
+    GoalState,
+    ServerLostError,
+    Timeouts,
+)
+from tests.field.conftest import Field
+from tests.field.kind import Kind
+from tests.waiting import until
+
+
+def has(*goals: str) -> Any:
+    """Return whether a server can do all of this."""
+    return lambda kind: {*goals} <= {*kind.goals}
+
+
+@pytest.mark.field("Result")
+def test_a_goal_succeeds_with_feedback(field: Field) -> None:
+    feedback: list[Any] = []
+    outcome = field.client.call_async(
+        field.goal("short"), on_feedback=feedback.append, timeout=20.0
+    ).outcome()
+    ended = field.server.wait_for("succeeded")
+    assert outcome.ok, outcome.error
+    assert field.server.count("executing") == 1
+    assert feedback
+    if "result" in ended.groupdict():
+        assert list(outcome.result.sequence) == [int(n) for n in ended["result"].split(",")]
+
+
+@pytest.mark.field("Abort", can=has("aborts"))
+def test_an_abort_is_an_error_with_the_result(field: Field) -> None:
+    with pytest.raises(GoalAbortedError) as caught:
+        field.client.call(field.goal("aborts"), timeout=20.0)
+    ended = field.server.wait_for("aborted")
+    assert field.server.count("executing") == 1  # it is not tried again
+    if "result" in ended.groupdict():
+        numbers = [int(number) for number in ended["result"].split(",")]
+        assert list(caught.value.result.sequence) == numbers
+
+
+@pytest.mark.field("Rejection", can=has("rejected"))
+def test_a_rejected_goal_is_an_error(field: Field) -> None:
+    with pytest.raises(GoalRejectedError):
+        field.client.call(field.goal("rejected"), timeout=20.0)
+    field.client.call(field.goal("short"), timeout=20.0)
+    field.server.wait_for("succeeded")
+    assert field.server.count("executing") == 1  # the second
+
+
+@pytest.mark.field("Deadline")
+def test_a_deadline_cancels_the_goal(field: Field) -> None:
+    with pytest.raises(DeadlineExceededError) as caught:
+        field.client.call(field.goal("long"), timeout=1.0)
+    field.server.wait_for("canceled")
+    assert caught.value.cancel is CancelReport.CONFIRMED
+
+
+@pytest.mark.field("A second goal")
+def test_a_second_goal_while_one_runs(field: Field) -> None:
+    """Each call ends as the server's log says, whatever the server does with two goals."""
+    server, kind = field.server, field.kind
+    first = field.running()
+    second = field.client.call_async(field.goal("short"), timeout=20.0)
+    if kind.second == "rejects it":
+        with pytest.raises(GoalRejectedError):
+            second.result()
+        assert server.count("executing") == 1
+    if kind.second == "queues it":
+        assert second.wait_accepted(20.0)
+        assert server.count("executing") == 1
+    if kind.second == "preempts":
+        assert second.outcome().ok
+        server.wait_for("succeeded")
+        ended = first.outcome().status
+        assert ended in (GoalState.ABORTED, GoalState.CANCELED)
+        assert server.count(ended.name.lower()) == 1
+    if kind.second == "runs both":
+        assert second.outcome().ok
+        server.wait_for("succeeded")
+        assert not server.count("canceled")
+    if kind.second != "preempts":
+        first.cancel()
+        assert first.outcome().status is GoalState.CANCELED
+        server.wait_for("canceled")
+    if kind.second == "queues it":
+        assert second.outcome().ok
+        assert server.order("canceled", "succeeded") == ["canceled", "succeeded"]
+    field.saw(kind.second)
+
+
+@pytest.mark.field("`replaces=`")
+def test_the_earlier_goal_has_stopped_before_another_is_sent(field: Field) -> None:
+    first = field.running()
+    second = field.client.call_async(field.goal("short"), timeout=20.0, replaces=first)
+    assert second.outcome().ok
+    field.server.wait_for("succeeded")
+    order = field.server.order("executing", "canceled", "succeeded")
+    assert order == ["executing", "canceled", "executing", "succeeded"]
+    assert first.outcome().status is GoalState.CANCELED
+
+
+def _one_at_a_time(kind: Kind) -> bool:
+    return kind.second in ("preempts", "rejects it")
+
+
+@pytest.mark.field("`preempt=True`", can=_one_at_a_time)
+def test_the_server_preempts_the_earlier_goal(field: Field) -> None:
+    """Where the server rejects a second goal instead, the first one goes on."""
+    first = field.running()
+    second = field.client.call_async(
+        field.goal("short"), timeout=20.0, replaces=first, preempt=True
+    )
+    if field.kind.second == "preempts":
+        assert second.outcome().ok
+        field.server.wait_for("succeeded")
+        assert first.outcome().status is GoalState.REPLACED
+        assert until(lambda: not first.known_to_run)
+        return
+    with pytest.raises(GoalRejectedError):
+        second.result()
+    assert not first.done()
+    first.cancel()
+    assert first.outcome().status is GoalState.CANCELED
+    field.server.wait_for("canceled")
+    field.saw("rejected, the first goes on")
+
+
+@pytest.mark.field("Killed, restarted")
+def test_a_goal_of_a_killed_server_is_not_sent_again(field: Field) -> None:
+    client = field.another_client(timeouts=Timeouts(server=30.0))
+    future = client.call_async(field.goal("long"), timeout=60.0)
+    field.server.wait_for("executing")
+    field.server.kill()
+    field.server.start()
+    with pytest.raises(ServerLostError):
+        future.result()
+    client.call(field.goal("short"), timeout=40.0)
+    field.server.wait_for("succeeded")
+    assert field.server.count("executing") == 2  # the first, and the last
