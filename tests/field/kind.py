@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
@@ -142,19 +143,26 @@ class Server:
 
     def kill(self) -> None:
         """End it as a crash does."""
+        assert self._process.stdin is not None
         os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.stdin.close()
         self._end()
 
     def close(self) -> None:
-        """End it."""
-        if self._process.returncode is None:
-            self.kill()
+        """End it: its input ends. One that is killed may leave a lock of the middleware locked."""
+        if self._process.returncode is not None:
+            return
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(3.0)
+        with suppress(ProcessLookupError):  # what it has started may live
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._end()
 
     def _end(self) -> None:
         self._process.wait()
         self._reader.join()
-        assert self._process.stdin is not None
-        self._process.stdin.close()
 
     def _read(self, process: subprocess.Popen[str]) -> None:
         assert process.stdout is not None

@@ -1,7 +1,7 @@
 """The option `--combination`: which servers, and which middleware, the tests run on.
 
-Either those of what is in `PROMISES`, with servers in C++ and with CycloneDDS; or `tests/field`, with
-servers of other projects.
+Either those of what is in `PROMISES`, with servers in C++ and with CycloneDDS; or `tests/field`,
+with servers of other projects.
 """
 
 from __future__ import annotations

@@ -11,8 +11,11 @@ from tests.field.sources import upstream
 _FOLDER = "examples/rclpy/actions/minimal_action_server/examples_rclpy_minimal_action_server"
 _FASTER = 4
 _LAUNCHER = f"""
-import os, runpy, sys, threading, time
-threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
+import os, runpy, signal, sys, threading, time
+def end():
+    sys.stdin.read()
+    os.kill(os.getpid(), signal.SIGINT)
+threading.Thread(target=end, daemon=True).start()
 sys.path[:0] = sys.argv[1:2]
 sleep = time.sleep
 time.sleep = lambda seconds: sleep(seconds / {_FASTER})  # they wait for a second at each number
