@@ -72,10 +72,15 @@ class Field:
         assert "Traceback" not in said.err, said.err
         return said
 
-    def saw(self, cell: str, column: str | None = None) -> None:
+    def saw(self, cell: str) -> None:
         """Write this into the table, instead of "yes"."""
-        (name,) = (column,) if column else self.columns
-        self.note(CELL, (self.kind.name, name, cell))
+        (column,) = self.columns
+        self.note(CELL, (self.kind.name, column, cell))
+
+    def told(self, what: str, call: str) -> None:
+        """Write into the table of what can happen on this server alone what the call says then."""
+        assert what in self.kind.own
+        self.note(CELL, (self.kind.name, what, call))
 
 
 @dataclass(frozen=True)

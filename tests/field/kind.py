@@ -43,6 +43,7 @@ class Kind:
         action_type: The action's type.
         action_name: The action's name.
         prepare: Makes the type known to the process of the tests.
+        own: What can happen on this server alone, each a row of a table of its own.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Kind:
     action_type: str = "test_msgs/action/Fibonacci"
     action_name: str = "fibonacci"
     prepare: Callable[[], None] = field(default=lambda: None)
+    own: tuple[str, ...] = ()
 
     @property
     def type(self) -> Any:

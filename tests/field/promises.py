@@ -15,24 +15,34 @@ CANCELS = (
 )
 TABLES = {"field: calls": CALLS, "field: cancels": CANCELS}
 """The columns of each table, after that with the server's name."""
+OWN = "field: own"
+"""The table of what can happen on one server alone, and what the call says then."""
 HELD = "yes"
 NOT_THERE = "-"
 """The server has nothing of the kind."""
 CELL = "cell of docs/where-it-runs.md"
 """The name under which a test tells what it has seen."""
-PAGE = Page("where-it-runs.md", {table: [(kind.name,) for kind in KINDS] for table in TABLES})
+_SERVERS: list[Key] = [(kind.name,) for kind in KINDS]
+PAGE = Page(
+    "where-it-runs.md",
+    {
+        **dict.fromkeys(TABLES, _SERVERS),
+        OWN: [(kind.name, what) for kind in KINDS for what in kind.own],
+    },
+)
 
 
-def rows(cells: dict[tuple[str, str], str]) -> dict[str, dict[Key, tuple[Cell, ...]]]:
+def rows(cells: dict[Key, str]) -> dict[str, dict[Key, tuple[Cell, ...]]]:
     """Return the rows of each table.
 
     Args:
-        cells: What was seen, by the server's name and the column.
+        cells: What was seen, by the server's name and the column, or what happened.
     """
-    return {
+    seen: dict[str, dict[Key, tuple[Cell, ...]]] = {
         table: {
-            (kind.name,): tuple(cells.get((kind.name, column), NOT_THERE) for column in columns)
-            for kind in KINDS
+            (server,): tuple(cells.get((server, column), NOT_THERE) for column in columns)
+            for (server,) in _SERVERS
         }
         for table, columns in TABLES.items()
     }
+    return {**seen, OWN: {key: (cells[key],) for key in PAGE.tables[OWN]}}

@@ -173,7 +173,7 @@ class _FieldPage(_Tables):
 
     def __init__(self) -> None:
         super().__init__()
-        self._cells: dict[tuple[str, str], str] = {}
+        self._cells: dict[Key, str] = {}
         self._skipped: set[str] = set()
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
