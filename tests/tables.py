@@ -69,7 +69,7 @@ class Page:
 
     def rows(self, table: str) -> dict[Key, tuple[str, ...]]:
         """Return the rows of a table: what was seen, by key."""
-        size, found = len(self.tables[table][0]), dict[Key, tuple[str, ...]]()
+        size, found = len(next(iter(self.tables[table]), ())), dict[Key, tuple[str, ...]]()
         for cells in map(_cells, self._find(table)["rows"].splitlines()):
             key, seen = cells[:size], cells[size:]
             lasts = key[-1].split("; ") if size > 1 else key

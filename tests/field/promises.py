@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.field.kinds import KINDS
-from tests.tables import Cell, Key, Page
+from tests.tables import Cell, Key
 
 CALLS = (
     *("Result", "Abort", "Rejection", "Deadline", "A second goal", "`replaces=`"),
@@ -23,13 +23,9 @@ NOT_THERE = "-"
 CELL = "cell of docs/where-it-runs.md"
 """The name under which a test tells what it has seen."""
 _SERVERS: list[Key] = [(kind.name,) for kind in KINDS]
-PAGE = Page(
-    "where-it-runs.md",
-    {
-        **dict.fromkeys(TABLES, _SERVERS),
-        OWN: [(kind.name, what) for kind in KINDS for what in kind.own],
-    },
-)
+_OWN: list[Key] = [(kind.name, what) for kind in KINDS for what in kind.own]
+KEYS: dict[str, list[Key]] = {**dict.fromkeys(TABLES, _SERVERS), OWN: _OWN}
+"""The rows of each table, by their first cells."""
 
 
 def rows(cells: dict[Key, str]) -> dict[str, dict[Key, tuple[Cell, ...]]]:
@@ -45,4 +41,4 @@ def rows(cells: dict[Key, str]) -> dict[str, dict[Key, tuple[Cell, ...]]]:
         }
         for table, columns in TABLES.items()
     }
-    return {**seen, OWN: {key: (cells[key],) for key in PAGE.tables[OWN]}}
+    return {**seen, OWN: {key: (cells[key],) for key in _OWN}}

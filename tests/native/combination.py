@@ -28,7 +28,7 @@ from tests.native.promises import (
     is_named,
     row_of,
 )
-from tests.tables import Cell, Key, Page
+from tests.tables import Cell, Key
 
 _OPTION = "--combination"
 _FIELD = "field"
@@ -113,8 +113,6 @@ def servers(config: pytest.Config) -> Iterator[None]:
 class _Tables:
     """Compares tables with what tests have seen, after a run in which all have passed."""
 
-    _page: Page
-
     def __init__(self) -> None:
         self._problem = ""
 
@@ -127,10 +125,10 @@ class _Tables:
             return
         for table, rows in self.seen().items():
             if os.environ.get(_WRITE) == "1":
-                self._page.write(table, rows)
+                PAGE.write(table, rows)
                 continue
             try:
-                self._page.record(table, rows)
+                PAGE.record(table, rows)
             except AssertionError as error:
                 lines = str(error).splitlines()[:-1]
                 self._problem += "\n".join([*lines, f"If this is right, run it with {_WRITE}=1\n"])
@@ -144,8 +142,6 @@ class _Tables:
 
 class _Page(_Tables):
     """Counts how many tests of each promise have passed."""
-
-    _page = PAGE
 
     def __init__(self) -> None:
         super().__init__()
@@ -168,8 +164,6 @@ class _Page(_Tables):
 
 class _FieldPage(_Tables):
     """Gathers what each server of the field did."""
-
-    _page = field.PAGE
 
     def __init__(self) -> None:
         super().__init__()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tests.field.promises import KEYS
 from tests.tables import Page
 
 CPP = "cpp"
@@ -84,7 +85,7 @@ PROMISES: dict[str, tuple[str, ...]] = {
 }
 """Files of tests, tests, and variants of tests, in `tests/`."""
 TABLE = "promises"
-PAGE = Page("where-it-runs.md", {TABLE: [(row,) for row in PROMISES]})
+PAGE = Page("where-it-runs.md", {TABLE: [(row,) for row in PROMISES], **KEYS})
 
 
 def row_of(node_id: str) -> str | None:
