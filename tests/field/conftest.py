@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
@@ -21,7 +21,7 @@ from tests.field.promises import CELL, HELD
 from tests.field.sources import Missing
 
 
-@dataclass
+@dataclasses.dataclass
 class Field:
     """A server of the field, and who calls it."""
 
@@ -30,7 +30,7 @@ class Field:
     stack: ExitStack
     note: Callable[[str, object], None]
     columns: tuple[str, ...] = ()
-    _client: Client[Any] | None = field(default=None, repr=False)
+    _client: Client[Any] | None = dataclasses.field(default=None, repr=False)
 
     def goal(self, name: str) -> Goal:
         """Return the goal that makes the server do this."""
@@ -47,8 +47,14 @@ class Field:
         """Return one more client, which sees the server."""
         options.setdefault("timeouts", Timeouts(server=30.0, cancel=5.0))
         client = self.stack.enter_context(Client(self.kind.type, self.kind.action_name, **options))
-        assert client.wait_for_server(30.0)
+        assert client.wait_for_server(30.0), f"no server; its log:\n{self.server.log}"
         return client
+
+    def accepted(self, name: str = "long") -> GoalFuture[Any, Any]:
+        """Send a goal, and return its future when it is accepted."""
+        future = self.client.call_async(self.goal(name), timeout=60.0)
+        future.wait_accepted(PATIENCE)
+        return future
 
     def running(self, name: str = "long", **options: Any) -> GoalFuture[Any, Any]:
         """Send a goal, and return its future when the server's log says that it runs."""
@@ -83,7 +89,7 @@ class Field:
         self.note(CELL, (self.kind.name, what, call))
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Said:
     """How a command ended."""
 

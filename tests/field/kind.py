@@ -38,7 +38,7 @@ class Kind:
             `succeeded`, `canceled`, `aborted`, `rejected`. What it does not say is left out. A
             group `result` has the numbers of the result.
         second: What it does with a second goal while one runs: `queues it`, `rejects it`,
-            `preempts`, or `runs both`.
+            `preempts`, `runs both`, or `crashes`.
         has_status: Whether it publishes the states of its goals.
         action_type: The action's type.
         action_name: The action's name.

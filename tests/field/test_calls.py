@@ -36,6 +36,7 @@ def test_a_goal_succeeds_with_feedback(field: Field) -> None:
     assert field.server.count("executing") == 1
     assert feedback
     if "result" in ended.groupdict():
+        assert outcome.result is not None
         assert list(outcome.result.sequence) == [int(n) for n in ended["result"].split(",")]
 
 
@@ -71,7 +72,7 @@ def test_a_deadline_cancels_the_goal(field: Field) -> None:
 def test_a_second_goal_while_one_runs(field: Field) -> None:
     """Each call ends as the server's log says, whatever the server does with two goals."""
     server, kind = field.server, field.kind
-    first = field.running()
+    first = field.accepted() if kind.second == "crashes" else field.running()
     second = field.client.call_async(field.goal("short"), timeout=20.0)
     if kind.second == "rejects it":
         with pytest.raises(GoalRejectedError):
@@ -90,7 +91,13 @@ def test_a_second_goal_while_one_runs(field: Field) -> None:
         assert second.outcome().ok
         server.wait_for("succeeded")
         assert not server.count("canceled")
-    if kind.second != "preempts":
+    if kind.second == "crashes":
+        server.wait_for_text("Traceback")
+        with pytest.raises(ServerLostError):
+            first.result()
+        assert (server.count("executing"), server.count("succeeded")) == (1, 1)  # the second
+        assert second.outcome().ok
+    elif kind.second != "preempts":
         first.cancel()
         assert first.outcome().status is GoalState.CANCELED
         server.wait_for("canceled")
