@@ -11,6 +11,7 @@ import sys
 from collections import Counter
 from collections.abc import Container, Iterator
 from pathlib import Path
+from typing import cast
 
 import pytest
 
@@ -174,7 +175,7 @@ class _FieldPage(_Tables):
         if report.when == "teardown":
             for name, told in report.user_properties:
                 if name == field.CELL:
-                    server, column, cell = told
+                    server, column, cell = cast("tuple[str, str, str]", told)
                     self._cells[server, column] = cell
         if report.skipped:
             self._skipped.add(report.nodeid)
