@@ -30,6 +30,15 @@ def test_only_changes_are_told_and_what_ended_stays_so() -> None:
     assert board.counts() == {"SUCCEEDED": 2}
 
 
+def test_a_status_without_goals_is_not_the_same_as_none() -> None:
+    """A server of micro-ROS runs goals, and publishes no status of them."""
+    board = Board()
+    board.take(("/server",), 0.0)
+    assert not board.has_status
+    board.take([], 1.0)
+    assert board.has_status
+
+
 def test_a_goal_that_two_servers_have_has_ended_where_both_have_ended_it() -> None:
     board = Board()
     board.take([goal(1, "EXECUTING", 10), goal(1, "EXECUTING", 11)], 1.0)
@@ -74,7 +83,13 @@ EXECUTING, SUCCEEDED, CANCELED = 2, 4, 5
 def test_each_change_is_told_once(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     one, two = (bytes([number]) * 16 for number in (1, 2))
     told: list[Any] = []
-    reader = StatusReader(ActionNames.of("/a"), on_goals=told.extend, on_servers=lambda _: None)
+    calls: list[list[GoalSeen]] = []
+
+    def tell(goals: list[GoalSeen]) -> None:
+        told.extend(goals)
+        calls.append(goals)
+
+    reader = StatusReader(ActionNames.of("/a"), on_goals=tell, on_servers=lambda _: None)
     runtime = reader._reader.runtime
 
     def come(*arrays: list[tuple[bytes, int]]) -> list[tuple[str, str]]:
@@ -89,6 +104,9 @@ def test_each_change_is_told_once(ros_domain: int, monkeypatch: pytest.MonkeyPat
 
     try:
         see("/server")
+        calls.clear()
+        assert come([]) == []
+        assert calls == [[]]  # that there is a status
         # A server that forgets goals at once shows an end in one array only.
         assert come([(one, EXECUTING)], [(one, SUCCEEDED)], [(two, EXECUTING)], []) == [
             ("01", "EXECUTING"),

@@ -45,6 +45,8 @@ class Board:
         self._most = most
         self.goals: dict[str, WatchedGoal] = {}
         self.servers: tuple[str, ...] = ()
+        self.has_status = False
+        """Whether a server has published a status, also one without goals."""
         self.holds: tuple[Hold, ...] = ()
         """The holds of people who have stopped the robot by `actionkit stop`."""
 
@@ -60,6 +62,7 @@ class Board:
         return self._update(news, now), False
 
     def _update(self, seen: Sequence[Any], now: float) -> list[WatchedGoal]:
+        self.has_status = True
         changed = []
         for goal in seen:
             row = self.goals.get(goal.goal_id)

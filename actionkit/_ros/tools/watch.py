@@ -72,12 +72,14 @@ class StatusReader:
         """Subscribe to the topic; `place` is that of `runtimes.acquire`.
 
         On another thread, `on_goals` gets the goals that have changed, at first all that a server
-        remembers, and `on_servers` gets the names of the servers' nodes when they change.
+        remembers, which may be none, and `on_servers` gets the names of the servers' nodes when
+        they change.
         """
         self._names = names
         self._on_goals = on_goals
         self._on_servers = on_servers
         self._servers: tuple[str, ...] = ()
+        self._has_status = False
         self._codes: dict[_Key, int] = {}
         """The status codes of the goals in the latest arrays, so that goals do not pile up here."""
         self._reader = TopicReader(
@@ -109,7 +111,8 @@ class StatusReader:
                     before[key] = code
                     changed.append(goal)
                 self._codes[key] = code
-        if changed:
+        if changed or not self._has_status:
+            self._has_status = True
             self._on_goals([_seen(*goal) for goal in changed])
 
     def _look(self, node: Node) -> None:

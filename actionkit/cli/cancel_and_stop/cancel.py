@@ -22,7 +22,7 @@ from actionkit.cli._shared.options import HELP, SECONDS, debug_option, json_opti
 from actionkit.cli._shared.problems import full_name, open_survey
 from actionkit.cli._shared.say import say
 from actionkit.cli.cancel_and_stop._stop_table import exit_of, say_error
-from actionkit.cli.watch.watch import first_look
+from actionkit.cli.watch.watch import NO_STATUS, first_look
 
 if TYPE_CHECKING:
     from actionkit._ros.tools.survey import ActionSeen, Survey
@@ -137,7 +137,7 @@ def _list(survey: Survey, name: str, server_timeout: float) -> int:
         return _no_server(survey, name)
     running = [goal for goal in board.sorted() if not goal.ended]
     if not running:
-        say("No goal is running.")
+        say("No goal is running." if board.has_status else NO_STATUS)
         return Exit.OK
     from actionkit.cli.watch._screens import goal_line
 

@@ -33,6 +33,10 @@ class Held:
 
 TICK = 0.25
 """Seconds between two drawings of the table: often enough for tenths of a second to look alive."""
+NO_STATUS = (
+    "No goal is known: the server has published no status. It has had no goal yet, or publishes"
+    " none, as that of micro-ROS: then it may be running some."
+)
 _CLOSED: Any = object()
 """Put into the inbox when nobody reads the output any more."""
 
@@ -134,7 +138,7 @@ def _once(
         for goal in board.sorted():
             screen.goal(goal)
     if not board.goals and type_of is None:
-        say("No goals: the server remembers none.")
+        say("No goals: the server remembers none." if board.has_status else NO_STATUS)
     return Exit.OK
 
 
