@@ -229,7 +229,8 @@ class Attempt:
         alone = self._cancels == 1 and self.goal.facts.servers == 1
         if answer is CancelAnswer.TERMINATED and alone:
             self._cancels = 0  # it had ended, or was being cancelled, before our one request came
-        self._apply(self.goal.cancel_answered(answer, self._now(), asked_at=asked_at))
+        own = self._link.sees_server_of(self)
+        self._apply(self.goal.cancel_answered(answer, self._now(), asked_at=asked_at, own=own))
 
     def on_server_lost(self, reason: str) -> None:
         self._apply(self.goal.server_lost(reason, self._now()))

@@ -360,9 +360,12 @@ class Goal(CancellableGoal):
         return [self._enter(GoalState.LOST, "no server knows it"), *self._end_here(end, now)]
 
     def cancel_answered(
-        self, answer: CancelAnswer, now: float, *, asked_at: float
+        self, answer: CancelAnswer, now: float, *, asked_at: float, own: bool = True
     ) -> list[fx.Effect]:
-        """The server answered a cancel request for this goal, sent at `asked_at`."""
+        """The server answered a cancel request for this goal, sent at `asked_at`.
+
+        `own` means that a server that the goal was sent to is in sight.
+        """
         if not self.in_flight:
             return []
         if answer is CancelAnswer.UNKNOWN_GOAL:
@@ -371,7 +374,10 @@ class Goal(CancellableGoal):
             if self.stage is Stage.LOST:
                 return self._unknown_to_another() if self.facts.lost else self._over()
             known = self.stage is Stage.ACCEPTED or self._attached
-            return [fx.AskResult()] if known else self._unknown_so_far()
+            if not known:
+                return self._unknown_so_far()
+            # micro-ROS' server answers no request for the result of a goal that has ended.
+            return [fx.AskResult(), *(self._forgotten(now, asked_at) if own else [])]
         effects = self._proven(now)
         if self.stage is Stage.ELSEWHERE:
             self.facts.refused = answer is CancelAnswer.REFUSED

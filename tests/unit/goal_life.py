@@ -88,7 +88,9 @@ class OnServer:
             return LastNews.SERVER_GONE
         return LastNews.UNKNOWN_TO_SERVER if self.denied else LastNews.NOTHING
 
-    def learn(self, event: str, args: tuple[Any, ...], now: float, asked_at: float) -> None:
+    def learn(
+        self, event: str, args: tuple[Any, ...], now: float, asked_at: float, *, own: bool
+    ) -> None:
         """Take in an event, before the machine is told of it."""
         if event == "sent":
             self.sent = True
@@ -112,6 +114,8 @@ class OnServer:
         elif (event, args) == ("cancel_answered", (CancelAnswer.UNKNOWN_GOAL,)):
             if self.lost or not self.accepted:
                 self._unknown()
+            elif own:
+                self._forgotten(now, asked_at)
         elif event in ("accepted", "feedback", "status", "result", "cancel_answered"):
             # Whatever else a server says of a goal proves that it took it.
             self.accepted, self.lost, self.denied = True, False, False
@@ -273,7 +277,8 @@ class Life:
                 self.abandoned = options["abandon"]
         self.broke |= event == "fail" and not ended
         if not self.left_alone and not self.released:
-            self.server.learn(event, args, self.now, options.get("asked_at", self.now))
+            asked_at, own = options.get("asked_at", self.now), options.get("own", True)
+            self.server.learn(event, args, self.now, asked_at, own=own)
             if (event, *args) == ("status", GoalState.CANCELING) and in_flight:
                 seen_first = not self.cancel_asked and not self.server.ended
                 self.server.others_cancel |= seen_first

@@ -615,11 +615,37 @@ def test_terminated_confirms_nothing_and_the_result_is_asked_for() -> None:
 def test_a_goal_unknown_to_a_cancel_is_asked_for_its_result() -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED, "cancel")
-    assert life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL) == [AskResult()]
+    assert AskResult() in life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
     life.tell("result", None, None)
     life.wait_until(DOUBT)
     life.tell("result", None, None)
     assert (life.end, life.report) == (End.RESULT_LOST, CancelReport.NOT_NEEDED)
+
+
+def test_a_goal_unknown_to_two_cancels_has_ended() -> None:
+    """micro-ROS' server answers no request for the result of a goal that has ended."""
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(3.0)
+    life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
+    life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)  # asked in the same moment
+    assert life.end is None
+    life.wait_until(3.0 + DOUBT)
+    life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
+    assert life.ending is not None
+    assert (life.end, life.ending.news) == (End.DEADLINE, LastNews.STOPPED)
+    assert life.report is CancelReport.NOT_NEEDED
+
+
+def test_what_another_server_does_not_know_may_run_on_its_own() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(3.0)
+    for _ in range(3):
+        life.wait_until(life.now + DOUBT)
+        life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL, own=False)
+    life.wait_until(5.0)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
 
 
 def test_a_cancel_is_answered_by_the_loss_of_the_server() -> None:
