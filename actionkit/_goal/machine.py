@@ -286,7 +286,9 @@ class Goal(CancellableGoal):
             return self._look_elsewhere(now, everybody=True)
         if facts.servers > 1 and facts.away:
             # One of the servers that may run it has left, and those in sight do not run it.
-            return [] if facts.undecided or self.stage is Stage.LOST else self._gone(now)
+            if self.stage is Stage.LOST:
+                return []
+            return self._one_is_gone(now) if facts.undecided else self._gone(now)
         if self.stage is Stage.ACCEPTED or (self._attached and self.stage is Stage.SENT):
             return self._forgotten(now, asked_at) if own else []
         if self.stage is Stage.LOST and facts.undecided:
@@ -336,6 +338,17 @@ class Goal(CancellableGoal):
         """One of several servers has left, and may run the goal; those in sight do not."""
         self.facts.gone = True
         return self.server_lost(_ONE_IS_GONE, now)
+
+    def _one_is_gone(self, now: float) -> list[fx.Effect]:
+        """One of several servers has left, and another has not said whether it accepts the goal.
+
+        It may have come too late for the request; then it never says so.
+        """
+        limit = self._timeouts.accept
+        had_its_time = limit is not None and now >= self._shown_at + limit
+        if self.stage is not Stage.ACCEPTED or not had_its_time:
+            return []
+        return self.server_lost(_ONE_IS_GONE, now)  # not `gone`: it may still accept it
 
     def _forgotten(self, now: float, asked_at: float) -> list[fx.Effect]:
         """The server does not know a goal that it should have: believed if it answers so again.

@@ -400,6 +400,21 @@ def test_what_one_of_two_servers_rejects_may_run_on_the_one_that_has_gone() -> N
     assert goal.facts.is_lost_with_server
 
 
+def test_a_goal_of_a_server_that_has_gone_is_lost_when_the_other_had_time_to_accept_it() -> None:
+    """The other one came when the goal had just been sent, and never got it."""
+    goal = Goal(uuid.uuid4(), Timeouts(accept=5.0))
+    goal.sent(0.0)
+    goal.accepted(0.0)
+    goal.servers_changed(2, 0)
+    goal.servers_changed(2, 1)
+    assert goal.result(None, None, 4.0, asked_at=3.9) == []  # it may still accept it
+    (settle,) = (e for e in goal.result(None, None, 6.0, asked_at=5.9) if isinstance(e, Settle))
+    assert settle.ending.end is End.LOST
+    assert goal.facts.known_to_run is None
+    assert not goal.facts.is_lost_with_server
+    assert AskCancel() in goal.accepted(7.0)
+
+
 def test_what_one_of_two_servers_has_ended_may_run_on_the_one_that_is_back_and_lost_again() -> None:
     goal = Goal(uuid.uuid4(), Timeouts())
     goal.sent(0.0, servers=2)
