@@ -400,6 +400,8 @@ class Goal(CancellableGoal):
         if answer is CancelAnswer.TERMINATED:
             # This is also the answer for a goal that is being cancelled: it confirms nothing.
             self._forget_refusals()
+            if asked_at < self._shown_at:
+                return effects  # the result was requested since then
             return [*effects, fx.AskResult()]
         if self.state is not GoalState.CANCELING:
             effects.append(self._enter(GoalState.CANCELING))

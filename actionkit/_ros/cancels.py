@@ -135,7 +135,8 @@ class CancelQueue:
         """Handle a server's answer; `sent_at` is when its request was sent.
 
         The request is repeated if the server does not know the goal. It is also repeated if the
-        server refused a request that was sent before the last call of `ask`.
+        server did not agree to a request that was sent before the last call of `ask`: micro-ROS'
+        server calls a goal ended that it is just accepting.
         """
         known = answer is not CancelAnswer.UNKNOWN_GOAL
         cancellation = self._cancellations.get(key)
@@ -147,8 +148,8 @@ class CancelQueue:
                 self._window.note_progress(self._timers.now())
             self._end_wait(key, cancellation)
         cancellation.unknown += not known
-        refused_before = answer is CancelAnswer.REFUSED and sent_at < cancellation.asked_at
-        if known and not refused_before:
+        outdated = answer is not CancelAnswer.ACCEPTED and sent_at < cancellation.asked_at
+        if known and not outdated:
             self.stop(key)
         elif cancellation.outdated:
             self._enqueue(key, cancellation)

@@ -126,6 +126,19 @@ def test_a_refusal_of_what_was_asked_before_ends_nothing(world: World) -> None:
     assert len(queue) == 0
 
 
+def test_an_end_that_was_told_before_the_goal_was_accepted_ends_nothing(world: World) -> None:
+    """micro-ROS' server tells it of a goal that it has read and not accepted yet."""
+    queue = world.queue()
+    queue.ask(key(1))
+    sent = world.clock.now()
+    world.clock.advance(0.0625)
+    queue.ask(key(1))  # accepted
+    queue.answered(key(1), CancelAnswer.TERMINATED, sent)
+    assert world.times(key(1)) == [0.0, 0.0625]
+    queue.answered(key(1), CancelAnswer.ACCEPTED, world.clock.now())
+    assert len(queue) == 0
+
+
 def test_a_goal_that_was_accepted_while_a_request_was_on_its_way_is_asked_about_at_once(
     world: World,
 ) -> None:

@@ -612,6 +612,22 @@ def test_terminated_confirms_nothing_and_the_result_is_asked_for() -> None:
     assert life.end is None
 
 
+def test_an_end_that_was_told_before_the_acceptance_asks_for_no_second_result() -> None:
+    """micro-ROS' server never frees a goal whose result is asked for again as it ends."""
+    life = Life()
+    life.see("sent", "cancel")
+    life.wait_until(0.125)
+    assert AskResult(anew=True) in life.tell("accepted")
+    assert life.tell("cancel_answered", CancelAnswer.TERMINATED, asked_at=0.0) == []
+
+    life = Life()
+    life.see("sent", "cancel")
+    life.wait_until(0.125)
+    effects = life.tell("cancel_answered", CancelAnswer.TERMINATED, asked_at=0.0)
+    assert AskResult(anew=True) in effects
+    assert AskResult() not in effects
+
+
 def test_a_goal_unknown_to_a_cancel_is_asked_for_its_result() -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED, "cancel")
