@@ -6,8 +6,13 @@ import pytest
 
 from actionkit import CancelReport, GoalState, Timeouts
 from tests.field.conftest import Field
+from tests.field.kind import Kind
 from tests.field.test_calls import has
 from tests.waiting import until
+
+
+def _has_status(kind: Kind) -> bool:
+    return kind.has_status
 
 
 @pytest.mark.field("Cancel")
@@ -58,7 +63,7 @@ def test_a_refused_cancel_leaves_the_goal_to_wait_for(field: Field) -> None:
     assert outcome.status is GoalState.SUCCEEDED
 
 
-@pytest.mark.field("`attach`, its cancel")
+@pytest.mark.field("`attach`, its cancel", can=_has_status)
 def test_a_goal_of_another_client_is_followed_and_cancelled(field: Field) -> None:
     future = field.running()
     other = field.another_client()
@@ -71,7 +76,7 @@ def test_a_goal_of_another_client_is_followed_and_cancelled(field: Field) -> Non
     field.server.wait_for("canceled")
 
 
-@pytest.mark.field("`cancel_everything`")
+@pytest.mark.field("`cancel_everything`", can=_has_status)
 def test_everything_is_cancelled(field: Field) -> None:
     future = field.running()
     told = field.another_client().cancel_everything()
@@ -89,7 +94,7 @@ def test_the_command_cancel(field: Field) -> None:
     assert future.outcome().status is GoalState.CANCELED
 
 
-@pytest.mark.field("`actionkit stop`")
+@pytest.mark.field("`actionkit stop`", can=_has_status)
 def test_the_command_stop(field: Field) -> None:
     future = field.running()
     said = field.command("stop", "--timeout", "8")
@@ -99,7 +104,7 @@ def test_the_command_stop(field: Field) -> None:
     assert field.command("stop", "--release").code == 0
 
 
-@pytest.mark.field("`watch`, `doctor`")
+@pytest.mark.field("`watch`, `doctor`", can=_has_status)
 def test_the_commands_that_look(field: Field) -> None:
     future = field.running()
     watched = field.command("watch", field.kind.action_name, "--once")
