@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,6 +16,7 @@ from actionkit import (
     GoalState,
     Timeouts,
 )
+from tests.docs.snippets import ROOT, run_page
 from tests.field.conftest import Field
 from tests.field.kind import Kind
 from tests.field.kinds.micro_ros import ATTACHED, CANCELLED_EARLY, FULL, KINDS
@@ -22,6 +24,7 @@ from tests.waiting import until
 
 _PLACES = 10
 """How many goals the server has room for."""
+_GUIDE = ROOT / "docs" / "guides" / "micro-ros-section.md.txt"
 _NOT_ALL = "cannot, or will not, cancel all goals (return code 2"
 
 
@@ -131,3 +134,9 @@ def test_a_goal_that_waited_for_a_place_is_cancelled_when_it_gets_one(field: Fie
     field.server.wait_for("canceled", _PLACES + 1)
     assert until(lambda: waiting.known_to_run is False)
     field.told(FULL, "nothing; `AcceptanceTimeoutError` if the time for that is over")
+
+
+@pytest.mark.field(can=_is_micro_ros)
+def test_the_guide(field: Field, tmp_path: Path) -> None:
+    run_page(_GUIDE, tmp_path)
+    field.server.wait_for("canceled")
