@@ -1,4 +1,4 @@
-"""Calls to servers of the field, judged by the servers' own logs."""
+"""Calls to servers of the field, judged by the servers' own logs. Contract C13.3."""
 
 from __future__ import annotations
 

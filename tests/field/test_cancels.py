@@ -1,4 +1,7 @@
-"""Goals of servers of the field are cancelled in each way, judged by the servers' own logs."""
+"""Goals of servers of the field are cancelled in each way. Contract C13.3.
+
+What is expected comes from the servers' own logs.
+"""
 
 from __future__ import annotations
 
