@@ -103,7 +103,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if marker is None:
         return
     can = marker.kwargs.get("can", lambda kind: True)
-    kinds = [kind for kind in KINDS if can(kind)]
+    kinds = [kind for kind in marker.kwargs.get("kinds", KINDS) if can(kind)]
     metafunc.parametrize("kind", kinds, ids=[_id(kind) for kind in kinds])
 
 

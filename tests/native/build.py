@@ -7,6 +7,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 TOP = Path(__file__).parents[2]
@@ -47,7 +48,7 @@ def build() -> None:
                 raise RuntimeError(f"there is no rclcpp in {_BUILT}; CONTRIBUTING.md tells more")
             subprocess.run([SOURCES / "build", sys.prefix, _BUILT], check=True)
         if not library().exists():
-            _compile()
+            compile_cpp([_SOURCE], library())
 
 
 def environment() -> dict[str, str]:
@@ -64,14 +65,17 @@ def environment() -> dict[str, str]:
     }
 
 
-def _compile() -> None:
+def compile_cpp(sources: Sequence[Path], output: Path, includes: Iterable[Path] = ()) -> None:
+    """Compile a library that uses rclcpp; a process that looks at it meanwhile sees none."""
     wheels = Path(sys.prefix)
-    headers = [*(wheels / "include").glob("*"), *(prefix() / "include").glob("*")]
-    command = ["g++", "-std=c++17", "-O1", "-fPIC", "-shared", "-Wall", str(_SOURCE)]
-    command += ["-o", str(library()), f"-I{prefix() / 'include'}"]
+    headers = [*(wheels / "include").glob("*"), *(prefix() / "include").glob("*"), *includes]
+    unfinished = output.with_suffix(".unfinished")
+    command = ["g++", "-std=c++17", "-O1", "-fPIC", "-shared", "-Wall", *map(str, sources)]
+    command += ["-o", str(unfinished), f"-I{prefix() / 'include'}"]
     for folder in headers:
         if "python" not in folder.name:
             command += ["-isystem", str(folder)]
     command += [f"-L{prefix() / 'lib'}", f"-L{wheels / 'lib'}"]
     command += [f"-l{name}" for name in _LIBRARIES]
     subprocess.run([*command, "-Wl,--allow-shlib-undefined"], check=True)
+    unfinished.rename(output)
