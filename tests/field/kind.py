@@ -33,12 +33,12 @@ class Kind:
             second, with feedback. `long` runs for 10 s or more, and heeds a cancel. `aborts` ends
             as aborted, `rejected` is rejected. Of `ignores`, a cancel is accepted, and it runs on
             for 1 to 3 s. Of `refuses`, a cancel is refused, and it runs for 1 to 3 s. What the
-            server cannot do is left out.
+            server cannot do is left out. Without `long`, it has only tests that say what they need.
         log: Regular expressions of lines in the server's own log: `executing`, `cancel_requested`,
             `succeeded`, `canceled`, `aborted`, `rejected`. What it does not say is left out. A
             group `result` has the numbers of the result.
         second: What it does with a second goal while one runs: `queues it`, `rejects it`,
-            `preempts`, `runs both`, or `crashes`.
+            `preempts`, `runs both`, `crashes`, or `answers later`.
         has_status: Whether it publishes the states of its goals.
         action_type: The action's type.
         action_name: The action's name.
@@ -142,6 +142,10 @@ class Server:
         """What it has written."""
         with self._changed:
             return "\n".join(self.lines)
+
+    def signal(self, number: int) -> None:
+        """Send it a signal."""
+        self._process.send_signal(number)
 
     def kill(self) -> None:
         """End it as a crash does."""

@@ -25,7 +25,7 @@ def has(*goals: str) -> Any:
     return lambda kind: {*goals} <= {*kind.goals}
 
 
-@pytest.mark.field("Result")
+@pytest.mark.field("Result", can=has("short"))
 def test_a_goal_succeeds_with_feedback(field: Field) -> None:
     feedback: list[Any] = []
     outcome = field.client.call_async(
