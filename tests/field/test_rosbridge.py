@@ -166,7 +166,7 @@ def test_a_page_that_is_reloaded(field: Field, caplog: pytest.LogCaptureFixture)
     server.wait_for_text("Goal state not set, assuming aborted")
     field.told(rows.RELOADED, said(interrupted))
     assert isinstance(interrupted.outcome().error, GoalAbortedError)
-    assert until(lambda: "has 2 servers" in caplog.text)
+    assert until(lambda: "they are in one process: start it again" in caplog.text)
     assert ends(server, 0) == {}
 
     works = client.call_async({"order": 2}, timeout=20.0)

@@ -587,6 +587,18 @@ def test_several_servers_are_warned_of_once_with_their_nodes(
     assert all_is_logged()
     [record] = caplog.records
     assert "action /fibonacci has 2 servers (/server_a, /server_b)" in record.getMessage()
+    assert "after a restart the old one shows for up to 20 s" in record.getMessage()
+
+
+def test_several_servers_of_one_process_are_not_said_to_go_away(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    participant = bytes(12)
+    world.serve(participant + b"a", participant + b"b")
+    world.clock.advance(1.0)
+    assert all_is_logged()
+    [record] = caplog.records
+    assert record.getMessage().endswith("; they are in one process: start it again")
 
 
 def test_servers_with_unknown_nodes_are_warned_of_without_names(

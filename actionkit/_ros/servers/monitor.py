@@ -209,13 +209,17 @@ class ServerMonitor:
         if len(servers) > 1 and not self._warned:
             self._warned = True
             names = ", ".join(server.node for server in servers)
+            one_process = len({server.participant for server in servers}) == 1
             log_later(
                 logging.WARNING,
                 "action %s has %d servers%s: each of them runs every goal, and the first"
-                " answer counts; after a restart the old one shows for up to 20 s",
+                " answer counts; %s",
                 self._names.action,
                 len(servers),
                 f" ({names})" if all(server.node for server in servers) else "",
+                "they are in one process: start it again"
+                if one_process
+                else "after a restart the old one shows for up to 20 s",
             )
 
     def _list_servers(self) -> list[graph.Endpoint]:

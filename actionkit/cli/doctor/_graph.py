@@ -104,7 +104,7 @@ def _one(survey: Survey, action: ActionSeen) -> Iterator[Finding]:
             "servers",
             f"{name} has {len(action.servers)} servers{' in one process' if one_process else ''}:"
             " each goal is run by all of them.",
-            "Change that program: it is to make one only."
+            "Start that program again. If it has two again, change it: it is to make one only."
             if one_process
             else "Stop all but one. Right after a restart it is the old one that is not forgotten"
             " so far, for up to 20 s.",
