@@ -6,7 +6,7 @@ The expected values come from what the page and rosbridge write.
 from __future__ import annotations
 
 import re
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import Any
 
 import pytest
@@ -25,11 +25,13 @@ from actionkit import (
     Verdict,
 )
 from tests.field.conftest import Field
-from tests.field.kind import Server
+from tests.field.kind import Kind, Server
 from tests.field.kinds import rosbridge as rows
+from tests.field.sources import SERVERS
+from tests.rclpy_client import Driver
 from tests.waiting import until
 
-pytestmark = pytest.mark.field(can=lambda kind: kind is rows.ROSBRIDGE)
+on_rosbridge = pytest.mark.field(can=lambda kind: kind is rows.ROSBRIDGE)
 SHORT = Timeouts(server=30.0, cancel=0.5)
 NUMBERS = [0, 1, 1, 2]
 """The result of a page that takes two steps."""
@@ -87,6 +89,7 @@ def said(future: GoalFuture[Any, Any]) -> str:
     return f"{what}, may still run"
 
 
+@on_rosbridge
 def test_a_page_ends_goals_in_each_way(field: Field) -> None:
     client = field.another_client(timeouts=SHORT)
     orders = (202, 402, 502, 802, 902, 1002)
@@ -109,6 +112,7 @@ def test_a_page_ends_goals_in_each_way(field: Field) -> None:
     assert field.server.count("executing") == len(orders)  # nothing is sent twice
 
 
+@on_rosbridge
 def test_a_page_succeeds_though_it_was_asked_to_cancel(field: Field) -> None:
     future = field.client.call_async({"order": 344}, timeout=20.0)
     field.server.wait_for("executing")
@@ -118,6 +122,7 @@ def test_a_page_succeeds_though_it_was_asked_to_cancel(field: Field) -> None:
     assert future.outcome().status is GoalState.SUCCEEDED
 
 
+@on_rosbridge
 @pytest.mark.parametrize("how", [rows.CLOSES, rows.CRASHES], ids=["closes", "crashes"])
 def test_a_goal_of_a_page_that_is_gone_may_run(how: str, field: Field) -> None:
     """rosbridge keeps the goal as running, and takes each further one, which nobody hears of."""
@@ -139,6 +144,7 @@ def test_a_goal_of_a_page_that_is_gone_may_run(how: str, field: Field) -> None:
     assert field.server.count("executing") == 1
 
 
+@on_rosbridge
 def test_an_action_that_is_unadvertised_takes_goals_and_never_ends_them(field: Field) -> None:
     client = field.another_client(timeouts=SHORT)
     aborted = client.call_async({"order": 702}, timeout=20.0)
@@ -156,6 +162,7 @@ def test_an_action_that_is_unadvertised_takes_goals_and_never_ends_them(field: F
     assert ends(field.server, 1) == {2: ["0 4"]}
 
 
+@on_rosbridge
 def test_a_page_that_is_reloaded(field: Field, caplog: pytest.LogCaptureFixture) -> None:
     """rosbridge keeps the old page's server beside the new one's, until it is started again."""
     server = field.server
@@ -197,3 +204,47 @@ def test_a_page_that_is_reloaded(field: Field, caplog: pytest.LogCaptureFixture)
     assert list(again.result().sequence) == NUMBERS
     field.told(rows.RESTARTED, said(again))
     assert server.count("executing") == 6
+
+
+_TWO = """
+import os, runpy, sys, threading
+threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
+sys.argv[:] = sys.argv[1:]
+runpy.run_path(sys.argv[0], run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("nodes", ["same", "other"])
+def test_what_one_of_two_servers_has_ended_may_run_on_the_other(
+    nodes: str, ros_domain: int
+) -> None:
+    """As after a reload: another client has sent the goal, and has not cancelled it."""
+    kind = Kind(
+        name="two servers in one process",
+        program=lambda: ("-c", _TWO, str(SERVERS / "two_srv.py"), nodes),
+        goals={},
+        log={"executing": "ghost runs", "succeeded": "good succeeded", "canceled": "canceled"},
+        second="runs both",
+    )
+    with ExitStack() as stack:
+        server = Server(kind)
+        stack.callback(server.close)
+        field = Field(server, kind, stack, lambda *_: None)
+        client = field.another_client(timeouts=SHORT)
+        driver = Driver(ros_domain).connect()
+        stack.callback(driver.close)
+        assert until(lambda: len(driver.servers()) == 2)
+        goal_id, _ = driver.accepted(1)
+        server.wait_for("executing")
+        server.wait_for("succeeded")
+
+        attached = client.attach(goal_id, timeout=20.0)
+        assert attached.outcome().cancel is CancelReport.UNKNOWN
+        assert attached.known_to_run is not False
+        watched = field.command("watch", "/fibonacci", "--once")
+        assert goal_id in watched.out
+        assert "EXECUTING" in watched.out, watched
+        stopped = field.command("stop", "/fibonacci", "--timeout", "1")
+        assert stopped.code == 23, stopped
+        assert "IT MAY STILL BE RUNNING" in stopped.out
+        assert server.count("canceled") == 0
