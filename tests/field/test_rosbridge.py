@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,6 +25,7 @@ from actionkit import (
     Timeouts,
     Verdict,
 )
+from tests.docs.snippets import ROOT, run_page
 from tests.field.conftest import Field
 from tests.field.kind import Kind, Server
 from tests.field.kinds import rosbridge as rows
@@ -31,6 +33,7 @@ from tests.field.sources import SERVERS
 from tests.rclpy_client import Driver
 from tests.waiting import until
 
+_GUIDE = ROOT / "docs" / "guides" / "web-page-section.md.txt"
 on_rosbridge = pytest.mark.field(can=lambda kind: kind is rows.ROSBRIDGE)
 SHORT = Timeouts(server=30.0, cancel=0.5)
 NUMBERS = [0, 1, 1, 2]
@@ -204,6 +207,12 @@ def test_a_page_that_is_reloaded(field: Field, caplog: pytest.LogCaptureFixture)
     assert list(again.result().sequence) == NUMBERS
     field.told(rows.RESTARTED, said(again))
     assert server.count("executing") == 6
+
+
+@on_rosbridge
+def test_the_guide(field: Field, tmp_path: Path) -> None:
+    run_page(_GUIDE, tmp_path)
+    field.server.wait_for("succeeded")
 
 
 _TWO = """
