@@ -32,8 +32,8 @@ class Kind:
         goals: What the server does with which goal. `short` ends well after some tenths of a
             second, with feedback. `long` runs for 10 s or more, and heeds a cancel. `aborts` ends
             as aborted, `rejected` is rejected. Of `ignores`, a cancel is accepted, and it runs on
-            for 1 to 3 s. Of `refuses`, a cancel is refused, and it runs for 1 to 3 s. What the
-            server cannot do is left out. Without `long`, it has only tests that say what they need.
+            for 1 to 3 s. What the server cannot do is left out. Without `long`, it has only tests
+            that say what they need.
         log: Regular expressions of lines in the server's own log: `executing`, `cancel_requested`,
             `succeeded`, `canceled`, `aborted`, `rejected`. What it does not say is left out. A
             group `result` has the numbers of the result.

@@ -56,16 +56,6 @@ def test_a_goal_that_ignores_its_cancel_is_told(field: Field) -> None:
     assert until(lambda: not future.known_to_run)
 
 
-@pytest.mark.field("Refused", can=has("refuses"))
-def test_a_refused_cancel_leaves_the_goal_to_wait_for(field: Field) -> None:
-    future = field.running("refuses")
-    future.cancel()
-    outcome = future.outcome()
-    field.server.wait_for("succeeded")
-    assert outcome.cancel is CancelReport.REFUSED
-    assert outcome.status is GoalState.SUCCEEDED
-
-
 @pytest.mark.field("`attach`, its cancel", can=_has_status)
 def test_a_goal_of_another_client_is_followed_and_cancelled(field: Field) -> None:
     future = field.running()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -28,7 +29,6 @@ from tests.field.kinds.python import (
     DOCK,
     EXCEPTION,
     MIXED_UP,
-    REFUSES,
     SECOND,
     SIMPLE_ACTIONS,
     SYNCHROS2,
@@ -205,17 +205,20 @@ def test_a_busy_server_is_killed(field: Field) -> None:
 @pytest.mark.field("`watch`, `doctor`", can=only(SIMPLE_ACTIONS))
 def test_the_commands_look_at_a_busy_server(field: Field) -> None:
     future = _busy(field)
-    watched = field.command("watch", field.kind.action_name, "--once")
+    name = field.kind.action_name
+    with ThreadPoolExecutor(2) as pool:  # both, before the goal ends
+        watching = pool.submit(field.command, "watch", name, "--once")
+        seen = field.command("doctor", name)
+        watched = watching.result()
     assert watched.code == 0, watched
     assert str(future.goal_id)[:8] in watched.out
-    seen = field.command("doctor", field.kind.action_name)
     assert not field.server.count("succeeded")
     assert seen.code == 1, seen
     assert "busy in a callback" in seen.out
     field.saw("`doctor` says that it is busy")
 
 
-@pytest.mark.field(can=only(SIMPLE_ACTIONS))
+@pytest.mark.field("Refused", can=only(SIMPLE_ACTIONS))
 def test_with_threads_it_refuses_each_cancel(field: Field) -> None:
     """It has no callback for cancels, and rclpy's own refuses them."""
     _start(field, "simple", "srv_simple.py", "threads")
@@ -225,7 +228,7 @@ def test_with_threads_it_refuses_each_cancel(field: Field) -> None:
     field.server.wait_for("succeeded")
     assert outcome.cancel is CancelReport.REFUSED
     assert outcome.status is GoalState.SUCCEEDED
-    field.told(REFUSES, "`REFUSED`; it waits for the end")
+    field.saw("yes, with several threads")
 
 
 @pytest.mark.field(can=only(SIMPLE_ACTIONS))
