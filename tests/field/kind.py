@@ -19,6 +19,8 @@ from tests import forked
 
 Goal = dict[str, Any]
 PATIENCE = 20.0
+_LINES, _WIDTH = 60, 200
+"""How much of a log a failure shows."""
 
 
 @dataclass(frozen=True)
@@ -139,9 +141,9 @@ class Server:
 
     @property
     def log(self) -> str:
-        """What it has written."""
+        """What it has written of late, without the ends of long lines."""
         with self._changed:
-            return "\n".join(self.lines)
+            return "\n".join(line[:_WIDTH] for line in self.lines[-_LINES:])
 
     def signal(self, number: int) -> None:
         """Send it a signal."""
