@@ -63,7 +63,7 @@ def enter(config: pytest.Config) -> None:
     everything = config.args == config.getini("testpaths")
     if chosen == _FIELD and everything:
         config.args[:] = [str(_FOLDER)]
-        if not hasattr(config, "workerinput"):
+        if not (hasattr(config, "workerinput") or config.option.keyword):
             config.pluginmanager.register(_FieldPage(), "combination")
     if chosen in (None, _FIELD) or hasattr(config, "workerinput"):
         return
