@@ -7,14 +7,13 @@ import time
 import uuid
 from collections import defaultdict
 from collections.abc import Callable, Iterable
-from contextlib import closing
 from functools import partial
 from typing import Any
 
 from actionkit._calls.future import GoalFuture
 from actionkit._calls.ledger.store import Leftover
 from actionkit._client import Client
-from actionkit._leftovers.finding import EarlyCancels, asked, find, in_sight
+from actionkit._leftovers.finding import asked, find, in_sight
 from actionkit._messages.by_name import interface_class
 from actionkit._model.domain import Domain
 from actionkit._model.errors import ClientClosedError
@@ -113,27 +112,22 @@ def _cancel(
             futures[call].append(future)
 
         last = min(_LAST, seconds / 3) + min(len(calls) / _PER_SECOND, seconds / 3)
-        newest = sorted(calls, key=lambda call: call.sent)[-_MANY:]
-        with closing(EarlyCancels(client, [call.goal_id for call in newest])) as early:
-            for call, goal_id in find(client, calls, until - last, early.begin):
-                if goal_id is None:
-                    not_found[call.goal_id] = call
-                else:
-                    stop(call, goal_id)
+        for call, goal_id in find(client, calls, until - last):
+            if goal_id is None:
+                not_found[call.goal_id] = call
+            else:
+                stop(call, goal_id)
         few = len(not_found) < _MANY
 
         def may_come(goal_id: uuid.UUID) -> bool:
-            recent = time.time() - not_found[goal_id].sent < _LATE
-            return goal_id not in early.agreed and (few or recent)
+            return few or time.time() - not_found[goal_id].sent < _LATE
 
         newest_first = reversed(not_found)
         for goal_id, is_known in asked(client, newest_first, until - 2 * _TICK, may_come):
             if is_known:
                 stop(not_found[goal_id], goal_id)
             else:
-                agreed = goal_id in early.agreed
-                report = CancelReport.CONFIRMED if agreed else CancelReport.NOT_NEEDED
-                told[not_found[goal_id]] = report
+                told[not_found[goal_id]] = CancelReport.NOT_NEEDED
         every = [future for each in futures.values() for future in each]
         while any(future.known_to_run is not False for future in every):
             if time.monotonic() >= until:

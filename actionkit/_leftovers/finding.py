@@ -7,7 +7,7 @@ import time
 import uuid
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Callable, Container, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -39,28 +39,19 @@ def domain_of(client: Client[Any]) -> int:
 
 
 def find(
-    client: Client[Any],
-    calls: Iterable[Leftover],
-    until: float,
-    on_none: Callable[[], Container[uuid.UUID]] = lambda: (),
+    client: Client[Any], calls: Iterable[Leftover], until: float
 ) -> Iterator[tuple[Leftover, uuid.UUID | None]]:
     """Yield each goal of calls that runs; of a call without one, the last that is known, if any.
 
     A goal that was sent just before its process ended may be accepted late, and so may a retry. So
     this looks again until the monotonic time `until`, or until no other goal can come. The client
-    must have a server. After a look that showed no goals at all, `on_none` is called; it
-    returns the ids of goals that need not be looked for.
+    must have a server.
     """
     found: dict[Leftover, set[uuid.UUID]] = {call: set() for call in calls}
     waiting = set(found)
     by_id = sorted(found, key=lambda call: call.goal_id.int)
     while waiting:
-        known = _known(client, until)
-        elsewhere = () if known else on_none()
-        for call in [call for call in waiting if call.goal_id in elsewhere and not call.parallel]:
-            waiting.remove(call)
-            yield call, None
-        seen = _by_call(by_id, known)
+        seen = _by_call(by_id, _known(client, until))
         late = time.monotonic() >= until
         for call in [call for call in (found if late else seen) if call in waiting]:
             goals = seen.get(call, {})
@@ -139,39 +130,6 @@ def asked(
                 yield goal_id, knows
     for goal_id in may_be_accepted:
         yield goal_id, False
-
-
-class EarlyCancels:
-    """Cancels goals by their ids, where the servers' status shows no goals at all.
-
-    A server of micro-ROS publishes none. So nobody waits there until the status shows them.
-    """
-
-    def __init__(self, client: Client[Any], goal_ids: Iterable[uuid.UUID]) -> None:
-        """Ask for nothing until `begin`."""
-        self._port = client._session.port
-        self._goal_ids = goal_ids
-        self._canceller: GoalCanceller | None = None
-        self.agreed: set[uuid.UUID] = set()
-        """The goals that a server has agreed to cancel."""
-
-    def begin(self) -> set[uuid.UUID]:
-        """Ask to cancel the goals, each until a server knows it; return `agreed`."""
-        if self._canceller is None:
-            port = self._port
-            self._canceller = GoalCanceller(port.names, self._take, port.runtime.place)
-            for goal_id in self._goal_ids:
-                self._canceller.cancel(str(goal_id))
-        return self.agreed
-
-    def close(self) -> None:
-        """Ask no more."""
-        if self._canceller is not None:
-            self._canceller.close()
-
-    def _take(self, said: Any) -> None:
-        if said.answer is CancelAnswer.ACCEPTED:
-            self.agreed.add(uuid.UUID(said.goal_id))
 
 
 def in_sight(client: Client[Any]) -> int:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
 import uuid
 from pathlib import Path
 from typing import Any
@@ -17,10 +14,8 @@ from actionkit import (
     DeadlineExceededError,
     GoalFuture,
     GoalState,
-    Ledger,
     Timeouts,
 )
-from tests import forked
 from tests.docs.snippets import ROOT, run_page
 from tests.field.conftest import Field
 from tests.field.kind import Kind
@@ -30,14 +25,6 @@ from tests.waiting import until
 _PLACES = 10
 """How many goals the server has room for."""
 _GUIDE = ROOT / "docs" / "guides" / "micro-ros-section.md.txt"
-_KILLED = """
-import os, signal, sys
-from actionkit import Client, Ledger
-from test_msgs.action import Fibonacci
-client = Client(Fibonacci, "fibonacci", ledger=Ledger(sys.argv[1]))
-client.call_async({"order": 40}).wait_accepted(30.0)
-os.kill(os.getpid(), signal.SIGKILL)
-"""
 _NOT_ALL = "cannot, or will not, cancel all goals (return code 2"
 
 
@@ -153,18 +140,3 @@ def test_a_goal_that_waited_for_a_place_is_cancelled_when_it_gets_one(field: Fie
 def test_the_guide(field: Field, tmp_path: Path) -> None:
     run_page(_GUIDE, tmp_path)
     field.server.wait_for("canceled")
-
-
-@pytest.mark.field(can=_is_micro_ros)
-def test_what_a_killed_program_has_left_is_cancelled_at_once(field: Field, tmp_path: Path) -> None:
-    """Its id is known. To wait for a status first would be to wait until the time is over."""
-    program = [sys.executable, "-c", _KILLED, str(tmp_path / "ledger")]
-    done = forked.run(program, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
-    assert done.returncode == -signal.SIGKILL, done.stderr
-    field.server.wait_for("executing")
-    ledger = Ledger(tmp_path / "ledger")
-    (left,) = ledger.leftovers()
-    # In the time that is given, the goal would end by itself.
-    assert ledger.cancel(timeout=40.0) == {left: CancelReport.CONFIRMED}
-    assert field.server.order("canceled", "succeeded") == ["canceled"]
-    assert not ledger.leftovers()
