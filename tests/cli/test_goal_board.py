@@ -6,11 +6,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from actionkit._ros import graph
 from actionkit._ros.names import ActionNames
 from actionkit._ros.stopping.goal_board import Board
 from actionkit._ros.tools.watch import GoalSeen, StatusReader, one_of_each
+from actionkit.cli.watch._screens import TableScreen
 from tests.unit.test_wire import status_array
 
 
@@ -30,13 +32,22 @@ def test_only_changes_are_told_and_what_ended_stays_so() -> None:
     assert board.counts() == {"SUCCEEDED": 2}
 
 
+def drawn(board: Board) -> str:
+    console = Console(width=100)
+    with console.capture() as capture:
+        console.print(TableScreen("/a")._drawn(board, 1.0))
+    return capture.get()
+
+
 def test_a_status_without_goals_is_not_the_same_as_none() -> None:
     """A server of micro-ROS runs goals, and publishes no status of them."""
     board = Board()
     board.take(("/server",), 0.0)
     assert not board.has_status
+    assert "no status yet" in drawn(board)
     board.take([], 1.0)
     assert board.has_status
+    assert "no goals" in drawn(board)
 
 
 def test_a_goal_that_two_servers_have_has_ended_where_both_have_ended_it() -> None:

@@ -151,7 +151,7 @@ class TableScreen(Screen):
         return Group(
             Text(printable(f"{self._name}  servers: {servers}"), style="bold"),
             *([Text(printable(held), style="bold red")] if (held := _held(board)) else ()),
-            Text(counts or "no goals", style="dim"),
+            Text(counts or ("no goals" if board.has_status else "no status yet"), style="dim"),
             table,
             Text(f"and {hidden} more" if hidden > 0 else "", style="dim"),
         )
