@@ -22,8 +22,10 @@ from tests.docs.test_pages import DOCS, PAGES
 
 RUN_ELSEWHERE = {
     "guides/gui.md": "tests/docs/test_window.py",
+    "guides/micro-ros.md": "tests/field/test_micro_ros.py",
     "guides/moveit.md": "tests/field/test_moveit_page.py",
     "guides/nav2.md": "tests/docs/test_nav2.py",
+    "guides/web-pages.md": "tests/field/test_rosbridge.py",
     "logging.md": "tests/test_logging_docs.py",
     "command-line.md": "its commands are those of tests/cli",
     "CHANGELOG.md": "tells of the past",

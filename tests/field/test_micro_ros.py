@@ -24,7 +24,7 @@ from tests.waiting import until
 
 _PLACES = 10
 """How many goals the server has room for."""
-_GUIDE = ROOT / "docs" / "guides" / "micro-ros-section.md.txt"
+_GUIDE = ROOT / "docs" / "guides" / "micro-ros.md"
 _NOT_ALL = "cannot, or will not, cancel all goals (return code 2"
 
 

@@ -33,7 +33,7 @@ from tests.field.sources import SERVERS
 from tests.rclpy_client import Driver
 from tests.waiting import until
 
-_GUIDE = ROOT / "docs" / "guides" / "web-page-section.md.txt"
+_GUIDE = ROOT / "docs" / "guides" / "web-pages.md"
 on_rosbridge = pytest.mark.field(can=lambda kind: kind is rows.ROSBRIDGE)
 SHORT = Timeouts(server=30.0, cancel=0.5)
 NUMBERS = [0, 1, 1, 2]
