@@ -74,8 +74,10 @@ def main() -> None:
     for file in ("librclcpp.so", "librclcpp_action.so"):
         ctypes.CDLL(str(prefix() / "lib" / file), ctypes.RTLD_GLOBAL)
     native = ctypes.CDLL(library)
-    native.go(kind.encode(), 0)
+    # Before there are threads that log: rcutils has no lock for this.
+    native.rcutils_logging_initialize()
     native.rcutils_logging_set_logger_level(f"cpp_{kind[:3]}".encode(), _DEBUG)
+    native.go(kind.encode(), 0)
     threading.Thread(target=_obey, args=(native,), daemon=True).start()
     signal.sigwait({signal.SIGINT, signal.SIGTERM})
     native.stop()
