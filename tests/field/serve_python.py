@@ -1,7 +1,7 @@
-"""Starts a server in Python of the shared folder: `serve_python.py PATHS SCRIPT [threads] [fast]`.
+"""Starts a server in Python of the shared folder: `serve_python.py PATHS SCRIPT [threads] [SPEED]`.
 
 With `threads`, what the script spins with `rclpy.spin` has several threads. With `fast`, it sleeps
-a hundredth of the time. It ends at the end of its standard input.
+a hundredth of the time, with `slow` three times as long. It ends at the end of its standard input.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ import time
 from importlib import import_module
 from typing import Any
 
+_SLEEPS = {"fast": 0.01, "slow": 3.0}
+
 
 def main() -> None:
     """Run the script, with these folders for its imports."""
@@ -23,8 +25,8 @@ def main() -> None:
     sys.argv[:] = [script]
     if "threads" in options:
         _spin_with_threads()
-    if "fast" in options:
-        _hurry()
+    for option in _SLEEPS.keys() & {*options}:
+        _sleep(_SLEEPS[option])
     if script.endswith("srv_dock.py"):
         _let_the_goal_choose()
     runpy.run_path(script, run_name="__main__")
@@ -42,14 +44,14 @@ def _spin_with_threads() -> None:
     rclpy.spin = spin
 
 
-def _hurry() -> None:
+def _sleep(times: float) -> None:
     sleep = time.sleep
 
-    def hurried(seconds: float) -> None:
-        sleep(seconds / 100)
+    def sleep_so_long(seconds: float) -> None:
+        sleep(seconds * times)
 
     module: Any = time
-    module.sleep = hurried
+    module.sleep = sleep_so_long
 
 
 def _let_the_goal_choose() -> None:

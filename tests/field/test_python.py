@@ -204,6 +204,7 @@ def test_a_busy_server_is_killed(field: Field) -> None:
 
 @pytest.mark.field("`watch`, `doctor`", can=only(SIMPLE_ACTIONS))
 def test_the_commands_look_at_a_busy_server(field: Field) -> None:
+    _start(field, "simple", "srv_simple.py", "slow")
     future = _busy(field)
     name = field.kind.action_name
     with ThreadPoolExecutor(2) as pool:  # both, before the goal ends

@@ -51,8 +51,8 @@ SIMPLE_ACTIONS = Kind(
     goals={
         "short": {"order": 3},
         "aborts": {"order": 5},
-        "busy": {"order": 8},
-        "busy for long": {"order": 40},
+        "busy": {"order": 11},
+        "busy for long": {"order": 46},
     },
     log={
         "executing": "execute order",
