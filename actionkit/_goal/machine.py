@@ -342,11 +342,11 @@ class Goal(CancellableGoal):
     def _one_is_gone(self, now: float) -> list[fx.Effect]:
         """One of several servers has left, and another has not said whether it accepts the goal.
 
-        It may have come too late for the request; then it never says so.
+        It may have come too late for the request; then it never says so. A call without any limit
+        would wait for ever.
         """
-        limit = self._timeouts.accept
-        had_its_time = limit is not None and now >= self._shown_at + limit
-        if self.stage is not Stage.ACCEPTED or not had_its_time:
+        limit = LONGEST_PAUSE if self._timeouts.accept is None else self._timeouts.accept
+        if self.stage is not Stage.ACCEPTED or now < self._shown_at + limit:
             return []
         return self.server_lost(_ONE_IS_GONE, now)  # not `gone`: it may still accept it
 

@@ -415,6 +415,19 @@ def test_a_goal_of_a_server_that_has_gone_is_lost_when_the_other_had_time_to_acc
     assert AskCancel() in goal.accepted(7.0)
 
 
+def test_without_a_limit_for_the_acceptance_such_a_goal_is_lost_all_the_same() -> None:
+    """The call was accepted once: without a deadline, it would wait for ever."""
+    goal = Goal(uuid.uuid4(), Timeouts(accept=None))
+    goal.sent(0.0)
+    goal.accepted(0.0)
+    goal.servers_changed(2, 0)
+    goal.servers_changed(2, 1)
+    assert goal.result(None, None, 4.0, asked_at=3.9) == []
+    (settle,) = (e for e in goal.result(None, None, 31.0, asked_at=30.9) if isinstance(e, Settle))
+    assert settle.ending.end is End.LOST
+    assert not goal.facts.is_lost_with_server
+
+
 def test_what_one_of_two_servers_has_ended_may_run_on_the_one_that_is_back_and_lost_again() -> None:
     goal = Goal(uuid.uuid4(), Timeouts())
     goal.sent(0.0, servers=2)
