@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import queue
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,6 +14,7 @@ from actionkit._ros import graph
 from actionkit._ros.names import ActionNames
 from actionkit._ros.stopping.goal_board import Board
 from actionkit._ros.tools.watch import GoalSeen, StatusReader, one_of_each
+from actionkit.cli.watch import watch
 from actionkit.cli.watch._screens import TableScreen
 from tests.unit.test_wire import status_array
 
@@ -78,6 +81,44 @@ def test_of_a_goal_that_two_servers_have_the_one_that_runs_is_told() -> None:
 
 
 @pytest.mark.long
+class Inbox:
+    """What a `StatusReader` reports, and when; its clock is that of the test."""
+
+    def __init__(self, *news: tuple[float, Any]) -> None:
+        self.now = 0.0
+        self._news = list(news)
+
+    def get(self, timeout: float) -> Any:
+        at, news = self._news[0] if self._news else (float("inf"), None)
+        if at > self.now + timeout:
+            self.now += timeout
+            raise queue.Empty
+        self.now = max(self.now, at)
+        del self._news[0]
+        return news
+
+
+@pytest.mark.parametrize(
+    ("servers", "state"),
+    [
+        ([(0.5, ("/a",))], "SUCCEEDED"),
+        ([(0.5, ("/a", "/b"))], "EXECUTING"),
+        ([(0.5, ("/a",)), (0.8, ("/a", "/b"))], "EXECUTING"),
+    ],
+    ids=["one server", "two servers", "the second is seen when the first has told"],
+)
+def test_a_look_waits_for_the_goals_of_each_server_in_sight(
+    servers: list[tuple[float, Any]], state: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = [(0.6, [goal(1, "SUCCEEDED", 10)]), (1.3, [goal(1, "EXECUTING", 11)])]
+    inbox, board = Inbox(*sorted([*servers, *told], key=lambda each: each[0])), Board()
+    clock = SimpleNamespace(monotonic=lambda: inbox.now, time=time.time)
+    monkeypatch.setattr(watch, "time", clock)
+    watch.first_look(board, inbox, 5.0)  # type: ignore[arg-type]
+    assert board.counts() == {state: 1}
+    assert inbox.now < 1.6
+
+
 def test_the_board_is_bounded_and_keeps_what_runs() -> None:
     board = Board()
     board.take([goal(0, "EXECUTING")], 0.0)

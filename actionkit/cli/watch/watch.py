@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import queue
 import sys
 import time
@@ -33,6 +34,8 @@ class Held:
 
 TICK = 0.25
 """Seconds between two drawings of the table: often enough for tenths of a second to look alive."""
+_NEXT_LOOK = 0.3
+"""Seconds until a `StatusReader` has looked for servers again."""
 NO_STATUS = (
     "No goal is known: the server has published no status. It has had no goal yet, or publishes"
     " none, as that of micro-ROS: then it may be running some."
@@ -145,17 +148,20 @@ def _once(
 def first_look(board: Board, inbox: queue.SimpleQueue[Any], server_timeout: float) -> None:
     """Wait until a server is in sight, then a second at most for the goals it remembers.
 
-    `inbox` gets what a `StatusReader` reports; the board is updated from it.
+    `inbox` gets what a `StatusReader` reports; the board is updated from it. Several servers get
+    the whole second: what has ended on one may run on another.
     """
     give_up = time.monotonic() + server_timeout
-    first: float | None = None
+    first = alone = math.inf
     while True:
         now = time.monotonic()
-        if board.servers and first is None:
+        if board.servers and first == math.inf:
             first = now + FIRST
-        if (first is not None and (board.goals or now >= first)) or now >= give_up:
+        if board.goals and alone == math.inf:
+            alone = now + _NEXT_LOOK
+        if now >= min(first, give_up) or (len(board.servers) == 1 and now >= alone):
             break
-        _take(board, inbox, TICK, None)
+        _take(board, inbox, TICK / 5, None)
 
 
 def _take(
