@@ -179,6 +179,19 @@ def test_the_goals_of_all_servers_on_a_name(domain: int, servers: list[Any]) -> 
     assert in_flight(domain) == [("01", "EXECUTING"), ("03", "EXECUTING")]
 
 
+def test_each_of_several_servers_has_time_to_tell(
+    domain: int, servers: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What has ended on the one that told first may run on another."""
+    monkeypatch.setattr(watch, "SETTLE", 0.0)
+    one, two = servers
+    one.publish(GoalStatusArray(status_list=[entry(1, SUCCEEDED)]))
+    looking = Later(lambda: in_flight(domain))
+    until(lambda: two.get_subscription_count() > 0)
+    two.publish(GoalStatusArray(status_list=[entry(1, EXECUTING)]))
+    assert looking.end() == [("01", "EXECUTING")]
+
+
 def test_servers_that_keep_nothing_are_heard(domain: int, robot: Node) -> None:
     lossy = robot.create_publisher(GoalStatusArray, "/a/_action/status", LOSSY)
     looking = Later(lambda: in_flight(domain))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import uuid
 from collections.abc import Callable, Iterable
@@ -140,7 +141,7 @@ def goals_seen(
     `runtimes.acquire`. A server that never had a goal sends no status.
     """
     arrays: list[Stamped] = []
-    joined = False
+    joined, heard = False, math.inf
     topic = TopicReader(place, status_topic, _TYPE, GoalStatusArray, depth=_DEPTH)
     with closing(topic) as reader:
         found_by = reader.runtime.in_graph_since + _DISCOVERY
@@ -148,12 +149,16 @@ def goals_seen(
         for told in reader.arriving(stopped):
             now = time.monotonic()
             if told and not arrays:
-                ends = min(ends, now + SETTLE)
+                heard = now
             arrays += told
             if not arrays and not joined and reader.joined >= max(1, reader.publishers):
                 joined = True  # a kept status would come now
                 ends = now + _STATUS_WAIT
-            if now >= ends or (now >= found_by and not reader.publishers and not arrays):
+            # What has ended on one of several servers may run on another.
+            enough = heard + (SETTLE if reader.publishers < 2 else _STATUS_WAIT)
+            if now >= min(ends, enough) or (
+                now >= found_by and not reader.publishers and not arrays
+            ):
                 break
     in_order = (goal for _, array in sorted(arrays) for goal in goals(array))
     newest = {goal[:3]: goal for goal in in_order}
