@@ -80,7 +80,6 @@ def test_of_a_goal_that_two_servers_have_the_one_that_runs_is_told() -> None:
     assert one_of_each([ended, runs]) == one_of_each([runs, ended]) == [runs]
 
 
-@pytest.mark.long
 class Inbox:
     """What a `StatusReader` reports, and when; its clock is that of the test."""
 
@@ -119,6 +118,7 @@ def test_a_look_waits_for_the_goals_of_each_server_in_sight(
     assert inbox.now < 1.6
 
 
+@pytest.mark.long
 def test_the_board_is_bounded_and_keeps_what_runs() -> None:
     board = Board()
     board.take([goal(0, "EXECUTING")], 0.0)
