@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from actionkit import (
     CancelReport,
     GoalAbortedError,
     GoalCanceledError,
+    GoalFuture,
     GoalRejectedError,
     GoalState,
     ServerLostError,
@@ -128,6 +131,50 @@ def test_a_cancel_of_a_goal_that_waits_is_confirmed_when_the_server_looks_at_it(
     order = field.server.order("executing", "succeeded", "canceled")
     assert order == ["executing", "succeeded", "executing", "canceled"]
     field.told(nav2.WAITED, "`CONFIRMED`, when the server looks at it")
+
+
+def _another_waits(field: Field) -> tuple[GoalFuture[Any, Any], GoalFuture[Any, Any]]:
+    """Send two goals; the server will look at the second one some 0.1 s later."""
+    first = field.running()
+    next(iter(first.feedback()))
+    second = field.client.call_async(field.goal("long"), timeout=60.0)
+    assert second.wait_accepted(20.0)
+    return first, second
+
+
+@ON_ONE
+def test_a_cancel_of_a_goal_that_waits_to_preempt_another_ends_both(field: Field) -> None:
+    events = ("executing", "aborted", "canceled")
+    for tried in range(1, 11):
+        first, second = _another_waits(field)
+        second.cancel()
+        field.server.wait_for("canceled", tried)
+        ended = first.outcome().status, second.outcome().status
+        if field.server.order(*events)[-3:] == [*events]:  # it was in time: the second never ran
+            break
+    assert field.server.order(*events)[-3:] == [*events]
+    assert ended == (GoalState.ABORTED, GoalState.CANCELED)
+    field.told(nav2.BOTH_END, "`GoalAbortedError` for the other; the server aborts it, too")
+
+
+@ON_ONE
+def test_a_cancel_that_crosses_a_preemption_ends_as_the_server_says(field: Field) -> None:
+    crossed = ["cancel_requested", "aborted", "executing", "cancel_requested", "canceled"]
+    events = ("cancel_requested", "aborted", "executing", "canceled")
+    for _ in range(1, 11):
+        first, second = _another_waits(field)
+        first.cancel()
+        outcome = first.outcome()
+        already = field.server.count("canceled")
+        second.cancel()
+        assert second.outcome().status is GoalState.CANCELED
+        field.server.wait_for("canceled", already + 1)
+        if field.server.order(*events)[-5:] == crossed:
+            break
+    assert field.server.order(*events)[-5:] == crossed, field.server.log
+    assert (outcome.status, outcome.cancel) == (GoalState.ABORTED, CancelReport.CONFIRMED)
+    assert not first.known_to_run
+    field.told(nav2.CROSSED, "`GoalAbortedError`, and `CONFIRMED`")
 
 
 @ON_BOTH

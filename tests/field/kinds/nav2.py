@@ -23,6 +23,8 @@ ENDED_OUTSIDE = "`terminate_all` from outside, and its work goes on"
 REFUSED = "it refuses that a goal preempts another"
 THREE = "two goals come while it is busy with one"
 WAITED = "a goal is cancelled that waits while it is busy"
+BOTH_END = "a goal is cancelled that waits to preempt another"
+CROSSED = "a goal is cancelled, and another preempts it first"
 DESTROYED = "destroyed in the middle of a goal"
 
 
@@ -69,6 +71,7 @@ SHARED = _nav2("`SimpleActionServer`", "nav", DESTROYED)
 OWN_THREAD = _nav2(
     "the same with `spin_thread`",
     "navspin",
-    *(DEACTIVATED, RETURNED, RAISED, ENDED_OUTSIDE, REFUSED, THREE, WAITED, DESTROYED),
+    *(DEACTIVATED, RETURNED, RAISED, ENDED_OUTSIDE, REFUSED, THREE, WAITED, BOTH_END, CROSSED),
+    DESTROYED,
 )
 KINDS = (SHARED, OWN_THREAD)
