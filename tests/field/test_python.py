@@ -153,6 +153,7 @@ def test_a_goal_of_a_busy_server_is_replaced_when_it_has_ended(field: Field) -> 
     second = client.call_async(field.goal("short"), replaces=first)
     with pytest.raises(GoalNotReplacedError):
         second.result()
+    assert first.outcome().cancel is CancelReport.UNKNOWN
     assert not field.server.count("succeeded")
     field.server.wait_for("succeeded")
 
