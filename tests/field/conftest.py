@@ -98,6 +98,14 @@ class Said:
     err: str
 
 
+def start(kind: Kind) -> Server:
+    """Start a server; skip the test, with the reason, if it cannot be built here."""
+    try:
+        return Server(kind)
+    except Missing as missing:
+        pytest.skip(str(missing))
+
+
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     marker = metafunc.definition.get_closest_marker("field")
     if marker is None:
@@ -119,10 +127,7 @@ def field(
     record_property: Callable[[str, object], None],
 ) -> Iterator[Field]:
     """Start the server; a test that passes has its columns in the table."""
-    try:
-        server = Server(kind)
-    except Missing as missing:
-        pytest.skip(str(missing))
+    server = start(kind)
     columns = request.node.get_closest_marker("field").args
     with ExitStack() as stack:
         stack.callback(server.close)

@@ -15,7 +15,7 @@ TOP = Path(__file__).parents[2]
 FIELD = Path(os.environ.get("ACTIONKIT_FIELD_SOURCES") or TOP.parent / "shared" / "field")
 """Where the project keeps the sources of other projects' servers."""
 SERVERS = FIELD / "servers"
-"""Small servers on top of them."""
+"""Small servers on top of them. `upstream()` says so where there are none."""
 _CACHE = Path(os.environ.get("ACTIONKIT_FIELD") or Path.home() / ".cache" / "actionkit-field")
 """Where they are unpacked and built. It is outside of the checkout, and kept."""
 
@@ -60,6 +60,8 @@ def built(name: str, make: Callable[[Path], None], *sources: Path) -> Path:
 
 @cache
 def _digest(source: Path) -> bytes:
+    if not source.exists():
+        raise Missing(f"{source} is not there")
     return hashlib.sha256(source.read_bytes()).digest()
 
 

@@ -22,16 +22,13 @@ from actionkit import (
 from tests.docs.snippets import run_page
 from tests.docs.test_pages import DOCS
 from tests.field import follow_joint_trajectory
+from tests.field.conftest import start
 from tests.field.kind import Server
-from tests.field.sources import Missing
 
 
 @contextmanager
 def _controller(monitor_period: float = 0.05) -> Iterator[Server]:
-    try:
-        server = Server(follow_joint_trajectory.kind(monitor_period))
-    except Missing as missing:
-        pytest.skip(str(missing))
+    server = start(follow_joint_trajectory.kind(monitor_period))
     try:
         server.wait_for("ready")
         yield server

@@ -26,10 +26,10 @@ from actionkit import (
     Verdict,
 )
 from tests.docs.snippets import ROOT, run_page
-from tests.field.conftest import Field
+from tests.field.conftest import Field, start
 from tests.field.kind import Kind, Server
 from tests.field.kinds import rosbridge as rows
-from tests.field.sources import SERVERS
+from tests.field.sources import SERVERS, upstream
 from tests.rclpy_client import Driver
 from tests.waiting import until
 
@@ -223,6 +223,12 @@ runpy.run_path(sys.argv[0], run_name="__main__")
 """
 
 
+def two_servers() -> Path:
+    """Return the script of the stand-in."""
+    upstream()
+    return SERVERS / "two_srv.py"
+
+
 @pytest.mark.parametrize("nodes", ["same", "other"])
 def test_what_one_of_two_servers_has_ended_may_run_on_the_other(
     nodes: str, ros_domain: int
@@ -230,13 +236,13 @@ def test_what_one_of_two_servers_has_ended_may_run_on_the_other(
     """As after a reload: another client has sent the goal, and has not cancelled it."""
     kind = Kind(
         name="two servers in one process",
-        program=lambda: ("-c", _TWO, str(SERVERS / "two_srv.py"), nodes),
+        program=lambda: ("-c", _TWO, str(two_servers()), nodes),
         goals={},
         log={"executing": "ghost runs", "succeeded": "good succeeded", "canceled": "canceled"},
         second="runs both",
     )
     with ExitStack() as stack:
-        server = Server(kind)
+        server = start(kind)
         stack.callback(server.close)
         field = Field(server, kind, stack, lambda *_: None)
         client = field.another_client(timeouts=SHORT)
