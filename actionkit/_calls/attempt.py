@@ -98,6 +98,7 @@ class Attempt:
         self._in_outbox = True
         self._has_result = False
         self._cancels = 0  # requests sent, minus those for which a server did not know the goal
+        self._first_cancel_at = 0.0  # when the first of them was sent
 
     @property
     def unwanted(self) -> bool:
@@ -221,14 +222,17 @@ class Attempt:
         self._look_whether_lost(seen)
 
     def on_cancel_sent(self) -> None:
+        if not self._cancels:
+            self._first_cancel_at = self._now()
         self._cancels += 1
 
     def on_cancel_answer(self, answer: CancelAnswer, asked_at: float) -> None:
         if answer is CancelAnswer.UNKNOWN_GOAL:
             self._cancels = max(0, self._cancels - 1)  # some answer requests for earlier attempts
-        alone = self._cancels == 1 and self.goal.facts.servers == 1
-        if answer is CancelAnswer.TERMINATED and alone:
-            self._cancels = 0  # it had ended, or was being cancelled, before our one request came
+        first = self._cancels == 1 or asked_at <= self._first_cancel_at
+        if answer is CancelAnswer.TERMINATED and first and self.goal.facts.servers == 1:
+            # It had ended, or was being cancelled, before our first request came.
+            self._cancels = max(0, self._cancels - 1)
         own = self._link.sees_server_of(self)
         self._apply(self.goal.cancel_answered(answer, self._now(), asked_at=asked_at, own=own))
 

@@ -389,8 +389,12 @@ class Goal(CancellableGoal):
             known = self.stage is Stage.ACCEPTED or self._attached
             if not known:
                 return self._unknown_so_far()
-            # micro-ROS' server answers no request for the result of a goal that has ended.
-            return [fx.AskResult(), *(self._forgotten(now, asked_at) if own else [])]
+            if asked_at < self._shown_at:
+                return []  # the result was requested since then
+            # micro-ROS' server answers no request for the result of a goal that has ended, and
+            # shows no end. If an end was shown, the result may be under way.
+            forgets = own and self._terminal_seen is None
+            return [fx.AskResult(), *(self._forgotten(now, asked_at) if forgets else [])]
         effects = self._proven(now)
         if self.stage is Stage.ELSEWHERE:
             self.facts.refused = answer is CancelAnswer.REFUSED

@@ -148,6 +148,7 @@ class CancelQueue:
                 self._window.note_progress(self._timers.now())
             self._end_wait(key, cancellation)
         cancellation.unknown += not known
+        # As for the goal's machine: `ask` is called when a goal turns out to be accepted.
         outdated = answer is not CancelAnswer.ACCEPTED and sent_at < cancellation.asked_at
         if known and not outdated:
             self.stop(key)

@@ -192,6 +192,16 @@ def test_each_of_several_servers_has_time_to_tell(
     assert looking.end() == [("01", "EXECUTING")]
 
 
+def test_at_the_end_of_its_time_a_look_returns_what_has_come(
+    domain: int, servers: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(watch, "_STATUS_WAIT", 60.0)
+    one, _ = servers
+    one.publish(GoalStatusArray(status_list=[entry(1, EXECUTING)]))
+    at_once = watch.goals_seen(domain, "/a/_action/status", lambda: False, time.monotonic() + 4.0)
+    assert [goal.state for goal in at_once] == ["EXECUTING"]
+
+
 def test_servers_that_keep_nothing_are_heard(domain: int, robot: Node) -> None:
     lossy = robot.create_publisher(GoalStatusArray, "/a/_action/status", LOSSY)
     looking = Later(lambda: in_flight(domain))

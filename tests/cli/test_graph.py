@@ -132,10 +132,10 @@ def test_watch_ends_when_asked_to(empty_world: World) -> None:
     empty_world.server("fibonacci")
     idle = empty_world.run("watch", "/fibonacci", "--once")
     assert idle.code == Exit.OK
-    assert idle.out.startswith("No goal is known: the server has published no status. ")
+    assert idle.out.startswith("No goal is known: no status has come from the server. ")
     idle = empty_world.run("cancel", "/fibonacci")
     assert idle.code == Exit.OK
-    assert idle.out.startswith("No goal is known: the server has published no status. ")
+    assert idle.out.startswith("No goal is known: no status has come from the server. ")
 
 
 @pytest.mark.long

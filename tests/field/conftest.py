@@ -126,7 +126,7 @@ def field(
     ros_domain: int,
     record_property: Callable[[str, object], None],
 ) -> Iterator[Field]:
-    """Start the server; a test that passes has its columns in the table."""
+    """Start the server; the test's columns are in the table if all tests pass."""
     server = start(kind)
     columns = request.node.get_closest_marker("field").args
     with ExitStack() as stack:

@@ -194,12 +194,14 @@ private:
   {
     auto motion = *motion_.readFromRT();
     auto active = *active_.readFromRT();
+    auto at = std::chrono::steady_clock::now();
+    double step = FASTEST * std::chrono::duration<double>(at - updated_).count();
+    updated_ = at;
     if (!motion) {
       return;
     }
     double now = motion->passed();
     Positions desired = motion->desired(), errors(JOINTS.size());
-    double step = FASTEST * std::chrono::duration<double>(PERIOD).count();
     for (size_t i = 0; i < JOINTS.size(); ++i) {
       arm_[i] += std::clamp(desired[i] - arm_[i], -step, step);
       errors[i] = desired[i] - arm_[i];
@@ -247,6 +249,7 @@ private:
   const double monitor_period_;
   std::atomic<bool> running_{true};
   Positions arm_ = Positions(JOINTS.size(), 0.0);
+  std::chrono::steady_clock::time_point updated_ = std::chrono::steady_clock::now();
   realtime_tools::RealtimeBuffer<Positions> actual_{arm_};
   realtime_tools::RealtimeBuffer<std::shared_ptr<Motion>> motion_;
   realtime_tools::RealtimeBuffer<RealtimePtr> active_;

@@ -39,8 +39,9 @@ class Kind:
         log: Regular expressions of lines in the server's own log: `executing`, `cancel_requested`,
             `succeeded`, `canceled`, `aborted`, `rejected`. What it does not say is left out. A
             group `result` has the numbers of the result.
-        second: What it does with a second goal while one runs: `queues it`, `rejects it`,
-            `preempts`, `runs both`, `crashes`, or `answers later`.
+        results: What `sequence` of the result of a goal is, by the server's source.
+        second: What it does with a second goal while one runs: `queues it`, `preempts`, `runs
+            both`, `crashes`, or `answers later`.
         has_status: Whether it publishes the states of its goals.
         action_type: The action's type.
         action_name: The action's name.
@@ -53,6 +54,7 @@ class Kind:
     goals: Mapping[str, Goal]
     log: Mapping[str, str]
     second: str
+    results: Mapping[str, Sequence[int]] = field(default_factory=dict)
     has_status: bool = True
     action_type: str = "test_msgs/action/Fibonacci"
     action_name: str = "fibonacci"

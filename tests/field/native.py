@@ -5,15 +5,15 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
-import subprocess
 import sys
 import threading
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+import tests.native.build
 from tests.field.kind import Server
-from tests.field.sources import SERVERS, TOP, Missing, built, upstream
+from tests.field.sources import FIELD, SERVERS, TOP, Missing, built, need, upstream
 from tests.native.build import build, compile_cpp, prefix
 
 _SOURCES = (SERVERS / "srv.cpp", Path(__file__).with_name("node_thread.cpp"))
@@ -49,18 +49,25 @@ def _library() -> Path:
     headers = [upstream() / folder for folder in _HEADERS]
 
     def make(folder: Path) -> None:
-        try:
-            build()
-            compile_cpp(_SOURCES, folder / "libservers.so", headers)
-        except (RuntimeError, OSError, subprocess.CalledProcessError) as error:
-            raise Missing(f"servers in C++ cannot be built: {error}") from error
+        compile_cpp(_SOURCES, folder / "libservers.so", headers)
 
-    return built("cpp", make, *_SOURCES, Path(__file__), *_installed()) / "libservers.so"
+    return built("cpp", make, *_SOURCES, *rclcpp()) / "libservers.so"
 
 
-def _installed() -> Sequence[Path]:
-    """Return files that change where another rclcpp is installed."""
-    return [path for path in [prefix() / "lib" / "librclcpp_action.so"] if path.exists()]
+@cache
+def rclcpp() -> Sequence[Path]:
+    """Build rclcpp where it is missing; return files that change if it changes, or how it is used.
+
+    Raises:
+        Missing: It cannot be built here.
+    """
+    need("g++", "cmake", "make")
+    try:
+        build()
+    except RuntimeError as error:
+        raise Missing(str(error)) from error
+    library = prefix() / "lib" / "librclcpp_action.so"
+    return library, Path(tests.native.build.__file__), FIELD / "upstream.tar.xz"
 
 
 def main() -> None:

@@ -29,16 +29,18 @@ KEYS: dict[str, list[Key]] = {**dict.fromkeys(TABLES, _SERVERS), OWN: _OWN}
 
 
 def rows(cells: dict[Key, str]) -> dict[str, dict[Key, tuple[Cell, ...]]]:
-    """Return the rows of each table.
+    """Return the rows of each table, of the servers that were not skipped.
 
     Args:
         cells: What was seen, by the server's name and the column, or what happened.
     """
+    ran = {server for server, _ in cells}
     seen: dict[str, dict[Key, tuple[Cell, ...]]] = {
         table: {
             (server,): tuple(cells.get((server, column), NOT_THERE) for column in columns)
             for (server,) in _SERVERS
+            if server in ran
         }
         for table, columns in TABLES.items()
     }
-    return {**seen, OWN: {key: (cells[key],) for key in _OWN}}
+    return {**seen, OWN: {key: (cells[key],) for key in _OWN if key[0] in ran}}

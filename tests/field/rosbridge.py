@@ -24,7 +24,8 @@ def packages() -> Path:
 
 
 def _install(folder: Path) -> None:
-    command = [sys.executable, "-m", "pip", "install", "--quiet", "--target", folder, *_PACKAGES]
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--retries", "0"]
+    command += ["--timeout", "10", "--target", str(folder), *_PACKAGES]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     if done.returncode:
         raise Missing(f"rosbridge needs {', '.join(_PACKAGES)}: {done.stderr}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
+import shutil
 import tarfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,7 +22,18 @@ _CACHE = Path(os.environ.get("ACTIONKIT_FIELD") or Path.home() / ".cache" / "act
 
 
 class Missing(Exception):
-    """A server cannot be built here; the text says what it needs."""
+    """Something that a server needs is not on this machine; the text says what."""
+
+
+_missing: dict[str, Missing] = {}
+"""What could not be built by this process, by name: it does not try again."""
+
+
+def need(*programs: str) -> None:
+    """Raise `Missing` if one of these programs is not installed."""
+    for program in programs:
+        if shutil.which(program) is None:
+            raise Missing(f"there is no {program}")
 
 
 def upstream() -> Path:
@@ -37,12 +49,15 @@ def built(name: str, make: Callable[[Path], None], *sources: Path) -> Path:
 
     Args:
         name: The folder's.
-        make: Fills the folder that it is given, which is empty.
+        make: Fills the folder that it is given, which is empty. It raises `Missing` if something
+            that it needs is not there, and any other error if the work fails.
         sources: Files. If one changes, the folder is made again.
 
     Raises:
-        Missing: Something that `make` needs is not on this machine.
+        Missing: See `make`.
     """
+    if name in _missing:
+        raise _missing[name]
     version = hashlib.sha256()
     for source in sources:
         version.update(_digest(source))
@@ -52,8 +67,13 @@ def built(name: str, make: Callable[[Path], None], *sources: Path) -> Path:
         return folder
     with _locked(name):  # one process builds, the others wait
         if not ready.exists():
-            folder.mkdir(parents=True, exist_ok=True)
-            make(folder)
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+            try:
+                make(folder)
+            except Missing as missing:
+                _missing[name] = missing
+                raise
             ready.touch()
     return folder
 

@@ -69,7 +69,7 @@ def test_not_everything_is_cancelled(field: Field) -> None:
         future.goal_id: CancelReport.CONFIRMED,  # its own client knows the goal
     }
     field.server.wait_for("canceled")
-    field.saw("`UNKNOWN`; its own client: yes")
+    field.saw("`UNKNOWN`, except from the client that sent it")
 
 
 @pytest.mark.field("`actionkit stop`", can=_is_micro_ros)
@@ -94,12 +94,12 @@ def test_the_commands_that_look_say_that_there_is_no_status(field: Field) -> Non
     ):
         said = field.command(*command)
         assert said.code == 0, said
-        assert "No goal is known: the server has published no status." in said.out, said
+        assert "No goal is known: no status has come from the server." in said.out, said
         assert "it may be running some" in said.out, said
     seen = field.command("doctor", field.kind.action_name)
     assert seen.code == 0, seen
     _cancel_by_id(field, future)
-    field.saw("no status, told")
+    field.saw("say that there is no status")
 
 
 @pytest.mark.field(can=_is_micro_ros)
@@ -133,7 +133,7 @@ def test_a_goal_that_waited_for_a_place_is_cancelled_when_it_gets_one(field: Fie
     field.server.wait_for("executing", _PLACES + 1)
     field.server.wait_for("canceled", _PLACES + 1)
     assert until(lambda: waiting.known_to_run is False)
-    field.told(FULL, "nothing; `AcceptanceTimeoutError` if the time for that is over")
+    field.told(FULL, "nothing until it is accepted, or `AcceptanceTimeoutError`")
 
 
 @pytest.mark.field(can=_is_micro_ros)

@@ -62,8 +62,9 @@ def test_the_page(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_a_deadline_stops_the_arm(ros_domain: int) -> None:
     with _called() as (server, arm):
         with pytest.raises(DeadlineExceededError) as late:
-            arm.call(_move(0.5, 60), timeout=0.3)
+            arm.call(_move(0.5, 60), timeout=1.0)
         assert "MAY STILL BE RUNNING" not in str(late.value)
+        server.wait_for("cancel_requested")
         assert server.order("executing", "cancel_requested") == ["executing", "cancel_requested"]
 
 

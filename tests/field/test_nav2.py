@@ -49,7 +49,7 @@ def test_a_goal_that_is_aborted_from_outside_has_ended_though_its_work_goes_on(
 ) -> None:
     """Nobody but the server knows of that work; the next goal waits for its end."""
     server = field.server
-    future = field.client.call_async(nav2.looks_at_nothing(8), timeout=20.0)
+    future = field.client.call_async(nav2.looks_at_nothing(25), timeout=20.0)
     server.wait_for("executing")
     server.tell("terminate_all")
     with pytest.raises(GoalAbortedError) as caught:
@@ -81,7 +81,7 @@ def test_work_without_an_end_is_an_abort(goal: nav2.Goal, what: str, field: Fiel
 
 @ON_ONE
 def test_a_goal_that_refuses_to_be_preempted_goes_on(field: Field) -> None:
-    first = field.client.call_async(nav2.refuses_preemption(8), timeout=20.0)
+    first = field.client.call_async(nav2.refuses_preemption(25), timeout=20.0)
     field.server.wait_for("executing")
     second = field.client.call_async(
         field.goal("short"), timeout=20.0, replaces=first, preempt=True
@@ -100,7 +100,7 @@ def test_a_goal_that_refuses_to_be_preempted_goes_on(field: Field) -> None:
 @ON_ONE
 def test_of_three_goals_the_one_in_the_middle_never_runs(field: Field) -> None:
     """While the first one is busy, the server keeps one more, and the last one counts."""
-    first = field.client.call_async(nav2.looks_at_nothing(8), timeout=20.0)
+    first = field.client.call_async(nav2.looks_at_nothing(25), timeout=20.0)
     field.server.wait_for("executing")
     second = field.client.call_async(field.goal("long"), timeout=20.0)
     assert second.wait_accepted(20.0)
@@ -119,7 +119,7 @@ def test_of_three_goals_the_one_in_the_middle_never_runs(field: Field) -> None:
 def test_a_cancel_of_a_goal_that_waits_is_confirmed_when_the_server_looks_at_it(
     field: Field,
 ) -> None:
-    first = field.client.call_async(nav2.looks_at_nothing(8), timeout=20.0)
+    first = field.client.call_async(nav2.looks_at_nothing(25), timeout=20.0)
     field.server.wait_for("executing")
     second = field.client.call_async(field.goal("long"), timeout=20.0)
     assert second.wait_accepted(20.0)
@@ -184,7 +184,7 @@ def test_a_server_that_is_destroyed_ends_the_call(field: Field) -> None:
     field.server.wait_for("executing")
     field.server.tell("destroy")
     with pytest.raises((ServerLostError, GoalCanceledError)) as caught:
-        future.result(5.0)  # and not only after 20 s, as for a process that was killed
+        future.result(12.0)  # and not only after 20 s, as for a process that was killed
     is_lost = isinstance(caught.value, ServerLostError)
     assert future.known_to_run is (None if is_lost else False)
     assert field.server.count("executing") == 1

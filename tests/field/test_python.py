@@ -37,9 +37,10 @@ from tests.field.kinds.python import (
 )
 from tests.waiting import until
 
-SOON = Timeouts(server=30.0, accept=0.5, cancel=0.5)
+SOON = Timeouts(server=30.0, cancel=0.5)
+IMPATIENT = Timeouts(server=30.0, accept=0.5, cancel=0.5)
 PATIENT = Timeouts(server=30.0, accept=30.0, cancel=30.0)
-TOLD = "told: it may run"
+TOLD = "says that it may run"
 
 
 def only(kind: Kind) -> Any:
@@ -107,8 +108,9 @@ def test_a_busy_server_answers_a_cancel_at_once_too_late(field: Field) -> None:
 
 @pytest.mark.field("`attach`, its cancel", can=only(SIMPLE_ACTIONS))
 def test_a_busy_server_answers_another_client_too_late(field: Field) -> None:
+    other = field.another_client(timeouts=SOON)
     future = field.running("busy")
-    attached = field.another_client(timeouts=SOON).attach(future.goal_id, timeout=30.0)
+    attached = other.attach(future.goal_id, timeout=30.0)
     next(iter(attached.feedback()))
     attached.cancel()
     _is_told(field, attached, DeadlineExceededError)
@@ -172,9 +174,8 @@ def test_a_goal_of_a_busy_server_is_replaced_when_it_has_ended(field: Field) -> 
 @pytest.mark.field("A second goal", can=only(SIMPLE_ACTIONS))
 def test_a_busy_server_accepts_a_second_goal_later(field: Field) -> None:
     """A call that does not wait for the acceptance says that the goal may run, and it does."""
-    client = field.another_client(timeouts=SOON)
-    first = client.call_async(field.goal("busy"))
-    field.server.wait_for("executing")
+    client = field.another_client(timeouts=IMPATIENT)
+    first = field.running("busy")
     second = client.call_async(field.goal("short"))
     outcome = second.outcome()
     assert not field.server.count("succeeded")
@@ -188,7 +189,7 @@ def test_a_busy_server_accepts_a_second_goal_later(field: Field) -> None:
     until(lambda: second.known_to_run is False)
     assert field.server.order("executing", "succeeded") == ["executing", "succeeded"] * 3
     field.saw("accepted after the first")
-    field.told(SECOND, "nothing; `AcceptanceTimeoutError` if the time for that is over")
+    field.told(SECOND, "nothing until it is accepted, or `AcceptanceTimeoutError`")
 
 
 @pytest.mark.field("Killed, restarted", can=only(SIMPLE_ACTIONS))

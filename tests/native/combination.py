@@ -11,7 +11,7 @@ import sys
 from collections import Counter
 from collections.abc import Container, Iterator
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import pytest
 
@@ -63,7 +63,7 @@ def enter(config: pytest.Config) -> None:
     everything = config.args == config.getini("testpaths")
     if chosen == _FIELD and everything:
         config.args[:] = [str(_FOLDER)]
-        if not (hasattr(config, "workerinput") or config.option.keyword):
+        if not (hasattr(config, "workerinput") or _is_partial(config.option)):
             config.pluginmanager.register(_FieldPage(), "combination")
     if chosen in (None, _FIELD) or hasattr(config, "workerinput"):
         return
@@ -77,6 +77,12 @@ def enter(config: pytest.Config) -> None:
     if everything:
         config.args[:] = files()
         config.pluginmanager.register(_Page(), "combination")
+
+
+def _is_partial(option: Any) -> bool:
+    """Whether the command line leaves tests out."""
+    words = (option.keyword, option.markexpr, option.deselect, option.ignore, option.collectonly)
+    return any(words) or option.lf
 
 
 def ignores(config: pytest.Config, path: Path) -> bool:
@@ -169,7 +175,6 @@ class _FieldPage(_Tables):
     def __init__(self) -> None:
         super().__init__()
         self._cells: dict[Key, str] = {}
-        self._skipped: set[str] = set()
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "teardown":
@@ -177,8 +182,6 @@ class _FieldPage(_Tables):
                 if name == field.CELL:
                     server, column, cell = cast("tuple[str, str, str]", told)
                     self._cells[server, column] = cell
-        if report.skipped:
-            self._skipped.add(report.nodeid)
 
     def seen(self) -> dict[str, dict[Key, tuple[Cell, ...]]]:
-        return field.rows(self._cells) if not self._skipped else {}
+        return field.rows(self._cells)

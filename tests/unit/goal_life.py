@@ -57,6 +57,7 @@ class OnServer:
         back: Whether it is in sight again.
         ended: Whether a terminal state was seen.
         denied: Whether the server did not know it when it was asked last, and may yet take it (R6).
+        shown_at: When it has shown that.
         forgotten_at: When it first did not know the goal any more that it had shown to have.
         rejected: Whether its request was rejected.
         over: Whether it is known that the goal does not run and never will.
@@ -69,6 +70,7 @@ class OnServer:
     back: bool = False
     ended: bool = False
     denied: bool = False
+    shown_at: float = -math.inf
     forgotten_at: float | None = None
     rejected: bool = False
     over: bool = False
@@ -114,10 +116,12 @@ class OnServer:
         elif (event, args) == ("cancel_answered", (CancelAnswer.UNKNOWN_GOAL,)):
             if self.lost or not self.accepted:
                 self._unknown()
-            elif own:
+            elif own and asked_at >= self.shown_at and not self.ended:
                 self._forgotten(now, asked_at)
         elif event in ("accepted", "feedback", "status", "result", "cancel_answered"):
             # Whatever else a server says of a goal proves that it took it.
+            if self.lost or not self.accepted:
+                self.shown_at = now
             self.accepted, self.lost, self.denied = True, False, False
             self.over = event == "result"
             self.ended |= self.over or (event == "status" and args[0].is_terminal)

@@ -653,6 +653,29 @@ def test_a_goal_unknown_to_two_cancels_has_ended() -> None:
     assert life.report is CancelReport.NOT_NEEDED
 
 
+def test_that_a_goal_was_unknown_before_it_was_accepted_does_not_count() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    assert life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL, asked_at=-0.1) == []
+    life.wait_until(3.0)
+    life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
+    assert life.end is None
+
+
+def test_a_success_that_was_shown_is_waited_for_though_its_goal_is_forgotten() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(3.0)
+    life.tell("status", GoalState.SUCCEEDED)
+    for _ in range(3):
+        life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL)
+        life.wait_until(life.now + DOUBT)
+    assert life.end is None
+    life.tell("result", GoalState.SUCCEEDED, "result")
+    assert life.ending is not None
+    assert (life.end, life.ending.result) == (End.DEADLINE, "result")
+
+
 def test_what_another_server_does_not_know_may_run_on_its_own() -> None:
     life = Life(3.0)
     life.see(*UNTIL_ACCEPTED)

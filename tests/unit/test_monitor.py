@@ -598,7 +598,9 @@ def test_several_servers_of_one_process_are_not_said_to_go_away(
     world.clock.advance(1.0)
     assert all_is_logged()
     [record] = caplog.records
-    assert record.getMessage().endswith("; they are in one process: start it again")
+    assert record.getMessage().endswith(
+        "; they are in one process: start it again, and if it has two again, change it"
+    )
 
 
 def test_servers_with_unknown_nodes_are_warned_of_without_names(

@@ -217,7 +217,7 @@ class ServerMonitor:
                 self._names.action,
                 len(servers),
                 f" ({names})" if all(server.node for server in servers) else "",
-                "they are in one process: start it again"
+                "they are in one process: start it again, and if it has two again, change it"
                 if one_process
                 else "after a restart the old one shows for up to 20 s",
             )

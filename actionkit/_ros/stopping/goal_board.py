@@ -46,7 +46,7 @@ class Board:
         self.goals: dict[str, WatchedGoal] = {}
         self.servers: tuple[str, ...] = ()
         self.has_status = False
-        """Whether a server has published a status, also one without goals."""
+        """Whether a status has come from a server that is in sight, also one without goals."""
         self.holds: tuple[Hold, ...] = ()
         """The holds of people who have stopped the robot by `actionkit stop`."""
 
@@ -58,6 +58,7 @@ class Board:
         """
         if isinstance(news, tuple):
             self.servers = news
+            self.has_status &= bool(news)
             return ([] if news else self._lose(now)), True
         return self._update(news, now), False
 

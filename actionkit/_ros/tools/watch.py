@@ -112,7 +112,7 @@ class StatusReader:
                     before[key] = code
                     changed.append(goal)
                 self._codes[key] = code
-        if changed or not self._has_status:
+        if changed or (arrays and not self._has_status):
             self._has_status = True
             self._on_goals([_seen(*goal) for goal in changed])
 
@@ -122,6 +122,7 @@ class StatusReader:
         if servers != self._servers:
             self._servers = servers
             self._codes = {}  # goals that counted as lost are told of again
+            self._has_status = False
             self._on_servers(servers)
 
 
@@ -133,12 +134,16 @@ def goals_in_flight(
 
 
 def goals_seen(
-    place: Place | None, status_topic: str, stopped: Callable[[], bool]
+    place: Place | None,
+    status_topic: str,
+    stopped: Callable[[], bool],
+    until: float = math.inf,
 ) -> list[GoalSeen]:
     """Return the goals that the servers of an action know now, each once. Errors: see `arriving`.
 
     A goal that several servers have has ended only if all of them have ended it. `place` is that of
-    `runtimes.acquire`. A server that never had a goal sends no status.
+    `runtimes.acquire`. A server that never had a goal sends no status. At the monotonic time
+    `until`, what has come by then is returned.
     """
     arrays: list[Stamped] = []
     joined, heard = False, math.inf
@@ -156,7 +161,7 @@ def goals_seen(
                 ends = now + _STATUS_WAIT
             # What has ended on one of several servers may run on another.
             enough = heard + (SETTLE if reader.publishers < 2 else _STATUS_WAIT)
-            if now >= min(ends, enough) or (
+            if now >= min(ends, enough, until) or (
                 now >= found_by and not reader.publishers and not arrays
             ):
                 break

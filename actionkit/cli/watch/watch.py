@@ -37,7 +37,7 @@ TICK = 0.25
 _NEXT_LOOK = 0.3
 """Seconds until a `StatusReader` has looked for servers again."""
 NO_STATUS = (
-    "No goal is known: the server has published no status. It has had no goal yet, or publishes"
+    "No goal is known: no status has come from the server. It has had no goal yet, or publishes"
     " none, as that of micro-ROS: then it may be running some."
 )
 _CLOSED: Any = object()
@@ -149,7 +149,7 @@ def first_look(board: Board, inbox: queue.SimpleQueue[Any], server_timeout: floa
     """Wait until a server is in sight, then a second at most for the goals it remembers.
 
     `inbox` gets what a `StatusReader` reports; the board is updated from it. Several servers get
-    the whole second: what has ended on one may run on another.
+    the whole second, from when the first is seen: what has ended on one may run on another.
     """
     give_up = time.monotonic() + server_timeout
     first = alone = math.inf

@@ -33,9 +33,7 @@ def _example(name: str, file: str, second: str) -> Kind:
         program=program,
         goals={"short": {"order": 3}, "long": {"order": 45}},
         log={
-            "received": "Received goal request",
             "executing": "Executing goal",
-            "feedback": "Publishing feedback",
             "cancel_requested": "Received cancel request",
             "canceled": "Goal canceled",
             "aborted": "Goal aborted",

@@ -35,6 +35,7 @@ KINDS = (
             "aborted": r"Goal \d+ aborted",
             "rejected": r"Goal \d+ rejected",
         },
+        results={"short": [0, 1, 1], "aborts": []},
         second="runs both",
         has_status=False,
         own=(CANCELLED_EARLY, ATTACHED, FULL),

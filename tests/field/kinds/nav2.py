@@ -17,10 +17,10 @@ TERMINATED = [-1]
 """The result with which the command `terminate_all` ends goals."""
 
 DEACTIVATED = "deactivated in the middle of a goal"
-RETURNED = "its work returns and has not ended the goal"
+RETURNED = "its work returns without ending the goal"
 RAISED = "an exception in its work"
 ENDED_OUTSIDE = "`terminate_all` from outside, and its work goes on"
-REFUSED = "it refuses that a goal preempts another"
+REFUSED = "its work refuses to be preempted"
 THREE = "two goals come while it is busy with one"
 WAITED = "a goal is cancelled that waits while it is busy"
 BOTH_END = "a goal is cancelled that waits to preempt another"
@@ -49,7 +49,7 @@ def _nav2(name: str, kind: str, *own: str) -> Kind:
             "short": {"order": 4},
             "long": {"order": 120},
             "aborts": ABORTS,
-            "ignores": {"order": 1015},
+            "ignores": {"order": 1040},
         },
         log={
             "executing": "SRV (execute|preempted by) ",
@@ -62,6 +62,7 @@ def _nav2(name: str, kind: str, *own: str) -> Kind:
             "raised": "failed while executing action callback",
             "work_done": "SRV succeeded_current",  # also if the goal has ended before
         },
+        results={"short": [0, 1, 1, 2, 3], "aborts": [-7, 103]},
         second="preempts",
         own=own,
     )

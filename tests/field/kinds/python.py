@@ -42,6 +42,7 @@ SYNCHROS2 = Kind(
         "succeeded": r"succeeded \w+",
         "aborted": "Error raised in execute callback",
     },
+    results={"short": [0, 1, 1, 2]},
     second="preempts",
     own=(EXCEPTION, THIRD),
 )
@@ -59,6 +60,7 @@ SIMPLE_ACTIONS = Kind(
         "succeeded": "done",
         "aborted": "uncaught exception .* bad five",
     },
+    results={"short": [0, 1, 1, 2], "aborts": []},
     second="answers later",
     own=(CANCELLED, SECOND, MIXED_UP),
 )

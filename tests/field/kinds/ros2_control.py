@@ -28,10 +28,12 @@ def _controller(name: str, kind: str, *own: str) -> Kind:
         log={
             "executing": "SRV accepted",
             "cancel_requested": "SRV cancel request",
+            # It says no more of these: it ends a goal in the line's own step.
             "canceled": "SRV cancel request, active=this",
             "aborted": "SRV preempted the active goal|SRV command deactivate",
             "succeeded": "SRV rt: succeeded",
         },
+        results={"short": [42]},
         second="preempts",
         own=own,
     )

@@ -44,7 +44,7 @@ ROSBRIDGE = Kind(
         "short": {"order": 2},
         "long": {"order": 44},
         "aborts": {"order": 902},
-        "ignores": {"order": 105},
+        "ignores": {"order": 112},
     },
     log={  # what the page writes; rosbridge itself writes less
         "executing": "got send_action_goal",
@@ -53,6 +53,7 @@ ROSBRIDGE = Kind(
         "canceled": "end canceled",
         "aborted": "end 9 .* 6$",
     },
+    results={"short": [0, 1, 1, 2], "aborts": [0, 1, 1, 2]},
     second="runs both",
     own=(
         *(ENDS[order] for order in (202, 402, 902, 1002)),

@@ -1,0 +1,67 @@
+"""Whether a goal was cancelled by its own client, or by somebody else. Contract C4.4."""
+
+from __future__ import annotations
+
+import uuid
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from actionkit import Timeouts
+from actionkit._calls.attempt import Attempt
+from actionkit._model.cancel_answer import CancelAnswer
+from tests.unit.clock import Clock
+
+
+@pytest.fixture
+def attempt() -> Attempt:
+    """Return one with a goal that was cancelled, and then accepted: so the request is repeated."""
+
+    def nothing(*_: Any, **__: Any) -> None: ...
+
+    link: Any = SimpleNamespace(
+        runtime=Clock(),
+        others_confirmed_at=float("-inf"),
+        liveness=SimpleNamespace(start=nothing),
+        send_goal=lambda *_: 1,
+        sees_server_of=lambda _: True,
+        **dict.fromkeys(("ask_result", "ask_cancel", "stop_cancel", "watch_status"), nothing),
+        leave_outbox=nothing,
+    )
+    owner: Any = SimpleNamespace(
+        unwanted=False,
+        urgent=False,
+        **dict.fromkeys(("on_record", "on_end", "on_over"), nothing),
+    )
+    one = Attempt(link, uuid.uuid4(), Timeouts(), owner, on_change=nothing)
+    one.send(None)
+    one.start()
+    return one
+
+
+def test_what_somebody_else_cancels_is_not_ours_if_our_request_is_repeated(
+    attempt: Attempt,
+) -> None:
+    """The first was sent before the goal's acceptance came, and each finds it being cancelled."""
+    sent = attempt._now()
+    attempt.on_cancel_sent()
+    attempt._link.runtime.advance(0.1)
+    attempt.on_accepted()
+    attempt.on_cancel_sent()
+    attempt.on_cancel_answer(CancelAnswer.TERMINATED, sent)
+    assert attempt.cancel_is_ours  # the second may still be the one
+    attempt.on_cancel_answer(CancelAnswer.TERMINATED, attempt._now())
+    assert not attempt.cancel_is_ours
+
+
+def test_a_repeated_request_that_is_accepted_is_ours(attempt: Attempt) -> None:
+    """micro-ROS' server calls a goal ended that it is just accepting."""
+    sent = attempt._now()
+    attempt.on_cancel_sent()
+    attempt._link.runtime.advance(0.1)
+    attempt.on_accepted()
+    attempt.on_cancel_sent()
+    attempt.on_cancel_answer(CancelAnswer.TERMINATED, sent)
+    attempt.on_cancel_answer(CancelAnswer.ACCEPTED, attempt._now())
+    assert attempt.cancel_is_ours
