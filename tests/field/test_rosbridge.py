@@ -95,8 +95,12 @@ def said(future: GoalFuture[Any, Any]) -> str:
 @on_rosbridge
 def test_a_page_ends_goals_in_each_way(field: Field) -> None:
     client = field.another_client(timeouts=SHORT)
-    orders = (202, 402, 502, 802, 902, 1002)
-    calls = {order: client.call_async({"order": order}, timeout=20.0) for order in orders}
+    orders = (202, 402, 802, 902, 1002, 502)
+    calls = {}
+    for order in orders:
+        calls[order] = client.call_async({"order": order}, timeout=20.0)
+        # Not all at once: rclpy may then forget to go on with a goal that the page has ended.
+        assert order == 502 or calls[order].outcome()
     field.server.wait_for_text("invalid transition .* with event CANCELED")
     field.server.wait_for_text("does not have a field nothing")
     calls[502].cancel()
