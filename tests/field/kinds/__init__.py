@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from importlib.util import find_spec
+from tests.field.kinds import examples, micro_ros, nav2, python, ros2_control, rosbridge
 
-from tests.field.kind import Kind
-
-_FAMILIES = ("nav2", "ros2_control", "micro_ros", "rosbridge", "python", "examples")
-
-
-def _kinds() -> tuple[Kind, ...]:
-    names = [f"{__name__}.{family}" for family in _FAMILIES]
-    return tuple(kind for name in names if find_spec(name) for kind in import_module(name).KINDS)
-
-
-KINDS = _kinds()
+KINDS = (
+    *nav2.KINDS,
+    *ros2_control.KINDS,
+    *micro_ros.KINDS,
+    *rosbridge.KINDS,
+    *python.KINDS,
+    *examples.KINDS,
+)
