@@ -56,8 +56,8 @@ ROSBRIDGE = Kind(
     results={"short": [0, 1, 1, 2], "aborts": [0, 1, 1, 2]},
     second="runs both",
     own=(
-        *(ENDS[order] for order in (202, 402, 902, 1002)),
-        *(UNADVERTISES, RELOADED, ENDS[802], SUCCEEDS, RESTARTED, LATER),
+        *(ENDS[order] for order in (202, 902, 1002)),
+        *(UNADVERTISES, RELOADED, ENDS[402], ENDS[802], SUCCEEDS, RESTARTED, LATER),
         *(ENDS[502], CLOSES, CRASHES, LATER_CANCEL),
     ),
 )
