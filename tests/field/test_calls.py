@@ -12,6 +12,7 @@ from actionkit import (
     GoalAbortedError,
     GoalRejectedError,
     GoalState,
+    ResultLostError,
     ServerLostError,
     Timeouts,
 )
@@ -94,7 +95,8 @@ def test_a_second_goal_while_one_runs(field: Field) -> None:
         with pytest.raises(ServerLostError):
             first.result()
         assert (server.count("executing"), server.count("succeeded")) == (1, 1)  # the second
-        assert second.outcome().ok
+        # It crashes just after it has ended that one, and may not have sent the result.
+        assert second.outcome().ok or isinstance(second.outcome().error, ResultLostError)
     elif kind.second != "preempts":
         first.cancel()
         assert first.outcome().status is GoalState.CANCELED
