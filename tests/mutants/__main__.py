@@ -1,0 +1,70 @@
+"""The command `python -m tests.mutants`: would the tests notice, if ActionKit was wrong?
+
+Each mutant is one line made wrong, in a copy of the checkout. Its tests must fail.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import click
+
+from tests.mutants import promises, slots
+from tests.mutants.mutant import Mutant
+
+
+def all_mutants() -> list[Mutant]:
+    """Return the mutants of all promises, in the order of these."""
+    modules = [
+        importlib.import_module(f"{promises.__name__}.{module.name}")
+        for module in pkgutil.iter_modules(promises.__path__)
+    ]
+    mutants = [mutant for module in modules for mutant in module.MUTANTS]
+    return sorted(mutants, key=lambda mutant: [int(part) for part in mutant.promise[1:].split(".")])
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("only", nargs=-1)
+@click.option(
+    "--at-once", default=4, show_default=True, help="How many mutants are tested at once."
+)
+def main(only: tuple[str, ...], at_once: int) -> None:
+    """Make each mutant, and see that its tests fail.
+
+    ONLY is any number of parts of a promise's number, of a file's name, or of what is wrong.
+    """
+    mutants = [
+        mutant
+        for mutant in all_mutants()
+        if not only
+        or any(part in f"{mutant.promise} {mutant.path} {mutant.wrong}" for part in only)
+    ]
+    if not mutants:
+        raise click.UsageError(f"no mutant has one of {', '.join(only)}")
+    began = time.monotonic()
+    missed = 0
+    with tempfile.TemporaryDirectory(prefix="actionkit-mutants.") as folder:
+        for run in slots.run(mutants, Path(folder), at_once):
+            if run.mutant is None:
+                if run.code != 0:
+                    click.echo(run.output)
+                    raise click.ClickException("these tests fail with nothing changed")
+                click.echo(f"{run.seconds:5.1f} s  all tests, with nothing changed")
+                continue
+            missed += not run.noticed
+            mutant = run.mutant
+            click.echo(
+                f"{run.seconds:5.1f} s  {'noticed' if run.noticed else 'MISSED '}  "
+                f"{mutant.promise:6} {mutant.path}: {mutant.wrong}\n{'':18}{run.by}"
+            )
+    click.echo(f"{len(mutants)} mutants, {missed} missed, in {time.monotonic() - began:.0f} s")
+    sys.exit(1 if missed else 0)
+
+
+if __name__ == "__main__":
+    main()

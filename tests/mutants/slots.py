@@ -1,0 +1,165 @@
+"""Runs tests on copies of the checkout, some at a time, each in a fork of this process.
+
+This process has imported pytest and rclpy, which takes a second each time otherwise, but nothing of
+ActionKit: each fork imports that from its copy.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.mutants.mutant import Mutant
+
+ROOT = Path(__file__).parents[2]
+LONGEST = 180.0
+"""Seconds after which the tests of one mutant are killed: they hang, which notices it, too."""
+_PRELOADED = ("_pytest.main", "hypothesis.strategies", "pytest", "rclpy.action", "rclpy.executors")
+_FAILED = 1  # pytest's exit code where tests have failed; 0 where none has
+
+
+@dataclass
+class Run:
+    """What came of the tests of a mutant."""
+
+    mutant: Mutant | None  # `None`: nothing was changed
+    seconds: float
+    code: int | None  # pytest's exit code; `None` if it was killed because it took too long
+    output: str
+
+    @property
+    def noticed(self) -> bool:
+        """Whether a test has failed, or hangs."""
+        return self.code in (_FAILED, None)
+
+    @property
+    def by(self) -> str:
+        """The test that has noticed it, or what went wrong."""
+        failed = [line for line in self.output.splitlines() if line.startswith(("FAILED", "ERROR"))]
+        if failed:
+            return failed[0].split(" ")[1].removeprefix("tests/")
+        if self.code is None:
+            return f"it took longer than {LONGEST:g} s"
+        return "nobody" if self.code == 0 else f"pytest ended with {self.code}"
+
+
+@dataclass(eq=False)
+class _Slot:
+    """A copy of the checkout."""
+
+    root: Path
+    mutant: Mutant | None = None
+    began: float = 0.0
+
+    def begin(self, mutant: Mutant | None, arguments: list[str]) -> int:
+        """Make the mutant, and start its tests; return the process."""
+        self.mutant, self.began = mutant, time.monotonic()
+        if mutant is not None:
+            source = mutant.file(ROOT).read_text("utf-8")
+            self._write(mutant, source.replace(mutant.old, mutant.new))
+        pid = os.fork()
+        if pid:
+            return pid
+        code = 70
+        try:
+            code = self._test(arguments)
+        finally:
+            os._exit(code)
+
+    def end(self, code: int | None) -> Run:
+        """Undo the mutant; return what came of its tests."""
+        if self.mutant is not None:
+            self._write(self.mutant, self.mutant.file(ROOT).read_text("utf-8"))
+        seconds = time.monotonic() - self.began
+        return Run(self.mutant, seconds, code, self._log.read_text("utf-8", "replace"))
+
+    @property
+    def _log(self) -> Path:
+        return self.root.with_suffix(".log")
+
+    def _write(self, mutant: Mutant, source: str) -> None:
+        file = mutant.file(self.root)
+        file.write_text(source, "utf-8")
+        # Python takes a compiled file for the right one if it is as old, in seconds, and as long.
+        for compiled in (file.parent / "__pycache__").glob(f"{file.stem}.*"):
+            compiled.unlink()
+
+    def _test(self, arguments: list[str]) -> int:
+        os.setsid()
+        log = os.open(self._log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        for own, new in ((nothing, 0), (log, 1), (log, 2)):
+            os.dup2(own, new)
+        os.chdir(self.root)
+        os.environ["PYTHONPATH"] = str(self.root)  # before the checkout that pip has installed
+        sys.path[:] = [str(self.root), *(path for path in sys.path if path not in ("", str(ROOT)))]
+        for name in [name for name in sys.modules if name.split(".")[0] in ("actionkit", "tests")]:
+            del sys.modules[name]
+        import pytest
+
+        code = int(pytest.main(arguments))
+        sys.stdout.flush()
+        return code
+
+
+def listed_files() -> list[str]:
+    """Return the files of the checkout, also new ones, without those that git ignores."""
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, check=True, text=True).stdout
+    return [name for name in listed.split("\0") if (ROOT / name).is_file()]
+
+
+def _copies(folder: Path, number: int) -> list[_Slot]:
+    slots = [_Slot(folder / f"copy{index}") for index in range(number)]
+    for slot in slots:
+        for name in listed_files():
+            (slot.root / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, slot.root / name)
+    return slots
+
+
+def _next_end(running: dict[int, _Slot], longest: float = LONGEST) -> Run:
+    """Wait until one has ended, or has taken too long."""
+    while True:
+        for pid, slot in list(running.items()):
+            ended, status = os.waitpid(pid, os.WNOHANG)
+            if not ended and time.monotonic() - slot.began < longest:
+                continue
+            with suppress(ProcessLookupError):  # also what the tests have started and left
+                os.killpg(pid, signal.SIGKILL)
+            if not ended:
+                os.waitpid(pid, 0)
+            del running[pid]
+            return slot.end(os.waitstatus_to_exitcode(status) if ended else None)
+        time.sleep(0.05)
+
+
+def run(mutants: Sequence[Mutant], folder: Path, at_once: int) -> Iterator[Run]:
+    """Run the tests of each mutant; before that once all these tests, with nothing changed."""
+    for name in _PRELOADED:
+        importlib.import_module(name)
+    slots = _copies(folder, at_once)
+    tests = sorted({test for mutant in mutants for test in mutant.tests})
+    arguments = _arguments(tests, any(mutant.long for mutant in mutants))
+    yield _next_end({slots[0].begin(None, [*arguments, "-n", "6"]): slots[0]}, 4 * LONGEST)
+    running: dict[int, _Slot] = {}
+    waiting = list(reversed(mutants))
+    while waiting or running:
+        for slot in [slot for slot in slots if slot not in running.values()][: len(waiting)]:
+            mutant = waiting.pop()
+            running[slot.begin(mutant, [*_arguments(mutant.tests, mutant.long), "-n", "0"])] = slot
+        yield _next_end(running)
+
+
+def _arguments(tests: Iterable[str], long: bool) -> list[str]:
+    fast = ["-q", "-x", "--reruns", "0", "--tb", "short", "-p", "no:cacheprovider"]
+    return [*fast, *(["--long"] if long else []), *(f"tests/{test}" for test in tests)]
