@@ -17,6 +17,7 @@ from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros import graph
 from actionkit._ros.stopping.goal_board import arrived
 from actionkit._ros.tools.cancel import GoalCanceller
+from actionkit._ros.tools.topic import StoppedError
 from actionkit._ros.tools.watch import GoalSeen, goals_seen
 from actionkit._threads.waiting import Flag
 
@@ -140,5 +141,8 @@ def in_sight(client: Client[Any]) -> int:
 def _known(client: Client[Any], until: float) -> dict[uuid.UUID, GoalSeen]:
     """Return the goals that the servers of a client's action know now, those of all clients."""
     port = client._session.port
-    seen = goals_seen(port.runtime.place, port.names.status, lambda: False, until)
+    try:
+        seen = goals_seen(port.runtime.place, port.names.status, lambda: False, until)
+    except StoppedError:
+        return {}  # the context was shut down
     return {uuid.UUID(goal.goal_id): goal for goal in seen}

@@ -99,7 +99,7 @@ def test_the_commands_that_look_say_that_there_is_no_status(field: Field) -> Non
     seen = field.command("doctor", field.kind.action_name)
     assert seen.code == 0, seen
     _cancel_by_id(field, future)
-    field.saw("say that there is no status")
+    field.saw("say that no status came")
 
 
 @pytest.mark.field(can=_is_micro_ros)

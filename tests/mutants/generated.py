@@ -13,7 +13,6 @@ import shutil
 import subprocess
 import sys
 import time
-from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatch
@@ -45,14 +44,10 @@ class Survivor:
     old: str
     new: str
 
-    def is_same(self, known: list[dict[str, str]]) -> bool:
-        """Whether it is one of those that are known to be the same program."""
-        return any(
-            same["file"] == self.path
-            and same["old"] == self.old
-            and same.get("new", self.new) == self.new
-            for same in known
-        )
+    def is_same(self, known: dict[str, str]) -> bool:
+        """Whether it is this one, which is known to be the same program."""
+        change = self.path, self.old, self.new
+        return change == (known["file"], known["old"], known.get("new", self.new))
 
 
 class _Undecorate(cst.CSTTransformer):
@@ -93,31 +88,58 @@ def _copy() -> None:
             shutil.copy2(source, target)
 
 
-def _results() -> dict[str, dict[str, int | None]]:
-    """Return for each file how the tests of each of its mutants have ended."""
+@dataclass
+class Score:
+    """How many mutants of a file were noticed."""
+
+    path: str
+    tried: int
+    survivors: list[Survivor]
+    same: int
+
+    def __str__(self) -> str:
+        noticed, left = self.tried - len(self.survivors) - self.same, len(self.survivors)
+        share = noticed / (noticed + left) if noticed + left else 1.0
+        return f"{self.path:28}{self.tried:7}  {noticed:7}  {self.same:8}  {left:4}  {share:4.0%}"
+
+
+def _scores(known: list[dict[str, str]]) -> Iterator[Score]:
+    """Yield the score of each file; takes those off `known` that it has met."""
+    met = []
     folder = FOLDER / "mutants" / "actionkit"
-    return {
-        str(path.relative_to(folder).with_suffix("")): json.loads(path.read_text("utf-8"))["exit_code_by_key"]
-        for path in sorted(folder.rglob("*.meta"))
-    }  # fmt: skip
+    for file in sorted(folder.rglob("*.meta")):
+        codes = json.loads(file.read_text("utf-8"))["exit_code_by_key"]
+        tried = [name for name, code in codes.items() if code is not None]
+        path = str(file.relative_to(folder).with_suffix(""))
+        survivors = []
+        for name in tried:
+            if codes[name] not in (_SURVIVED, _NO_TESTS):
+                continue
+            survivor = _survivor(name, path)
+            same = [one for one in known if survivor.is_same(one)]
+            met += same
+            survivors += [] if same else [survivor]
+        alike = sum(codes[name] in (_SURVIVED, _NO_TESTS) for name in tried) - len(survivors)
+        if tried:
+            yield Score(path, len(tried), survivors, alike)
+    known[:] = [one for one in known if one not in met]
 
 
-def _survivors(names: list[str], path: str) -> Iterator[Survivor]:
+def _survivor(name: str, path: str) -> Survivor:
     from mutmut.mutation.diff_apply import get_diff_for_mutant
 
-    for name in names:
-        diff = get_diff_for_mutant(name, path=Path("actionkit") / path).splitlines()[2:]
-        old, new = (
-            "\n".join(line[1:].strip() for line in diff if line.startswith(sign)) for sign in "-+"
-        )
-        yield Survivor(name, path, old, new)
+    diff = get_diff_for_mutant(name, path=Path("actionkit") / path).splitlines()[2:]
+    old, new = (
+        "\n".join(line[1:].strip() for line in diff if line.startswith(sign)) for sign in "-+"
+    )
+    return Survivor(name, path, old, new)
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("only", nargs=-1)
 @click.option("--no-run", is_flag=True, help="Show what the last run has found.")
 def main(only: tuple[str, ...], no_run: bool) -> None:
-    """Change the code in every way mutmut knows, and count what the unit tests notice.
+    """Change the code in every way mutmut knows, and count what the tests notice.
 
     ONLY is any number of mutmut's names of mutants, also with `*`; without one all are tried, from
     the beginning.
@@ -131,34 +153,17 @@ def main(only: tuple[str, ...], no_run: bool) -> None:
         subprocess.run([mutmut, "run", *only], cwd=FOLDER, check=True)
     os.chdir(FOLDER)  # mutmut's functions look for its files there
     known = tomllib.loads(SAME.read_text("utf-8"))["same"]
-    unused = list(known)
-    left: dict[str, list[Survivor]] = defaultdict(list)
-    total: Counter[str] = Counter()
-    click.echo(f"{'':40}mutants  noticed  the same  left")
-    for path, codes in _results().items():
-        if not codes:
-            continue
-        names = [name for name, code in codes.items() if code in (_SURVIVED, _NO_TESTS)]
-        survivors = list(_survivors(names, path))
-        left[path] = [survivor for survivor in survivors if not survivor.is_same(known)]
-        tried = sum(code is not None for code in codes.values())
-        counts = tried, tried - len(names), len(survivors) - len(left[path]), len(left[path])
-        total.update(dict(zip("tnsl", counts, strict=True)))
-        real = max(1, tried - counts[2])
-        click.echo(
-            f"{path:40}{counts[0]:7}  {counts[1]:7}  {counts[2]:8}  {counts[3]:4}  {counts[1] / real:4.0%}"
-        )
-        unused = [
-            same for same in unused
-            if not any(survivor.is_same([same]) for survivor in survivors)
-        ]  # fmt: skip
-    click.echo(f"{'all':40}{total['t']:7}  {total['n']:7}  {total['s']:8}  {total['l']:4}")
-    for survivor in (survivor for survivors in left.values() for survivor in survivors):
-        click.echo(f"\n{survivor.name}\n- {survivor.old}\n+ {survivor.new}")
+    scores = list(_scores(known))
+    for score in scores:
+        for survivor in score.survivors:
+            click.echo(f"\n{survivor.name}\n- {survivor.old}\n+ {survivor.new}")
     if not only:
-        for same in unused:
-            click.echo(f"\nIn same.toml, but noticed or gone: {same['file']}: {same['old']}")
-    click.echo(f"\n{time.monotonic() - began:.0f} s")
+        for same in known:
+            click.echo(f"\nIn {SAME.name}, but noticed or gone: {same['file']}: {same['old']}")
+    click.echo(f"\n{'':28}mutants  noticed  the same  left")
+    for score in scores:
+        click.echo(score)
+    click.echo(f"{time.monotonic() - began:.0f} s")
 
 
 if __name__ == "__main__":

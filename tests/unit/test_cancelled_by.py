@@ -40,10 +40,19 @@ def attempt() -> Attempt:
     return one
 
 
-def test_what_somebody_else_cancels_is_not_ours_if_our_request_is_repeated(
-    attempt: Attempt,
+@pytest.mark.parametrize(
+    ("answer", "is_ours"),
+    [
+        # micro-ROS' server calls a goal ended that it is just accepting.
+        (CancelAnswer.ACCEPTED, True),
+        # Somebody else was faster.
+        (CancelAnswer.TERMINATED, False),
+    ],
+)
+def test_the_answer_to_the_repeated_request_tells_if_the_cancel_was_ours(
+    attempt: Attempt, answer: CancelAnswer, is_ours: bool
 ) -> None:
-    """The first was sent before the goal's acceptance came, and each finds it being cancelled."""
+    """The first request was sent before the goal's acceptance came."""
     sent = attempt._now()
     attempt.on_cancel_sent()
     attempt._link.runtime.advance(0.1)
@@ -51,17 +60,5 @@ def test_what_somebody_else_cancels_is_not_ours_if_our_request_is_repeated(
     attempt.on_cancel_sent()
     attempt.on_cancel_answer(CancelAnswer.TERMINATED, sent)
     assert attempt.cancel_is_ours  # the second may still be the one
-    attempt.on_cancel_answer(CancelAnswer.TERMINATED, attempt._now())
-    assert not attempt.cancel_is_ours
-
-
-def test_a_repeated_request_that_is_accepted_is_ours(attempt: Attempt) -> None:
-    """micro-ROS' server calls a goal ended that it is just accepting."""
-    sent = attempt._now()
-    attempt.on_cancel_sent()
-    attempt._link.runtime.advance(0.1)
-    attempt.on_accepted()
-    attempt.on_cancel_sent()
-    attempt.on_cancel_answer(CancelAnswer.TERMINATED, sent)
-    attempt.on_cancel_answer(CancelAnswer.ACCEPTED, attempt._now())
-    assert attempt.cancel_is_ours
+    attempt.on_cancel_answer(answer, attempt._now())
+    assert attempt.cancel_is_ours is is_ours
