@@ -54,7 +54,7 @@ def main(only: tuple[str, ...], at_once: int) -> None:
                 if run.code != 0:
                     click.echo(run.output)
                     raise click.ClickException("these tests fail with nothing changed")
-                click.echo(f"{run.seconds:5.1f} s  all tests, with nothing changed")
+                click.echo(f"{run.seconds:5.1f} s  its tests, with nothing changed")
                 continue
             missed += not run.noticed
             mutant = run.mutant

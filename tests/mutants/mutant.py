@@ -38,12 +38,12 @@ class Mutant:
         """Say why it cannot be made in this checkout; `None` if it can."""
         file = self.file(root)
         if not file.is_file():
-            return f"there is no file {SOURCE}/{self.path}"
+            return f"{self.wrong}: there is no file {SOURCE}/{self.path}"
         source = file.read_text("utf-8")
         if (count := source.count(self.old)) != 1:
-            return f"{self.old!r} occurs {count} times in {SOURCE}/{self.path}"
+            return f"{self.wrong}: {self.old!r} occurs {count} times in {SOURCE}/{self.path}"
         try:
             compile(source.replace(self.old, self.new), self.path, "exec")
         except SyntaxError as error:
-            return f"what it makes of {SOURCE}/{self.path} is no Python: {error}"
+            return f"{self.wrong}: it makes no Python of {SOURCE}/{self.path}: {error}"
         return None

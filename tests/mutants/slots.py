@@ -148,9 +148,10 @@ def run(mutants: Sequence[Mutant], folder: Path, at_once: int) -> Iterator[Run]:
     for name in _PRELOADED:
         importlib.import_module(name)
     slots = _copies(folder, at_once)
-    tests = sorted({test for mutant in mutants for test in mutant.tests})
-    arguments = _arguments(tests, any(mutant.long for mutant in mutants))
-    yield _next_end({slots[0].begin(None, [*arguments, "-n", "6"]): slots[0]}, 4 * LONGEST)
+    for long in (False, True):
+        if tests := {test for mutant in mutants if mutant.long is long for test in mutant.tests}:
+            arguments = [*_arguments(sorted(tests), long), "-n", "6"]
+            yield _next_end({slots[0].begin(None, arguments): slots[0]}, 4 * LONGEST)
     running: dict[int, _Slot] = {}
     waiting = list(reversed(mutants))
     while waiting or running:

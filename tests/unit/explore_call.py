@@ -565,7 +565,10 @@ class World:
             listener.shown |= {s}
         if tell:
             listener.asked_now = False
+            seen = goal.stage is not Stage.LOST
             self.apply(listener, tell())
+            if seen and goal.stage is Stage.LOST:
+                self.over()
         if tell and event == "accepts" and not listener.released and not listener.asked_now:
             gave_up = self.m.unwanted and not self.hurried
             if gave_up or listener is not self.m.attempt:
