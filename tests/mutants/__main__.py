@@ -47,22 +47,22 @@ def main(only: tuple[str, ...], at_once: int) -> None:
     if not mutants:
         raise click.UsageError(f"no mutant has one of {', '.join(only)}")
     began = time.monotonic()
-    missed = 0
+    runs = []
     with tempfile.TemporaryDirectory(prefix="actionkit-mutants.") as folder:
         for run in slots.run(mutants, Path(folder), at_once):
-            if run.mutant is None:
-                if run.code != 0:
-                    click.echo(run.output)
-                    raise click.ClickException("these tests fail with nothing changed")
-                click.echo(f"{run.seconds:5.1f} s  its tests, with nothing changed")
-                continue
-            missed += not run.noticed
-            mutant = run.mutant
-            click.echo(
-                f"{run.seconds:5.1f} s  {'noticed' if run.noticed else 'MISSED '}  "
-                f"{mutant.promise:6} {mutant.path}: {mutant.wrong}\n{'':18}{run.by}"
-            )
-    click.echo(f"{len(mutants)} mutants, {missed} missed, in {time.monotonic() - began:.0f} s")
+            if run.mutant is not None:
+                runs.append(run)
+                click.echo("." if run.noticed else "M", nl=False)
+            elif run.code != 0:
+                raise click.ClickException(f"{run.output}\nThese fail with nothing changed")
+    click.echo()
+    for run in sorted(runs, key=lambda run: mutants.index(run.mutant)):
+        click.echo(
+            f"{run.mutant.promise:6} {run.seconds:5.1f} s  {run.mutant.wrong}\n"
+            f"{'':16}{run.mutant.path}, {'noticed by' if run.noticed else 'MISSED:'} {run.by}"
+        )
+    missed = sum(not run.noticed for run in runs)
+    click.echo(f"{len(runs)} mutants, {missed} missed, in {time.monotonic() - began:.0f} s")
     sys.exit(1 if missed else 0)
 
 

@@ -93,6 +93,5 @@ def test_no_promise_is_broken_anywhere() -> None:
         hunt(*hunting, walks=300, seed=seed)
     explore("confirmed_stopped", attempts=2, servers=1, most=3000)
     explore("confirmed_stopped", attempts=2, servers=2, most=6000)
-    for seed, hunting in product(range(20), HUNTS):
+    for seed, hunting in product(range(3), HUNTS):
         hunt(*hunting, walks=300, seed=seed)
-    explore("confirmed_stopped", attempts=2, servers=1, most=MANY)
