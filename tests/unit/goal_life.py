@@ -222,7 +222,9 @@ class Life:
             return self.tell(timer)
         # What was confirmed is known up to now, and not from the future.
         confirmed_at = min(self.others_confirmed_at, self.now)
-        return self.tell("timer", timer, others_confirmed_at=confirmed_at)
+        effects = self.tell("timer", timer, others_confirmed_at=confirmed_at)
+        self._require(self.timers.get(timer, math.inf) > self.now, "no timer fires for ever")
+        return effects
 
     def wait_until(self, moment: float) -> None:
         """Move the clock, firing the timers due on the way."""
@@ -399,6 +401,8 @@ class Life:
             self._require(wanted or AskCancel() in effects, "a refusal is asked about once more")
         if self.in_flight and not server.lost:
             self._require(Timer.REASK in armed, "what may have been lost is asked for again")
+        quiet = self.cancelling or server.ended
+        self._require(Timer.STALL not in armed or not quiet, "what is to end may be silent")
         if settled:
             self._require(armed <= {Timer.REASK}, f"a caller that left has no timers ({armed})")
         elif self.started:

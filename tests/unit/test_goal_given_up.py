@@ -15,6 +15,7 @@ from actionkit._goal.effects import (
     Disarm,
     Effect,
     End,
+    Ending,
     LastNews,
     LateResult,
     Record,
@@ -27,7 +28,9 @@ from actionkit._goal.machine import Goal
 from actionkit._goal.stages import DOUBT, CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import LONGEST_GRACE, Timeouts
-from actionkit._model.values import CancelReport, GoalState
+from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalState
+
+REFUSED = "the server refused to cancel; the goal runs on"
 
 
 def refusals(effects: list[Effect]) -> list[GoalState]:
@@ -43,6 +46,7 @@ def test_the_deadline_passes_in_flight(events: tuple[str, ...], phase: str) -> N
     life.see(*events)
     life.wait_until(3.0)
     assert AskCancel() in life.all
+    assert Record(GoalState.TIMED_OUT, "waiting for the result") in life.all
     assert not life.goal.settled
     life.wait_until(5.0)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
@@ -64,15 +68,35 @@ def test_the_result_comes_in_the_grace_after_the_deadline(status: str, late: str
     assert (life.ending.result, life.ending.status) == (late, GoalState(status))
 
 
-def test_the_server_refuses_to_cancel_after_the_deadline() -> None:
+def test_a_goal_that_has_ended_is_not_cancelled_at_the_deadline() -> None:
+    """Only its result is missing."""
+    life = Life(3.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("status", GoalState.SUCCEEDED)
+    before = len(life.all)
+    life.wait_until(3.0)
+    assert AskResult() in life.all[before:]
+    life.wait_until(5.0)
+    assert AskCancel() not in life.all
+    assert life.ending is not None
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.CONFIRMED)
+    assert life.ending.ended_first
+
+
+@pytest.mark.parametrize("times", [1, 2, 3])
+def test_the_server_refuses_to_cancel_after_the_deadline(times: int) -> None:
     life = Life(3.0)
     life.see(*UNTIL_ACCEPTED)
     life.wait_until(3.0)
-    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    for _ in range(times):
+        life.tell("cancel_answered", CancelAnswer.REFUSED)
+        life.wait_until(life.now + DOUBT)
     life.wait_until(4.9)
     assert life.end is None  # its success may come yet
     life.wait_until(5.0)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.REFUSED)
+    told = Record(GoalState.ACCEPTED, REFUSED, cancel_refused=True)
+    assert life.all.count(told) == 1
     life.tell("result", GoalState.SUCCEEDED, 1)
     assert life.count(Release) == 1
 
@@ -153,7 +177,7 @@ def test_a_refusal_is_not_told_of_a_later_cancel_that_nobody_answers() -> None:
     assert life.report is CancelReport.UNKNOWN
     report = life.goal.facts.report
     assert life.ending is not None
-    assert report is not None
+    assert report == GoalReport(life.goal.facts.goal_id, GoalFate.RUNNING, cancel_refused=False)
     assert replace(life.ending, goals=(report,)).cancel is CancelReport.UNKNOWN
 
 
@@ -180,6 +204,7 @@ def test_the_server_does_not_answer_and_accepts_after_all() -> None:
     life = Life()
     life.see(*UNTIL_SENT)
     life.wait_until(5.0)
+    assert Record(GoalState.TIMED_OUT, "waiting for acceptance") in life.all
     assert life.goal.stage is Stage.SENT
     life.wait_until(7.0)
     assert (life.end, life.report) == (End.NO_ACCEPTANCE, CancelReport.UNKNOWN)
@@ -204,6 +229,7 @@ def test_a_goal_whose_request_was_dropped_is_asked_for_less_and_less_and_forgott
     assert life.count(AskResult) < 15
     assert life.goal.facts.may_run  # it is told of as such, and nobody looks after it any more
     assert life.goal.facts.left
+    assert life.see("accepted") == [AskCancel()]
 
 
 def test_a_goal_of_a_server_that_denied_it_and_fell_silent_is_not_forgotten() -> None:
@@ -288,6 +314,7 @@ def test_feedback_stalls() -> None:
     assert AskCancel() not in life.all
     life.wait_until(3.7)
     assert life.all.count(AskCancel()) == 1
+    assert Record(GoalState.TIMED_OUT, "waiting for feedback") in life.all
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
     life.see("feedback")
     assert Timer.STALL not in life.timers
@@ -295,11 +322,24 @@ def test_feedback_stalls() -> None:
     assert (life.end, life.report) == (End.STALLED, CancelReport.CONFIRMED)
 
 
+def test_a_goal_that_stalled_and_is_refused_its_cancel_is_waited_for_no_longer() -> None:
+    life = Life(feedback=1.0)
+    life.see(*UNTIL_ACCEPTED)
+    life.wait_until(1.0)
+    for _ in range(2):
+        life.tell("cancel_answered", CancelAnswer.REFUSED)
+        life.wait_until(life.now + DOUBT)
+    life.wait_until(2.9)
+    assert life.end is None
+    life.wait_until(3.0)
+    assert (life.end, life.report) == (End.STALLED, CancelReport.REFUSED)
+
+
 # --- the caller cancels ------------------------------------------------------------------------
 
 
 def test_a_cancelled_goal_is_cancelled() -> None:
-    life = Life()
+    life = Life(feedback=1.0)
     life.see(*UNTIL_ACCEPTED)
     assert AskCancel() in life.see("cancel")
     assert life.end is None
@@ -377,6 +417,8 @@ def test_the_grace_has_an_end_though_others_are_confirmed_for_ever() -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED, "cancel")
     life.others_confirmed_at = 1e6
+    life.wait_until(1.9 + LONGEST_GRACE)
+    assert life.end is None
     life.wait_until(2.0 + LONGEST_GRACE)
     assert life.end is End.DEADLINE
 
@@ -405,6 +447,7 @@ def test_a_refused_cancel_leaves_the_goal_to_its_caller() -> None:
     effects = life.tell("cancel_answered", CancelAnswer.REFUSED)
     assert effects[0] == Disarm(Timer.CANCEL)
     assert refusals(effects) == [GoalState.ACCEPTED]
+    assert life.tell("cancel_answered", CancelAnswer.REFUSED) == []  # it was told of
     life.wait_until(50.0)
     assert life.end is None
     life.tell("result", GoalState.SUCCEEDED, 1)
@@ -492,9 +535,92 @@ def test_a_caller_who_cancels_again_after_a_refusal_asks_again() -> None:
         life.wait_until(life.now + DOUBT)
     assert life.goal.cancel_reason is None
     assert AskCancel() in life.see("cancel")
+    for _ in range(2):
+        life.tell("cancel_answered", CancelAnswer.REFUSED)
+        life.wait_until(life.now + DOUBT)
+    assert len(refusals(life.all)) == 2  # each cancel has its answer
+    life.see("cancel")
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
     life.tell("result", GoalState.CANCELED, None)
     assert (life.end, life.report) == (End.CANCELLED_BY_CALLER, CancelReport.CONFIRMED)
+
+
+def test_a_refusal_that_was_told_of_is_not_told_of_again_as_the_client_closes() -> None:
+    life = Life(60.0)
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    for _ in range(2):
+        life.tell("cancel_answered", CancelAnswer.REFUSED)
+        life.wait_until(life.now + DOUBT)
+    life.tell("close", abandon=False)
+    life.tell("cancel_answered", CancelAnswer.REFUSED)
+    life.wait_until(life.now + 2.0)
+    assert (life.end, life.report) == (End.CLOSED, CancelReport.REFUSED)
+    assert len(refusals(life.all)) == 1
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_the_feedback_of_a_goal_that_is_not_cancelled_may_stall_again(times: int) -> None:
+    life = Life(60.0, feedback=5.0)
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    for _ in range(times):
+        life.tell("cancel_answered", CancelAnswer.REFUSED)
+        life.wait_until(life.now + DOUBT)
+    life.wait_until(2.0)
+    believed = 2.0 if times == 1 else DOUBT
+    assert life.timers[Timer.STALL] == believed + 5.0
+
+
+def test_a_cancel_that_is_accepted_after_its_refusal_is_waited_for() -> None:
+    life = Life(60.0, feedback=5.0)
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    for _ in range(2):
+        life.tell("cancel_answered", CancelAnswer.REFUSED)
+        life.wait_until(life.now + DOUBT)
+    life.wait_until(4.0)
+    life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    goal_id = life.goal.facts.goal_id
+    assert life.goal.facts.report == GoalReport(goal_id, GoalFate.RUNNING, cancel_refused=False)
+    life.wait_until(5.9)
+    assert life.end is None
+    life.wait_until(6.0)
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
+
+
+def test_closing_waits_no_longer_when_the_cancel_is_accepted() -> None:
+    """Of a goal whose cancel was refused when its caller asked for it."""
+    life = Life()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    for _ in range(2):
+        life.tell("cancel_answered", CancelAnswer.REFUSED)
+        life.wait_until(life.now + DOUBT)
+    life.wait_until(10.0)
+    life.tell("close", abandon=False)
+    life.wait_until(11.0)
+    life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    life.wait_until(12.0)
+    assert (life.end, life.report) == (End.CLOSED, CancelReport.UNKNOWN)
+
+
+@pytest.mark.parametrize("final", ["cancel accepted", "ended", "not given up"])
+def test_a_refusal_that_cannot_matter_is_not_heeded(final: str) -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    if final != "not given up":
+        life.see("cancel")
+    if final == "cancel accepted":
+        life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    elif final == "ended":
+        life.tell("status", GoalState.CANCELED)
+    life.wait_until(1.0)
+    assert life.tell("cancel_answered", CancelAnswer.REFUSED) == []
+
+
+def test_a_cancel_that_this_call_has_not_asked_for_limits_nothing() -> None:
+    """An earlier call of the client had asked for it."""
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    effects = life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    assert effects == [Record(GoalState.CANCELING)]
 
 
 @pytest.mark.parametrize("why", [CancelReason.DEADLINE, CancelReason.CLOSED])
@@ -687,6 +813,38 @@ def test_what_another_server_does_not_know_may_run_on_its_own() -> None:
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
 
 
+def test_what_one_of_two_servers_has_forgotten_is_cancelled_on_the_other() -> None:
+    """That one has not answered yet whether it accepts the goal."""
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0, servers=2)
+    goal.accepted(0.1)
+    goal.give_up(CancelReason.CANCELLED, 1.0)
+    goal.result(None, None, 2.0, asked_at=1.9)
+    effects = goal.result(None, None, 3.0, asked_at=2.9)
+    assert effects == [
+        Record(GoalState.LOST, "the result cannot be had"),
+        Disarm(Timer.STALL),
+        AskCancel(),
+        AskResult(anew=True),
+        Arm(Timer.REASK, 4.0),
+    ]
+    assert goal.stage is Stage.ELSEWHERE
+    assert not goal.settled
+
+
+def test_what_a_server_has_forgotten_is_over_though_its_acceptance_was_lost() -> None:
+    life = Life(3.0)
+    life.see("sent", "feedback")
+    life.wait_until(3.0)
+    life.tell("result", None, None)
+    life.wait_until(3.0 + DOUBT)
+    life.tell("result", None, None)
+    assert life.ending is not None
+    assert (life.end, life.report) == (End.DEADLINE, CancelReport.NOT_NEEDED)
+    assert life.ending.lost_because == ""
+    assert life.goal.facts.fate is GoalFate.ENDED
+
+
 def test_a_cancel_is_answered_by_the_loss_of_the_server() -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED, "cancel")
@@ -723,6 +881,47 @@ def test_closing_while_the_callers_own_cancel_is_refused(abandon: bool) -> None:
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.wait_until(2.0)
     assert (life.end, life.report) == (End.CLOSED, CancelReport.REFUSED)
+
+
+@pytest.mark.parametrize("accepted", [False, True])
+def test_what_is_only_followed_is_left_at_the_deadline(accepted: bool) -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.attached(0.0, 1, left_alone=True)
+    if accepted:
+        goal.status(GoalState.EXECUTING, 1.0)
+    ending = Ending(
+        End.DEADLINE,
+        GoalState.TIMED_OUT,
+        phase="execute" if accepted else "accept",
+        news=LastNews.NOTHING,
+        given_up=True,
+        abandoned=True,
+    )
+    assert goal.give_up(CancelReason.DEADLINE, 3.0) == [
+        Record(GoalState.TIMED_OUT, "waiting for the result"),
+        Settle(ending),
+        Release(),
+    ]
+    assert goal.stage is Stage.OVER
+    assert goal.facts.fate is GoalFate.LEFT
+
+
+@pytest.mark.parametrize("situation", ["sent", "accepted", "lost", "ended", "over"])
+def test_who_has_left_asks_once_more_where_that_may_help(situation: str) -> None:
+    life = Life(3.0)
+    life.see(*(UNTIL_SENT if situation == "sent" else UNTIL_ACCEPTED))
+    life.wait_until(5.0)
+    assert life.end is End.DEADLINE
+    if situation == "lost":
+        life.tell("server_lost", "gone")
+    elif situation == "ended":
+        life.tell("status", GoalState.SUCCEEDED)
+    elif situation == "over":
+        life.tell("result", GoalState.SUCCEEDED, 1)
+    asks = [AskCancel()] if situation in ("sent", "accepted") else []
+    assert life.see("cancel") == asks
+    assert life.tell("close", abandon=False) == asks
+    assert life.tell("close", abandon=True) == []  # the user chose to let goals run
 
 
 @pytest.mark.parametrize("events", [UNTIL_SENT, UNTIL_ACCEPTED])

@@ -253,8 +253,10 @@ def test_a_goal_that_its_own_server_had_and_knows_no_more_is_over() -> None:
 def test_a_broken_client_ends_the_call() -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED)
-    life.tell("fail", "the thread died", error := RuntimeError("x"))
-    assert (life.end, life.ending.error) == (End.LOST, error)  # type: ignore[union-attr]
+    effects = life.tell("fail", "the thread died", error := RuntimeError("x"))
+    ending = Ending(End.LOST, GoalState.LOST, news=LastNews.NOTHING, error=error)
+    assert effects == [Record(GoalState.LOST, "the thread died"), Settle(ending), Release()]
+    assert life.goal.stage is Stage.OVER
     assert life.see("feedback") == []
 
 
@@ -327,7 +329,8 @@ def test_a_result_that_is_unknown_after_acceptance_is_lost() -> None:
     assert life.end is None
     life.wait_until(DOUBT)
     assert life.all.count(AskResult()) == asked + 1
-    life.tell("result", None, None)
+    effects = life.tell("result", None, None)
+    assert effects[0] == Record(GoalState.LOST, "the result cannot be had")
     assert (life.end, life.ending.ended_as) == (End.RESULT_LOST, None)  # type: ignore[union-attr]
 
 

@@ -10,9 +10,88 @@ import pytest
 from actionkit import GoalFate, GoalState, Timeouts
 from actionkit._calls.call_view import GoalsOfCall
 from actionkit._goal.effects import Timer
+from actionkit._goal.facts import GoalFacts
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import CancelReason
 from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._model.values import GoalReport
+
+TWO_SENT: dict[str, Any] = {"servers": 2}
+TWO: dict[str, Any] = {**TWO_SENT, "accepted": True, "yeses": 1}
+"""One of two servers has accepted the goal."""
+ENDED: dict[str, Any] = {"ended": True, "ends": 1}
+FACTS: list[tuple[dict[str, Any], bool, bool | None, GoalFate]] = [
+    # What is known; whether it is certain that no server runs it, and whether one is known to.
+    ({}, False, None, GoalFate.UNANSWERED),
+    ({"noes": 1, "rejected": True}, True, False, GoalFate.REJECTED),
+    ({"accepted": True, "yeses": 1}, False, True, GoalFate.RUNNING),
+    ({"accepted": True}, False, True, GoalFate.RUNNING),  # the answer itself was lost
+    ({"accepted": True, **ENDED, "over": True}, True, False, GoalFate.ENDED),
+    ({"accepted": True, "lost": True}, False, None, GoalFate.LOST),
+    ({"lost": True}, False, None, GoalFate.LOST),
+    ({"accepted": True, "left": True}, False, None, GoalFate.LEFT),
+    ({"accepted": True, "lost": True, "left": True}, False, None, GoalFate.LEFT),
+    ({"accepted": True, **ENDED, "over": True, "left": True}, True, False, GoalFate.ENDED),
+    # Two servers may have got it.
+    (TWO_SENT, False, None, GoalFate.UNANSWERED),
+    ({**TWO_SENT, "noes": 1}, False, None, GoalFate.UNANSWERED),
+    ({**TWO_SENT, "noes": 2, "rejected": True}, True, False, GoalFate.REJECTED),
+    # One has rejected it; that of the other would only be a guess, until the caller relies on it.
+    ({**TWO_SENT, "noes": 1, "rejected": True}, False, False, GoalFate.REJECTED),
+    ({**TWO_SENT, "noes": 1, "rejected": True, "given_up": True}, False, None, GoalFate.UNANSWERED),
+    ({**TWO, "noes": 1}, False, True, GoalFate.RUNNING),
+    ({**TWO, **ENDED}, False, False, GoalFate.ENDED),
+    ({**TWO, **ENDED, "given_up": True}, False, None, GoalFate.UNANSWERED),
+    # Both have answered.
+    ({**TWO, **ENDED, "noes": 1, "given_up": True}, False, False, GoalFate.ENDED),
+    ({**TWO, **ENDED, "yeses": 2}, False, True, GoalFate.RUNNING),
+    ({**TWO, **ENDED, "yeses": 2, "lost": True}, False, None, GoalFate.LOST),
+    # One acceptance was lost, and both ends have come.
+    ({**TWO, **ENDED, "ends": 2, "given_up": True}, False, False, GoalFate.ENDED),
+    # Somebody else has sent it: nobody tells us whether a server has accepted it.
+    ({"accepted": True, **ENDED, "servers": 2, "attached": True}, False, None, GoalFate.UNANSWERED),
+    ({**ENDED, "over": True, "attached": True}, True, False, GoalFate.ENDED),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("known", "over", "runs", "fate"), FACTS, ids=str)
+def test_what_follows_from_the_facts(
+    known: dict[str, Any], over: bool, runs: bool | None, fate: GoalFate
+) -> None:
+    facts = GoalFacts(uuid.uuid4(), **known)
+    assert facts.is_over is over
+    assert facts.known_to_run is runs
+    assert facts.may_run is fate.may_run
+    assert facts.fate is fate
+
+
+@pytest.mark.parametrize("refused", [False, True])
+def test_the_report_of_a_goal_tells_its_fate_and_a_refusal(refused: bool) -> None:
+    facts = GoalFacts(uuid.uuid4(), accepted=True, refused=refused)
+    assert facts.report == GoalReport(facts.goal_id, GoalFate.RUNNING, cancel_refused=refused)
+
+
+def test_only_one_of_several_servers_that_has_not_answered_is_undecided() -> None:
+    goal_id = uuid.uuid4()
+    assert not GoalFacts(goal_id, servers=1).undecided
+    assert GoalFacts(goal_id, servers=2, yeses=1).undecided
+    assert not GoalFacts(goal_id, servers=2, yeses=1, noes=1).undecided
+    assert not GoalFacts(goal_id, servers=2, yeses=1, attached=True).undecided
+
+
+@pytest.mark.parametrize(
+    ("known", "nobody_has_it"),
+    [
+        ({"lost": True, "gone": True}, True),
+        ({"lost": True}, False),  # its server is only silent
+        ({"gone": True}, False),  # it was not found out yet
+        ({"lost": True, "gone": True, "left": True}, False),  # this side looked away before
+    ],
+)
+def test_only_a_goal_whose_server_has_left_was_lost_with_it(
+    known: dict[str, bool], nobody_has_it: bool
+) -> None:
+    assert GoalFacts(uuid.uuid4(), **known).is_lost_with_server is nobody_has_it
 
 
 def sent() -> Goal:
