@@ -109,10 +109,10 @@ class OnServer:
         elif event == "rejected" and not self.accepted:
             self.rejected = self.over = True
         elif event == "result" and args[0] is None:
-            if self.accepted and not self.lost:
-                self._forgotten(now, asked_at)
-            else:
+            if self.lost or not self.accepted:
                 self._unknown()
+            elif own:
+                self._forgotten(now, asked_at)
         elif (event, args) == ("cancel_answered", (CancelAnswer.UNKNOWN_GOAL,)):
             if self.lost or not self.accepted:
                 self._unknown()
@@ -401,6 +401,8 @@ class Life:
             self._require(wanted or AskCancel() in effects, "a refusal is asked about once more")
         if self.in_flight and not server.lost:
             self._require(Timer.REASK in armed, "what may have been lost is asked for again")
+        taken = server.accepted and not server.lost
+        self._require(Timer.ACCEPT not in armed or not taken, "what was accepted is not late")
         quiet = self.cancelling or server.ended
         self._require(Timer.STALL not in armed or not quiet, "what is to end may be silent")
         if settled:

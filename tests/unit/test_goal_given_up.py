@@ -23,6 +23,7 @@ from actionkit._goal.effects import (
     Settle,
     StopCancel,
     Timer,
+    WatchStatus,
 )
 from actionkit._goal.machine import Goal
 from actionkit._goal.stages import DOUBT, CancelReason, Stage
@@ -187,6 +188,14 @@ def test_the_goal_is_rejected_after_the_deadline() -> None:
     life.wait_until(3.0)
     life.see("rejected")
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.NOT_NEEDED)
+
+
+def test_the_rejection_of_a_goal_whose_caller_has_left_is_told_of() -> None:
+    life = Life(3.0)
+    life.see(*UNTIL_SENT)
+    life.wait_until(5.0)
+    late = LateResult(GoalState.REJECTED, None)
+    assert life.see("rejected") == [Record(GoalState.REJECTED), late, Release()]
 
 
 def test_the_server_is_lost_after_the_deadline() -> None:
@@ -637,6 +646,100 @@ def test_a_refused_cancel_of_what_is_left_alone_is_asked_for_again(why: CancelRe
 # --- another call attaches to it ---------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("events", "effects"),
+    [
+        ([], [Arm(Timer.ACCEPT, 8.0), Arm(Timer.REASK, 4.0)]),
+        (
+            [("accepted",)],
+            [Record(GoalState.ACCEPTED), Arm(Timer.REASK, 4.0), Arm(Timer.STALL, 13.0)],
+        ),
+        (
+            [("accepted",), ("feedback",)],
+            [
+                Record(GoalState.ACCEPTED),
+                Record(GoalState.EXECUTING),
+                Arm(Timer.REASK, 4.0),
+                Arm(Timer.STALL, 13.0),
+            ],
+        ),
+        (
+            [("accepted",), ("server_lost", "gone"), ("server_back",)],
+            [Record(GoalState.ACCEPTED), Arm(Timer.REASK, 4.0), Arm(Timer.STALL, 13.0)],
+        ),
+        (
+            [("accepted",), ("cancel",), ("status", GoalState.CANCELED)],
+            [Record(GoalState.ACCEPTED), Arm(Timer.RESULT, 63.0), Arm(Timer.REASK, 4.0)],
+        ),
+    ],
+    ids=["sent", "accepted", "executing", "lost and back", "ended"],
+)
+def test_what_is_taken_over_is_followed_as_if_it_began_now(
+    events: list[tuple[str, ...]], effects: list[Effect]
+) -> None:
+    life = Life(result=60.0, feedback=10.0)
+    life.see("sent")
+    for event in events:
+        life.tell(*event)
+    life.see("cancel")
+    life.wait_until(3.0)
+    before = len(life.all)
+    life.attach_again()
+    asks = [StopCancel(), WatchStatus(), AskResult(anew=True)]
+    assert life.all[before:] == [*asks, *effects]
+    life.tell("result", GoalState.SUCCEEDED, 1)
+    assert life.ending == Ending(
+        End.SUCCEEDED, GoalState.SUCCEEDED, result=1, ended_as=GoalState.SUCCEEDED
+    )
+
+
+@pytest.mark.parametrize("cancelled", [False, True])
+@pytest.mark.parametrize("taken_over", [False, True])
+def test_what_an_earlier_call_had_cancelled_says_so(cancelled: bool, taken_over: bool) -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    if taken_over:
+        life.see("cancel")
+        if cancelled:
+            life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+        life.wait_until(3.0)
+        life.attach_again()
+    elif cancelled:
+        life.tell("status", GoalState.CANCELING)
+    life.tell("result", GoalState.CANCELED, None)
+    why = "an earlier call of this client had cancelled it" if cancelled and taken_over else ""
+    assert life.ending is not None
+    assert (life.end, life.ending.lost_because) == (End.CANCELED_BY_OTHER, why)
+
+
+@pytest.mark.parametrize(
+    ("status", "end"),
+    [(GoalState.CANCELED, End.CANCELLED_BY_CALLER), (GoalState.SUCCEEDED, End.SUCCEEDED)],
+)
+def test_what_is_taken_over_and_cancelled_again_ends_by_that(status: GoalState, end: End) -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    life.wait_until(3.0)
+    life.attach_again()
+    life.see("cancel")
+    life.tell("cancel_answered", CancelAnswer.ACCEPTED)
+    life.tell("result", status, 1)
+    assert life.ending is not None
+    assert (life.end, life.ending.lost_because) == (end, "")
+
+
+def test_what_is_taken_over_only_to_follow_it_is_left_at_the_deadline() -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0)
+    goal.accepted(0.1)
+    goal.give_up(CancelReason.CANCELLED, 0.5)
+    goal.timer(Timer.CANCEL, 3.0)
+    goal.attached_again(Timeouts(), 4.0, 1, left_alone=True)
+    effects = goal.give_up(CancelReason.DEADLINE, 5.0)
+    assert AskCancel() not in effects
+    assert effects[-1] == Release()
+
+
 def test_what_is_taken_over_is_asked_no_more_to_cancel() -> None:
     life = Life(3.0)
     life.see(*UNTIL_ACCEPTED)
@@ -693,7 +796,8 @@ def test_what_is_lost_is_not_taken_over_and_is_cancelled_when_its_server_is_back
     life.see(*UNTIL_ACCEPTED)
     life.tell("server_lost", "gone")
     life.attach_again()
-    assert life.end is End.LOST
+    assert life.ending is not None
+    assert (life.end, life.ending.lost_because) == (End.LOST, "its action server is gone")
     assert AskCancel() in life.see("server_back")
 
 
@@ -707,6 +811,8 @@ def test_what_runs_on_another_server_is_not_taken_over_and_is_cancelled_there() 
     (settled,) = goal.attached_again(Timeouts(), 2.0, 2, left_alone=True)
     assert isinstance(settled, Settle)
     assert settled.ending.end is End.RESULT_LOST
+    why = "one server has ended it, and another one is asked to cancel it"
+    assert settled.ending.lost_because == why
     assert AskCancel() in goal.timer(Timer.REASK, 3.0)
 
 

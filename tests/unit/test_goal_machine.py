@@ -13,12 +13,16 @@ from actionkit._goal.effects import (
     Arm,
     AskCancel,
     AskResult,
+    Disarm,
+    Effect,
     End,
     Ending,
     LastNews,
+    LateResult,
     Record,
     Release,
     Settle,
+    StopCancel,
     Timer,
     WatchStatus,
 )
@@ -26,7 +30,14 @@ from actionkit._goal.machine import Goal
 from actionkit._goal.stages import DOUBT, LONGEST_RESULT_PAUSE, CancelReason, Stage
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._model.settings import Timeouts
-from actionkit._model.values import CancelReport, GoalState
+from actionkit._model.values import CancelReport, GoalFate, GoalReport, GoalState
+
+ONE_IS_GONE = "one of its action servers is gone, and the others do not have it"
+
+
+def endings(effects: list[Effect]) -> list[Ending]:
+    return [each.ending for each in effects if isinstance(each, Settle)]
+
 
 # --- what a server does of its own -------------------------------------------------------------
 
@@ -35,8 +46,12 @@ def test_a_goal_succeeds() -> None:
     life = Life()
     limits = [Arm(Timer.ACCEPT, 5.0), Arm(Timer.REASK, 1.0)]
     assert life.see("sent") == [Record(GoalState.SENT), *limits]
-    # Asked for at once, because a result may expire (R25).
-    assert AskResult(anew=True) in life.see("accepted")
+    assert life.see("accepted") == [
+        Disarm(Timer.ACCEPT),
+        Record(GoalState.ACCEPTED),
+        AskResult(anew=True),  # at once, because a result may expire (R25)
+        Arm(Timer.REASK, 1.0),
+    ]
     life.see("feedback")
     life.tell("result", GoalState.SUCCEEDED, "the result")
     assert life.ending == Ending(
@@ -133,6 +148,21 @@ def test_acceptance_is_proven_by_whatever_only_an_accepted_goal_causes(proof: st
     assert life.states == before
 
 
+def test_the_end_may_be_the_first_that_is_heard_of_a_goal() -> None:
+    life = Life(feedback=5.0, result=60.0)
+    life.see("sent")
+    assert life.tell("status", GoalState.SUCCEEDED) == [
+        Disarm(Timer.ACCEPT),
+        Record(GoalState.ACCEPTED),
+        AskResult(anew=True),
+        Arm(Timer.REASK, 1.0),
+        Arm(Timer.STALL, 5.0),
+        Disarm(Timer.STALL),
+        Arm(Timer.REASK, 0.5),
+        Arm(Timer.RESULT, 60.0),
+    ]
+
+
 @pytest.mark.parametrize("repeated", ["feedback"])
 def test_what_is_told_twice_counts_once(repeated: str) -> None:
     life = Life()
@@ -164,6 +194,11 @@ def test_duplicates_of_everything_else() -> None:
     life.see(*UNTIL_ACCEPTED)
     life.tell("server_lost", "gone")
     assert life.tell("server_lost", "gone") == []
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    assert life.see("rejected") == []
+    life.goal.servers_changed(2, 0)
+    assert life.goal.facts.undecided  # that was no answer of the second server
 
 
 def test_states_never_go_back() -> None:
@@ -189,13 +224,17 @@ def test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled(
 ) -> None:
     life = Life()
     life.see(*phase)
-    life.tell("server_lost", "its action server is gone")
-    assert life.ending == Ending(
+    ending = Ending(
         End.LOST,
         GoalState.LOST,
         news=LastNews.SERVER_GONE,
         lost_because="its action server is gone",
     )
+    assert life.tell("server_lost", "its action server is gone") == [
+        Disarm(Timer.REASK),
+        Record(GoalState.LOST, "its action server is gone"),
+        Settle(ending),
+    ]
     assert life.count(Release) == 0
     assert life.timers == {}
     assert life.see("server_ready")[:2] == [AskCancel(), AskResult()]
@@ -203,6 +242,100 @@ def test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled(
     assert life.goal.stage is Stage.ACCEPTED
     life.tell("result", GoalState.CANCELED, None)
     assert life.count(Release) == 1
+
+
+def test_a_lost_goal_is_over_when_its_rejection_comes() -> None:
+    life = Life()
+    life.see(*UNTIL_SENT)
+    life.tell("server_lost", "gone")
+    assert life.see("rejected") == [
+        Record(GoalState.REJECTED),
+        LateResult(GoalState.REJECTED, None),
+        Release(),
+    ]
+
+
+def test_the_result_of_a_lost_goal_ends_it() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("server_lost", "gone")
+    assert life.tell("result", GoalState.SUCCEEDED, 1) == [
+        Record(GoalState.SUCCEEDED),
+        LateResult(GoalState.SUCCEEDED, 1),
+        Release(),
+    ]
+
+
+def test_a_server_that_comes_is_asked_for_the_result_of_a_goal_that_was_accepted() -> None:
+    """It may be the same one after a restart, and says that it does not know the goal (R1)."""
+    life = Life()
+    assert life.see("sent", "server_ready") == []
+    assert life.see("accepted", "server_ready") == [AskResult()]
+    assert life.see("server_back") == [AskResult()]
+
+
+def test_the_state_of_a_lost_goal_is_shown_when_it_is_back() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("server_lost", "gone")
+    life.see("server_back")
+    assert life.goal.facts.lost is False
+    life.tell("status", GoalState.ACCEPTED)
+    assert life.goal.state is GoalState.ACCEPTED
+
+
+def test_a_lost_goal_that_was_back_may_be_lost_again() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("server_lost", "gone")
+    life.see("server_back")
+    life.tell("server_lost", "gone")
+    assert life.goal.facts.fate is GoalFate.LOST
+
+
+def test_a_server_may_go_away_before_it_has_sent_the_result() -> None:
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    life.tell("status", GoalState.SUCCEEDED)
+    assert life.tell("server_lost", "gone")[0] == Record(GoalState.LOST, "the result cannot be had")
+    assert life.ending == Ending(
+        End.RESULT_LOST,
+        GoalState.LOST,
+        ended_as=GoalState.SUCCEEDED,
+        lost_because="its server went away before it had sent it",
+    )
+    assert life.count(Release) == 1
+
+
+@pytest.mark.parametrize(
+    ("timer", "events"),
+    [
+        (Timer.ACCEPT, UNTIL_ACCEPTED),
+        (Timer.CANCEL, UNTIL_SENT),
+        (Timer.STALL, UNTIL_SENT),
+        (Timer.RESULT, UNTIL_ACCEPTED),
+    ],
+)
+def test_a_timer_that_has_nothing_to_limit_changes_nothing(
+    timer: Timer, events: tuple[str, ...]
+) -> None:
+    life = Life()
+    life.see(*events)
+    assert life.tell("timer", timer) == []
+
+
+def test_another_server_says_nothing_of_a_goal() -> None:
+    """Only the one that it was sent to may have it (C5.7)."""
+    life = Life()
+    life.see(*UNTIL_ACCEPTED)
+    for _ in range(2):
+        assert life.tell("result", None, None, own=False) == []
+        life.wait_until(life.now + DOUBT)
+    life.goal.servers_changed(1, 1)
+    assert life.tell("result", None, None, own=False) == []
+    life.tell("server_lost", "gone")
+    asks_no_more = [Disarm(Timer.REASK), StopCancel()]
+    assert life.tell("result", None, None, own=False, everybody=False) == asks_no_more
 
 
 @pytest.mark.parametrize("answer", ["cancel", "result"])
@@ -331,6 +464,8 @@ def test_a_result_that_is_unknown_after_acceptance_is_lost() -> None:
     assert life.all.count(AskResult()) == asked + 1
     effects = life.tell("result", None, None)
     assert effects[0] == Record(GoalState.LOST, "the result cannot be had")
+    assert life.ending is not None
+    assert life.ending.lost_because == "its server no longer knows the goal"
     assert (life.end, life.ending.ended_as) == (End.RESULT_LOST, None)  # type: ignore[union-attr]
 
 
@@ -354,6 +489,351 @@ def test_a_goal_not_known_so_far_was_not_rejected() -> None:
     life.see("accepted")
     life.tell("result", GoalState.SUCCEEDED, 1)
     assert life.end is End.SUCCEEDED
+
+
+# --- what somebody else has sent ---------------------------------------------------------------
+
+
+def followed(*, left_alone: bool) -> Goal:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.attached(0.0, 1, left_alone=left_alone)
+    return goal
+
+
+def test_what_somebody_else_has_sent_is_asked_for() -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    assert goal.attached(0.0, 2, left_alone=True) == [
+        WatchStatus(),
+        AskResult(),
+        Arm(Timer.ACCEPT, 5.0),
+        Arm(Timer.REASK, 1.0),
+    ]
+    assert goal.state is GoalState.SENT
+    assert goal.facts.servers == 2
+
+
+@pytest.mark.parametrize(
+    ("why", "end"),
+    [
+        (None, End.UNKNOWN),
+        (CancelReason.CANCELLED, End.UNKNOWN),
+        (CancelReason.DEADLINE, End.DEADLINE),
+        (CancelReason.CLOSED, End.CLOSED),
+    ],
+)
+def test_what_no_server_knows_cannot_be_followed(why: CancelReason | None, end: End) -> None:
+    goal = followed(left_alone=False)
+    if why is not None:
+        goal.give_up(why, 0.0)
+    assert goal.result(None, None, 1.0, asked_at=0.9) == [Arm(Timer.REASK, 1.0 + DOUBT)]
+    late = end is End.DEADLINE
+    ending = Ending(
+        end,
+        GoalState.TIMED_OUT if late else GoalState.LOST,
+        phase="accept" if late else "",
+        given_up=why is not None,
+    )
+    assert goal.result(None, None, 2.0, asked_at=1.9) == [
+        Record(GoalState.LOST, "no server knows it"),
+        Settle(ending),
+        Release(),
+    ]
+    assert goal.facts.fate is GoalFate.ENDED
+
+
+def test_what_is_only_followed_is_left_when_its_server_is_lost() -> None:
+    goal = followed(left_alone=True)
+    goal.status(GoalState.EXECUTING, 1.0)
+    effects = goal.server_lost("gone", 2.0)
+    assert effects[1] == Record(GoalState.LOST, "gone")
+    assert endings(effects)[0].end is End.LOST
+    assert effects[-1] == Release()
+    assert goal.facts.fate is GoalFate.LEFT
+
+
+def test_what_somebody_else_has_sent_to_the_only_server_ends_with_its_answer() -> None:
+    goal = followed(left_alone=False)
+    effects = goal.result(GoalState.SUCCEEDED, 1, 1.0, asked_at=0.0, everybody=False)
+    assert effects[-1] == Release()
+    assert goal.facts.is_over
+
+
+# --- several servers on one name ---------------------------------------------------------------
+
+
+def on_two(*, accepted: int = 0) -> Goal:
+    """Return a goal that two servers may have got, and so many have accepted."""
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0, servers=2)
+    for _ in range(accepted):
+        goal.accepted(0.0)
+    return goal
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_a_goal_that_two_servers_accept_is_cancelled_only_if_nobody_wants_it(wanted: bool) -> None:
+    goal = on_two(accepted=1)
+    if not wanted:
+        goal.give_up(CancelReason.CANCELLED, 1.0)
+    cancel = [] if wanted else [AskCancel()]
+    assert goal.accepted(2.0) == [AskResult(anew=True), *cancel]
+
+
+def test_what_one_of_two_servers_rejects_is_over_for_its_caller() -> None:
+    ending = Ending(End.REJECTED, GoalState.REJECTED, news=LastNews.NOTHING, elsewhere=True)
+    goal = on_two()
+    assert goal.rejected(1.0) == [Record(GoalState.REJECTED), Settle(ending), Release()]
+    assert goal.facts.known_to_run is False
+
+
+def test_what_one_of_two_servers_rejects_is_cancelled_on_the_other_if_it_was_given_up() -> None:
+    goal = on_two()
+    goal.give_up(CancelReason.CANCELLED, 1.0)
+    assert goal.rejected(2.0) == [
+        Record(GoalState.REJECTED),
+        Disarm(Timer.STALL),
+        AskCancel(),
+        AskResult(anew=True),
+        Arm(Timer.REASK, 3.0),
+    ]
+    goal.server_lost("gone", 3.0)
+    goal.server_back(4.0)
+    assert goal.stage is Stage.ELSEWHERE  # what one has rejected is not waited for again
+
+
+def test_both_of_two_servers_that_were_lost_may_reject_it() -> None:
+    goal = on_two()
+    goal.server_lost("gone", 1.0)
+    assert goal.rejected(2.0) == []
+    assert goal.rejected(2.0)[-1] == Release()
+
+
+def test_a_rejection_is_the_answer_of_a_server_that_does_not_run_it() -> None:
+    """Two of three reject what the first one runs; so its end is the end of the goal."""
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0, servers=3)
+    goal.accepted(0.0)
+    assert goal.rejected(0.0) == []
+    assert goal.rejected(0.0) == []
+    goal.give_up(CancelReason.CANCELLED, 1.0)
+    effects = goal.result(GoalState.CANCELED, None, 2.0, asked_at=0.0, everybody=False)
+    assert effects[-1] == Release()
+    assert goal.facts.is_over
+
+
+def test_a_rejection_does_not_end_what_another_server_runs() -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0, servers=3)
+    goal.accepted(0.0)
+    goal.accepted(0.0)
+    goal.result(GoalState.ABORTED, None, 1.0, asked_at=0.0, everybody=False)
+    assert goal.rejected(1.0) == []
+    assert goal.facts.known_to_run
+
+
+def test_what_a_third_server_accepts_after_two_have_ended_it_is_cancelled() -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0, servers=3)
+    goal.accepted(0.0)
+    goal.accepted(0.0)
+    goal.result(GoalState.ABORTED, None, 1.0, asked_at=0.0, everybody=False)
+    effects = goal.result(GoalState.ABORTED, 2, 1.0, asked_at=0.0, everybody=False, ends=2)
+    assert effects == [LateResult(GoalState.ABORTED, 2), Release()]
+    assert goal.accepted(2.0) == [AskCancel()]
+
+
+@pytest.mark.parametrize(
+    ("asked_at", "everybody", "over"),
+    [(1.0 + DOUBT, True, True), (1.0, True, False), (9.0, False, False)],
+)
+def test_what_one_of_two_servers_has_ended_is_over_if_the_other_denied_it_after_its_acceptance(
+    asked_at: float, everybody: bool, over: bool
+) -> None:
+    """A server that is just accepting a goal answers as if it did not know it (R12)."""
+    goal = on_two(accepted=1)
+    goal.accepted(1.0)
+    goal.result(GoalState.SUCCEEDED, 1, 9.0, asked_at=asked_at, everybody=everybody)
+    assert goal.facts.is_over is over
+    assert goal.stage is (Stage.OVER if over else Stage.ELSEWHERE)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "end"),
+    [
+        (GoalState.CANCELED, GoalState.SUCCEEDED, End.SUCCEEDED),
+        (GoalState.SUCCEEDED, GoalState.CANCELED, End.SUCCEEDED),
+        (GoalState.ABORTED, GoalState.CANCELED, End.ABORTED),
+    ],
+)
+def test_of_two_results_of_what_was_cancelled_a_success_counts_and_else_the_first(
+    first: GoalState, second: GoalState, end: End
+) -> None:
+    goal = on_two(accepted=2)
+    goal.give_up(CancelReason.CANCELLED, 1.0)
+    goal.result(first, first, 1.0, asked_at=0.0, everybody=False)
+    assert not goal.settled
+    effects = goal.result(second, second, 2.0, asked_at=0.0, ends=2)
+    (ending,) = endings(effects)
+    assert (ending.end, ending.result) == (
+        end,
+        GoalState.SUCCEEDED if end is End.SUCCEEDED else first,
+    )
+
+
+def test_a_success_on_one_of_two_servers_is_not_lost_while_the_other_does_not_stop() -> None:
+    goal = on_two(accepted=2)
+    goal.give_up(CancelReason.CANCELLED, 1.0)
+    goal.result(GoalState.SUCCEEDED, 1, 2.0, asked_at=0.0, everybody=False)
+    (ending,) = endings(goal.timer(Timer.CANCEL, 3.0))
+    assert (ending.end, ending.result) == (End.SUCCEEDED, 1)
+    assert ending.news is LastNews.NOTHING
+    assert AskCancel() in goal.timer(Timer.REASK, 4.0)
+
+
+def test_the_result_of_the_second_server_is_told_of_when_the_first_has_ended_the_call() -> None:
+    goal = on_two(accepted=2)
+    goal.result(GoalState.ABORTED, 1, 1.0, asked_at=0.0, everybody=False)
+    assert goal.settled
+    again = goal.result(GoalState.ABORTED, 1, 2.0, asked_at=0.0, everybody=False)
+    assert again == [LateResult(GoalState.ABORTED, 1)]
+    effects = goal.result(GoalState.SUCCEEDED, 2, 3.0, asked_at=1.0)
+    assert effects == [LateResult(GoalState.SUCCEEDED, 2), Release()]
+
+
+@pytest.mark.parametrize("accepted", [0, 1])
+@pytest.mark.parametrize(("everybody", "own"), [(False, True), (True, False)])
+def test_that_one_of_two_servers_does_not_know_it_says_nothing(
+    accepted: int, everybody: bool, own: bool
+) -> None:
+    goal = on_two(accepted=accepted)
+    assert goal.result(None, None, 1.0, asked_at=0.9, everybody=everybody, own=own) == []
+    assert goal.may_run
+    goal.server_lost("gone", 2.0)
+    # Asking others goes on until each of them has denied it.
+    asks_no_more = [Disarm(Timer.REASK), StopCancel()] if everybody else []
+    effects = goal.result(None, None, 3.0, asked_at=2.9, everybody=everybody, own=own)
+    assert effects == asks_no_more
+
+
+def test_what_neither_of_two_servers_knows_is_waited_for_no_more_after_its_limit() -> None:
+    goal = on_two()
+    goal.timer(Timer.ACCEPT, 5.0)
+    (ending,) = endings(goal.result(None, None, 5.1, asked_at=5.0))
+    assert ending.end is End.NO_ACCEPTANCE
+
+
+def test_what_one_of_two_servers_may_yet_accept_is_not_over_when_the_other_is_back() -> None:
+    goal = on_two(accepted=1)
+    goal.server_lost("answered nothing for a while", 1.0)
+    goal.server_back(2.0)
+    assert goal.result(None, None, 3.0, asked_at=2.9) == []
+    assert goal.in_flight
+
+
+def test_what_the_second_server_denies_for_a_minute_is_over() -> None:
+    """It has not said whether it accepts the goal, and answers that it does not know it."""
+    goal = on_two()
+    goal.give_up(CancelReason.CANCELLED, 0.0)
+    goal.rejected(0.0)
+    due, asked = 1.0, 0
+    while goal.stage is Stage.ELSEWHERE:
+        assert goal.result(None, None, due, asked_at=due) == []
+        effects = goal.timer(Timer.REASK, due)
+        due += sum(each.at - due for each in effects if isinstance(each, Arm))
+        asked += 1
+    assert endings(effects)[0].end is End.CANCELLED_BY_CALLER
+    assert effects[-1] == Release()
+    assert (asked, due) == (6, 61.0)
+    assert goal.facts.is_over
+
+
+def test_what_runs_on_a_server_that_has_left_is_lost_with_it_when_the_other_denies_it() -> None:
+    goal = on_two(accepted=1)
+    goal.rejected(0.0)
+    assert goal.servers_changed(2, 1) == [AskResult(anew=True)]
+    (ending,) = endings(goal.result(None, None, 1.0, asked_at=0.9))
+    assert (ending.end, ending.lost_because) == (End.LOST, ONE_IS_GONE)
+    assert goal.facts.is_lost_with_server
+    goal.servers_changed(2, 1)
+    assert goal.facts.is_lost_with_server
+    goal.servers_changed(2, 0)
+    assert not goal.facts.is_lost_with_server
+
+
+@pytest.mark.parametrize("how", ["the other denies it", "lost", "result not sent"])
+def test_an_end_that_was_shown_before_the_second_server_came_goes_with_the_first(how: str) -> None:
+    goal = Goal(uuid.uuid4(), Timeouts(accept=5.0))
+    goal.sent(0.0)
+    goal.accepted(0.0)
+    goal.give_up(CancelReason.CANCELLED, 0.0)
+    goal.status(GoalState.SUCCEEDED, 0.0)
+    goal.servers_changed(2, 0)
+    goal.servers_changed(2, 1)
+    if how == "lost":
+        effects = goal.server_lost("gone", 6.0)
+    elif how == "result not sent":
+        effects = goal.timer(Timer.RESULT, 6.0)
+    else:
+        effects = goal.result(None, None, 6.0, asked_at=5.9)
+    assert effects == [
+        Record(GoalState.LOST, "the result cannot be had"),
+        Disarm(Timer.STALL),
+        AskCancel(),  # the second one may yet accept it
+        AskResult(anew=True),
+        Arm(Timer.REASK, 7.0),
+    ]
+
+
+def test_what_one_of_two_servers_has_ended_stays_so_while_the_other_is_out_of_sight() -> None:
+    goal = on_two(accepted=2)
+    goal.result(GoalState.ABORTED, None, 1.0, asked_at=0.5, everybody=False)
+    assert goal.server_lost("gone", 2.0) == [Disarm(Timer.REASK)]
+    assert goal.facts.fate is GoalFate.LOST
+    goal.server_back(3.0)
+    assert goal.stage is Stage.ELSEWHERE
+    assert goal.in_flight
+
+
+def test_the_second_server_may_refuse_to_cancel_what_the_first_has_ended() -> None:
+    goal = on_two(accepted=2)
+    goal.result(GoalState.ABORTED, None, 1.0, asked_at=0.5, everybody=False)
+    for answer in (CancelAnswer.REFUSED, CancelAnswer.ACCEPTED):
+        assert goal.cancel_answered(answer, 2.0, asked_at=1.0) == [AskResult()]
+        refused = answer is CancelAnswer.REFUSED
+        goal_id = goal.facts.goal_id
+        assert goal.facts.report == GoalReport(goal_id, GoalFate.RUNNING, cancel_refused=refused)
+
+
+def test_one_of_two_servers_that_knows_no_goal_to_cancel_is_asked_for_its_result() -> None:
+    goal = on_two(accepted=1)
+    goal.give_up(CancelReason.CANCELLED, 1.0)
+    answer = CancelAnswer.UNKNOWN_GOAL
+    assert goal.cancel_answered(answer, 2.0, asked_at=1.0) == [AskResult()]
+
+
+@pytest.mark.parametrize("accepted", [0, 1])
+def test_a_result_is_asked_for_when_one_of_several_servers_leaves(accepted: int) -> None:
+    """If it was the one with the goal, only that shows it: the others do not know it."""
+    goal = on_two(accepted=accepted)
+    asks = [AskResult(anew=True)] if accepted else []
+    assert goal.servers_changed(2, 0) == []
+    assert goal.servers_changed(2, 1) == asks
+    assert goal.servers_changed(2, 1) == []
+    assert goal.servers_changed(2, 0) == []
+    goal.servers_changed(1, 0)
+    assert goal.servers_changed(1, 1) == []  # it may come back
+
+
+@pytest.mark.parametrize(
+    ("accepted", "seen", "servers"), [(0, 0, 1), (0, 1, 1), (0, 3, 3), (1, 0, 1), (2, 1, 2)]
+)
+def test_at_least_the_servers_that_have_accepted_it_may_run_it(
+    accepted: int, seen: int, servers: int
+) -> None:
+    goal = on_two(accepted=accepted)
+    goal.servers_changed(seen, 0)
+    assert goal.facts.servers == servers
+    assert goal.facts.may_run
 
 
 def test_what_one_of_two_servers_has_ended_is_not_asked_for_by_each_answer_again() -> None:
@@ -396,7 +876,7 @@ def test_what_one_of_two_servers_rejects_may_run_on_the_one_that_has_gone() -> N
     goal.sent(0.0, servers=2)
     goal.servers_changed(2, 1)
     (settle,) = (each for each in goal.rejected(1.0) if isinstance(each, Settle))
-    assert settle.ending.end is End.LOST
+    assert (settle.ending.end, settle.ending.lost_because) == (End.LOST, ONE_IS_GONE)
     assert goal.facts.may_run
     assert not goal.facts.is_lost_with_server  # the one that has gone may have rejected it
     goal.servers_changed(2, 2)
@@ -411,8 +891,8 @@ def test_a_goal_of_a_server_that_has_gone_is_lost_when_the_other_had_time_to_acc
     goal.servers_changed(2, 0)
     goal.servers_changed(2, 1)
     assert goal.result(None, None, 4.0, asked_at=3.9) == []  # it may still accept it
-    (settle,) = (e for e in goal.result(None, None, 6.0, asked_at=5.9) if isinstance(e, Settle))
-    assert settle.ending.end is End.LOST
+    (settle,) = (e for e in goal.result(None, None, 5.0, asked_at=4.9) if isinstance(e, Settle))
+    assert (settle.ending.end, settle.ending.lost_because) == (End.LOST, ONE_IS_GONE)
     assert goal.facts.known_to_run is None
     assert not goal.facts.is_lost_with_server
     assert AskCancel() in goal.accepted(7.0)
