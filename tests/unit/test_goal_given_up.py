@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import uuid
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
@@ -36,6 +37,57 @@ REFUSED = "the server refused to cancel; the goal runs on"
 
 def refusals(effects: list[Effect]) -> list[GoalState]:
     return [each.state for each in effects if isinstance(each, Record) and each.cancel_refused]
+
+
+# --- what its caller is told of it -------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("facts", "report"),
+    [
+        ({}, None),
+        ({"refused": True}, CancelReport.REFUSED),
+        ({"given_up": True, "ended_as": GoalState.ABORTED}, CancelReport.CONFIRMED),
+        ({"given_up": True}, CancelReport.NOT_NEEDED),
+        ({"given_up": True, "news": LastNews.NOTHING}, CancelReport.UNKNOWN),
+        ({"given_up": True, "news": LastNews.NOTHING, "refused": True}, CancelReport.REFUSED),
+    ],
+)
+def test_what_became_of_the_cancel_of_a_goal(
+    facts: dict[str, Any], report: CancelReport | None
+) -> None:
+    ending = Ending(End.DEADLINE, GoalState.TIMED_OUT, **facts)
+    assert ending.own_cancel is report
+    assert ending.cancel is report
+
+
+@pytest.mark.parametrize(
+    ("fate", "goal_refused", "refused", "report"),
+    [
+        (GoalFate.RUNNING, False, False, CancelReport.UNKNOWN),
+        (GoalFate.RUNNING, True, False, CancelReport.REFUSED),
+        (GoalFate.RUNNING, False, True, CancelReport.REFUSED),
+        (GoalFate.LOST, True, False, CancelReport.UNKNOWN),  # it may have ended with its server
+        (GoalFate.ENDED, True, False, CancelReport.CONFIRMED),
+    ],
+)
+def test_of_several_goals_of_a_call_those_that_may_run_count(
+    fate: GoalFate, goal_refused: bool, refused: bool, report: CancelReport
+) -> None:
+    """The last one has ended; the fate is that of an earlier one."""
+    earlier = GoalReport(uuid.uuid4(), fate, cancel_refused=goal_refused)
+    last = GoalReport(uuid.uuid4(), GoalFate.ENDED)
+    ending = Ending(
+        End.DEADLINE,
+        GoalState.TIMED_OUT,
+        given_up=True,
+        refused=refused,
+        ended_as=GoalState.CANCELED,
+        goals=(earlier, last),
+    )
+    assert ending.cancel is report
+    assert ending.own_cancel is CancelReport.CONFIRMED
+    assert ending.may_run == ((earlier.goal_id,) if fate.may_run else ())
 
 
 # --- the deadline ------------------------------------------------------------------------------
@@ -348,9 +400,12 @@ def test_a_goal_that_stalled_and_is_refused_its_cancel_is_waited_for_no_longer()
 
 
 def test_a_cancelled_goal_is_cancelled() -> None:
-    life = Life(feedback=1.0)
+    life = Life(feedback=2.0)
     life.see(*UNTIL_ACCEPTED)
+    assert life.goal.cancelled_at == 0.0
+    life.wait_until(1.5)
     assert AskCancel() in life.see("cancel")
+    assert life.goal.cancelled_at == 1.5
     assert life.end is None
     life.tell("cancel_answered", CancelAnswer.ACCEPTED)
     assert life.states[-1] is GoalState.CANCELING
@@ -461,6 +516,30 @@ def test_a_refused_cancel_leaves_the_goal_to_its_caller() -> None:
     assert life.end is None
     life.tell("result", GoalState.SUCCEEDED, 1)
     assert life.end is End.SUCCEEDED
+
+
+@pytest.mark.parametrize(
+    ("event", "end", "report"),
+    [
+        (("result", GoalState.SUCCEEDED, 1), End.SUCCEEDED, CancelReport.REFUSED),
+        (("result", GoalState.ABORTED, 1), End.ABORTED, CancelReport.REFUSED),
+        (("result", GoalState.CANCELED, 1), End.CANCELED_BY_OTHER, CancelReport.REFUSED),
+        (("result", None, None), End.RESULT_LOST, CancelReport.REFUSED),
+        (("server_lost", "gone"), End.LOST, None),  # it ran on, but who knows for how long
+    ],
+)
+def test_a_refusal_is_told_with_the_end_of_a_goal_that_ended_by_itself(
+    event: tuple[Any, ...], end: End, report: CancelReport | None
+) -> None:
+    life = Life(60.0)
+    life.see(*UNTIL_ACCEPTED, "cancel")
+    for _ in range(2):
+        life.tell("cancel_answered", CancelAnswer.REFUSED)
+        life.wait_until(life.now + DOUBT)
+    for _ in range(2):  # what is unknown only counts when it is said again
+        life.tell(*event)
+        life.wait_until(life.now + DOUBT)
+    assert (life.end, life.report) == (end, report)
 
 
 @pytest.mark.parametrize("seen", [("feedback",), ("status", GoalState.EXECUTING)])
@@ -712,6 +791,34 @@ def test_what_an_earlier_call_had_cancelled_says_so(cancelled: bool, taken_over:
     assert (life.end, life.ending.lost_because) == (End.CANCELED_BY_OTHER, why)
 
 
+def test_what_an_earlier_call_had_cancelled_may_run_on_another_server() -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0, servers=2)
+    goal.accepted(0.1)
+    goal.accepted(0.1)
+    goal.give_up(CancelReason.CANCELLED, 0.5)
+    goal.cancel_answered(CancelAnswer.ACCEPTED, 0.6, asked_at=0.5)
+    goal.timer(Timer.CANCEL, 3.0)
+    goal.attached_again(Timeouts(), 4.0, 2, left_alone=False)
+    effects = goal.result(GoalState.CANCELED, None, 5.0, asked_at=4.0, everybody=False)
+    (ending,) = (each.ending for each in effects if isinstance(each, Settle))
+    why = "an earlier call of this client had cancelled it"
+    assert (ending.end, ending.lost_because) == (End.CANCELED_BY_OTHER, why)
+    assert AskCancel() in effects
+
+
+def test_what_others_have_cancelled_before_this_call_could_says_nothing_of_earlier_ones() -> None:
+    goal = Goal(goal_id := uuid.uuid4(), Timeouts())
+    assert goal.facts.report.goal_id == goal_id
+    goal.sent(0.0)
+    goal.accepted(0.1)
+    goal.give_up(CancelReason.STALLED, 0.5)
+    goal.cancel_answered(CancelAnswer.ACCEPTED, 0.6, asked_at=0.5)
+    effects = goal.result(GoalState.CANCELED, None, 1.0, asked_at=0.1, ours=False)
+    (ending,) = (each.ending for each in effects if isinstance(each, Settle))
+    assert (ending.end, ending.lost_because) == (End.CANCELED_BY_OTHER, "")
+
+
 @pytest.mark.parametrize(
     ("status", "end"),
     [(GoalState.CANCELED, End.CANCELLED_BY_CALLER), (GoalState.SUCCEEDED, End.SUCCEEDED)],
@@ -935,7 +1042,10 @@ def test_what_one_of_two_servers_has_forgotten_is_cancelled_on_the_other() -> No
         Arm(Timer.REASK, 4.0),
     ]
     assert goal.stage is Stage.ELSEWHERE
-    assert not goal.settled
+    (settled,) = goal.timer(Timer.CANCEL, 4.0)
+    assert isinstance(settled, Settle)
+    why = "its server no longer knows the goal"
+    assert (settled.ending.end, settled.ending.lost_because) == (End.RESULT_LOST, why)
 
 
 def test_what_a_server_has_forgotten_is_over_though_its_acceptance_was_lost() -> None:
@@ -976,6 +1086,7 @@ def test_closing_is_refused() -> None:
     life.tell("cancel_answered", CancelAnswer.REFUSED)
     life.wait_until(2.0)
     assert (life.end, life.report) == (End.CLOSED, CancelReport.REFUSED)
+    assert refusals(life.all) == [GoalState.ACCEPTED]
 
 
 @pytest.mark.parametrize("abandon", [False, True])

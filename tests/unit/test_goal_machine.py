@@ -5,6 +5,7 @@ events is checked of these too: see goal_life.
 from __future__ import annotations
 
 import uuid
+from collections.abc import Iterator
 
 import pytest
 from goal_life import UNTIL_ACCEPTED, UNTIL_SENT, Life
@@ -21,6 +22,7 @@ from actionkit._goal.effects import (
     LateResult,
     Record,
     Release,
+    RunsElsewhere,
     Settle,
     StopCancel,
     Timer,
@@ -44,6 +46,7 @@ def endings(effects: list[Effect]) -> list[Ending]:
 
 def test_a_goal_succeeds() -> None:
     life = Life()
+    assert life.goal.state is GoalState.SENDING
     limits = [Arm(Timer.ACCEPT, 5.0), Arm(Timer.REASK, 1.0)]
     assert life.see("sent") == [Record(GoalState.SENT), *limits]
     assert life.see("accepted") == [
@@ -446,10 +449,13 @@ def test_nobody_asks_for_ever_for_the_result_of_a_goal_whose_caller_is_gone() ->
 def test_a_result_that_follows_its_status_late_is_taken() -> None:
     life = Life()
     life.see(*UNTIL_ACCEPTED)
+    assert life.goal.awaits_result_of is None
     life.tell("status", GoalState.SUCCEEDED)
+    assert life.goal.awaits_result_of is GoalState.SUCCEEDED
     life.wait_until(1.4)
     life.tell("result", GoalState.SUCCEEDED, 1)
     assert life.end is End.SUCCEEDED
+    assert life.goal.awaits_result_of is None
 
 
 def test_a_result_that_is_unknown_after_acceptance_is_lost() -> None:
@@ -692,8 +698,16 @@ def test_a_success_on_one_of_two_servers_is_not_lost_while_the_other_does_not_st
 
 def test_the_result_of_the_second_server_is_told_of_when_the_first_has_ended_the_call() -> None:
     goal = on_two(accepted=2)
-    goal.result(GoalState.ABORTED, 1, 1.0, asked_at=0.0, everybody=False)
-    assert goal.settled
+    ending = Ending(End.ABORTED, GoalState.ABORTED, result=1, news=LastNews.NOTHING, elsewhere=True)
+    assert goal.result(GoalState.ABORTED, 1, 1.0, asked_at=0.0, everybody=False) == [
+        Record(GoalState.ABORTED),
+        Disarm(Timer.STALL),
+        Settle(ending),
+        AskCancel(),
+        AskResult(anew=True),
+        Arm(Timer.REASK, 2.0),
+    ]
+    assert goal.may_run
     again = goal.result(GoalState.ABORTED, 1, 2.0, asked_at=0.0, everybody=False)
     assert again == [LateResult(GoalState.ABORTED, 1)]
     effects = goal.result(GoalState.SUCCEEDED, 2, 3.0, asked_at=1.0)
@@ -730,21 +744,43 @@ def test_what_one_of_two_servers_may_yet_accept_is_not_over_when_the_other_is_ba
     assert goal.in_flight
 
 
+def asked_elsewhere(goal: Goal, *, denied: bool = False) -> Iterator[tuple[float, list[Effect]]]:
+    """Yield when a second server is asked about a goal, and with what, until it is over."""
+    due = 1.0
+    for _ in range(10):
+        if denied:
+            assert goal.result(None, None, due, asked_at=due) == []
+        effects = goal.timer(Timer.REASK, due)
+        yield due, effects
+        due += sum(each.at - due for each in effects if isinstance(each, Arm))
+        if goal.stage is not Stage.ELSEWHERE:
+            return
+
+
 def test_what_the_second_server_denies_for_a_minute_is_over() -> None:
     """It has not said whether it accepts the goal, and answers that it does not know it."""
     goal = on_two()
     goal.give_up(CancelReason.CANCELLED, 0.0)
     goal.rejected(0.0)
-    due, asked = 1.0, 0
-    while goal.stage is Stage.ELSEWHERE:
-        assert goal.result(None, None, due, asked_at=due) == []
-        effects = goal.timer(Timer.REASK, due)
-        due += sum(each.at - due for each in effects if isinstance(each, Arm))
-        asked += 1
+    *before, (at, effects) = asked_elsewhere(goal, denied=True)
+    assert [due for due, _ in before] == [1.0, 3.0, 7.0, 15.0, 31.0]
+    assert at == 61.0
     assert endings(effects)[0].end is End.CANCELLED_BY_CALLER
     assert effects[-1] == Release()
-    assert (asked, due) == (6, 61.0)
     assert goal.facts.is_over
+
+
+@pytest.mark.parametrize("accepted", [1, 2])
+def test_what_the_second_server_does_not_deny_is_cancelled_for_ever(accepted: int) -> None:
+    goal = on_two(accepted=accepted)
+    goal.give_up(CancelReason.CANCELLED, 0.0)
+    goal.result(GoalState.CANCELED, None, 0.0, asked_at=0.0, everybody=False)
+    asked = dict(asked_elsewhere(goal))
+    assert list(asked) == [1.0, 3.0, 7.0, 15.0, 31.0, 61.0, 91.0, 121.0, 151.0, 181.0]
+    assert all(effects[:2] == [AskCancel(), AskResult()] for effects in asked.values())
+    # The user is warned once, and only if it has shown that it runs the goal.
+    warned = [due for due, effects in asked.items() if RunsElsewhere() in effects]
+    assert warned == ([15.0] if accepted == 2 else [])
 
 
 def test_what_runs_on_a_server_that_has_left_is_lost_with_it_when_the_other_denies_it() -> None:
@@ -792,6 +828,24 @@ def test_what_one_of_two_servers_has_ended_stays_so_while_the_other_is_out_of_si
     goal.server_back(3.0)
     assert goal.stage is Stage.ELSEWHERE
     assert goal.in_flight
+
+
+def test_what_ran_on_the_server_that_has_left_is_lost_with_it_when_the_other_ends_it() -> None:
+    goal = on_two(accepted=2)
+    goal.result(GoalState.ABORTED, 1, 1.0, asked_at=0.5, everybody=False)
+    goal.servers_changed(2, 1)
+    effects = goal.result(GoalState.ABORTED, 1, 2.0, asked_at=1.5)
+    assert effects == [LateResult(GoalState.ABORTED, 1), Disarm(Timer.REASK)]
+    assert goal.facts.is_lost_with_server
+
+
+@pytest.mark.parametrize("both", [True, False])
+def test_what_was_not_answered_in_time_was_rejected_only_if_both_servers_say_so(both: bool) -> None:
+    goal = on_two()
+    goal.timer(Timer.ACCEPT, 5.0)
+    assert endings(goal.rejected(5.1)) == []
+    (ending,) = endings(goal.rejected(5.2) if both else goal.timer(Timer.CANCEL, 7.0))
+    assert ending.end is (End.REJECTED if both else End.NO_ACCEPTANCE)
 
 
 def test_the_second_server_may_refuse_to_cancel_what_the_first_has_ended() -> None:
