@@ -50,7 +50,7 @@ class Goal(CancellableGoal):
 
         With `left_alone`, only the caller's explicit cancel cancels it.
         """
-        self._attached = self.facts.attached = True
+        self.facts.attached = True
         self._left_alone = left_alone
         self.state = GoalState.SENT
         self.facts.servers = max(1, servers)
@@ -67,7 +67,7 @@ class Goal(CancellableGoal):
         """
         self.settled = self._left_alone = self.facts.told = False
         self.cancel_reason = self._final_reason = self._refused_reason = self._held = None
-        self._timeouts, self._phase, self._latest = timeouts, "", math.inf
+        self._timeouts, self._latest = timeouts, math.inf
         if self.stage is Stage.ELSEWHERE:
             why = "one server has ended it, and another one is asked to cancel it"
             return self._settle(fx.End.RESULT_LOST, lost_because=why)
@@ -289,7 +289,7 @@ class Goal(CancellableGoal):
             if self.stage is Stage.LOST:
                 return []
             return self._one_is_gone(now) if facts.undecided else self._gone(now)
-        if self.stage is Stage.ACCEPTED or (self._attached and self.stage is Stage.SENT):
+        if self.stage is Stage.ACCEPTED or (facts.attached and self.stage is Stage.SENT):
             return self._forgotten(now, asked_at) if own else []
         if self.stage is Stage.LOST and facts.undecided:
             return []
@@ -309,7 +309,7 @@ class Goal(CancellableGoal):
             return [fx.AskResult(anew=True)]
         return []
 
-    def _stopped_everywhere(self, *, everybody: bool = False) -> bool:
+    def _stopped_everywhere(self, *, everybody: bool) -> bool:
         """Whether a goal that has ended on one server, or was rejected, runs on no other.
 
         `everybody` means that each server in sight has answered that it does not run it, or not any
@@ -386,7 +386,7 @@ class Goal(CancellableGoal):
                 return [fx.AskResult()]  # each server answers this one
             if self.stage is Stage.LOST:
                 return self._unknown_to_another() if self.facts.lost else self._over()
-            known = self.stage is Stage.ACCEPTED or self._attached
+            known = self.stage is Stage.ACCEPTED or self.facts.attached
             if not known:
                 return self._unknown_so_far()
             if asked_at < self._shown_at:

@@ -34,7 +34,6 @@ class GoalRecord:
         self._final_reason: CancelReason | None = None  # the first one that is in `FINAL`
         self._cancelled_before = False  # an earlier call of the client had given up on it
         self.abandoned = False  # it was let run, as the user chose
-        self._attached = False  # somebody else has sent it
         self._left_alone = False  # only an explicit cancel cancels it
         self.watched_early = False  # its status is read at once, because it may be sent again
         self._timeouts = timeouts
