@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any, get_args, get_type_hints
 
@@ -14,7 +15,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import GoalState, RetryBudget, RetryPolicy, ServerLostError
-from actionkit._calls.retry import GiveUp, Retry, Schedule, may_try_again
+from actionkit._calls.retry import (
+    GiveUp,
+    Retry,
+    Schedule,
+    after_no_server,
+    may_try_again,
+    plan,
+)
 from actionkit._calls.retry_runner import RetryRunner
 from actionkit._goal.effects import End, Ending, Fault, LastNews
 from actionkit._threads.clock import TimerHandle
@@ -42,6 +50,83 @@ def test_the_table_is_total() -> None:
 def test_whether_a_goal_is_sent_again(news: LastNews, resend: str) -> None:
     assert may_try_again(False, news, resend) is TABLE[news][POLICIES.index(resend)]
     assert may_try_again(True, news, resend)  # it was rejected
+
+
+MAY_RUN = "the goal may still run, or have run (resend="
+HINT = "; resend='server_gone' tries again when its server has left the graph"
+
+
+@pytest.mark.parametrize(
+    ("news", "resend", "reason"),
+    [
+        (LastNews.SERVER_GONE, "confirmed_stopped", f"{MAY_RUN}'confirmed_stopped'{HINT})"),
+        (LastNews.NOTHING, "confirmed_stopped", f"{MAY_RUN}'confirmed_stopped')"),
+        (LastNews.SERVER_GONE, "never_accepted", f"{MAY_RUN}'never_accepted')"),
+        (LastNews.STOPPED, "never_accepted", f"{MAY_RUN}'never_accepted')"),
+        (LastNews.SERVER_GONE, "server_gone", None),
+        (LastNews.STOPPED, "confirmed_stopped", None),
+    ],
+)
+def test_the_reason_says_that_the_goal_may_run(
+    news: LastNews, resend: str, reason: str | None
+) -> None:
+    ending = Ending(End.LOST, GoalState.LOST, news=news)
+    said = plan(1.5, ending, resend, RetryBudget(), too_late=False)
+    assert said == (Retry(1.5) if reason is None else GiveUp(reason))
+    rejected = replace(ending, rejected=True)
+    assert plan(1.5, rejected, resend, RetryBudget(), too_late=False) == Retry(1.5)
+
+
+# --- a server that does not come back (contract C2.7) ------------------------------------------
+
+NO_SERVER = Ending(End.NO_SERVER, GoalState.TIMED_OUT, given_up=True)
+LOST = Ending(End.LOST, GoalState.LOST, news=LastNews.SERVER_GONE)
+TIME_IS_UP = replace(NO_SERVER, end=End.DEADLINE, phase="server")
+
+
+@pytest.mark.parametrize(
+    ("last", "late", "ready", "in_flight", "then"),
+    [
+        # It never had a server: it ends, with the deadline's error only where one was ready.
+        (None, False, False, False, NO_SERVER),
+        (None, True, False, False, NO_SERVER),
+        (None, True, True, False, TIME_IS_UP),
+        # It had one: the deadline ends it, and before that the attempt before this one decides.
+        (LOST, True, False, True, TIME_IS_UP),
+        (LOST, True, True, True, TIME_IS_UP),
+        (LOST, False, False, True, "no server was ready within 2.5 s"),
+        (
+            replace(LOST, news=LastNews.STOPPED),
+            False,
+            False,
+            False,
+            "no server was ready within 2.5 s",
+        ),
+        (
+            replace(LOST, news=LastNews.NOTHING),
+            False,
+            True,
+            True,
+            "the server of an earlier goal is still there, so it may be alive",
+        ),
+        (
+            replace(LOST, news=LastNews.STOPPED),
+            False,
+            True,
+            False,
+            "a server is there, but the result of an earlier goal has not come",
+        ),
+    ],
+)
+def test_how_a_call_continues_that_found_no_server(
+    last: Ending | None, late: bool, ready: bool, in_flight: bool, then: Ending | str
+) -> None:
+    # Of an attempt that was lost: whether its goal may run is asked again now.
+    before = last and replace(last, news=LastNews.SERVER_GONE)
+    if isinstance(then, str):
+        assert last is not None
+        then = replace(last, not_retried=then)
+    assert after_no_server(NO_SERVER, before, 2.5, late, ready, in_flight) == then
 
 
 # --- pauses and limits (contract C4.1) ---------------------------------------------------------
@@ -136,7 +221,9 @@ def test_attempts_include_the_first(attempts: int) -> None:
 
 
 def test_a_policy_of_one_attempt_never_pauses() -> None:
-    assert isinstance(pauses(RetryPolicy.none(), 1)[0], GiveUp)
+    assert pauses(RetryPolicy.none(), 1) == [GiveUp("the retry policy allows one attempt")]
+    two = pauses(RetryPolicy(attempts=2), 2)
+    assert two[1] == GiveUp("all 2 attempts of the retry policy are used up")
 
 
 @pytest.mark.parametrize(
@@ -186,13 +273,17 @@ def test_strategies_see_the_error_and_the_pauses_so_far() -> None:
         assert state.outcome is not None
         error = state.outcome.exception()
         seen.append((error, state.attempt_number, state.idle_for, state.seconds_since_start))
+        # As in tenacity's own loop, though there is no function to call.
+        assert isinstance(state.retry_object, tenacity.Retrying)
+        assert (state.fn, state.args, state.kwargs) == (None, (), {})
         return False
 
     schedule = Schedule(RetryPolicy(stop=stop, wait=tenacity.wait_fixed(2.0)), 5.0)
     other = ServerLostError("again")
     schedule.next_pause(ERROR, 1, 6.0)
     schedule.next_pause(other, 2, 9.0)
-    assert seen == [(ERROR, 1, 0.0, 1.0), (other, 2, 2.0, 4.0)]
+    assert schedule.next_pause(other, 3, 12.0) == 2.0
+    assert seen == [(ERROR, 1, 0.0, 1.0), (other, 2, 2.0, 4.0), (other, 3, 4.0, 7.0)]
 
 
 def test_strategies_may_be_combined() -> None:
@@ -223,11 +314,14 @@ def test_a_wait_strategy_that_returns_no_time(value: Any) -> None:
     said = pauses(RetryPolicy(wait=lambda _: value), 1)[0]
     assert isinstance(said, Fault)
     assert said.problem.startswith("`RetryPolicy.wait=")
+    assert f" returned {repr(value)[:20]}" in said.problem
     assert "no number of seconds from 0 to 1e+09" in said.problem
     assert len(said.problem) < 500
 
 
-@pytest.mark.parametrize("value", [0, 2, 0.5, Fraction(1, 4), numpy.float32(1.5), numpy.int64(3)])
+@pytest.mark.parametrize(
+    "value", [0, 2, 0.5, Fraction(1, 4), numpy.float32(1.5), numpy.int64(3), 1e9]
+)
 def test_a_wait_strategy_may_return_any_kind_of_number(value: Any) -> None:
     said = pauses(RetryPolicy(wait=lambda _: value), 1)[0]
     assert said == float(value)
@@ -267,6 +361,12 @@ def test_a_strategy_is_asked_whatever_it_says_of_itself(name: str) -> None:
     assert said.problem == f"`RetryPolicy.{name}=Hostile` raised ValueError: asked"
 
 
+@pytest.mark.parametrize("names", [("stop",), ("wait",), ("stop", "wait")])
+def test_a_strategy_that_was_never_begun_is_named(names: tuple[str, ...]) -> None:
+    policy = RetryPolicy(**dict.fromkeys(names, Hostile()))  # type: ignore[arg-type]
+    assert Schedule(policy, 0.0).strategy == f"`RetryPolicy.{names[0]}=Hostile`"
+
+
 # --- words -------------------------------------------------------------------------------------
 
 
@@ -287,3 +387,13 @@ def test_the_reason_names_the_limit_that_ended_the_retries(
     for word in words:
         assert word in said.reason
     assert not said.reason.endswith(".")  # it stands inside a sentence
+
+
+def test_the_reason_names_the_budget() -> None:
+    empty = RetryBudget(capacity=1.0)
+    empty.on_transient_failure()
+    ending = Ending(End.NO_SERVER, GoalState.SENDING)
+    said = plan(1.0, ending, "confirmed_stopped", empty, too_late=False)
+    assert said == GiveUp(
+        "the retry budget forbids it (<RetryBudget 0 of 1 tokens, forbids retries>)"
+    )
