@@ -70,6 +70,12 @@ def test_those_in_a_hurry_go_first(world: World) -> None:
     for number in range(3):
         queue.answered(key(number), CancelAnswer.TERMINATED, world.clock.now())
     assert world.keys[WINDOW:] == [key(100), key(101), key(15)]
+    queue.ask(key(19), urgent=True)
+    queue.ask(key(19))  # it is accepted, and its caller still has little time left
+    for number in (*range(3, 20), 101):
+        queue.answered(key(number), CancelAnswer.TERMINATED, world.clock.now())
+    assert world.keys[WINDOW + 3] == key(19)
+    assert sorted(world.keys) == sorted([*map(key, range(20)), key(100), key(101)])  # each once
 
 
 def test_what_is_not_answered_is_asked_again_less_and_less_often(world: World) -> None:
@@ -167,6 +173,41 @@ def test_answers_that_do_not_come_hold_nobody_up_for_long(world: World) -> None:
     assert key(WINDOW) in world.keys
 
 
+@pytest.mark.parametrize("answer", [CancelAnswer.UNKNOWN_GOAL, None])
+def test_who_is_asked_again_later_holds_nobody_up_until_then(
+    world: World, answer: CancelAnswer | None
+) -> None:
+    queue, other = world.queue(), world.queue()
+    queue.ask(key(1))
+    world.clock.advance(2.0)  # unanswered, so that one place is left
+    assert world.times(key(1))[-1] == 2.0  # and the next is sent two seconds later
+    other.ask(key(2))
+    assert not world.times(key(2))
+    if answer is not None:
+        queue.answered(key(1), answer, world.clock.now())
+    world.clock.advance(ANSWERED_WITHIN)
+    assert world.times(key(2))[0] == (2.0 if answer else 2.0 + ANSWERED_WITHIN)
+
+
+def places(window: CancelWindow) -> int:
+    """Return how many requests may be sent now."""
+    free = 0
+    while window.enter(lambda: None):
+        free += 1
+    for _ in range(free):
+        window.leave()
+    return free
+
+
+def test_a_missing_answer_halves_the_window_and_an_answer_widens_it_by_a_part_of_a_place() -> None:
+    window = CancelWindow(8)
+    seen = []
+    for tell in (*3 * [window.unanswered], *13 * [window.answered], window.unanswered):
+        tell()
+        seen.append(places(window))
+    assert seen == [4, 2, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 4, 4, 5, 5, 2]
+
+
 def test_the_window_shrinks_while_answers_do_not_come_and_grows_again(world: World) -> None:
     """Other processes send to the same queue, and nothing else tells of them."""
     queue = world.queue()
@@ -207,6 +248,8 @@ def test_who_ended_is_asked_about_no_more_and_leaves_nothing(world: World) -> No
     assert len(world.sent) == sent
     assert len(queue) == 0
     assert len(world.clock.queue) == 0
+    world.queue().ask(key(100))  # their places are free
+    assert world.keys[-1] == key(100)
 
 
 def test_one_that_closes_gives_its_places_back(world: World) -> None:
@@ -237,6 +280,32 @@ def test_progress_is_a_confirmation_while_others_wait_for_their_turn(world: Worl
     assert world.window.progressed_at == 100.125
     queue.answered(key(300), CancelAnswer.TERMINATED, world.clock.now())  # nobody asked
     assert world.window.progressed_at == 100.125
+
+
+@pytest.mark.parametrize("urgent", [False, True])
+def test_progress_counts_also_where_the_window_has_just_become_wider(
+    world: World, urgent: bool
+) -> None:
+    queue, other = world.queue(), world.queue()
+    queue.ask(key(1))
+    world.clock.advance(2.0)  # unanswered, so that one place is left
+    other.ask(key(2), urgent=urgent)
+    queue.answered(key(1), CancelAnswer.TERMINATED, world.clock.now())
+    assert world.window.progressed_at == world.clock.now()
+
+
+def test_progress_counts_while_all_places_are_taken(world: World) -> None:
+    queue = world.queue()
+    for number in range(WINDOW):
+        queue.ask(key(number))
+    world.clock.advance(0.125)
+    queue.answered(key(0), CancelAnswer.TERMINATED, world.clock.now())
+    assert world.window.progressed_at == 100.125
+
+
+def test_the_progress_of_others_counts(world: World) -> None:
+    world.window.note_progress_of_others(100.5)
+    assert world.window.progressed_at == 100.5
 
 
 steps = st.lists(
