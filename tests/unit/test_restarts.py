@@ -20,11 +20,13 @@ class World:
         self.answers = answers
         self.numbers = count(1)
         self.sent = 0
+        self.sent_at: list[float] = []
         self.verdicts = 0
         self.detector = RestartDetector(self.timers, self.probe, self.on_one_answers)
 
     def probe(self) -> int:
         self.sent = next(self.numbers)
+        self.sent_at.append(self.clock.time - 100.0)
         self.clock.call_at(self.clock.time + 0.001, lambda seq=self.sent: self.answer(seq))  # type: ignore[misc]
         return self.sent
 
@@ -43,8 +45,19 @@ def test_what_the_answers_tell(answers: int, verdicts: int) -> None:
     world.detector.start()  # once is enough
     world.clock.advance(2.0)
     assert (world.sent, world.verdicts) == (3, verdicts)
-    assert not world.detector.running
+    assert world.sent_at == pytest.approx([0.0, 0.2, 0.4])  # one who is busy for less answers all
+    assert world.detector.running is False
     assert len(world.clock.queue) == 0
+
+
+def test_the_last_answer_has_time_to_come() -> None:
+    world = World(0)
+    world.detector.start()
+    world.clock.advance(0.65)
+    assert (world.detector.running, world.verdicts) == (True, 0)
+    world.detector.count_answer(3)
+    world.clock.advance(0.1)
+    assert (world.detector.running, world.verdicts) == (False, 1)
 
 
 def test_one_probe_with_two_answers_shows_that_both_servers_live() -> None:
