@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
+import re
 import uuid
 from typing import Any
 
 import pytest
 from test_msgs.action import Fibonacci, NestedMessage
+from test_msgs.msg import Arrays, WStrings
 
 import actionkit
 from actionkit import GoalState, Outcome, Verdict, classify_by_field
-from actionkit._calls.classify import apply_verdict, call_classifier, default_verdict
+from actionkit._calls.classify import (
+    apply_verdict,
+    call_classifier,
+    check_classify,
+    default_verdict,
+)
 from actionkit._goal.effects import End, Ending, Fault
 
 SUCCESS, TRANSIENT, PERMANENT = Verdict
@@ -154,10 +161,25 @@ def test_a_field_that_does_not_exist_is_refused_before_any_goal() -> None:
         assert near in str(caught.value)
 
 
-def test_a_whole_array_has_no_values_to_name() -> None:
+@pytest.mark.parametrize(
+    ("path", "message", "kind"),
+    [
+        ("sequence", Fibonacci.Result, "sequence<int32>"),
+        ("int32_values", Arrays, "int32[3]"),
+        ("basic_types_values", Arrays, "test_msgs/BasicTypes[3]"),
+        ("nested_field", NestedMessage.Result, "test_msgs/BasicTypes"),
+    ],
+)
+def test_a_whole_array_or_message_has_no_values_to_name(
+    path: str, message: type, kind: str
+) -> None:
     """Its values cannot stand in a set, and every goal would fail in its judgement."""
-    with pytest.raises(ValueError, match="sequence"):
-        classify_by_field("sequence", ok={0}).check(Fibonacci.Result)
+    told = (
+        f"classify_by_field({path!r}): that is a {kind}, and has no single value;"
+        " name one of its fields or items"
+    )
+    with pytest.raises(ValueError, match=f"^{re.escape(told)}$"):
+        classify_by_field(path, ok={0}).check(message)
 
 
 @pytest.mark.parametrize(
@@ -166,6 +188,9 @@ def test_a_whole_array_has_no_values_to_name() -> None:
         ("nested_field.int32_value", (0, 1.0, -5), ("0", True, None)),
         ("nested_field.float64_value", (0, 1.5), ("0", False)),
         ("nested_field.bool_value", (True, False, 0, 1), ("true", 2, None)),
+        ("nested_field.uint8_value", (0, 1.0), ("0", True)),
+        ("nested_field.float32_value", (0, 1.5), ("0", True)),
+        ("nested_field.byte_value", (b"a", 1), ()),
     ],
 )
 def test_values_that_the_field_never_has_are_refused_before_any_goal(
@@ -180,6 +205,23 @@ def test_values_that_the_field_never_has_are_refused_before_any_goal(
         assert repr(path) in str(caught.value)
 
 
+def test_a_text_is_never_equal_to_a_number() -> None:
+    classify_by_field("wstring_value", ok={"1"}).check(WStrings)
+    told = "classify_by_field('wstring_value'): that is a wstring, and never equal to 1, 2"
+    with pytest.raises(ValueError, match=f"^{re.escape(told)}$"):
+        classify_by_field("wstring_value", ok={2}, transient={1}).check(WStrings)
+
+
+def test_a_client_takes_a_function_that_can_judge_its_action() -> None:
+    for right in (None, BY_FIELD, default_verdict):
+        check_classify(right, Fibonacci)
+    told = "classify=5 must be a function (Outcome) -> Verdict or None"
+    with pytest.raises(TypeError, match=f"^{re.escape(told)}$"):
+        check_classify(5, Fibonacci)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"^classify_by_field\('sequence\[0\]'\): "):
+        check_classify(BY_FIELD, NestedMessage)
+
+
 def test_what_it_says_of_itself() -> None:
     assert repr(BY_FIELD) == "<classify_by_field 'sequence[0]'>"
 
@@ -191,9 +233,9 @@ def test_a_path_that_is_no_string(path: Any) -> None:
 
 
 def test_arguments_that_make_no_sense() -> None:
-    with pytest.raises(ValueError, match="path=''"):
+    with pytest.raises(ValueError, match=r"^classify_by_field: path='' must name a field of the"):
         classify_by_field("", ok={0})
-    with pytest.raises(ValueError, match="give values"):
+    with pytest.raises(ValueError, match=r"^classify_by_field: give values for .* or ok=$"):
         classify_by_field("x")
     for sets in (
         {"ok": {0, 5}, "transient": {5}},
@@ -202,7 +244,7 @@ def test_arguments_that_make_no_sense() -> None:
     ):
         with pytest.raises(ValueError, match="5 stands in more than one"):
             classify_by_field("x", **sets)
-    with pytest.raises(ValueError, match="more than one set"):
+    with pytest.raises(ValueError, match=r": 'a', 1 stands in more than one set$"):
         classify_by_field("x", ok={"a", 1}, transient={"a", 1})  # of kinds that have no order
 
 
