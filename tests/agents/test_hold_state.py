@@ -67,6 +67,13 @@ def test_what_is_written_is_read(told: HoldState) -> None:
     assert decode(encode(told)) == (merged(told), None)
 
 
+def test_others_learn_who_sends_and_what_holds() -> None:
+    known = state.released(of(one("1"), one("2")), [one("2")])
+    assert decode(encode(known, SENDER)) == (known, SENDER)
+    assert decode(encode(known)) == (known, None)
+    assert str(SENDER) == "agent of ann@a (process 7)"
+
+
 def test_a_release_ends_what_it_knows_of_and_nothing_else() -> None:
     ended = state.released(of(one("1"), one("2")), [one("1"), one("2")])
     assert not ended.active
@@ -126,6 +133,7 @@ def test_others_holds_are_left_to_them() -> None:
         json.dumps({"actionkit_hold": 1, "holds": [["1", "a", float("nan")]], "released": {}}),
         json.dumps({"actionkit_hold": 1, "holds": [], "released": {"1": True}}),
         json.dumps({"actionkit_hold": 1, "holds": [], "released": {"1": 10**16}}),
+        json.dumps({"actionkit_hold": 1, "holds": [], "released": {"1": 0}}),
         json.dumps({"actionkit_hold": 1, "holds": [], "released": {}, "from": ["a"]}),
         json.dumps({"actionkit_hold": 1, "holds": [["1" * 400, "a", 1]], "released": {}}),
         '"\ud800"',
