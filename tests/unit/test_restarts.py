@@ -41,6 +41,7 @@ class World:
 @pytest.mark.parametrize(("answers", "verdicts"), [(0, 0), (1, 1), (2, 0)])
 def test_what_the_answers_tell(answers: int, verdicts: int) -> None:
     world = World(answers)
+    assert world.detector.running is False
     world.detector.start()
     world.detector.start()  # once is enough
     world.clock.advance(2.0)
