@@ -1,0 +1,601 @@
+"""What a call does at each event: effects in full, as a table of its promises.
+
+`test_call_explored` visits all orders of events, `test_call_properties` has those that are easily
+got wrong. Here is what users read, and what is told of a goal at an end.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from actionkit import GoalFate, GoalReport, GoalState, Verdict
+from actionkit._calls import effects as cx
+from actionkit._calls.machine import CallMachine, Phase
+from actionkit._calls.retry import GiveUp, Retry
+from actionkit._goal import effects as fx
+from actionkit._goal.effects import End, Ending, LastNews
+from actionkit._goal.facts import GoalFacts
+from actionkit._goal.stages import CancelReason
+
+NOW = 10.0
+CLOSED, CANCELLED = CancelReason.CLOSED, CancelReason.CANCELLED
+ABORTED = Ending(End.ABORTED, GoalState.ABORTED, result="half of it")
+LOST = Ending(End.LOST, GoalState.LOST, news=LastNews.SERVER_GONE)
+SUCCEEDED = Ending(End.SUCCEEDED, GoalState.SUCCEEDED, result="all of it")
+WHY = "its server is gone, or silent"
+
+
+class Sent:
+    """An attempt, as far as its call looks at it. `in_sight` means that its server may confirm."""
+
+    def __init__(
+        self,
+        goal_id: uuid.UUID,
+        *,
+        ours: bool = False,
+        awaits: GoalState | None = None,
+        in_sight: bool = False,
+        **facts: Any,
+    ) -> None:
+        self.goal_id = goal_id
+        self.cancel_is_ours = ours
+        known = GoalFacts(goal_id, **facts)
+        self.goal: Any = SimpleNamespace(facts=known, awaits_result_of=awaits, may_run=in_sight)
+
+    def give_up(self, why: CancelReason, *, abandon: bool = False) -> None: ...
+    def on_server_ready(self) -> None: ...
+    def end_grace(self) -> None: ...
+    def fail(self, reason: str, error: BaseException) -> None: ...
+
+    def stop(self) -> None:
+        self.goal.facts.over = self.goal.facts.ended = True
+        self.goal.may_run = False
+
+
+def call(
+    resend: str = "confirmed_stopped",
+    limit: float | None = 5.0,
+    deadline: float | None = None,
+    **options: Any,
+) -> CallMachine:
+    numbers = iter(range(2, 99))
+    return CallMachine(
+        uuid.UUID(int=1), resend, limit, deadline, lambda: uuid.UUID(int=next(numbers)), **options
+    )
+
+
+def send(machine: CallMachine, **facts: Any) -> Sent:
+    """Send the goal of an attempt that has begun."""
+    assert machine.server_ready() == [cx.Queue()]
+    assert machine.turn(NOW) == [cx.Send()]
+    assert machine.phase is Phase.TRYING
+    attempt = Sent(machine.latest_id, **facts)
+    machine.sent(attempt)
+    return attempt
+
+
+def sent(machine: CallMachine, **facts: Any) -> Sent:
+    machine.begin(None, NOW)
+    return send(machine, **facts)
+
+
+def paused(machine: CallMachine, ending: Ending = LOST, **facts: Any) -> Sent:
+    """Let the attempt end, and a pause begin."""
+    attempt = send(machine, **facts)
+    assert machine.ended(attempt, ending) == [cx.Judge(ending)]
+    error = RuntimeError("as an exception")
+    planning = [cx.Count(success=False), cx.Plan(ending)]
+    assert machine.judged(ending, error, Verdict.TRANSIENT) == planning
+    assert machine.phase is Phase.PLANNING
+    assert machine.cause is error
+    pausing = [fx.Record(GoalState.RETRYING, "in 1.50 s"), cx.Pause(1.5)]
+    assert machine.planned(ending, Retry(1.5)) == pausing
+    assert machine.phase is Phase.PAUSING
+    return attempt
+
+
+def in_a_pause(resend: str = "confirmed_stopped", ending: Ending = LOST, **facts: Any) -> Any:
+    machine = call(resend)
+    machine.begin(None, NOW)
+    return machine, paused(machine, ending, **facts)
+
+
+def ends(ending: Ending) -> list[cx.Effect]:
+    return [cx.StopRetrying(), cx.Finish(ending)]
+
+
+# --- until a goal is sent ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("limit", "until"), [(5.0, 15.0), (None, None)])
+def test_it_waits_for_a_server_as_long_as_the_timeout_says(
+    limit: float | None, until: float | None
+) -> None:
+    sending = fx.Record(GoalState.SENDING)
+    assert call(limit=limit).begin(None, NOW) == [sending, cx.AwaitServer(until)]
+    attached = call(limit=limit, attaches=True)
+    assert attached.begin(None, NOW) == [cx.AwaitServer(until)]  # somebody has sent it
+
+
+def test_an_invalid_goal_is_not_sent() -> None:
+    machine, error = call(), ValueError("order")
+    invalid = Ending(End.INVALID, GoalState.REJECTED, error=error)
+    assert machine.begin(error, NOW) == ends(invalid)
+    assert machine.begin(None, NOW) == []
+
+
+def test_a_goal_that_the_middleware_does_not_take_ends_the_call() -> None:
+    machine, error = call(), ValueError("order")
+    machine.begin(None, NOW)
+    machine.server_ready()
+    machine.turn(NOW)
+    assert machine.send_failed(error) == ends(Ending(End.INVALID, GoalState.SENDING, error=error))
+
+
+def test_another_type_ends_the_call_and_is_told() -> None:
+    machine = call()
+    machine.begin(None, NOW)
+    other = Ending(End.TYPE_MISMATCH, GoalState.SENDING, served=("a/action/B",))
+    assert machine.type_mismatch(("a/action/B",)) == ends(other)
+
+
+def test_nothing_is_sent_in_place_of_goals_that_may_run() -> None:
+    left = (GoalReport(uuid.uuid4(), GoalFate.RUNNING),)
+    kept = Ending(End.NOT_REPLACING, GoalState.SENDING, earlier=left, given_up=True)
+    assert call().not_replacing(left) == ends(kept)
+
+
+def begin(machine: CallMachine) -> None:
+    machine.begin(None, NOW)
+
+
+def queue(machine: CallMachine) -> None:
+    machine.begin(None, NOW)
+    machine.server_ready()
+
+
+TOO_LATE = [
+    (lambda machine: None, "replace", "waiting for the goal that it replaces to stop"),
+    (queue, "accept", "waiting to be sent"),
+]
+
+
+@pytest.mark.parametrize(("before", "phase", "told"), TOO_LATE)
+def test_the_deadline_passes_and_nothing_was_sent(
+    before: Callable[[CallMachine], None], phase: str, told: str
+) -> None:
+    machine = call()
+    before(machine)
+    late = Ending(End.DEADLINE, GoalState.TIMED_OUT, phase=phase, given_up=True)
+    told_so = fx.Record(GoalState.TIMED_OUT, told)
+    assert machine.waited(NOW, ready=True) == [told_so, *ends(late)]
+
+
+def test_no_server_comes() -> None:
+    machine = call()
+    machine.begin(None, NOW)
+    told_so = fx.Record(GoalState.TIMED_OUT, "waiting for a server")
+    none_there = Ending(End.NO_SERVER, GoalState.TIMED_OUT, given_up=True)
+    effects = machine.waited(15.0, ready=False)
+    assert effects == [told_so, cx.StopRetrying(), *ends(none_there)]
+
+
+@pytest.mark.parametrize("before", [lambda machine: None, begin, queue])
+@pytest.mark.parametrize(
+    ("why", "closing", "end", "because"),
+    [
+        (CANCELLED, "", End.CANCELLED_BY_CALLER, ""),
+        (CANCELLED, "ROS was shut down", End.CANCELLED_BY_CALLER, ""),
+        (CLOSED, "ROS was shut down", End.CLOSED, "ROS was shut down"),
+        (CLOSED, "", End.CLOSED, ""),
+    ],
+)
+def test_a_call_that_is_given_up_before_its_goal_was_sent_sends_none(
+    before: Callable[[CallMachine], None], why: CancelReason, closing: str, end: End, because: str
+) -> None:
+    machine = call()
+    before(machine)
+    if closing:
+        machine.closing = closing
+    given_up = Ending(end, GoalState.SENDING, given_up=True, lost_because=because)
+    assert machine.give_up(why) == ends(given_up)
+    assert machine.turn(NOW) == []
+
+
+def test_a_goal_whose_caller_is_about_to_cancel_is_not_sent() -> None:
+    machine = call()
+    queue(machine)
+    machine.unwanted = True
+    assert machine.turn(NOW) == ends(
+        Ending(End.CANCELLED_BY_CALLER, GoalState.SENDING, given_up=True)
+    )
+
+
+def test_what_breaks_before_the_goal_was_sent_ends_the_call() -> None:
+    machine, error = call(), RuntimeError("no memory")
+    machine.begin(None, NOW)
+    assert machine.broke(error) == ends(Ending(End.LOST, GoalState.LOST, error=error))
+
+
+def test_the_ids_of_later_goals_come_from_the_ledger() -> None:
+    machine = call()
+    machine.use_ids(lambda number: uuid.UUID(int=100 + number))
+    machine.begin(None, NOW)
+    assert machine.goal_id == uuid.UUID(int=1)
+    paused(machine, ABORTED, over=True)
+    machine.resume(NOW)
+    assert machine.goal_id == machine.latest_id == uuid.UUID(int=102)
+
+
+# --- may another goal be sent? (contract C4.2) -------------------------------------------------
+
+RUNS: dict[str, Any] = {"accepted": True}
+SILENT: dict[str, Any] = {"accepted": True, "lost": True}
+GONE: dict[str, Any] = {"accepted": True, "lost": True, "gone": True}
+OVER: dict[str, Any] = {"over": True, "ended": True}
+
+
+@pytest.mark.parametrize(
+    ("resend", "earlier", "may"),
+    [
+        ("always", RUNS, True),
+        ("server_gone", RUNS, False),
+        ("server_gone", SILENT, False),
+        ("server_gone", GONE, True),
+        ("confirmed_stopped", GONE, False),
+        ("confirmed_stopped", OVER, True),
+        ("never_accepted", GONE, False),
+        # It has ended, and its result may come.
+        ("confirmed_stopped", OVER | {"awaits": GoalState.SUCCEEDED}, False),
+        ("confirmed_stopped", OVER | {"awaits": GoalState.SUCCEEDED, "ours": True}, False),
+        ("confirmed_stopped", OVER | {"awaits": GoalState.CANCELED}, False),
+        ("confirmed_stopped", OVER | {"awaits": GoalState.CANCELED, "ours": True}, True),
+    ],
+)
+def test_whether_another_goal_may_be_sent_now(
+    resend: str, earlier: dict[str, Any], may: bool
+) -> None:
+    machine = call(resend)
+    assert machine.may_send()
+    machine.earlier = [Sent(uuid.uuid4(), **OVER), Sent(uuid.uuid4(), **earlier)]
+    assert machine.may_send() is may
+    machine.earlier.reverse()
+    assert machine.may_send() is may
+
+
+@pytest.mark.parametrize(
+    ("resend", "limit", "deadline", "earlier", "until"),
+    [
+        # For its server to leave the graph: its lease, or what the caller allows if that is more.
+        ("server_gone", 5.0, None, SILENT, 50.0),
+        ("server_gone", 60.0, None, SILENT, 80.0),
+        ("server_gone", None, None, SILENT, 50.0),
+        ("server_gone", 5.0, 90.0, SILENT, 90.0),
+        # For news that it does not run: as long as for a server.
+        ("confirmed_stopped", 5.0, None, SILENT, 25.0),
+        ("server_gone", 5.0, None, OVER | {"awaits": GoalState.SUCCEEDED}, 25.0),
+    ],
+)
+def test_it_waits_while_an_earlier_goal_may_run(
+    resend: str,
+    limit: float | None,
+    deadline: float | None,
+    earlier: dict[str, Any],
+    until: float,
+) -> None:
+    machine = call(resend, limit, deadline)
+    machine.begin(None, NOW)
+    paused(machine, LOST, **earlier)
+    machine.resume(20.0)
+    machine.server_ready()
+    assert machine.turn(20.0) == [cx.AwaitServer(until, another=True)]
+    held_up = resend == "server_gone" and earlier is SILENT
+    again = None if limit is None else 21.0 + limit
+    assert machine.server_lost(21.0) == ([cx.AwaitServer(again)] if held_up else [])
+
+
+def test_nothing_is_sent_after_the_deadline() -> None:
+    machine = call(deadline=20.0)
+    queue(machine)
+    assert machine.turn(20.0) == [cx.AwaitServer(15.0, another=True)]
+    machine = call(deadline=20.0)
+    queue(machine)
+    assert machine.turn(19.9) == [cx.Send()]
+
+
+@pytest.mark.parametrize("before", [begin, queue])
+def test_a_goal_in_the_queue_waits_again_when_the_last_server_leaves(
+    before: Callable[[CallMachine], None],
+) -> None:
+    machine = call()
+    before(machine)
+    assert machine.is_waiting
+    again: list[cx.Effect] = [cx.AwaitServer(17.0)]
+    assert machine.server_lost(12.0) == (again if before is queue else [])
+    send(machine)
+    assert not machine.is_waiting
+
+
+# --- what follows from an end ------------------------------------------------------------------
+
+
+def with_goals(machine: CallMachine, ending: Ending, **changes: Any) -> Ending:
+    return replace(ending, goals=machine.goals.reports, **changes)
+
+
+def test_a_success_gives_a_token_back() -> None:
+    machine = call()
+    attempt = sent(machine, **OVER)
+    machine.ended(attempt, SUCCEEDED)
+    ending = with_goals(machine, SUCCEEDED)
+    effects = machine.judged(SUCCEEDED, None, Verdict.SUCCESS)
+    assert effects == [cx.Count(success=True), *ends(ending)]
+
+
+def test_a_failure_that_does_not_pass_takes_no_token() -> None:
+    machine = call()
+    attempt = sent(machine, **OVER)
+    machine.ended(attempt, ABORTED)
+    effects = machine.judged(ABORTED, None, Verdict.PERMANENT)
+    assert effects == ends(with_goals(machine, ABORTED))
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"unwanted": True}, "its caller no longer wants it"),
+        ({"closing": "the client was closed"}, "the client was closed"),
+        ({"unwanted": True, "closing": "the client was closed"}, "its caller no longer wants it"),
+        ({"_replacement": call()}, "its caller has sent another goal in its place"),
+    ],
+    ids=str,
+)
+def test_why_a_failure_that_may_pass_is_not_tried_again(change: dict[str, Any], why: str) -> None:
+    machine = call()
+    attempt = sent(machine, **GONE)
+    machine.ended(attempt, LOST)
+    for name, value in change.items():
+        setattr(machine, name, value)
+    effects = machine.judged(LOST, None, Verdict.TRANSIENT)
+    ending = with_goals(machine, LOST, not_retried=why)
+    assert effects == [cx.Count(success=False), *ends(ending)]
+
+
+def test_what_somebody_else_cancels_is_not_tried_again() -> None:
+    machine = call()
+    attempt = sent(machine, **GONE, others_cancel=True)
+    machine.ended(attempt, LOST)
+    effects = machine.judged(LOST, None, Verdict.TRANSIENT)
+    ending = with_goals(machine, LOST, not_retried="somebody else has cancelled it")
+    assert effects == [cx.Count(success=False), *ends(ending)]
+
+
+def test_the_plan_may_be_to_give_up() -> None:
+    for before, told in (
+        ("", "that was it"),
+        ("no server came", "no server came, and that was it"),
+    ):
+        machine = call()
+        attempt = sent(machine, **GONE)
+        machine.ended(attempt, LOST)
+        machine.judged(LOST, None, Verdict.TRANSIENT)
+        effects = machine.planned(replace(LOST, not_retried=before), GiveUp("that was it"))
+        assert effects == ends(with_goals(machine, LOST, not_retried=told))
+
+
+def test_news_of_another_attempt_ends_nothing() -> None:
+    machine = call()
+    sent(machine)
+    assert machine.ended(Sent(uuid.uuid4()), LOST) == []
+
+
+# --- late results (contract C4.3) --------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("state", "ours", "end"),
+    [
+        (GoalState.SUCCEEDED, False, End.SUCCEEDED),
+        (GoalState.ABORTED, False, End.ABORTED),
+        (GoalState.REJECTED, False, End.REJECTED),
+        (GoalState.CANCELED, False, End.CANCELED_BY_OTHER),
+        (GoalState.CANCELED, True, None),
+    ],
+)
+def test_an_earlier_goal_turns_out_to_have_ended(
+    state: GoalState, ours: bool, end: End | None
+) -> None:
+    machine, attempt = in_a_pause(**GONE, ours=ours)
+    machine.resume(NOW)
+    assert machine.goal_id == uuid.UUID(int=2)
+    effects = machine.late_result(attempt, state, "late")
+    if end is None:
+        assert effects == []
+        return
+    ending = Ending(end, state, result="late", rejected=state is GoalState.REJECTED)
+    assert effects == [cx.StopRetrying(), cx.Judge(ending)]
+    assert machine.goal_id == attempt.goal_id
+
+
+def test_the_result_of_another_goal_or_beside_one_in_flight_ends_nothing() -> None:
+    machine, attempt = in_a_pause("always", **RUNS)
+    assert machine.late_result(Sent(attempt.goal_id), GoalState.SUCCEEDED, "late") == []
+    machine.resume(NOW)
+    send(machine)
+    assert machine.late_result(attempt, GoalState.SUCCEEDED, "late") == []
+
+
+# --- giving up between attempts (contract C2.8) ------------------------------------------------
+
+
+def test_it_describes_the_last_goal_if_that_has_stopped() -> None:
+    machine, _ = in_a_pause(ending=ABORTED, **OVER)
+    given_up = Ending(End.CANCELLED_BY_CALLER, GoalState.ABORTED, given_up=True)
+    assert machine.give_up(CANCELLED) == ends(with_goals(machine, given_up))
+
+
+def test_it_was_cancelled_before_the_next_goal_was_sent() -> None:
+    machine, _ = in_a_pause(ending=ABORTED, **OVER)
+    machine.resume(NOW)
+    given_up = Ending(End.CANCELLED_BY_CALLER, GoalState.SENDING, given_up=True)
+    assert machine.give_up(CANCELLED) == ends(with_goals(machine, given_up))
+
+
+def test_it_says_that_the_last_goal_may_run_if_that_was_lost() -> None:
+    given_up = replace(LOST, given_up=True)
+    machine, _ = in_a_pause(**GONE)
+    machine.closing = "the client was closed"
+    ending = with_goals(machine, given_up, end=End.CLOSED, lost_because="the client was closed")
+    assert machine.give_up(CLOSED) == ends(ending)
+    machine, _ = in_a_pause(**GONE)
+    late = replace(given_up, end=End.DEADLINE, status=GoalState.TIMED_OUT, phase="cancel")
+    ending = with_goals(machine, late, lost_because=WHY)
+    assert machine.give_up(CANCELLED) == ends(ending)
+
+
+def test_a_pause_ends_at_the_deadline() -> None:
+    machine, _ = in_a_pause(**GONE)
+    ending = with_goals(machine, LOST, not_retried="the pause reached the deadline")
+    assert machine.waited(NOW, ready=False) == ends(ending)
+
+
+def test_it_waits_for_what_a_server_in_sight_may_confirm() -> None:
+    machine, attempt = in_a_pause("always", **RUNS, in_sight=True)
+    assert machine.end_grace("no time is left") == []
+    assert machine.give_up(CANCELLED) == [cx.StopRetrying(), cx.AwaitEarlier()]
+    assert machine.earlier_over() == []
+    attempt.stop()
+    ending = Ending(
+        End.CANCELLED_BY_CALLER, GoalState.LOST, news=LastNews.SERVER_GONE, given_up=True
+    )
+    effects = machine.earlier_over()
+    assert effects == [cx.StopAwaiting(), cx.Finish(with_goals(machine, ending))]
+
+
+def test_it_names_the_latest_goal_that_may_run_if_no_server_confirms_it_in_time() -> None:
+    machine, _ = in_a_pause("always", **RUNS, in_sight=True)
+    for _ in range(2):
+        machine.resume(NOW)
+        paused(machine, **RUNS, in_sight=True)
+    machine.resume(NOW)
+    machine.give_up(CANCELLED)
+    effects = machine.end_grace("no time is left")
+    late = Ending(End.DEADLINE, GoalState.TIMED_OUT, phase="cancel", given_up=True)
+    assert effects == [cx.StopAwaiting(), cx.Finish(with_goals(machine, late))]
+    assert machine.goal_id == uuid.UUID(int=3)
+    assert [report.goal_id.int for report in machine.goals.reports] == [1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("closing", "why"), [("", "the call was cancelled"), ("it broke", "the client was closed")]
+)
+def test_who_gives_up_while_an_end_is_judged_waits_for_the_verdict(closing: str, why: str) -> None:
+    machine = call()
+    attempt = sent(machine, **OVER)
+    machine.ended(attempt, SUCCEEDED)
+    machine.closing = closing
+    assert machine.give_up(CANCELLED) == [cx.CutJudging(why, at_once=False)]
+    assert machine.end_grace("no time is left") == [cx.CutJudging("no time is left", at_once=True)]
+    assert machine.broke(RuntimeError()) == [cx.CutJudging(closing, at_once=True)]
+
+
+# --- another goal in its place (contract C1.15) ------------------------------------------------
+
+
+def taker(phase: Phase, *, accepted: bool = False) -> Any:
+    goals = SimpleNamespace(accepted=accepted)
+    return SimpleNamespace(phase=phase, goals=goals, goal_id=uuid.UUID(int=77))
+
+
+BY = fx.Record(GoalState.REPLACED, f"by goal {uuid.UUID(int=77)}")
+
+
+@pytest.mark.parametrize("other", [taker(Phase.NEW), taker(Phase.ENDED, accepted=True)])
+@pytest.mark.parametrize("end", [End.REJECTED, End.ABORTED, End.CANCELED_BY_OTHER])
+def test_a_goal_that_its_server_stops_for_another_ends_as_replaced(other: Any, end: End) -> None:
+    machine = call()
+    attempt = sent(machine, **OVER)
+    assert machine.replace_by(other) == []
+    effects = machine.ended(attempt, replace(ABORTED, end=end))
+    ending = replace(ABORTED, end=End.REPLACED, status=GoalState.REPLACED, given_up=True)
+    assert effects == [cx.StopRetrying(), BY, cx.Finish(with_goals(machine, ending))]
+
+
+def test_a_goal_is_not_replaced_by_one_that_was_refused_and_may_succeed() -> None:
+    for other, ending in ((taker(Phase.ENDED), ABORTED), (taker(Phase.NEW), SUCCEEDED)):
+        machine = call()
+        attempt = sent(machine, **OVER)
+        machine.replace_by(other)
+        assert machine.ended(attempt, ending) == [cx.Judge(ending)]
+    success = machine.judged(SUCCEEDED, None, Verdict.SUCCESS)
+    assert success == [cx.Count(success=True), *ends(with_goals(machine, SUCCEEDED))]
+
+
+def test_a_call_without_a_goal_in_flight_ends_when_it_is_replaced() -> None:
+    machine = call()
+    machine.begin(None, NOW)
+    replaced = Ending(End.REPLACED, GoalState.REPLACED, given_up=True)
+    effects = machine.replace_by(taker(Phase.NEW))
+    assert effects == [cx.StopRetrying(), BY, cx.Finish(replaced)]
+    attached = call(attaches=True)
+    attached.begin(None, NOW)
+    assert attached.replace_by(taker(Phase.NEW)) == [cx.AwaitEarlier()]  # its goal may run
+
+
+def test_a_goal_is_not_replaced_while_an_earlier_one_of_its_call_may_run() -> None:
+    machine, _ = in_a_pause("always", **GONE)
+    machine.resume(NOW)
+    attempt = send(machine, **OVER)
+    machine.replace_by(taker(Phase.NEW))
+    effects = machine.ended(attempt, ABORTED)
+    late = Ending(End.DEADLINE, GoalState.TIMED_OUT, phase="cancel", given_up=True)
+    ending = with_goals(machine, late, lost_because=WHY)
+    assert effects == ends(ending)  # without the result, which is of no use
+
+
+# --- a goal that somebody else has sent (contract C1.16) ---------------------------------------
+
+
+def test_a_goal_that_is_not_followed_yet_may_run() -> None:
+    assert call(attaches=True).goals.reports == (GoalReport(uuid.UUID(int=1), GoalFate.LEFT),)
+    assert call().goals.reports == ()
+
+
+@pytest.mark.parametrize("before", [lambda machine: None, begin, queue])
+def test_it_is_cancelled_as_soon_as_a_server_is_there(
+    before: Callable[[CallMachine], None],
+) -> None:
+    machine = call(attaches=True)
+    before(machine)
+    assert machine.end_grace("no time is left") == []  # nobody has cancelled it
+    assert machine.give_up(CANCELLED) == [cx.AwaitEarlier()]
+    assert machine.give_up(CLOSED) == []
+    late = Ending(End.DEADLINE, GoalState.TIMED_OUT, phase="cancel", given_up=True)
+    ending = with_goals(machine, late, lost_because=WHY)
+    assert machine.end_grace("no time is left") == [cx.StopAwaiting(), *ends(ending)]
+    assert machine.end_grace("no time is left") == machine.give_up(CANCELLED) == []
+
+
+def test_it_is_followed_though_its_caller_is_about_to_cancel() -> None:
+    machine = call(attaches=True)
+    queue(machine)
+    machine.unwanted = True
+    machine.give_up(CANCELLED)
+    assert machine.turn(NOW) == [cx.Send()]
+    attempt = Sent(machine.goal_id, **OVER)
+    machine.sent(attempt)
+    machine.ended(attempt, SUCCEEDED)
+    assert machine.give_up(CANCELLED) == [cx.CutJudging("the call was cancelled", at_once=False)]
+
+
+def test_closing_leaves_it_alone() -> None:
+    machine = call(attaches=True)
+    machine.begin(None, NOW)
+    closed = Ending(End.CLOSED, GoalState.SENDING, given_up=True)
+    assert machine.give_up(CLOSED) == ends(with_goals(machine, closed))
