@@ -198,7 +198,6 @@ class CallMachine:
     def end_grace(self, why: str) -> list[cx.Effect]:
         """No time is left for confirmations."""
         if self._cancel_waits and self._is_before_goal:
-            self._cancel_waits = False
             end = fx.Ending(fx.End.CANCELLED_BY_CALLER, GoalState.TIMED_OUT, given_up=True)
             return [cx.StopAwaiting(), *self._end(end)]
         if self.phase is Phase.CONFIRMING:
