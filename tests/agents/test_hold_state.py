@@ -72,6 +72,30 @@ def test_others_learn_who_sends_and_what_holds() -> None:
     assert decode(encode(known, SENDER)) == (known, SENDER)
     assert decode(encode(known)) == (known, None)
     assert str(SENDER) == "agent of ann@a (process 7)"
+    assert encode(known, SENDER) == (
+        '{"actionkit_hold":1,"holds":[["1","ann@a",1.0]],"released":{"2":1},'
+        '"from":["actionkit_hold_1","agent","ann@a",7]}'
+    )
+
+
+@pytest.mark.parametrize(
+    "hold", [one("1", since=0.0), one("1", by="a" * 300), one("1" * 300)], ids=["0", "by", "id"]
+)
+@pytest.mark.every
+def test_a_hold_at_the_limits_is_read(hold: Hold) -> None:
+    assert decode(encode(of(hold))) == (of(hold), None)
+
+
+def test_a_message_is_read_up_to_the_longest() -> None:
+    longest = encode(of(one())).ljust(state.LONGEST)
+    assert decode(longest) == (of(one()), None)
+    assert decode(longest + " ")[0].active[0].by == state.UNREADABLE
+
+
+def test_whether_it_tells_anything() -> None:
+    assert not HoldState()
+    assert of(one())
+    assert HoldState({}, {"1": 1})
 
 
 def test_a_release_ends_what_it_knows_of_and_nothing_else() -> None:
@@ -136,6 +160,9 @@ def test_others_holds_are_left_to_them() -> None:
         json.dumps({"actionkit_hold": 1, "holds": [], "released": {"1": 0}}),
         json.dumps({"actionkit_hold": 1, "holds": [], "released": {}, "from": ["a"]}),
         json.dumps({"actionkit_hold": 1, "holds": [["1" * 400, "a", 1]], "released": {}}),
+        json.dumps({"actionkit_hold": 1, "holds": [["", "a", 1]], "released": {}}),
+        json.dumps({"actionkit_hold": 1, "holds": [["1", "a", True]], "released": {}}),
+        json.dumps({"actionkit_hold": 1, "holds": [["1", "a", 1e11]], "released": {}}),
         '"\ud800"',
     ],
 )
@@ -146,7 +173,15 @@ def test_what_cannot_be_read_is_a_hold_that_can_be_released(text: str) -> None:
     (hold,) = told.active
     assert hold.by == state.UNREADABLE
     assert decode(text) == (told, None)
+    assert decode(encode(told)) == (told, None)  # so it is passed on
     assert merged(state.released(told, [hold]), decode(text)[0]).active == ()
+
+
+def test_each_text_that_cannot_be_read_is_a_hold_of_its_own_and_the_same_for_everybody() -> None:
+    told = decode("stop!")[0]
+    assert told == of(Hold(0.0, "unreadable-c7a3f8faaedb6cec", state.UNREADABLE))
+    other = decode("stop?")[0]
+    assert merged(state.released(told, told.active), other).active == other.active
 
 
 # --- the files of one computer -----------------------------------------------------------------

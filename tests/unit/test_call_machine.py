@@ -70,11 +70,15 @@ def call(
     )
 
 
+def is_in(machine: CallMachine, phase: Phase) -> bool:
+    return machine.phase is phase
+
+
 def send(machine: CallMachine, **facts: Any) -> Sent:
     """Send the goal of an attempt that has begun."""
     assert machine.server_ready() == [cx.Queue()]
     assert machine.turn(NOW) == [cx.Send()]
-    assert machine.phase is Phase.TRYING
+    assert is_in(machine, Phase.TRYING)
     attempt = Sent(machine.latest_id, **facts)
     machine.sent(attempt)
     return attempt
@@ -92,11 +96,11 @@ def paused(machine: CallMachine, ending: Ending = LOST, **facts: Any) -> Sent:
     error = RuntimeError("as an exception")
     planning = [cx.Count(success=False), cx.Plan(ending)]
     assert machine.judged(ending, error, Verdict.TRANSIENT) == planning
-    assert machine.phase is Phase.PLANNING
+    assert is_in(machine, Phase.PLANNING)
     assert machine.cause is error
     pausing = [fx.Record(GoalState.RETRYING, "in 1.50 s"), cx.Pause(1.5)]
     assert machine.planned(ending, Retry(1.5)) == pausing
-    assert machine.phase is Phase.PAUSING
+    assert is_in(machine, Phase.PAUSING)
     return attempt
 
 
@@ -476,6 +480,16 @@ def test_it_waits_for_what_a_server_in_sight_may_confirm() -> None:
     )
     effects = machine.earlier_over()
     assert effects == [cx.StopAwaiting(), cx.Finish(with_goals(machine, ending))]
+
+
+def test_it_waits_no_more_when_the_server_goes_out_of_sight_and_says_so() -> None:
+    machine, attempt = in_a_pause("always", **RUNS, in_sight=True)
+    machine.give_up(CANCELLED)
+    attempt.goal.may_run = False
+    given_up = replace(LOST, given_up=True)
+    late = replace(given_up, end=End.DEADLINE, status=GoalState.TIMED_OUT, phase="cancel")
+    ending = with_goals(machine, late, lost_because=WHY)
+    assert machine.earlier_over() == [cx.StopAwaiting(), cx.Finish(ending)]
 
 
 def test_it_names_the_latest_goal_that_may_run_if_no_server_confirms_it_in_time() -> None:
