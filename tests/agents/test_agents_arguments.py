@@ -350,20 +350,91 @@ def test_values_outside_of_limits(name: str, value: Any, part: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "part"),
+    ("name", "value", "told"),
     [
-        ("string_value", "a\0b", "NUL"),
-        ("string_value", "\ud800", "(a lone surrogate) at index 0"),
-        ("bounded_string_value", "ü" * 12, "has 24 bytes of UTF-8, but at most 22"),
-        ("string_value", 1, "must be a string"),
-        ("string_value", "abcde", "at most 4"),
+        ("string_value", "a\0b", r"'a\x00b' holds a NUL character, which ROS cannot send"),
+        (
+            "string_value",
+            "a\ud800",
+            r"'a\ud800' holds half a character (a lone surrogate) at index 1",
+        ),
+        (
+            "bounded_string_value",
+            "ü" * 12,
+            "'üüüüüüüüüüüü' has 24 bytes of UTF-8, but at most 22 are allowed",
+        ),
+        ("bounded_string_value", "ü" * 11, None),
+        ("string_value", 1, "1 must be a string"),
+        ("string_value", "abcde", "'abcde' has 5 bytes of UTF-8, but at most 4 are allowed"),
+        ("string_value", "üüü", "'üüü' has 6 bytes of UTF-8, but at most 4 are allowed"),
+        ("string_value", "abcd", None),
+        ("string_value_default1", "c", "'c' must be one of 'a', 'b'"),
     ],
 )
-def test_strings(name: str, value: Any, part: str) -> None:
-    strings = goal_model("test_msgs.msg:Strings", {"string_value": {"max_length": 4}})
-    assert part in strings.check({name: value})[1][0]
+@pytest.mark.every
+def test_strings(name: str, value: Any, told: str | None) -> None:
+    of_two = {"enum": ["a", "b"], "default": "a"}
+    strings = goal_model(
+        "test_msgs.msg:Strings",
+        {"string_value": {"max_length": 4}, "string_value_default1": of_two},
+    )
+    assert strings.check({name: value})[1] == ([] if told is None else [f"{name}: {told}"])
+
+
+def test_wide_strings_are_counted_in_16_bit_units() -> None:
     wide = goal_model("test_msgs.msg:WStrings", {"wstring_value": {"max_length": 4}})
-    assert "5 16-bit units" in wide.check({"wstring_value": "\U0001f600" * 2 + "a"})[1][0]
+    for value in ("\U0001f600" * 2, "a\0b"):
+        assert wide.check({"wstring_value": value}) == ({"wstring_value": value}, [])
+    assert wide.check({"wstring_value": "\U0001f600" * 2 + "a"})[1] == [
+        "wstring_value: '\U0001f600\U0001f600a' has 5 16-bit units, but at most 4 are allowed"
+    ]
+
+
+def test_the_schema_of_a_string_says_what_its_check_refuses() -> None:
+    narrow = goal_model("test_msgs.msg:Strings", {"string_value": {"max_length": 4}}).schema
+    common = {"type": "string", "maxLength": 4, "default": ""}
+    assert narrow["properties"]["string_value"] == {
+        **common,
+        "pattern": r"^[^\u0000]*$",
+        "description": "At most 4 bytes of UTF-8.",
+    }
+    wide = goal_model("test_msgs.msg:WStrings", {"wstring_value": {"max_length": 4}}).schema
+    assert wide["properties"]["wstring_value"] == {
+        **common,
+        "description": "At most 4 16-bit units.",
+    }
+
+
+@pytest.mark.parametrize(
+    ("path", "limits", "values", "told"),
+    [
+        ("BoundedSequences.bool_values", {}, [True] * 3, None),
+        ("BoundedSequences.bool_values", {}, [True] * 4, "has 4 elements, but must have at most 3"),
+        (
+            "BoundedSequences.bool_values",
+            {"max_items": 1},
+            [True] * 2,
+            "has 2 elements, but must have at most 1",
+        ),
+        (
+            "UnboundedSequences.bool_values",
+            {"max_items": 0},
+            [True],
+            "has 1 elements, but must have at most 0",
+        ),
+        ("Arrays.int32_values", {}, (1, 2, 3), None),
+        ("Arrays.int32_values", {}, [1, 2], "has 2 elements, but must have exactly 3"),
+        ("Arrays.int32_values", {}, [1] * 4, "has 4 elements, but must have exactly 3"),
+        ("Arrays.int32_values", {}, {"0": 1}, "an object was given; this must be an array"),
+    ],
+)
+@pytest.mark.every
+def test_the_length_of_an_array(path: str, limits: Any, values: Any, told: str | None) -> None:
+    name, _, field = path.partition(".")
+    array = goal_model(f"test_msgs.msg:{name}", {field: limits})
+    sent, problems = array.check({field: values})
+    assert problems == ([] if told is None else [f"{field}: {told}"])
+    assert sent == ({field: list(values)} if told is None else {})
 
 
 def test_numbers_are_sent_within_limits_also_after_rounding() -> None:
@@ -378,6 +449,14 @@ def test_numbers_are_sent_within_limits_also_after_rounding() -> None:
         "test_msgs.msg:BasicTypes", {"float32_value": {"minimum": 1e-46, "maximum": 1.0}}
     )
     assert tiny.check({"float32_value": 1e-46})[0]["float32_value"] > 0
+    # The limits themselves are within, also as whole numbers, and are sent as they are.
+    exact = goal_model(
+        "test_msgs.msg:BasicTypes", {"float32_value": {"minimum": -1.0, "maximum": 0.5}}
+    )
+    for edge in (-1, -1.0, 0.5):
+        assert exact.check({"float32_value": edge}) == ({"float32_value": edge}, [])
+    for whole in (-1, 1):
+        assert BASIC.check({"nested_field": {"float64_value": whole}})[1] == []
     # As a float, this whole number is the limit.
     large = goal_model("test_msgs.msg:BasicTypes", {"float64_value": {"maximum": 2.0**53}})
     assert "is outside" in large.check({"float64_value": 2**53 + 1})[1][0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 import sys
 from pathlib import Path
 from types import MappingProxyType
@@ -238,6 +239,9 @@ def test_what_else_is_wrong() -> None:
     assert "above 0" in problems(tool(timeout=0))[0]
     with pytest.raises(ConfigError, match="domain_id"):
         Toolbox.from_config(tool(), domain_id=-1)
+    error = ConfigError(("one", "two"))  # it may come from another process
+    again = pickle.loads(pickle.dumps(error))
+    assert (str(again), again.problems) == ("one\ntwo", error.problems)
 
 
 def test_what_only_python_can_write() -> None:
