@@ -44,7 +44,7 @@ from test_msgs.msg import (
 from actionkit._messages import convert
 from actionkit._messages.convert import from_plain, to_plain
 from actionkit._messages.paths import field_type, get_field, type_name
-from actionkit._model.field_errors import FieldError, FieldProblem, FieldTypeError
+from actionkit._model.field_errors import FieldError, FieldProblem, FieldTypeError, shown
 from tests import forked
 
 # rosidl loads its IDL parser with the first type support, and that an old lark
@@ -345,6 +345,11 @@ def test_fixed_arrays_of_numbers_are_numpy_arrays_of_the_right_type() -> None:
         assert isinstance(value, numpy.ndarray)
         assert value.dtype == numpy.int32
         assert value.tolist() == [1, 2, 3]
+    for name in (*INTEGERS, "float32", "float64"):
+        value = getattr(from_plain(Arrays, {f"{name}_values": [1, 2, 3]}), f"{name}_values")
+        # `==` does not tell a `long` from a `long long`, and the C side reads one of them only.
+        assert value.dtype.num == numpy.dtype(name).num
+        assert value.tolist() == [1, 2, 3]
 
 
 def test_mappings_of_any_kind_and_messages_inside_of_them() -> None:
@@ -637,6 +642,247 @@ def test_refused_values(
     told = f"{problem.path}: {problem.problem}" if path else problem.problem
     assert str(problem) == (told if told.endswith(".") else f"{told}.")
     assert len(str(problem)) < 1200
+    if not path or "which is masked" in told:
+        assert problem.value is (value[path] if path else value)
+    else:
+        assert problem.problem.startswith(shown(problem.value))
+
+
+MASKED = numpy.ma.array([0.5, 0.5], mask=[False, True])
+
+
+@pytest.mark.parametrize(
+    ("cls", "value", "text"),
+    [
+        (
+            BasicTypes,
+            {"int32_value": True},
+            "int32_value: True is of type bool, but int32 needs an int.",
+        ),
+        (
+            BasicTypes,
+            {"float64_value": "1e3"},
+            "float64_value: '1e3' is of type str, but double needs a float or an int.",
+        ),
+        (
+            BasicTypes,
+            {"float32_value": 10**39},
+            f"float32_value: {10**39} is out of range for float (-3.40282347e+38..3.40282347e+38).",
+        ),
+        (
+            BasicTypes,
+            {"bool_value": 1},
+            "bool_value: 1 is of type int, but boolean needs a bool (True or False).",
+        ),
+        (
+            BasicTypes,
+            {"byte_value": "a"},
+            "byte_value: 'a' is of type str, but octet needs bytes of length 1 or an int 0..255.",
+        ),
+        (
+            BasicTypes,
+            {"byte_value": b"ab"},
+            "byte_value: b'ab' has 2 bytes, but octet needs exactly one.",
+        ),
+        (
+            BasicTypes,
+            {"byte_value": 256},
+            "byte_value: 256 is out of range for octet (0..255).",
+        ),
+        (
+            BasicTypes,
+            {"int8_value": None},
+            "int8_value: None is not allowed for int8; give an int, or leave the field out to keep"
+            " its default.",
+        ),
+        (
+            Strings,
+            {"string_value": 5},
+            "string_value: 5 is of type int, but string needs a str.",
+        ),
+        (
+            Strings,
+            {"bounded_string_value": 5},
+            "bounded_string_value: 5 is of type int, but string<22> needs a str.",
+        ),
+        (
+            WStrings,
+            {"wstring_value": 5},
+            "wstring_value: 5 is of type int, but wstring needs a str.",
+        ),
+        (
+            Strings,
+            {"string_value": "a\0b"},
+            r"string_value: 'a\x00b' holds a NUL character, which string cannot; remove it.",
+        ),
+        (
+            WStrings,
+            {"wstring_value": "a\udfff"},
+            r"wstring_value: 'a\udfff' holds a lone surrogate at index 1, which wstring cannot;"
+            " remove it.",
+        ),
+        (
+            Strings,
+            {"bounded_string_value": "é" * 12},
+            "bounded_string_value: 'éééééééééééé' has 24 bytes of UTF-8, but string<22> takes at"
+            " most 22.",
+        ),
+        (
+            Arrays,
+            {"int32_values": [1, 2]},
+            "int32_values: [1, 2] has 2 elements, but int32[3] takes exactly 3.",
+        ),
+        (
+            BoundedSequences,
+            {"int32_values": [1] * 4},
+            "int32_values: [1, 1, 1, 1] has 4 elements, but sequence<int32, 3> takes at most 3.",
+        ),
+        (
+            Arrays,
+            {"int32_values": numpy.zeros((1, 3))},
+            "int32_values: array([[0., 0., 0.]]) is a 1x3 array; ROS arrays are flat, give"
+            " value.ravel().",
+        ),
+        (
+            Arrays,
+            {"int32_values": numpy.array(3)},
+            "int32_values: array(3) is a 0-dimensional array; ROS arrays are flat, give"
+            " value.ravel().",
+        ),
+        (
+            UnboundedSequences,
+            {"float64_values": MASKED},
+            "float64_values: the array has no value at index 1, which is masked; give"
+            " value.filled(...) with a number for it, or value.compressed() without it.",
+        ),
+        (
+            UnboundedSequences,
+            {"int32_values": "12"},
+            "int32_values: '12' is of type str, but a sequence of int32 needs a list, a tuple or"
+            " an array.",
+        ),
+        (
+            UnboundedSequences,
+            {"bool_values": 1},
+            "bool_values: 1 is of type int, but a sequence of boolean needs a list, a tuple or an"
+            " array.",
+        ),
+        (
+            UnboundedSequences,
+            {"byte_values": 1},
+            "byte_values: 1 is of type int, but a sequence of octet needs a list, a tuple or an"
+            " array.",
+        ),
+        (
+            UnboundedSequences,
+            {"string_values": "abc"},
+            "string_values: 'abc' is of type str, but this field needs a list, a tuple or an"
+            " array.",
+        ),
+        (
+            UnboundedSequences,
+            {"basic_types_values": 1},
+            "basic_types_values: 1 is of type int, but this field needs a list, a tuple or an"
+            " array.",
+        ),
+        (
+            Builtins,
+            {"duration_value": Duration(seconds=1)},
+            "duration_value: Duration(nanoseconds=1000000000) is of type Duration, but"
+            " builtin_interfaces/msg/Duration needs a builtin_interfaces/msg/Duration or a mapping"
+            " of its fields; give its .to_msg().",
+        ),
+        (
+            Builtins,
+            {"time_value": 5},
+            "time_value: 5 is of type int, but builtin_interfaces/msg/Time needs a"
+            " builtin_interfaces/msg/Time or a mapping of its fields.",
+        ),
+        (
+            PoseArray,
+            {"poses": numpy.zeros((1, 2))},
+            "poses: array([[0., 0.]]) is a 1x2 array, but this needs a list of"
+            " geometry_msgs/msg/Pose or of mappings of its fields.",
+        ),
+        (
+            Polygon,
+            {"points": numpy.zeros((1, 3))},
+            "points: array([[0., 0., 0.]]) is a 1x3 array, but this needs a list of"
+            " geometry_msgs/msg/Point32 or of mappings of its fields, such as [{'x': x, 'y': y,"
+            " 'z': z} for x, y, z in value].",
+        ),
+        (
+            Fibonacci.Goal,
+            {"ordr": 7},
+            "ordr: 'ordr'=7 is no field of test_msgs/action/Fibonacci_Goal; did you mean 'order'?"
+            " Its fields are: order.",
+        ),
+        (
+            Empty,
+            {"a": 1},
+            "a: 'a'=1 is no field of test_msgs/msg/Empty. It has no fields.",
+        ),
+        (
+            Fibonacci.Goal,
+            Fibonacci.Goal,
+            "test_msgs/action/Fibonacci_Goal is a class, not a message; call it: Fibonacci_Goal().",
+        ),
+        (
+            Fibonacci.Goal,
+            Empty(),
+            "test_msgs.msg.Empty() is a test_msgs/msg/Empty, but this needs a"
+            " test_msgs/action/Fibonacci_Goal or a mapping of its fields.",
+        ),
+        (
+            Fibonacci.Goal,
+            None,
+            "None is no test_msgs/action/Fibonacci_Goal; give one, or a mapping of its fields.",
+        ),
+    ],
+)
+@pytest.mark.every
+def test_what_a_refusal_says(cls: Any, value: Any, text: str) -> None:
+    with pytest.raises(FieldProblem) as caught:
+        from_plain(cls, value)
+    assert str(caught.value) == text
+
+
+def test_the_largest_and_the_smallest_numbers_of_a_type_are_kept() -> None:
+    for name, (low, high) in INTEGERS.items():
+        for value in (low, high):
+            assert (
+                getattr(from_plain(BasicTypes, {f"{name}_value": value}), f"{name}_value") == value
+            )
+        for cls in (UnboundedSequences, Arrays):
+            for kind in (list, tuple, lambda items: numpy.array(items, dtype=object)):
+                given_value = kind([low, high, numpy.dtype(name).type(high)])
+                message = from_plain(cls, {f"{name}_values": given_value})
+                assert list(getattr(message, f"{name}_values")) == [low, high, high]
+
+
+def unlike_msg(*types: str) -> Any:
+    """Return a class like those of messages, with types of IDL files."""
+
+    class Message:
+        SLOT_TYPES = tuple(definition.BasicType(each) for each in types)
+
+        @classmethod
+        def get_fields_and_field_types(cls) -> dict[str, str]:
+            return {f"field_{place}": each for place, each in enumerate(types)}
+
+    return Message
+
+
+def test_types_that_only_idl_files_have_are_taken_as_they_are() -> None:
+    cls = unlike_msg("wchar", "long double")
+    message = from_plain(cls, {"field_0": "ä", "field_1": 1.5})
+    assert (message.field_0, message.field_1) == ("ä", 1.5)
+    with pytest.raises(FieldTypeError) as caught:
+        from_plain(cls, {"field_0": None})
+    assert str(caught.value) == (
+        "field_0: None is not allowed for this field; give a value, or leave the field out to keep"
+        " its default."
+    )
 
 
 def test_the_text_is_the_one_that_the_documentation_shows() -> None:
@@ -738,8 +984,9 @@ def test_to_plain_shows_messages_that_no_check_has_seen() -> None:
 
 @pytest.mark.parametrize("value", [None, 3, [Empty()], {"a": 1}, Fibonacci])
 def test_to_plain_refuses_what_is_no_message(value: object) -> None:
-    with pytest.raises(TypeError, match="is not a ROS message"):
+    with pytest.raises(TypeError) as caught:
         to_plain(value)
+    assert str(caught.value) == f"{shown(value)} is not a ROS message"
 
 
 # -- paths ----------------------------------------------------------------------------------------

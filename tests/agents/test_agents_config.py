@@ -242,6 +242,7 @@ def test_what_else_is_wrong() -> None:
     error = ConfigError(("one", "two"))  # it may come from another process
     again = pickle.loads(pickle.dumps(error))
     assert (str(again), again.problems) == ("one\ntwo", error.problems)
+    assert repr(again) == "ConfigError(('one', 'two'))"
 
 
 def test_what_only_python_can_write() -> None:
