@@ -333,13 +333,21 @@ def test_the_largest_float_is_accepted_unless_ros_itself_refuses_it(
     monkeypatch.setattr(switch, "")
     assert from_plain(BasicTypes, value).float32_value == FLOAT32_MAX
     monkeypatch.setattr(switch, "1")
-    with pytest.raises(FieldError, match=r"^float32_value: 3\.4.* is refused by ROS itself: The"):
+    with pytest.raises(
+        FieldError, match=r"^float32_value: 3\.4.* is refused by ROS itself: The"
+    ) as caught:
         from_plain(BasicTypes, value)
+    assert caught.value.value == FLOAT32_MAX
     with pytest.raises(FieldError, match=r"^basic_types_value\.float32_value: 3\.4"):
         from_plain(Nested, {"basic_types_value": value})
 
 
-def test_fixed_arrays_of_numbers_are_numpy_arrays_of_the_right_type() -> None:
+@pytest.mark.parametrize("ros_checks", ["", "1"], ids=["unchecked", "checked"])
+def test_fixed_arrays_of_numbers_are_numpy_arrays_of_the_right_type(
+    ros_checks: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # With its checks on, a message keeps the very array that is assigned to it
+    monkeypatch.setattr("test_msgs.msg._arrays.ros_python_check_fields", ros_checks)
     for given_value in ([1, 2, 3], array("i", [1, 2, 3]), numpy.array([1, 2, 3])):
         value = from_plain(Arrays, {"int32_values": given_value}).int32_values
         assert isinstance(value, numpy.ndarray)
