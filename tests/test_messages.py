@@ -918,11 +918,13 @@ def test_a_huge_value_is_not_written_out_in_the_error() -> None:
 
 
 @pytest.mark.parametrize("value", [99999999999, lambda: 3, {"a": 1}])
+@pytest.mark.every
 def test_errors_can_be_pickled_whatever_was_refused(value: object) -> None:
     with pytest.raises(FieldProblem) as caught:
         from_plain(Fibonacci.Goal, {"order": value})
     again = pickle.loads(pickle.dumps(caught.value))
     assert type(again) is type(caught.value)
+    assert again.value == (shown(value) if callable(value) else value)
     assert (again.path, again.problem, str(again)) == (
         "order",
         caught.value.problem,

@@ -116,6 +116,16 @@ def test_an_error_travels_between_processes_with_all_it_knows(cls: Any, copied: 
     assert isinstance(pickle.loads(pickle.dumps(cls("x"))).__cause__, type(None))
 
 
+def test_a_cause_that_cannot_travel_leaves_its_text() -> None:
+    class OnlyHere(Exception):
+        pass
+
+    error = actionkit.GoalAbortedError("text")
+    error.__cause__ = OnlyHere("why")
+    cause = pickle.loads(pickle.dumps(error)).__cause__
+    assert (type(cause), str(cause)) == (RuntimeError, "OnlyHere: why")
+
+
 def test_every_documented_attribute_exists() -> None:
     documented = re.findall(r"^        (\w+): ", actionkit.ActionKitError.__doc__ or "", re.M)
     error = actionkit.ActionKitError("x")

@@ -14,7 +14,7 @@ import pytest
 
 from actionkit._calls.feedback import KEPT, Callbacks, LoopCallbacks, ThreadCallbacks, callbacks_for
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast
-from actionkit._messages.lazy import LazyMessage
+from actionkit._messages.lazy import LazyMessage, UndecodableError
 from actionkit._threads.pool import Pool, in_callback
 
 LONG = 10.0
@@ -319,11 +319,15 @@ def test_a_message_that_cannot_be_decoded_is_left_out(caplog: pytest.LogCaptureF
 def test_it_is_told_once_however_many_look(caplog: pytest.LogCaptureFixture) -> None:
     broadcast: FeedbackBroadcast[int] = FeedbackBroadcast()
     streams = [broadcast.stream(), broadcast.stream()]
-    broadcast.put(broken(1))
+    one = broken(1)
+    broadcast.put(one)
     assert broadcast.latest is None
     broadcast.end()
     assert [list(stream) for stream in streams] == [[], []]
-    assert len(caplog.records) == 1
+    with pytest.raises(UndecodableError, match=r"^message 1 is cut off$"):
+        one()
+    told = [(record.levelno, record.getMessage()) for record in caplog.records]
+    assert told == [(logging.WARNING, "feedback is left out: message 1 is cut off")]
 
 
 def test_on_an_event_loop_it_is_left_out_too(caplog: pytest.LogCaptureFixture) -> None:

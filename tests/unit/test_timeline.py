@@ -7,6 +7,7 @@ import pickle
 import re
 import uuid
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -195,3 +196,12 @@ def test_an_outcome_is_shown_in_one_line() -> None:
     late = Outcome(GoalState.CANCELED, None, error, 2, events, GOALS[0], confirmed, elapsed=3.0)
     told = "<Outcome CANCELED: DeadlineExceededError, 2 attempts, 3.000 s, cancel CONFIRMED>"
     assert repr(late) == told
+
+
+def test_notebooks_get_a_picture_once_something_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    done = Outcome(GoalState.SUCCEEDED, None, None, 1, STORY, GOALS[0], None)
+    monkeypatch.setattr("actionkit._model.values.to_html", None)
+    assert (STORY._repr_html_(), done._repr_html_()) == (None, None)
+    monkeypatch.setattr("actionkit._model.values.to_html", lambda *given: given)
+    drawn: tuple[Any, ...] = (STORY._repr_html_(), done._repr_html_())
+    assert drawn == ((STORY, None), (STORY, done))
