@@ -163,12 +163,24 @@ def test_similar_types_are_named_or_some_that_are_installed(package: Package) ->
     assert refused("pick_msg/action/Picki").endswith(
         " Did you mean pick_msgs/action/Pick or pick_msgs/action/Picks?"
     )
-    assert refused("zzzz/action/Bake").endswith(
-        " Installed are: pick_msgs/action/Pick, pick_msgs/action/Picks."
-    )
+    package("dig_msgs.action", f'"""\n{lines("dig_msgs", "action", "Dug")}"""')
+    package("say_msgs.msg", "")
+    installed.cache_clear()
+    for name, problem in (
+        ("pick_msgs/Pick", "'pick_msgs/Pick' is not an action type"),
+        ("dig_msgs/action/Pick", "the package 'dig_msgs' has no action 'Pick'."),
+        ("say_msgs/action/Pick", "the package 'say_msgs' has no actions."),
+    ):
+        found = refused(name)
+        assert found.startswith(problem)
+        assert found.endswith("Did you mean pick_msgs/action/Pick or pick_msgs/action/Picks?")
+    for name in ("zzzz/action/Bake", "zick/action/Bake"):
+        assert refused(name).endswith(
+            " Installed are: dig_msgs/action/Dug, pick_msgs/action/Pick, pick_msgs/action/Picks."
+        )
     package("many_msgs.action", lines("many_msgs", "action", *(f"A{i}" for i in range(7))))
     installed.cache_clear()
-    names = ", ".join([*(f"many_msgs/action/A{i}" for i in range(7)), "pick_msgs/action/Pick"])
+    names = ", ".join(["dig_msgs/action/Dug", *(f"many_msgs/action/A{i}" for i in range(7))])
     assert refused("zzzz/action/Bake").endswith(f" Installed are: {names} and more.")
     package("last_msgs.msg", lines("last_msgs", "msg", *(f"A{i}" for i in range(8))))
     installed.cache_clear()
