@@ -256,6 +256,9 @@ class Word(str, enum.Enum):
     HELLO = "hello"
 
 
+class Metres(float): ...
+
+
 @pytest.mark.parametrize(
     ("cls", "name", "given_value", "held"),
     [
@@ -982,11 +985,17 @@ def test_to_plain_shows_messages_that_no_check_has_seen() -> None:
         uint8_value=object(),
     )
     message.float64_value = numpy.float64(0.5)
+    message.float32_value = Metres(0.25)
     message.bool_value = None
     plain = to_plain(message)
     assert (plain["int8_value"], type(plain["int8_value"])) == (3, int)
     assert type(plain["int16_value"]) is int
     assert type(plain["float64_value"]) is float
+    assert (plain["float32_value"], type(plain["float32_value"])) == (0.25, float)
+    named = Strings(check_fields=False)
+    named.string_value = Word.HELLO
+    assert to_plain(named)["string_value"] == "hello"
+    assert type(to_plain(named)["string_value"]) is str
     assert plain["byte_value"] == [97, 98, 99]
     assert plain["bool_value"] is None
     assert plain["uint8_value"].startswith("<object object")

@@ -125,6 +125,11 @@ def test_pauses(field: str) -> None:
         expect(TypeError, RetryPolicy, field, value)
     for number in BAD_SECONDS:
         expect(ValueError, RetryPolicy, field, number)
+    # "None means no limit" is for limits.
+    told = expect(TypeError, RetryPolicy, field, "1")
+    assert told == f"RetryPolicy.{field}='1' must be a number of seconds"
+    told = expect(ValueError, RetryPolicy, field, math.inf)
+    assert told == f"RetryPolicy.{field}=inf must be finite"
     assert type(getattr(RetryPolicy(**{field: 1}), field)) is float
 
 
