@@ -12,7 +12,7 @@ import yaml
 from geometry_msgs.msg import PoseStamped
 from test_msgs.action import Fibonacci, NestedMessage
 
-from actionkit._messages.comments import comments, parsed
+from actionkit._messages.comments import comments, constants, parsed
 from actionkit._messages.convert import from_plain
 from actionkit.cli._shared.exits import Exit
 from actionkit.cli.call import _goal_template
@@ -94,11 +94,23 @@ def test_comments_are_found_beside_a_package_and_where_ros_has_them(
         (tmp_path / "python" / name / "__init__.py").touch()
         file = tmp_path / prefix / "share" / name / "msg" / "Speed.msg"
         file.parent.mkdir(parents=True)
-        file.write_text("float64 speed  # in m/s\n")
+        file.write_text("# Forward,\nfloat64 speed  # in m/s\n")
+    half = tmp_path / "python" / "share" / "beside_msgs" / "action" / "Half.action"
+    half.parent.mkdir()
+    half.write_text("# A goal.\n")
     monkeypatch.syspath_prepend(tmp_path / "python")
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path / 'nothing'}:{tmp_path / 'ros'}")
     for name in ("beside_msgs", "apart_msgs"):
-        assert comments(f"{name}/msg/Speed") == {"": "", "speed": "in m/s"}
+        assert comments(f"{name}/msg/Speed") == {"": "Forward,", "speed": "Forward, in m/s"}
+    assert comments("beside_msgs/action/Half_Goal") == {"": "A goal."}
+    for nothing in ("action/Half_Result", "action/Half_SendGoal_Request", "msg/Nowhere"):
+        assert comments(f"beside_msgs/{nothing}") == {"": ""}
+
+
+def test_constants_are_one_line() -> None:
+    told = constants(test_msgs.msg.Constants)
+    assert told.startswith("BOOL_CONST=True, BYTE_CONST=b'2', CHAR_CONST=100, FLOAT32_CONST=1.125,")
+    assert constants(test_msgs.msg.Empty) == constants(int) == ""
 
 
 def test_it_can_be_piped_into_a_call(world: World) -> None:

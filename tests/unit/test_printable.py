@@ -30,6 +30,24 @@ def test_what_would_control_a_terminal_is_escaped(text: str, expected: str) -> N
     assert printable(text) == expected
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("plain", "plain"),
+        ("two\n\tlines, ünïcode, 漢字", "two\n\tlines, ünïcode, 漢字"),
+        ("a\u200bb\u00ad\x1b", r"a\u200bb\u00ad\u001b"),
+        (
+            "fill \u3164\u115f, select \ufe0f\U000e0100",
+            r"fill \u3164\u115f, select \ufe0f\udb40\udd00",
+        ),
+        ("\U000e0041\ue000\u2028", r"\udb40\udc41\ue000\u2028"),
+        ("half \ud800", r"half \ud800"),
+    ],
+)
+def test_what_cannot_be_seen_is_escaped(text: str, expected: str) -> None:
+    assert visible(text) == expected
+
+
 def test_on_one_line() -> None:
     assert on_one_line("two\n\tlines\x1b") == r"two\n\tlines\u001b"
 

@@ -69,9 +69,15 @@ def test_a_timeout_longer_than_anybody_waits(field: str, value: float) -> None:
 
 @pytest.mark.parametrize("field", TIMEOUTS)
 def test_timeouts_are_float_seconds(field: str) -> None:
-    for value in (3, 0.5, 1e9) if field == "liveness" else (0, 3, 0.5, 1e9):
+    for value in (1, 3, 0.5, 1e9) if field == "liveness" else (0, 3, 0.5, 1e9):
         seconds = getattr(Timeouts(**{field: value}), field)
         assert (seconds, type(seconds)) == (value, float)
+
+
+def test_a_server_is_asked_from_time_to_time_or_not_at_all() -> None:
+    with pytest.raises(ValueError, match="liveness") as caught:
+        Timeouts(liveness=0)
+    assert str(caught.value) == "Timeouts.liveness=0 must be above 0; None means not to ask"
 
 
 def test_no_limit_is_none_but_for_the_wait_for_a_cancellation() -> None:
@@ -116,7 +122,8 @@ def test_attempts_that_are_no_whole_number(value: object) -> None:
 
 @pytest.mark.parametrize("value", [0, -1])
 def test_too_few_attempts(value: int) -> None:
-    expect(ValueError, RetryPolicy, "attempts", value)
+    told = expect(ValueError, RetryPolicy, "attempts", value)
+    assert told == f"RetryPolicy.attempts={value} must be 1 or more: it includes the first"
 
 
 @pytest.mark.parametrize("field", ["initial", "factor", "max_pause", "jitter"])
