@@ -85,6 +85,30 @@ uint16 error_code
     assert feedback.fields == {}
 
 
+def test_which_comments_belong_together() -> None:
+    (arm,) = parsed(
+        """
+   # An arm.
+#X is forward.
+
+# It moves.
+
+int8 SLOW=12
+int8 FAST=2 # at # your own risk
+            # or not at all
+float64 plain 2.5
+# Two # signs.
+float64 last  #X of them
+"""
+    )
+    assert arm.about == ["An arm.", "X is forward.", "It moves."]
+    assert arm.head[3:] == ["SLOW = 12", "FAST = 2  at # your own risk", "or not at all"]
+    assert arm.head[:3] == arm.about
+    assert arm.fields == {"plain": [""], "last": ["Two # signs.", "X of them"]}
+    (late,) = parsed("float64 a\n# Of b.\nfloat64 b\n")
+    assert (late.about, late.fields) == ([], {"a": [""], "b": ["Of b.", ""]})
+
+
 def test_comments_are_found_beside_a_package_and_where_ros_has_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -97,7 +121,7 @@ def test_comments_are_found_beside_a_package_and_where_ros_has_them(
         file.write_text("# Forward,\nfloat64 speed  # in m/s\n")
     half = tmp_path / "python" / "share" / "beside_msgs" / "action" / "Half.action"
     half.parent.mkdir()
-    half.write_text("# A goal.\n")
+    half.write_text("# A goal.\n", "utf-8-sig")
     monkeypatch.syspath_prepend(tmp_path / "python")
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path / 'nothing'}:{tmp_path / 'ros'}")
     for name in ("beside_msgs", "apart_msgs"):

@@ -80,3 +80,15 @@ def test_a_key_may_be_outside_of_the_disk(keystore):
     assert found.problem() == ""
     (found.folder / "key.p11").unlink()
     assert found.problem() == f"The folder {found.folder} lacks key.pem."
+    (found.folder / "cert.pem").unlink()
+    assert found.problem() == f"The folder {found.folder} lacks cert.pem, key.pem."
+
+
+def test_without_enforcement_it_is_in_force_only_with_all_files(keystore):
+    for enforced in (False, True):
+        assert Security(enforced, str(keystore), "/robot/client").in_force
+        assert Security(enforced, str(keystore), "/robot/other").in_force is enforced
+        nowhere = Security(enforced, "", "/Xavier/client")
+        assert nowhere.in_force is enforced
+        assert nowhere.problem() == "ROS_SECURITY_KEYSTORE does not name the folder with the keys."
+        assert str(nowhere.folder) == "enclaves/Xavier/client"

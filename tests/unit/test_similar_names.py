@@ -18,6 +18,7 @@ def test_the_last_part_alone_is_enough() -> None:
 
 
 def test_nothing_like_it_is_no_hint() -> None:
+    assert similar_names("/a_very_long_namespace/of_some_robot/dork", ACTIONS) == []
     assert similar_names("/grasp", ACTIONS) == []
     assert similar_names("/dock", []) == []
 
@@ -34,3 +35,4 @@ def test_a_hint_is_short_and_names_nothing_twice() -> None:
     found = similar_names("/robot_3/dock", many)
     assert found[0] == "/robot_3/dock"
     assert len(found) == len(set(found)) == 5
+    assert len(similar_names("order", [f"order{number}" for number in range(9)])) == 3

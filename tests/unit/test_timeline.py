@@ -17,6 +17,7 @@ from actionkit import (
     CancelReport,
     DeadlineExceededError,
     GoalEvent,
+    GoalFate,
     GoalState,
     Outcome,
     Timeline,
@@ -59,6 +60,15 @@ def test_the_first_and_the_last_feedback_are_kept(count: int) -> None:
     assert timeline.events() == (before, *kept, after)
 
 
+def test_what_happens_between_two_messages_of_feedback_is_kept() -> None:
+    make, timeline = event_maker(), Recorder()
+    states = (GoalState.FEEDBACK, GoalState.FEEDBACK, GoalState.CANCELING, GoalState.FEEDBACK)
+    added = [make(state) for state in states]
+    for event in added:
+        timeline.add(event)
+    assert timeline.events() == (added[0], added[2], added[3])
+
+
 def test_each_goal_of_a_call_keeps_its_own_feedback() -> None:
     make, timeline = event_maker(), Recorder()
     for goal in GOALS:
@@ -80,6 +90,9 @@ def test_a_call_that_goes_on_for_ever_keeps_its_beginning_and_its_end() -> None:
     added = [make(GoalState.RETRYING) for _ in range(10 * MOST)]
     for event in added:
         timeline.add(event)
+    assert timeline.events() == (*added[: MOST // 2], *added[-(MOST // 2) :])
+    added.append(make(GoalState.RETRYING))
+    timeline.add(added[-1])
     assert timeline.events() == (*added[: MOST // 2], *added[-(MOST // 2) :])
 
 
@@ -196,6 +209,18 @@ def test_an_outcome_is_shown_in_one_line() -> None:
     late = Outcome(GoalState.CANCELED, None, error, 2, events, GOALS[0], confirmed, elapsed=3.0)
     told = "<Outcome CANCELED: DeadlineExceededError, 2 attempts, 3.000 s, cancel CONFIRMED>"
     assert repr(late) == told
+
+
+def test_which_states_are_ends_and_which_goals_may_run() -> None:
+    ends = {state for state in GoalState if state.is_terminal}
+    assert ends == {
+        GoalState.REJECTED,
+        GoalState.SUCCEEDED,
+        GoalState.CANCELED,
+        GoalState.ABORTED,
+    }
+    safe = {fate for fate in GoalFate if not fate.may_run}
+    assert safe == {GoalFate.REJECTED, GoalFate.ENDED}
 
 
 def test_notebooks_get_a_picture_once_something_draws(monkeypatch: pytest.MonkeyPatch) -> None:
