@@ -272,6 +272,9 @@ class Metres(float): ...
         (BasicTypes, "float64_value", numpy.int16(4), 4.0),
         (BasicTypes, "float64_value", Fraction(1, 4), 0.25),
         (BasicTypes, "float32_value", -math.inf, -math.inf),
+        (BasicTypes, "float32_value", -FLOAT32_MAX, -FLOAT32_MAX),
+        (BasicTypes, "float64_value", sys.float_info.max, sys.float_info.max),
+        (BasicTypes, "float64_value", -sys.float_info.max, -sys.float_info.max),
         (BasicTypes, "bool_value", numpy.bool_(True), True),
         (BasicTypes, "byte_value", 255, b"\xff"),
         (BasicTypes, "byte_value", b"\x01", b"\x01"),
@@ -314,6 +317,18 @@ class Metres(float): ...
             array("f", [math.inf, -math.inf]),
         ),
         (UnboundedSequences, "float32_values", numpy.array([0.5]), array("f", [0.5])),
+        (
+            UnboundedSequences,
+            "float32_values",
+            [FLOAT32_MAX, -FLOAT32_MAX, math.inf, 1],
+            array("f", [FLOAT32_MAX, -FLOAT32_MAX, math.inf, 1.0]),
+        ),
+        (
+            UnboundedSequences,
+            "float64_values",
+            [sys.float_info.max, Fraction(1, 4), -1e300],
+            array("d", [sys.float_info.max, 0.25, -1e300]),
+        ),
         (UnboundedSequences, "float64_values", numpy.ma.array([0.5]), array("d", [0.5])),
         (UnboundedSequences, "bool_values", numpy.array([True, False]), [True, False]),
         (UnboundedSequences, "string_values", ("a", "b"), ["a", "b"]),
@@ -903,6 +918,7 @@ def test_the_text_is_the_one_that_the_documentation_shows() -> None:
         "order: 99999999999 is out of range for int32 (-2147483648..2147483647)."
     )
     assert caught.value.value == 99999999999
+    assert caught.value.args == ("", 99999999999, caught.value.problem)
     assert isinstance(caught.value, ValueError)
     assert not isinstance(caught.value, TypeError)
 
