@@ -155,8 +155,10 @@ def test_the_outermost_field_is_taken_and_its_last_name_says_what_it_is(
     assert found(whole) == Field("time_left", "remaining")
     assert chosen("trip.way.leg.percent", whole) == Field("trip.way.leg.percent", "percent")
     assert chosen("trip.way.speed", whole) == Field("trip.way.speed", "percent")
-    left = inside("trip", like(time_left="float"), monkeypatch)
-    assert chosen("trip.time_left", left) == Field("trip.time_left", "remaining")
+    leg = like(progress="float")
+    assert chosen("progress", leg) == Field("progress", "share")
+    trip = inside("trip", inside("leg", leg, monkeypatch), monkeypatch)
+    assert chosen("trip.leg.progress", trip) == Field("trip.leg.progress", "share")
 
 
 def test_a_field_may_count_to_any_number() -> None:
