@@ -697,6 +697,12 @@ MASKED = numpy.ma.array([0.5, 0.5], mask=[False, True])
         ),
         (
             BasicTypes,
+            {"float64_value": 10**400},
+            "float64_value: 1000000000000000000000000000...00000000000000000000000000000 is out of"
+            " range for double (-1.79769313e+308..1.79769313e+308).",
+        ),
+        (
+            BasicTypes,
             {"bool_value": 1},
             "bool_value: 1 is of type int, but boolean needs a bool (True or False).",
         ),
