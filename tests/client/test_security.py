@@ -66,6 +66,16 @@ def test_what_is_missing_is_told(enclave, told, keystore, run_script, monkeypatc
             ["--ros-args", "--enclave", "/second"],
             Security(False, "", "/first"),
         ),
+        (
+            {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_KEYSTORE": "/keys"},
+            ["--ros-args", "--enclave", "/yes", "-e", "/no"],
+            Security(False, "/keys", "/yes"),
+        ),
+        (
+            {"ROS_SECURITY_ENABLE": "true"},
+            ["-e", "/no", "--ros-args", "--", "-e", "/no", "--ros-args", "-e"],
+            Security(False, "", "/"),
+        ),
     ],
 )
 @pytest.mark.every
