@@ -277,6 +277,7 @@ class Metres(float): ...
         (BasicTypes, "float64_value", -sys.float_info.max, -sys.float_info.max),
         (BasicTypes, "bool_value", numpy.bool_(True), True),
         (BasicTypes, "byte_value", 255, b"\xff"),
+        (BasicTypes, "byte_value", 0, b"\0"),
         (BasicTypes, "byte_value", b"\x01", b"\x01"),
         (BasicTypes, "byte_value", bytearray(b"\x01"), b"\x01"),
         (BasicTypes, "byte_value", numpy.uint8(9), b"\x09"),
@@ -892,21 +893,35 @@ def test_the_largest_and_the_smallest_numbers_of_a_type_are_kept() -> None:
                 assert list(getattr(message, f"{name}_values")) == [low, high, high]
 
 
-def unlike_msg(*types: str) -> Any:
-    """Return a class like those of messages, with types of IDL files."""
+def unlike_msg(*types: Any) -> Any:
+    """Return a class like those of messages, with types that only IDL files have."""
 
     class Message:
-        SLOT_TYPES = tuple(definition.BasicType(each) for each in types)
+        SLOT_TYPES = types
 
         @classmethod
         def get_fields_and_field_types(cls) -> dict[str, str]:
-            return {f"field_{place}": each for place, each in enumerate(types)}
+            return {f"field_{place}": str(each) for place, each in enumerate(types)}
 
     return Message
 
 
+WCHAR, LONG_DOUBLE = definition.BasicType("wchar"), definition.BasicType("long double")
+
+
+def test_a_bounded_wide_string_is_counted_in_16_bit_units() -> None:
+    cls = unlike_msg(definition.BoundedWString(3))
+    for text in ("\U0001f600a", "äöü", ""):
+        assert from_plain(cls, {"field_0": text}).field_0 == text
+    with pytest.raises(FieldError) as caught:
+        from_plain(cls, {"field_0": "\U0001f600\U0001f600"})
+    assert str(caught.value) == (
+        "field_0: '\U0001f600\U0001f600' has 4 16-bit units, but wstring<3> takes at most 3."
+    )
+
+
 def test_types_that_only_idl_files_have_are_taken_as_they_are() -> None:
-    cls = unlike_msg("wchar", "long double")
+    cls = unlike_msg(WCHAR, LONG_DOUBLE)
     message = from_plain(cls, {"field_0": "ä", "field_1": 1.5})
     assert (message.field_0, message.field_1) == ("ä", 1.5)
     with pytest.raises(FieldTypeError) as caught:
@@ -973,7 +988,7 @@ def test_what_is_no_message_class_is_a_type_error(cls: Any, hint: str) -> None:
 
 
 def test_a_class_that_does_not_describe_each_field_is_refused() -> None:
-    cls = unlike_msg("wchar", "wchar")
+    cls = unlike_msg(WCHAR, WCHAR)
     cls.SLOT_TYPES = cls.SLOT_TYPES[:1]
     with pytest.raises(ValueError, match="shorter than"):
         from_plain(cls, {"field_0": "a"})

@@ -209,6 +209,8 @@ def test_an_outcome_is_shown_in_one_line() -> None:
     late = Outcome(GoalState.CANCELED, None, error, 2, events, GOALS[0], confirmed, elapsed=3.0)
     told = "<Outcome CANCELED: DeadlineExceededError, 2 attempts, 3.000 s, cancel CONFIRMED>"
     assert repr(late) == told
+    assert (done.ok, late.ok) == (True, False)
+    assert (done.state, late.state) == (done.status, late.status)
 
 
 def test_which_states_are_ends_and_which_goals_may_run() -> None:
