@@ -34,9 +34,11 @@ def test_it_returns_while_the_goal_runs(client, server):
 def test_a_rejected_goal_raises_what_the_result_raises(action_server, make_client):
     action_server("guarded", action_name="rejects", max_order=2)
     future = make_client(name="rejects").call_async({"order": 4})
-    with pytest.raises(ak.GoalRejectedError) as caught:
-        future.wait_accepted(20)
+    with pytest.raises(ak.GoalRejectedError) as caught:  # without a limit of its own
+        asyncio.run(asyncio.wait_for(future.wait_accepted_async(), 10))
     assert caught.value is future.exception(0)
+    with pytest.raises(ak.GoalRejectedError):
+        future.wait_accepted()
 
 
 def test_its_own_timeout_leaves_the_goal_alone(action_server, make_client):
@@ -58,6 +60,9 @@ def test_its_own_timeout_leaves_the_goal_alone(action_server, make_client):
     server.release()
     assert future.wait_accepted(20).state is GoalState.ACCEPTED
     assert len(future.result(20).sequence) == 2
+    server.sync()
+    asked = {event.goal_id for event in server.events if event.event == "cancel_requested"}
+    assert str(future.goal_id) not in asked
 
 
 def test_a_call_that_ends_before_raises_its_own_error(make_client):

@@ -386,7 +386,7 @@ def test_a_goal_that_was_never_followed_may_run(make_client):
     assert (error.phase, error.cancel) == ("cancel", CancelReport.UNKNOWN)
     assert "no server was in sight within 0.3 s: IT MAY STILL BE RUNNING, and is not" in str(error)
     with pytest.raises(ak.GoalNotReplacedError, match="MAY STILL BE RUNNING"):
-        client.call(LONG, replaces=ours)
+        client.call(LONG, 5.0, replaces=ours)
 
 
 def test_goals_of_this_client_alone_are_waited_for_no_longer_than_they_take(action_server, client):

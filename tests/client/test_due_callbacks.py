@@ -279,7 +279,13 @@ sys.exit(4)
 }
 
 
-@pytest.mark.parametrize("end", INTERRUPTED)
+@pytest.mark.parametrize(
+    "end",
+    [
+        pytest.param(end, marks=pytest.mark.long if end == "at the exit" else ())
+        for end in INTERRUPTED
+    ],
+)
 def test_ctrl_c_ends_the_wait(end, action_server, run_script):
     action_server("fibonacci")
     script = run_script(HEAD + BLOCKED + INTERRUPTED[end])

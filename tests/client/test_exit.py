@@ -77,11 +77,12 @@ except TypeError:
     pass
 """,
     "in a child that was forked": """
-import os
+import atexit, os, signal
 client = Client(Fibonacci, 'fibonacci')
 client.call({'order': 2}, 10)
 future = client.call_async({'order': 90})
 if (child := os.fork()) == 0:
+    signal.alarm(10)  # kills it where it waits for ever
     for use in (lambda: client.call({'order': 1}), future.result, future.cancel):
         try:
             use()
@@ -89,6 +90,7 @@ if (child := os.fork()) == 0:
         except RuntimeError as error:
             assert 'forked' in str(error) and ' Client ' in str(error)
     client.close()
+    atexit._run_exitfuncs()  # the goal is its parent's: nothing is waited for, or told
     os._exit(9)  # as multiprocessing does; rclpy itself crashes in a forked child's sys.exit
 assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
 assert client.call({'order': 2}, 10)
@@ -225,6 +227,25 @@ def test_a_silent_server_does_not_hold_up_the_exit(end, action_server, run_scrip
     code, out, err = script.finish(timeout=10)
     assert (code, out) == (0 if end == "exit" else -signal.SIGTERM, "")
     assert err.count("1 goal MAY STILL BE RUNNING") == 1  # it may be accepted yet (C2.8)
+
+
+UNACCEPTED = """
+timeouts = Timeouts(server=30, accept=0.3, cancel=20)
+client = Client(Fibonacci, 'fibonacci', timeouts=timeouts, retry=RetryPolicy.none())
+print(type(client.call_async({'order': 90}).exception()).__name__, flush=True)
+"""
+
+
+def test_the_exit_waits_for_a_goal_that_may_be_accepted_late(action_server, run_script):
+    """Its call has ended: the server does not know the goal yet."""
+    server = action_server("slow_accept", gate=1, period=60)
+    script = run_script(f"{HEAD}from actionkit import RetryPolicy\n{UNACCEPTED}")
+    assert script.line() == "AcceptanceTimeoutError"
+    goal = server.wait_for("goal_received")[0].goal_id
+    server.wait_for("cancel_requested", goal_id=goal, count=3)
+    server.release()
+    server.wait_for("canceled", goal_id=goal)
+    assert script.finish(timeout=15) == (0, "", "")
 
 
 IN_THE_USERS_CONTEXT = """

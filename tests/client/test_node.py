@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
@@ -14,6 +13,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
 from test_msgs.action import Fibonacci
+from test_msgs.msg import Empty as EmptyMessage
 from test_msgs.srv import Empty
 
 from actionkit import Client, ClientClosedError
@@ -21,6 +21,7 @@ from actionkit._ros import own_node, port, runtimes
 from actionkit._ros.workarounds.listener_hang import stop_listening
 from actionkit.testing import EventLog
 from tests.conftest import all_is_logged, until_shutdown
+from tests.waiting import until
 
 
 @contextmanager
@@ -147,16 +148,8 @@ def test_our_node_is_in_the_context_of_the_users(ros_domain):
             client.close()
         # The user's nodes go on: what listens for their discovery was left alone.
         assert one.context.ok()
-        other = Node("other", context=two.context)
-        assert_sees(one, other)
-        other.destroy_node()
-
-
-def assert_sees(node: Node, other: Node) -> None:
-    until = time.monotonic() + 10
-    while other.get_name() not in node.get_node_names():
-        assert time.monotonic() < until
-        time.sleep(0.02)
+        two.create_publisher(EmptyMessage, "news", 1)
+        until(lambda: one.count_publishers("/news"), bound=10.0)
 
 
 def test_only_the_last_node_of_a_context_stops_listening(ros_domain, monkeypatch):

@@ -50,10 +50,13 @@ class FakeSession:
 
 
 @pytest.mark.parametrize("ago", [0.0, 100.0])
-def test_goals_that_were_waited_for_in_vain_are_not_waited_for_again(ago: float) -> None:
+def test_goals_that_were_waited_for_in_vain_are_not_waited_for_again(
+    ago: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_exit, "end_calls", lambda sessions: GRACE)
     began = time.monotonic()
     session = FakeSession(began - ago)
-    _exit._await_freed(cast(Any, [session]), began, GRACE)
+    _exit._end_calls(cast(Any, [session]))
     assert session.waited_until == ([] if ago else [began + GRACE])
 
 

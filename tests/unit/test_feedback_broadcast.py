@@ -6,7 +6,11 @@ import asyncio
 import gc
 import threading
 from collections.abc import Callable
+from typing import Any
 
+from call_life import CallLife
+
+from actionkit import GoalState
 from actionkit._calls.feedback import KEPT
 from actionkit._calls.feedback_broadcast import FeedbackBroadcast, FeedbackStream
 
@@ -27,9 +31,9 @@ def broadcast_of(*numbers: int) -> FeedbackBroadcast[int]:
 class Reader(threading.Thread):
     """Reads a stream to its end."""
 
-    def __init__(self, stream: FeedbackStream[int]) -> None:
+    def __init__(self, stream: FeedbackStream[Any]) -> None:
         super().__init__(daemon=True)
-        self.got: list[int] = []
+        self.got: list[Any] = []
         self.first = threading.Event()
         self._stream = stream
         self.start()
@@ -39,7 +43,7 @@ class Reader(threading.Thread):
             self.got.append(number)
             self.first.set()
 
-    def result(self) -> list[int]:
+    def result(self) -> list[Any]:
         self.join(LONG)
         assert not self.is_alive()
         return self.got
@@ -55,6 +59,17 @@ def test_the_latest_and_the_count() -> None:
     broadcast = broadcast_of(1, 2)
     broadcast.end()
     assert (broadcast.latest, broadcast.count) == (2, 2)
+
+
+def test_a_call_shows_acceptance_before_feedback_and_its_end_ends_its_readers() -> None:
+    life = CallLife()
+    life.happens("ready")
+    life.happens("feedback", 0)  # before the server's answer
+    states = [event.state.name for event in life.call.future.timeline]
+    assert states == ["SENDING", "SENT", "ACCEPTED", "EXECUTING", "FEEDBACK", "FEEDBACK"]
+    reader = Reader(life.call.future.feedback())
+    life.happens("result", 0, GoalState.SUCCEEDED)
+    assert reader.result() == [b""]
 
 
 def test_readers_that_are_left_early_are_let_go() -> None:

@@ -887,6 +887,18 @@ def test_what_was_not_accepted_yet_and_is_taken_over_is_not_left_to_run() -> Non
     assert Release() not in effects
 
 
+def test_what_was_accepted_and_is_taken_over_is_left_to_run() -> None:
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0)
+    goal.accepted(0.1)
+    goal.give_up(CancelReason.DEADLINE, 0.5)
+    goal.timer(Timer.CANCEL, 3.0)
+    goal.attached_again(Timeouts(), 4.0, 1, left_alone=True)
+    effects = goal.give_up(CancelReason.DEADLINE, 5.0)
+    assert AskCancel() not in effects
+    assert Release() in effects
+
+
 def test_the_silence_of_what_is_taken_over_while_it_is_cancelled_is_no_stall() -> None:
     goal = Goal(uuid.uuid4(), Timeouts())
     goal.sent(0.0)
