@@ -193,6 +193,7 @@ class CallLife:
         self.seem_replaced: set[int] = set()
         self.wanted, self.closed, self.abandon, self.broke = True, False, False, False
         self.cancelled_by_others = False
+        self.broken: Broken | None = None
         with self.patched():
             self.call = Call(
                 self,  # type: ignore[arg-type]
@@ -291,6 +292,8 @@ class CallLife:
             action(*args, **options)
             while self.soon:
                 self.soon.popleft()()
+        if self.broken is not None:  # the call takes it for an error of rclpy's
+            raise self.broken
         self.check()
 
     def happens(self, *event: Any) -> None:
@@ -540,7 +543,8 @@ class CallLife:
 
     def require(self, holds: bool, promise: str) -> None:
         if not holds:
-            raise Broken(f"{promise}: {self.told}")
+            self.broken = Broken(f"{promise}: {self.told}")
+            raise self.broken
 
     def is_in_sight(self, goal: OnServers) -> bool:
         """Whether the server that a goal was sent to is in sight."""
