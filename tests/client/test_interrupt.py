@@ -350,11 +350,15 @@ def test_whatever_a_signal_handler_raises_cancels_the_goal(action_server, run_sc
 import signal
 signal.signal(signal.SIGTERM, lambda *_: sys.exit(5))
 client = Client(Fibonacci, "fibonacci")
-client.call({"order": 1}, on_feedback=lambda fb: print("running"))
+try:
+    client.call({"order": 1}, on_feedback=lambda fb: print("running"))
+finally:
+    print("interrupted", client.pending)
 """
     )
     assert script.line() == "running"
     script.process.send_signal(signal.SIGTERM)
+    assert script.line() == "interrupted 0"  # before the exit, which cancels, too
     code, _, err = script.finish()
     assert (code, err) == (5, "")
     assert len(server.wait_for("canceled")) == 1

@@ -255,8 +255,8 @@ def test_goals_are_cancelled_while_the_main_thread_hears_nothing(number, action_
     script = run_script(BLOCKED_IN_C)
     assert script.line() == "running"
     script.process.send_signal(number)
-    assert script.finish()[0] == -number
     assert len(server.wait_for("canceled")) == 1
+    assert script.finish()[0] == -number
 
 
 @pytest.mark.parametrize("warnings", ["default", "error"])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import re
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from actionkit import CancelReport, GoalState, RetryBudget, RetryPolicy, Verdict
+from actionkit._calls.closing import end_interrupted
 from actionkit._model import errors
 from actionkit._model.cancel_answer import CancelAnswer
 
@@ -161,6 +163,11 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
     "what somebody else cancelled is not retried, also when that is told late": (
         NO_LIMITS,
         [*LOST, *PAUSE, ("result", 0, GoalState.CANCELED), ("ready",)],
+        1,
+    ),
+    "nor where `classify=` says that it may pass": (
+        NO_LIMITS | {"judged": True},
+        [*RUNNING, ("result", 0, GoalState.CANCELED), ("judge", Verdict.TRANSIENT), *PAUSE],
         1,
     ),
     "nor where the server answered that it knew nothing of what we wanted cancelled": (
@@ -316,7 +323,8 @@ def test_a_human_who_waits_comes_first_also_if_the_client_was_closed_before() ->
             life.close(abandon=False)
         assert not life.link.urgent
         life.wanted = False
-        life.does(life.call.request_cancel, urgent=True)
+        no_wait: Any = SimpleNamespace(was_interrupted=True)
+        life.does(end_interrupted, no_wait, life.call, KeyboardInterrupt())
         assert life.link.urgent
         (goal,) = life.goals.values()
         assert goal.cancels_asked == 1 + closed
@@ -386,6 +394,18 @@ def test_a_late_success_is_taken_in_place_of_another_goal() -> None:
     assert life.outcome.error is None
     assert life.outcome.result is not None
     assert life.sends == 1
+
+
+def test_a_goal_of_a_server_that_fell_silent_is_asked_about_when_the_call_goes_on() -> None:
+    """No server becomes ready then, at which each lost goal is asked about."""
+    life = lived(RUNNING)
+    [goal], [attempt] = life.goals.values(), life.link.listeners.values()
+    life.does(attempt.on_server_lost, "its server answered nothing for 1 s")
+    asked = goal.asked
+    life.wait(0.5)
+    assert (life.sends, goal.asked) == (1, asked + 2)  # its result, and to cancel it
+    life.result(0, GoalState.SUCCEEDED)
+    assert life.outcome.error is None
 
 
 STATUS_FIRST: list[Event] = [*LOST, *PAUSE, ("status", 0, GoalState.SUCCEEDED), ("back",)]

@@ -169,6 +169,25 @@ def test_a_success_that_was_refused_a_cancel_is_not_thrown_away(refusals: int) -
     assert life.ending.result == 1
 
 
+@pytest.mark.parametrize(
+    ("why", "end"),
+    [(CancelReason.DEADLINE, End.DEADLINE), (CancelReason.CANCELLED, End.SUCCEEDED)],
+)
+def test_a_success_is_not_lost_where_another_server_does_not_confirm(
+    why: CancelReason, end: End
+) -> None:
+    """It was held back until the other server would have stopped the goal, too."""
+    goal = Goal(uuid.uuid4(), Timeouts())
+    goal.sent(0.0, servers=2)
+    goal.accepted(0.1)
+    goal.give_up(why, 3.0)
+    effects = goal.result(GoalState.SUCCEEDED, "result", 3.5, asked_at=0.1, everybody=False)
+    assert Settle not in map(type, effects)
+    (settle,) = (each for each in goal.timer(Timer.CANCEL, 5.0) if isinstance(each, Settle))
+    assert (settle.ending.end, settle.ending.result) == (end, "result")
+    assert settle.ending.cancel is CancelReport.UNKNOWN
+
+
 def test_a_refusal_is_asked_about_once_more() -> None:
     """rclpy refuses in the same words where the goal has just ended (R12)."""
     life = Life(3.0)
@@ -1027,13 +1046,17 @@ def test_a_success_that_was_shown_is_waited_for_though_its_goal_is_forgotten() -
     assert (life.end, life.ending.result) == (End.DEADLINE, "result")
 
 
-def test_what_another_server_does_not_know_may_run_on_its_own() -> None:
+@pytest.mark.parametrize("answer", ["cancel", "result"])
+def test_what_another_server_does_not_know_may_run_on_its_own(answer: str) -> None:
     life = Life(3.0)
     life.see(*UNTIL_ACCEPTED)
     life.wait_until(3.0)
     for _ in range(3):
         life.wait_until(life.now + DOUBT)
-        life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL, own=False)
+        if answer == "cancel":
+            life.tell("cancel_answered", CancelAnswer.UNKNOWN_GOAL, own=False)
+        else:
+            life.tell("result", None, None, own=False)
     life.wait_until(5.0)
     assert (life.end, life.report) == (End.DEADLINE, CancelReport.UNKNOWN)
 

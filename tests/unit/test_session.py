@@ -1,14 +1,20 @@
-"""When a closed client releases its place on the communication thread."""
+"""What a session watches of its goals, and when a closed one releases its place on the thread."""
 
 from __future__ import annotations
 
 import threading
 import time
+import uuid
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
+
+from actionkit import RetryBudget, RetryPolicy, Timeouts, retry_aborted
 from actionkit._calls.left_running import LINGER
+from actionkit._calls.request import Request
 from actionkit._calls.session import Session, open_sessions
+from actionkit._threads.pool import Pool
 from tests.unit.clock import Clock
 
 
@@ -29,7 +35,7 @@ class World(Clock):
         self.freed = threading.Event()
         self.port = SimpleNamespace(
             identity=SimpleNamespace(action_name="/arm", type_name="some/action/Arm", label=""),
-            link=SimpleNamespace(orphans=self.orphans),
+            link=SimpleNamespace(orphans=self.orphans, runtime=self, send_goal=lambda *_: 1),
             freed=self.freed,
             free=self.freed.set,
             decode_feedback=None,
@@ -104,3 +110,26 @@ def test_one_that_cannot_go_on_is_kept_until_it_is_closed() -> None:
     assert world.session in open_sessions
     world.session.release()
     assert world.session not in open_sessions
+
+
+@pytest.mark.parametrize(
+    ("settings", "watched"),
+    [
+        ({}, False),
+        ({"classify": retry_aborted()}, True),
+        ({"timeouts": Timeouts(feedback=1.0)}, True),
+        ({"retry": RetryPolicy(resend="server_gone")}, True),
+        ({"retry": RetryPolicy.none(), "timeouts": Timeouts(feedback=1.0)}, False),
+    ],
+    ids=str,
+)
+def test_what_may_be_sent_again_is_watched_from_the_beginning(
+    settings: dict[str, Any], watched: bool
+) -> None:
+    """Else a goal that somebody cancels in its first second would be sent again (C4.4)."""
+    usual = {"timeouts": Timeouts(), "retry": RetryPolicy(), "classify": None}
+    rest = {"budget": RetryBudget(), "callbacks": None, "pool": Pool(), "function_pool": Pool()}
+    request = Request(goal=object(), invalid=None, timeout=None, **usual | rest | settings)
+    owner: Any = SimpleNamespace(unwanted=False)
+    attempt = World().session.send(uuid.uuid4(), request, owner)
+    assert attempt.goal.watched_early is watched

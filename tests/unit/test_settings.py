@@ -27,7 +27,15 @@ def expect(error: type[Exception], cls: type, field: str, value: Any) -> str:
 
 
 def test_the_defaults_are_those_of_the_contract() -> None:
-    assert Timeouts() == Timeouts(server=5.0, accept=5.0, total=None, feedback=None, cancel=2.0)
+    assert Timeouts() == Timeouts(
+        server=5.0,
+        accept=5.0,
+        total=None,
+        feedback=None,
+        cancel=2.0,
+        liveness=None,
+        result=30.0,
+    )
     assert RetryPolicy() == RetryPolicy(
         attempts=3,
         initial=0.2,
