@@ -1,0 +1,328 @@
+"""Mutants of what a call does about time: deadlines, cancels, signals, and what may still run."""
+
+from __future__ import annotations
+
+from tests.mutants.mutant import Mutant
+
+MUTANTS = (
+    Mutant(
+        "C1.12",
+        "requests are sent without waiting for the answers to those before",
+        "_ros/outbox.py",
+        "        if self._taken >= self._size:\n",
+        "        if self._taken < 0:\n",
+        ("unit/test_outbox.py::test_each_answer_lets_one_more_go",),
+    ),
+    Mutant(
+        "C2.1",
+        "a call waits for a server after its deadline",
+        "_calls/call.py",
+        "            self._waited()\n",
+        "            pass\n",
+        ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
+    ),
+    Mutant(
+        "C2.1",
+        "the deadline of a call never passes",
+        "_calls/call.py",
+        "self._deadline_timer = self._session.call_at(self._deadline, deadline_passed)",
+        "self._deadline_timer = None",
+        ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
+    ),
+    Mutant(
+        "C2.1",
+        "NaN seconds are taken for a time",
+        "_model/settings.py",
+        "if not value >= 0:  # also for NaN",
+        "if value < 0:",
+        ("client/test_misuse.py::test_a_bad_timeout",),
+    ),
+    Mutant(
+        "C2.2",
+        "the wait for a server has no limit of its own",
+        "_calls/machine.py",
+        "self._wait_until = None if self._server_limit is None else now + self._server_limit",
+        "self._wait_until = None",
+        ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
+    ),
+    Mutant(
+        "C2.2",
+        "the wait for the acceptance has no limit",
+        "_goal/record.py",
+        "return [] if limit is None else [fx.Arm(fx.Timer.ACCEPT, now + limit)]",
+        "return []",
+        ("unit/test_goal_given_up.py::test_the_server_does_not_answer_and_accepts_after_all",),
+    ),
+    Mutant(
+        "C2.2",
+        "a goal without feedback never stalls",
+        "_goal/record.py",
+        "return [fx.Arm(fx.Timer.STALL, now + silence)]",
+        "return []",
+        ("unit/test_goal_given_up.py::test_feedback_stalls",),
+    ),
+    Mutant(
+        "C2.2",
+        "the error says that a goal was executed that was never accepted",
+        "_goal/cancelling.py",
+        """        self._phase = "accept" if self.stage is Stage.SENT else "execute"
+        self.cancel_reason""",
+        """        self._phase = "execute"
+        self.cancel_reason""",
+        ("unit/test_goal_given_up.py::test_the_deadline_passes_in_flight",),
+    ),
+    Mutant(
+        "C2.3",
+        "a goal is not cancelled at the deadline",
+        "_goal/cancelling.py",
+        "ask: fx.Effect = fx.AskResult() if self._ended_first else fx.AskCancel()",
+        "ask: fx.Effect = fx.AskResult()",
+        ("unit/test_goal_given_up.py::test_the_deadline_passes_in_flight",),
+    ),
+    Mutant(
+        "C2.3",
+        "the error after a deadline waits while the server confirms other goals",
+        "_goal/cancelling.py",
+        "            self._latest,\n",
+        "",
+        ("unit/test_goal_given_up.py::test_the_grace_after_a_deadline_is_never_longer",),
+    ),
+    Mutant(
+        "C2.3",
+        "a success that comes just after the deadline is lost",
+        "_goal/machine.py",
+        "if end is fx.End.DEADLINE and status is not GoalState.SUCCEEDED:",
+        "if end is fx.End.DEADLINE:",
+        ("unit/test_goal_given_up.py::test_the_result_comes_in_the_grace_after_the_deadline",),
+    ),
+    Mutant(
+        "C2.3",
+        "a success is lost that was held back until another server would confirm, too",
+        "_goal/cancelling.py",
+        """        if self._held is not None:
+            return self._settle_held()
+        effects""",
+        "        effects",
+        (
+            "unit/test_goal_given_up.py::test_a_success_is_not_lost_where_another_server_does_not_confirm",
+        ),
+    ),
+    Mutant(
+        "C2.3",
+        "a refused cancel is not told",
+        "_goal/cancelling.py",
+        "told = [] if self._refusal_told else "
+        "[fx.Record(self.state, _REFUSED, cancel_refused=True)]",
+        "told: list[fx.Effect] = []",
+        ("unit/test_goal_given_up.py::test_a_refused_cancel_leaves_the_goal_to_its_caller",),
+    ),
+    Mutant(
+        "C2.4",
+        "a goal that is accepted late is not cancelled",
+        "_goal/machine.py",
+        """        if self.unwanted:
+            effects.append(fx.AskCancel())
+        return effects + self._arm_stall(now)""",
+        """        return effects + self._arm_stall(now)""",
+        ("unit/test_goal_given_up.py::test_the_server_does_not_answer_and_accepts_after_all",),
+    ),
+    Mutant(
+        "C2.4",
+        "a second server that accepts a cancelled goal late is not asked to cancel it",
+        "_goal/machine.py",
+        "cancel: list[fx.Effect] = [fx.AskCancel()] if self.unwanted else []",
+        "cancel: list[fx.Effect] = []",
+        (
+            "unit/test_goal_machine.py::"
+            "test_a_second_server_that_accepts_what_was_cancelled_is_asked_to_cancel_it_at_once",
+        ),
+    ),
+    Mutant(
+        "C2.4",
+        "a goal that one server refused to cancel is wanted on a server that accepts it late",
+        "_goal/record.py",
+        "return self._given_up or self._refused_reason is not None",
+        "return self._given_up",
+        (
+            "unit/test_goal_given_up.py::"
+            "test_a_server_that_accepts_after_the_refusal_of_another_one_is_asked_to_cancel",
+        ),
+    ),
+    Mutant(
+        "C2.4",
+        "a server that does not know a cancelled goal yet is not asked again",
+        "_ros/cancels.py",
+        "known = answer is not CancelAnswer.UNKNOWN_GOAL",
+        "known = True",
+        ("unit/test_cancels.py::test_a_server_that_does_not_know_the_goal_is_asked_again",),
+    ),
+    Mutant(
+        "C2.4",
+        "a closed client does not look after goals that may be accepted late",
+        "_calls/session.py",
+        "watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)",
+        "watched = False",
+        ("client/test_cancel.py::test_late_acceptance_after_closing_is_cancelled",),
+    ),
+    Mutant(
+        "C2.5",
+        "Ctrl-C in a blocking call does not cancel the goal",
+        "_calls/closing.py",
+        "    call.request_cancel(urgent=True)\n",
+        "",
+        ("client/test_interrupt.py::test_ctrl_c_in_a_blocking_call[plain]",),
+    ),
+    Mutant(
+        "C2.5",
+        "the goal of a human who waits is cancelled after others",
+        "_calls/closing.py",
+        "    call.request_cancel(urgent=True)\n",
+        "    call.request_cancel()\n",
+        (
+            "unit/test_call_properties.py::test_a_human_who_waits_comes_first_also_if_the_client_was_closed_before",
+        ),
+    ),
+    Mutant(
+        "C2.5",
+        "urgent cancels are queued with the others",
+        "_ros/cancels.py",
+        "self._outbox.put(key, cancellation, urgent=cancellation.urgent)",
+        "self._outbox.put(key, cancellation)",
+        ("unit/test_cancels.py::test_those_in_a_hurry_go_first",),
+    ),
+    Mutant(
+        "C2.5",
+        "Ctrl-C does not wait for the confirmation of the cancel",
+        "_calls/closing.py",
+        "_await_ends([session], [future], session.cancel_grace)",
+        "_await_ends([session], [future], 0.0)",
+        ("client/test_interrupt.py::test_ctrl_c_in_a_blocking_call[plain]",),
+    ),
+    Mutant(
+        "C2.5",
+        "rclpy's signal handler lets goals run before the blocking call hears of Ctrl-C",
+        "_calls/session.py",
+        "            if self._abandon:\n                self.call_at(",
+        "            if self._abandon and self._closed:\n                self.call_at(",
+        ("client/test_shutdown.py::test_ctrl_c_cancels_what_else_would_be_left_to_run",),
+    ),
+    Mutant(
+        "C2.6",
+        "goals begin between a signal and the end of the process",
+        "_calls/session.py",
+        "            call.unwanted = True  #",
+        "            pass  #",
+        ("client/test_shutdown.py::test_nothing_begins_between_the_signal_and_the_end",),
+    ),
+    Mutant(
+        "C2.6",
+        "a signal does not cancel the goals",
+        "_calls/signals.py",
+        "            cancel_goals(work.hurry.is_set)\n",
+        "            pass\n",
+        ("client/test_shutdown.py::test_nothing_begins_between_the_signal_and_the_end",),
+    ),
+    Mutant(
+        "C2.6",
+        "a signal is not heard while the main thread is in C code",
+        "_calls/signals.py",
+        "            if numbers and not self._heard.wait(_MAIN_HEARS):\n",
+        "            if numbers and self._heard.is_set():\n",
+        ("client/test_shutdown.py::test_goals_are_cancelled_while_the_main_thread_hears_nothing",),
+    ),
+    Mutant(
+        "C2.6",
+        "calls go on when the user's context was shut down",
+        "_calls/session.py",
+        """            else:
+                self._end_calls()
+        self.port.end_spinning()""",
+        "        self.port.end_spinning()",
+        ("client/test_shutdown.py::test_the_end_of_the_users_node_ends_its_calls[shut_down]",),
+    ),
+    Mutant(
+        "C2.6",
+        "nobody notices that the user's node was destroyed",
+        "_calls/session.py",
+        "            if self.port.has_node and self._node_timer is None:\n",
+        "            if self._closed:\n",
+        ("client/test_shutdown.py::test_the_end_of_the_users_node_ends_its_calls[destroy]",),
+    ),
+    Mutant(
+        "C2.7",
+        "a call that found no server tries again",
+        "_calls/machine.py",
+        "(self._end if late or self._last is None else self._plan)(ending)",
+        "(self._end if late else self._plan)(ending)",
+        ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
+    ),
+    Mutant(
+        "C2.7",
+        "a deadline without a server is not told as no server",
+        "_calls/retry.py",
+        "if late and (ready or last is not None):",
+        "if late:",
+        ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
+    ),
+    Mutant(
+        "C2.8",
+        "a goal that its server does not know yet counts as over",
+        "_goal/machine.py",
+        """self._unknown_to_another() if facts.lost else self._over()
+        return self._unknown_so_far()""",
+        """self._unknown_to_another() if facts.lost else self._over()
+        return self._over()""",
+        ("unit/test_known_to_run.py::test_a_server_that_does_not_know_it_so_far_may_take_it_yet",),
+    ),
+    Mutant(
+        "C2.8",
+        "an error does not name the other goals of its call that may run",
+        "_calls/still_running.py",
+        "return name_those_left(goal for goal in ending.goals if goal.goal_id != told)",
+        'return ""',
+        ("unit/test_explain.py::test_other_goals_of_the_call_that_may_run_are_named",),
+    ),
+    Mutant(
+        "C2.8",
+        "a cancelled call says that nothing runs, though an earlier goal may",
+        "_calls/machine.py",
+        "if ending.end is fx.End.CANCELLED_BY_CALLER and (may_run := ending.may_run):",
+        "if ending.end is fx.End.CANCELLED_BY_CALLER and (may_run := ()):",
+        ("unit/test_call_properties.py::test_who_cancels_in_a_pause_waits_for_the_goals_that_run",),
+    ),
+    Mutant(
+        "C2.8",
+        "what one of two servers has ended has stopped, though the other has gone",
+        "_goal/machine.py",
+        "return facts.servers == 1 or nowhere_seen or (everybody and not facts.away)",
+        "return facts.servers == 1 or nowhere_seen or everybody",
+        (
+            "client/test_two_servers.py::"
+            "test_a_cancel_is_not_confirmed_by_one_server_where_the_other_has_gone",
+        ),
+    ),
+    Mutant(
+        "C2.8",
+        "Ctrl-C does not tell which goals may run",
+        "_calls/closing.py",
+        "    future._tell_of_goals_left(error)\n",
+        "",
+        ("client/test_interrupt.py::test_ctrl_c_tells_at_once_what_may_still_run[1]",),
+    ),
+    Mutant(
+        "C2.9",
+        "the communication thread waits for a lock that an interrupted main thread may hold",
+        "_calls/future.py",
+        "self._condition.acquire(blocking=False)",
+        "self._condition.acquire()",
+        ("unit/test_signal_safety.py::test_a_future_is_settled_while_its_lock_is_held",),
+    ),
+    Mutant(
+        "C2.9",
+        "what a signal handler raises leaves a blocking call's goal running",
+        "_client.py",
+        "        except BaseException as error:\n            if not future.done():",
+        "        except KeyboardInterrupt as error:\n            if not future.done():",
+        ("client/test_interrupt.py::test_whatever_a_signal_handler_raises_cancels_the_goal",),
+    ),
+)
