@@ -9,6 +9,7 @@ import concurrent.futures
 import re
 from types import SimpleNamespace
 from typing import Any
+from unittest import mock
 
 import pytest
 from call_life import CallLife
@@ -328,6 +329,30 @@ def test_a_human_who_waits_comes_first_also_if_the_client_was_closed_before() ->
         assert life.link.urgent
         (goal,) = life.goals.values()
         assert goal.cancels_asked == 1 + closed
+
+
+def test_a_caller_with_little_time_left_comes_first() -> None:
+    """Its error comes in time, and what happened to the goal is to be known by then."""
+    life = lived([*RUNNING, ("wait", 4.0)], timeout=4.0)
+    assert life.link.urgent
+    life = lived([*RUNNING, ("cancel",)])
+    assert not life.link.urgent
+
+
+def test_a_goal_that_the_middleware_does_not_take_is_one_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    life, error = CallLife(), ValueError("from rclpy's converters")
+    monkeypatch.setattr(life.link, "send_goal", mock.Mock(side_effect=error))
+    life.ready()
+    assert type(life.outcome.error) is errors.InvalidGoalError
+    assert life.outcome.error.__cause__ is error
+
+
+def test_a_cancelled_call_waits_for_no_other_server_when_its_own_is_lost() -> None:
+    life = lived([*RUNNING, ("cancel",), ("gone",)])
+    assert type(life.outcome.error) is errors.ServerLostError
+    assert "not tried again: its caller no longer wants it" in str(life.outcome.error)
 
 
 def test_a_call_that_nobody_wants_when_it_begins_leaves_no_timer() -> None:

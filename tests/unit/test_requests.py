@@ -206,20 +206,23 @@ def test_a_goal_that_was_abandoned_is_never_cancelled(
     assert requests.unheard_since is None  # nothing was asked of anybody
 
 
-@pytest.mark.parametrize("lost", [False, True])
-def test_a_late_answer_to_an_early_question_ends_nothing(lost: bool) -> None:
+@pytest.mark.parametrize("server", ["there", "lost", "back"])
+def test_a_late_answer_to_an_early_question_ends_nothing(server: str) -> None:
     """A server that did not know the goal yet, with a delayed answer."""
     life = CallLife()
     life.ready()
     life.accepted(0)
     attempt = life.call.machine.attempt
     assert attempt is not None
-    if lost:
+    if server != "there":
         life.gone()
+    if server == "back":
+        life.back()
     life.does(attempt.on_result, None, None, life.now(), outdated=True)
     assert attempt.goal.in_flight
     life.result(0, None)
-    if not lost:
+    if server == "there":
         life.wait_until(life.now() + DOUBT)
         life.result(0, None)  # it says so again
-    assert attempt.goal.in_flight == lost  # of a lost goal only its own server can say so
+    # Of a lost goal only its own server can say so.
+    assert attempt.goal.in_flight == (server == "lost")

@@ -12,8 +12,7 @@ MUTANTS = (
         "return [fx.Arm(fx.Timer.RESULT, now + limit)]",
         "return []",
         (
-            "unit/test_goal_machine.py::"
-            "test_a_result_that_does_not_follow_its_status_is_asked_for_and_lost_in_the_end",
+            "unit/test_goal_machine.py::test_a_result_that_does_not_follow_its_status_is_asked_for_and_lost_in_the_end",
         ),
     ),
     Mutant(
@@ -40,9 +39,34 @@ MUTANTS = (
         "return self._end(fx.Ending(fx.End.TYPE_MISMATCH, GoalState.SENDING, served=served))",
         "return []",
         (
-            "unit/test_call_properties.py::"
-            "test_a_server_of_another_type_that_is_seen_only_when_time_is_up_is_told",
+            "unit/test_call_properties.py::test_a_server_of_another_type_that_is_seen_only_when_time_is_up_is_told",
         ),
+    ),
+    Mutant(
+        "C3.1",
+        "a call hangs if the middleware does not take its goal",
+        "_calls/machine.py",
+        "return self._end(fx.Ending(fx.End.INVALID, GoalState.SENDING, error=error))",
+        "return []",
+        (
+            "unit/test_call_properties.py::test_a_goal_that_the_middleware_does_not_take_is_one_error",
+        ),
+    ),
+    Mutant(
+        "C3.1",
+        "a call hangs if the communication thread dies",
+        "_goal/cancelling.py",
+        "return effects + self._settle(fx.End.LOST, error=error) + self._release()",
+        "return effects + self._release()",
+        ("unit/test_goal_machine.py::test_a_broken_client_ends_the_call",),
+    ),
+    Mutant(
+        "C3.1",
+        "a call hangs if its goal is rejected",
+        "_goal/machine.py",
+        "        return effects + self._end_here(end, now)\n",
+        "        return effects\n",
+        ("unit/test_goal_machine.py::test_a_goal_is_rejected",),
     ),
     Mutant(
         "C3.2",
@@ -107,8 +131,7 @@ MUTANTS = (
         'verdict = Fault(f"{label} {verdict.why}", asked=verdict.asked)',
         "verdict = default_verdict(outcome)",
         (
-            "unit/test_call_properties.py::"
-            "test_a_function_that_does_not_answer_makes_no_success_and_holds_nothing_up",
+            "unit/test_call_properties.py::test_a_function_that_does_not_answer_makes_no_success_and_holds_nothing_up",
         ),
     ),
 )

@@ -20,9 +20,16 @@ MUTANTS = (
         "        effects += self._settle(fx.End.LOST, lost_because=reason)\n",
         "",
         (
-            "unit/test_goal_machine.py::"
-            "test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled",
+            "unit/test_goal_machine.py::test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled",
         ),
+    ),
+    Mutant(
+        "C5.1",
+        "a call whose goal waits for its turn is not told that the server is gone",
+        "_ros/servers/monitor.py",
+        "                waiter.on_server_lost(reason)\n",
+        "                pass\n",
+        ("unit/test_monitor.py::test_goals_are_lost_with_the_last_server_that_may_have_them",),
     ),
     Mutant(
         "C5.2",
@@ -39,8 +46,7 @@ MUTANTS = (
         "                self._lose(listener, goal, replaced, SEEMS_REPLACED)\n",
         "",
         (
-            "unit/test_monitor.py::"
-            "test_a_silent_server_with_a_successor_on_a_node_of_its_name_was_restarted",
+            "unit/test_monitor.py::test_a_silent_server_with_a_successor_on_a_node_of_its_name_was_restarted",
         ),
     ),
     Mutant(
@@ -51,6 +57,16 @@ MUTANTS = (
             self.monitor.restarts.start()""",
         "            # the goal is dead (R1).",
         ("unit/test_link.py::test_of_two_servers_one_that_does_not_know_a_goal_proves_nothing",),
+    ),
+    Mutant(
+        "C5.2",
+        "a lost goal is not asked about at the server that took its place",
+        "_ros/servers/monitor.py",
+        "listener.on_server_ready()  # the new one",
+        "pass  # the new one",
+        (
+            "unit/test_monitor.py::test_a_silent_server_with_a_successor_on_a_node_of_its_name_was_restarted",
+        ),
     ),
     Mutant(
         "C5.3",
@@ -69,14 +85,21 @@ MUTANTS = (
         ("unit/test_readiness.py::test_a_graph_that_is_behind_when_a_server_goes",),
     ),
     Mutant(
+        "C5.3",
+        "what a server said just before it left is not read",
+        "_ros/link.py",
+        "            answers.take()\n",
+        "            pass\n",
+        ("unit/test_link.py::test_what_a_server_said_before_it_went_is_read_first",),
+    ),
+    Mutant(
         "C5.4",
         "a process that was stopped believes at once that its server is gone",
         "_ros/workarounds/standstill.py",
         "            self._believe_no_loss(BELIEVED_AFTER)\n",
         "",
         (
-            "unit/test_standstill.py::"
-            "test_no_loss_is_believed_for_a_while_and_results_are_asked_for",
+            "unit/test_standstill.py::test_no_loss_is_believed_for_a_while_and_results_are_asked_for",
         ),
     ),
     Mutant(
@@ -86,8 +109,7 @@ MUTANTS = (
         "held = self._timers.now() < self._held_until",
         "held = False",
         (
-            "unit/test_monitor.py::"
-            "test_a_server_that_is_back_soon_after_a_standstill_was_never_gone",
+            "unit/test_monitor.py::test_a_server_that_is_back_soon_after_a_standstill_was_never_gone",
         ),
     ),
     Mutant(
@@ -105,8 +127,7 @@ MUTANTS = (
         "                link.ask_about_goals()\n",
         "                pass\n",
         (
-            "unit/test_standstill.py::"
-            "test_no_loss_is_believed_for_a_while_and_results_are_asked_for",
+            "unit/test_standstill.py::test_no_loss_is_believed_for_a_while_and_results_are_asked_for",
         ),
     ),
     Mutant(
@@ -116,6 +137,14 @@ MUTANTS = (
         "            self._replace_node()\n",
         "",
         ("unit/test_standstill.py::test_where_no_server_answers_the_node_is_replaced_once",),
+    ),
+    Mutant(
+        "C5.4",
+        "a server that is back after an outage is not expected to accept a goal yet",
+        "_goal/machine.py",
+        "        elif not self.facts.accepted:\n            # It may",
+        "        elif self.facts.left:\n            # It may",
+        ("unit/test_goal_machine.py::test_a_lost_goal_may_be_taken_yet_by_its_own_server",),
     ),
     Mutant(
         "C5.5",
@@ -168,6 +197,36 @@ MUTANTS = (
         ("unit/test_goal_machine.py",),
     ),
     Mutant(
+        "C5.6",
+        "what one server has ended counts as running there when another shows it",
+        "_goal/machine.py",
+        "        self.stage = Stage.ELSEWHERE if elsewhere else Stage.ACCEPTED\n",
+        "        self.stage = Stage.ACCEPTED\n",
+        (
+            "unit/test_goal_machine.py::test_what_one_of_two_servers_has_ended_may_run_on_the_one_that_is_back_and_lost_again",
+        ),
+    ),
+    Mutant(
+        "C5.6",
+        "a goal that one server has ended is not cancelled on the other",
+        "_goal/record.py",
+        "effects = [fx.Disarm(fx.Timer.STALL), *effects, fx.AskCancel(), ",
+        "effects = [fx.Disarm(fx.Timer.STALL), *effects, ",
+        (
+            "unit/test_goal_machine.py::test_a_second_server_that_accepts_what_one_has_ended_may_run_it",
+        ),
+    ),
+    Mutant(
+        "C5.6",
+        "a second server that accepts a goal after its end is not asked to cancel it",
+        "_ros/orphans.py",
+        "        if not pending:\n            self._confirm(",
+        "        if pending:\n            self._confirm(",
+        (
+            "unit/test_orphans.py::test_what_ended_on_one_server_is_cancelled_where_it_is_accepted_late",
+        ),
+    ),
+    Mutant(
         "C5.7",
         "a server that never had the goal can say by its result that it is lost",
         "_goal/machine.py",
@@ -190,8 +249,7 @@ MUTANTS = (
         "return self._unknown_to_another() if facts.lost else self._over()",
         "return self._over()",
         (
-            "unit/test_goal_machine.py::"
-            "test_a_lost_goal_is_forgotten_when_its_own_server_does_not_know_it",
+            "unit/test_goal_machine.py::test_a_lost_goal_is_forgotten_when_its_own_server_does_not_know_it",
         ),
     ),
     Mutant(
@@ -201,8 +259,7 @@ MUTANTS = (
         "return self._unknown_to_another() if self.facts.lost else self._over()",
         "return self._over()",
         (
-            "unit/test_goal_machine.py::"
-            "test_a_lost_goal_is_forgotten_when_its_own_server_does_not_know_it",
+            "unit/test_goal_machine.py::test_a_lost_goal_is_forgotten_when_its_own_server_does_not_know_it",
         ),
     ),
     Mutant(
@@ -212,8 +269,7 @@ MUTANTS = (
         "                goal.sent_to -= replaced\n",
         "",
         (
-            "unit/test_monitor.py::"
-            "test_a_silent_server_with_a_successor_on_a_node_of_its_name_was_restarted",
+            "unit/test_monitor.py::test_a_silent_server_with_a_successor_on_a_node_of_its_name_was_restarted",
         ),
     ),
     Mutant(
@@ -223,5 +279,13 @@ MUTANTS = (
         "back = self._link.sees_server_of(self) and not (facts.servers > 1 and facts.away)",
         "back = not (facts.servers > 1 and facts.away)",
         ("unit/test_call_properties.py::test_subtle_orders",),
+    ),
+    Mutant(
+        "C5.7",
+        "an answer counts that was given before the server had the goal",
+        "_calls/attempt.py",
+        "        if state is None and outdated:\n",
+        "        if state is None and outdated and self._has_result:\n",
+        ("unit/test_requests.py::test_a_late_answer_to_an_early_question_ends_nothing",),
     ),
 )

@@ -36,8 +36,7 @@ MUTANTS = (
         "return self._end(replace(ending, not_retried=waited + plan.reason))",
         "return self._end(ending)",
         (
-            "unit/test_call_properties.py::"
-            "test_attempts_end_with_the_last_error_and_the_limit_that_ended_them",
+            "unit/test_call_properties.py::test_attempts_end_with_the_last_error_and_the_limit_that_ended_them",
         ),
     ),
     Mutant(
@@ -87,8 +86,7 @@ MUTANTS = (
         "facts.over = self._stopped_everywhere(everybody=everybody)",
         "facts.over = True",
         (
-            "client/test_two_servers.py::"
-            "test_what_one_server_aborts_is_not_sent_again_while_another_may_run_it",
+            "client/test_two_servers.py::test_what_one_server_aborts_is_not_sent_again_while_another_may_run_it",
         ),
     ),
     Mutant(
@@ -98,8 +96,26 @@ MUTANTS = (
         "return self.over or not (self.accepted or self.noes < self.servers)",
         "return self.over or not (self.accepted or self.noes < 1)",
         (
-            "unit/test_goal_machine.py::"
-            "test_what_one_of_two_servers_rejects_after_both_were_lost_is_still_followed",
+            "unit/test_goal_machine.py::test_what_one_of_two_servers_rejects_after_both_were_lost_is_still_followed",
+        ),
+    ),
+    Mutant(
+        "C4.2",
+        "another goal is not sent when the earlier one is known to have stopped",
+        "_calls/call.py",
+        "        if self.machine.phase is Phase.WAITING and self._session.server_is_ready():\n"
+        "            self.on_server_ready()\n",
+        "",
+        ("unit/test_call_properties.py::test_subtle_orders",),
+    ),
+    Mutant(
+        "C4.2",
+        "a server that seems replaced counts as gone while it is in the graph",
+        "_ros/servers/monitor.py",
+        "given_to - len(goal.given_to & present)",
+        "given_to - len(goal.servers & present)",
+        (
+            "unit/test_monitor.py::test_a_silent_server_with_a_successor_on_a_node_of_its_name_was_restarted",
         ),
     ),
     Mutant(
@@ -109,8 +125,7 @@ MUTANTS = (
         "            if earlier.goal.stage is Stage.LOST and self._session.server_is_ready():\n",
         "            if earlier.goal.stage is Stage.OVER and self._session.server_is_ready():\n",
         (
-            "unit/test_call_properties.py::"
-            "test_a_goal_of_a_server_that_fell_silent_is_asked_about_when_the_call_goes_on",
+            "unit/test_call_properties.py::test_a_goal_of_a_server_that_fell_silent_is_asked_about_when_the_call_goes_on",
         ),
     ),
     Mutant(
@@ -128,8 +143,7 @@ MUTANTS = (
         "ended_as = earlier.goal.awaits_result_of",
         "ended_as = None",
         (
-            "unit/test_call_properties.py::"
-            "test_no_goal_is_sent_while_the_success_of_an_earlier_one_is_on_its_way",
+            "unit/test_call_properties.py::test_no_goal_is_sent_while_the_success_of_an_earlier_one_is_on_its_way",
         ),
     ),
     Mutant(
@@ -179,8 +193,7 @@ MUTANTS = (
         "self._change(-1.0)",
         "self._change(0.0)",
         (
-            "unit/test_budget.py::"
-            "test_a_server_that_fails_for_everybody_is_soon_left_alone_and_tried_again_later",
+            "unit/test_budget.py::test_a_server_that_fails_for_everybody_is_soon_left_alone_and_tried_again_later",
         ),
     ),
     Mutant(

@@ -117,6 +117,24 @@ MUTANTS = (
         ("unit/test_goal_given_up.py::test_a_refused_cancel_leaves_the_goal_to_its_caller",),
     ),
     Mutant(
+        "C2.3",
+        "goals whose deadline has passed are cancelled after others",
+        "_calls/attempt.py",
+        "urgent = self.owner.urgent or self.goal.cancel_reason is CancelReason.DEADLINE",
+        "urgent = self.owner.urgent",
+        ("unit/test_call_properties.py::test_a_caller_with_little_time_left_comes_first",),
+    ),
+    Mutant(
+        "C2.3",
+        "a refusal after the deadline ends the call, and its success is lost",
+        "_goal/cancelling.py",
+        "            return [*told]  # it may still succeed in the time that is left (C2.3)\n",
+        "            return [*told, *self._settle_given_up()]\n",
+        (
+            "unit/test_goal_given_up.py::test_a_success_that_was_refused_a_cancel_is_not_thrown_away",
+        ),
+    ),
+    Mutant(
         "C2.4",
         "a goal that is accepted late is not cancelled",
         "_goal/machine.py",
@@ -133,8 +151,7 @@ MUTANTS = (
         "cancel: list[fx.Effect] = [fx.AskCancel()] if self.unwanted else []",
         "cancel: list[fx.Effect] = []",
         (
-            "unit/test_goal_machine.py::"
-            "test_a_second_server_that_accepts_what_was_cancelled_is_asked_to_cancel_it_at_once",
+            "unit/test_goal_machine.py::test_a_second_server_that_accepts_what_was_cancelled_is_asked_to_cancel_it_at_once",
         ),
     ),
     Mutant(
@@ -144,8 +161,7 @@ MUTANTS = (
         "return self._given_up or self._refused_reason is not None",
         "return self._given_up",
         (
-            "unit/test_goal_given_up.py::"
-            "test_a_server_that_accepts_after_the_refusal_of_another_one_is_asked_to_cancel",
+            "unit/test_goal_given_up.py::test_a_server_that_accepts_after_the_refusal_of_another_one_is_asked_to_cancel",
         ),
     ),
     Mutant(
@@ -163,6 +179,32 @@ MUTANTS = (
         "watched = any(attempt.goal.stage is not Stage.LOST for attempt in self._attempts)",
         "watched = False",
         ("client/test_cancel.py::test_late_acceptance_after_closing_is_cancelled",),
+    ),
+    Mutant(
+        "C2.4",
+        "a goal whose server is back is not cancelled",
+        "_goal/machine.py",
+        "        return [fx.AskCancel(), fx.AskResult(), self._arm_reask(now)]\n",
+        "        return [fx.AskResult(), self._arm_reask(now)]\n",
+        (
+            "unit/test_goal_machine.py::test_a_lost_server_ends_the_call_and_a_goal_that_comes_back_is_cancelled",
+        ),
+    ),
+    Mutant(
+        "C2.4",
+        "a cancel request is sent once, and is not repeated if it is lost",
+        "_ros/cancels.py",
+        "                now + pause, partial(self._enqueue, key, cancellation)",
+        "                now + 1e6, partial(self._enqueue, key, cancellation)",
+        ("unit/test_cancels.py::test_what_is_not_answered_is_asked_again_less_and_less_often",),
+    ),
+    Mutant(
+        "C2.4",
+        "a closed client forgets goals that run on a second server",
+        "_calls/session.py",
+        "return not self.calls and not watched and not self.link.orphans.confirmed",
+        "return not self.calls and not watched",
+        ("unit/test_session.py::test_it_stays_while_goals_are_cancelled_on_a_second_server",),
     ),
     Mutant(
         "C2.5",
@@ -207,6 +249,16 @@ MUTANTS = (
         ("client/test_shutdown.py::test_ctrl_c_cancels_what_else_would_be_left_to_run",),
     ),
     Mutant(
+        "C2.5",
+        "a cancelled call waits for another server when its own was lost",
+        "_calls/machine.py",
+        'why = "its caller no longer wants it" if self.unwanted else self.closing',
+        "why = self.closing",
+        (
+            "unit/test_call_properties.py::test_a_cancelled_call_waits_for_no_other_server_when_its_own_is_lost",
+        ),
+    ),
+    Mutant(
         "C2.6",
         "goals begin between a signal and the end of the process",
         "_calls/session.py",
@@ -249,6 +301,24 @@ MUTANTS = (
         ("client/test_shutdown.py::test_the_end_of_the_users_node_ends_its_calls[destroy]",),
     ),
     Mutant(
+        "C2.6",
+        "a program that is told to end does not warn of goals that may run",
+        "_calls/exit.py",
+        "    finally:\n        warn_of_goals_left(_give_up_waiting(sessions))\n",
+        "    finally:\n        _give_up_waiting(sessions)\n",
+        ("client/test_exit.py::test_a_silent_server_does_not_hold_up_the_exit[SIGTERM]",),
+    ),
+    Mutant(
+        "C2.6",
+        "a program that is told to end does not wait for confirmations",
+        "_calls/exit.py",
+        "while any(session.calls or session.confirming for session in sessions) and not hurry():",
+        "while False:",
+        (
+            "client/test_shutdown.py::test_nothing_begins_between_the_signal_and_the_end[threading.Event().wait()]",
+        ),
+    ),
+    Mutant(
         "C2.7",
         "a call that found no server tries again",
         "_calls/machine.py",
@@ -262,6 +332,14 @@ MUTANTS = (
         "_calls/retry.py",
         "if late and (ready or last is not None):",
         "if late:",
+        ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
+    ),
+    Mutant(
+        "C2.7",
+        "a call without a server ends at once",
+        "_calls/call.py",
+        "            self._wait = self._session.call_at(effect.until, self._waited)\n",
+        "            self._waited()\n",
         ("unit/test_call_properties.py::test_no_server_is_one_error_in_the_time_there_is",),
     ),
     Mutant(
@@ -297,8 +375,7 @@ MUTANTS = (
         "return facts.servers == 1 or nowhere_seen or (everybody and not facts.away)",
         "return facts.servers == 1 or nowhere_seen or everybody",
         (
-            "client/test_two_servers.py::"
-            "test_a_cancel_is_not_confirmed_by_one_server_where_the_other_has_gone",
+            "client/test_two_servers.py::test_a_cancel_is_not_confirmed_by_one_server_where_the_other_has_gone",
         ),
     ),
     Mutant(
@@ -308,6 +385,16 @@ MUTANTS = (
         "    future._tell_of_goals_left(error)\n",
         "",
         ("client/test_interrupt.py::test_ctrl_c_tells_at_once_what_may_still_run[1]",),
+    ),
+    Mutant(
+        "C2.8",
+        "what a second server may yet accept counts as stopped when its caller gave up",
+        "_goal/facts.py",
+        "return self.runs_seen or (self.given_up and self.undecided)",
+        "return self.runs_seen",
+        (
+            "unit/test_goal_machine.py::test_what_one_of_two_servers_has_ended_is_not_asked_for_by_each_answer_again",
+        ),
     ),
     Mutant(
         "C2.9",
