@@ -62,6 +62,15 @@ def test_no_server_is_one_error(limit, form, make_client):
     assert budget.tokens == before  # a server that is not there is not hammered
 
 
+def test_a_call_without_a_time_of_its_own_has_that_of_its_client(make_client):
+    client = make_client(timeouts=Timeouts(server=None, total=0.2))
+    without_limit = client.call_async({"order": 3}, timeout=None)
+    error = client.call_async({"order": 3}).exception(10)
+    assert type(error) is ak.ServerUnavailableError
+    assert error.elapsed >= 0.2
+    assert not without_limit.done()
+
+
 @pytest.mark.long
 def test_without_time_nothing_is_sent_to_a_server_either(action_server, make_client):
     """That call had a server, so it is the deadline's error."""

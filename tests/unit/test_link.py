@@ -141,11 +141,15 @@ class World(CommunicationThread):
         )
         self.windows: dict[type, Any] = {}
         self.rejoining = SimpleNamespace(links={})
-        self.standstill = SimpleNamespace(watch=lambda: None)
+        self.watched = 0
+        self.standstill = SimpleNamespace(watch=self._watch)
         self.link: Any = Link(  # type: ignore[arg-type]
             self, Fibonacci, TYPE, ActionNames.of("/fibonacci")
         )
         self.entities: Any = self.link._entities
+
+    def _watch(self) -> None:
+        self.watched += 1
 
     def window(self, kind: type, action_name: str) -> Any:
         return self.windows.setdefault(kind, kind())
@@ -248,6 +252,15 @@ def test_status_is_waited_for_no_longer_than_it_says_anything(world: World, then
         world.advance(0.6)
         assert world.link.server_is_ready()
     assert world.entities.status is None
+
+
+def test_each_call_has_this_process_watched_for_standstills(world: World) -> None:
+    """That ends when nothing is in flight (C5.4)."""
+    before = world.watched
+    listener = Listener(world.link)
+    world.link.await_server(listener)
+    assert world.watched == before + 1
+    world.link.dequeue(listener, listener.goal_id)
 
 
 def test_a_goal_that_is_unwanted_meanwhile_is_not_sent(world: World) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from actionkit import RetryBudget, RetryPolicy, Timeouts, retry_aborted
+from actionkit._calls.closing import end_calls
 from actionkit._calls.left_running import LINGER
 from actionkit._calls.request import Request
 from actionkit._calls.session import Session, open_sessions
@@ -83,6 +84,17 @@ def test_nothing_keeps_it_otherwise() -> None:
     assert world.freed.is_set()
 
 
+def test_closing_does_not_wait_after_ctrl_c_has_ended_such_a_wait() -> None:
+    """Who has pressed it twice would have to press it once more (C2.5)."""
+    worlds = World(), World()
+    worlds[1].session.interrupted_at = time.monotonic()
+    first, second = (end_calls([world.session]) for world in worlds)
+    for world in worlds:
+        world.advance(LINGER + 1)
+        assert world.freed.is_set()
+    assert (first > 0, second) == (True, 0)
+
+
 def test_what_was_freed_is_held_by_no_timer() -> None:
     """Else each closed client stays in memory for as long as its timer runs."""
     world = World()
@@ -131,5 +143,7 @@ def test_what_may_be_sent_again_is_watched_from_the_beginning(
     rest = {"budget": RetryBudget(), "callbacks": None, "pool": Pool(), "function_pool": Pool()}
     request = Request(goal=object(), invalid=None, timeout=None, **usual | rest | settings)
     owner: Any = SimpleNamespace(unwanted=False)
-    attempt = World().session.send(uuid.uuid4(), request, owner)
+    session = World().session
+    attempt = session.send(uuid.uuid4(), request, owner)
+    open_sessions.discard(session)
     assert attempt.goal.watched_early is watched

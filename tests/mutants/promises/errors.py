@@ -101,6 +101,14 @@ MUTANTS = (
         ("unit/test_explain.py::test_the_facts_of_each_error",),
     ),
     Mutant(
+        "C3.2",
+        "an error does not say after how long it happened",
+        "_calls/explain.py",
+        '        "elapsed": call.elapsed,\n',
+        "",
+        ("unit/test_explain.py::test_an_error_tells_what_happened_to_which_action_and_what_to_do",),
+    ),
+    Mutant(
         "C3.3",
         "`classify=` makes a success of a goal that was rejected or canceled",
         "_calls/classify.py",

@@ -147,6 +147,14 @@ MUTANTS = (
         ("unit/test_goal_machine.py::test_a_lost_goal_may_be_taken_yet_by_its_own_server",),
     ),
     Mutant(
+        "C5.4",
+        "a process is not watched for standstills any more after it was idle for a while",
+        "_ros/link.py",
+        "        self.runtime.standstill.watch()\n        self.monitor.await_server(waiter)",
+        "        self.monitor.await_server(waiter)",
+        ("unit/test_link.py::test_each_call_has_this_process_watched_for_standstills",),
+    ),
+    Mutant(
         "C5.5",
         "a server that answers nothing for some seconds is lost by default",
         "_model/settings.py",

@@ -187,6 +187,14 @@ MUTANTS = (
         ("unit/test_session.py::test_what_may_be_sent_again_is_watched_from_the_beginning",),
     ),
     Mutant(
+        "C4.4",
+        "a result is judged before the status that shows somebody else's cancel is read",
+        "_ros/link.py",
+        "self._status.take_now()  # somebody may",
+        "pass  # somebody may",
+        ("client/test_retry_real.py::test_what_an_operator_cancels_is_not_sent_again",),
+    ),
+    Mutant(
         "C4.5",
         "a budget is never used up",
         "_calls/budget.py",
@@ -211,5 +219,13 @@ MUTANTS = (
         "(budget.on_success if effect.success else budget.on_transient_failure)()",
         "budget.on_success()",
         ("unit/test_call_properties.py::test_the_budget_forbids_retries_and_counts_each_call",),
+    ),
+    Mutant(
+        "C4.5",
+        "several clients do not share the budget that they were given",
+        "_client.py",
+        "self._budget = RetryBudget() if retry_budget is None else retry_budget",
+        "self._budget = RetryBudget()",
+        ("client/test_retry_real.py::test_the_budget_stops_a_fleet",),
     ),
 )

@@ -38,6 +38,14 @@ MUTANTS = (
         ("client/test_misuse.py::test_a_bad_timeout",),
     ),
     Mutant(
+        "C2.1",
+        "`Timeouts.total` does not count",
+        "_client.py",
+        "seconds = self._timeouts.total if unset else",
+        "seconds = None if unset else",
+        ("client/test_no_server.py::test_a_call_without_a_time_of_its_own_has_that_of_its_client",),
+    ),
+    Mutant(
         "C2.2",
         "the wait for a server has no limit of its own",
         "_calls/machine.py",
@@ -259,6 +267,14 @@ MUTANTS = (
         ),
     ),
     Mutant(
+        "C2.5",
+        "closing waits again after Ctrl-C has ended such a wait",
+        "_calls/closing.py",
+        "    hurry = any(session.was_interrupted for session in sessions)\n",
+        "    hurry = False\n",
+        ("unit/test_session.py::test_closing_does_not_wait_after_ctrl_c_has_ended_such_a_wait",),
+    ),
+    Mutant(
         "C2.6",
         "goals begin between a signal and the end of the process",
         "_calls/session.py",
@@ -316,6 +332,16 @@ MUTANTS = (
         "while False:",
         (
             "client/test_shutdown.py::test_nothing_begins_between_the_signal_and_the_end[threading.Event().wait()]",
+        ),
+    ),
+    Mutant(
+        "C2.6",
+        "nobody is told that rclpy's signal handler has shut down ROS",
+        "_calls/session.py",
+        "        runtime.on_shutdown.append(self._look_at_ros)\n",
+        "        runtime.on_shutdown.append(lambda: None)\n",
+        (
+            "client/test_interrupt.py::test_old_goals_are_cancelled_after_rclpys_handler_shut_down[15-4]",
         ),
     ),
     Mutant(
@@ -395,6 +421,14 @@ MUTANTS = (
         (
             "unit/test_goal_machine.py::test_what_one_of_two_servers_has_ended_is_not_asked_for_by_each_answer_again",
         ),
+    ),
+    Mutant(
+        "C2.8",
+        "closing does not name a goal that may run",
+        "_calls/closing.py",
+        "        warn_of_goals_left(session.take_untold(), ",
+        "        print(session.take_untold() and None, ",
+        ("client/test_cancel.py::test_a_silent_server_does_not_hold_up_closing",),
     ),
     Mutant(
         "C2.9",
