@@ -190,7 +190,7 @@ class Attempt:
         self.owner.on_feedback(self, messages)
 
     def on_status(self, state: GoalState) -> None:
-        self._apply(self.goal.status(state, self._now()))
+        self._apply(self.goal.status(state, self._now(), ours=self.cancel_is_ours))
 
     def on_result(
         self,

@@ -60,6 +60,7 @@ class AttemptView(Protocol):
 LONGEST_LEASE = 30.0
 """Seconds until a process that has died has left the graph. After a crash, Fast DDS shows it for
 20 s."""
+_OTHERS_CANCEL = "somebody else has cancelled it"
 _GIVEN_UP = (fx.End.CANCELLED_BY_CALLER, fx.End.CLOSED)
 _STOPPED = (fx.End.REJECTED, fx.End.ABORTED, fx.End.CANCELED_BY_OTHER)
 """How the server ends a goal that it replaces by another one."""
@@ -251,6 +252,8 @@ class CallMachine:
             return []
         if self.unwanted and not self._attaches:  # `cancel` is about to run on this thread
             return self.give_up(CancelReason.CANCELLED)
+        if self._last is not None and self.goals.others_cancel:  # seen after it was judged
+            return self._end(replace(self._last, not_retried=_OTHERS_CANCEL))
         if self._is_late(now) or not self.may_send():
             self.phase = Phase.WAITING
             in_doubt = not all(each.goal.facts.is_over for each in self.earlier)
@@ -358,7 +361,7 @@ class CallMachine:
         if self._replacement is not None:
             why = "its caller has sent another goal in its place"
         if self.goals.others_cancel:
-            why = "somebody else has cancelled it"
+            why = _OTHERS_CANCEL
         if why:
             return effects + self._end(replace(ending, not_retried=why))
         self.cause = error or RejectedByClassifier()

@@ -193,13 +193,15 @@ class Goal(CancellableGoal):
             effects.append(self._enter(GoalState.EXECUTING))
         return effects + self._arm_stall(now)
 
-    def status(self, state: GoalState, now: float) -> list[fx.Effect]:
-        """The server's status topic shows the goal in `state`."""
+    def status(self, state: GoalState, now: float, *, ours: bool = True) -> list[fx.Effect]:
+        """The server's status topic shows the goal in `state`; `ours` is that of `result`."""
+        # A lost goal is unwanted, but is asked to cancel only when its server is ready again.
+        asked = self._asked_to_cancel and (ours or self.stage is not Stage.LOST)
         effects = self._proven(now)
         if self.stage is not Stage.ACCEPTED:
             return effects
         if not state.is_terminal:
-            if state is GoalState.CANCELING and not self._asked_to_cancel:
+            if state is GoalState.CANCELING and not asked:
                 self.facts.others_cancel = True
                 effects.append(fx.Disarm(fx.Timer.STALL))
             if RANK[state] > RANK.get(self.state, 0):

@@ -132,6 +132,7 @@ UNKNOWN_YET: list[Event] = [*SENT, ("wait", 1.0), ("result", 0, None), ("wait", 
 LOST: list[Event] = [*RUNNING, ("gone",)]
 STALLED: list[Event] = [*RUNNING, ("wait", 1.0)]
 CANCELING: list[Event] = [*RUNNING, ("status", 0, GoalState.CANCELING)]
+BACK: list[Event] = [*PAUSE, ("back",)]
 NO_LIMITS = {"server": None, "accept": None}
 
 SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
@@ -194,6 +195,16 @@ SUBTLE: dict[str, tuple[dict[str, Any], list[Event], int]] = {
     "what somebody else cancels is not retried, also where its server is lost": (
         NO_LIMITS,
         [*CANCELING, ("gone",), *PAUSE, ("ready",)],
+        1,
+    ),
+    "nor where that is seen only after its server was lost": (
+        NO_LIMITS,
+        [*LOST, ("status", 0, GoalState.CANCELING), ("result", 0, GoalState.CANCELED), *BACK],
+        1,
+    ),
+    "nor where its server comes back with that": (
+        NO_LIMITS | {"retry": RetryPolicy(jitter=0.0, resend="always")},
+        [*LOST, ("status", 0, GoalState.CANCELING), *BACK],
         1,
     ),
     "what waits in vain to be sent again to a server that is there is watched on": (
