@@ -360,10 +360,19 @@ def test_a_goal_that_the_middleware_does_not_take_is_one_error(
     assert life.outcome.error.__cause__ is error
 
 
-def test_a_cancelled_call_waits_for_no_other_server_when_its_own_is_lost() -> None:
-    life = lived([*RUNNING, ("cancel",), ("gone",)])
+@pytest.mark.parametrize(
+    ("events", "why"),
+    [
+        ([*RUNNING, ("cancel",)], "its caller no longer wants it"),
+        (CANCELING, "somebody else has cancelled it"),
+    ],
+)
+def test_a_cancelled_call_waits_for_no_other_server_when_its_own_is_lost(
+    events: list[Event], why: str
+) -> None:
+    life = lived([*events, ("gone",)])
     assert type(life.outcome.error) is errors.ServerLostError
-    assert "not tried again: its caller no longer wants it" in str(life.outcome.error)
+    assert f"not tried again: {why}" in str(life.outcome.error)
 
 
 def test_a_call_that_nobody_wants_when_it_begins_leaves_no_timer() -> None:

@@ -18,6 +18,7 @@ from actionkit._ros.link import Link
 from actionkit._ros.names import ActionNames
 from actionkit._ros.outbox import WINDOW
 from tests.unit.clock import CommunicationThread
+from tests.unit.test_wire import status_array
 
 TYPE = "test_msgs/action/Fibonacci"
 UNKNOWN = CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
@@ -335,6 +336,19 @@ def test_what_a_server_said_before_it_went_is_read_first(world: World) -> None:
     world.entities.feedback.queue.append(bytes(4) + other.goal_id.bytes)
     world.serve()
     assert other.news() == ["sent", "feedback", *last]
+
+
+def test_the_status_that_came_before_a_result_is_read_first(world: World) -> None:
+    """It may show that somebody else has cancelled the goal (C4.4)."""
+    world.serve(A)
+    goal = world.send()
+    world.link.watch_status()
+    world.link.ask_result(goal)
+    goal.news()
+    world.entities.status.queue.append(status_array([(goal.goal_id.bytes, 3)]))
+    world.result(5)
+    assert goal.news() == ["status", "result"]
+    world.link.forget(goal, abandoned=False, finished=True)
 
 
 def test_of_two_servers_one_that_does_not_know_a_goal_proves_nothing(world: World) -> None:

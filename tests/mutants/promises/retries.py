@@ -156,11 +156,13 @@ MUTANTS = (
     ),
     Mutant(
         "C4.4",
-        "a goal that somebody else was cancelling is tried again if it ends in another way",
+        "a call whose goal somebody else cancels waits for another server when its own was lost",
         "_calls/machine.py",
         "        if self.goals.others_cancel:\n",
         "        if self.goals.others_cancel and self.unwanted:\n",
-        ("unit/test_call_properties.py::test_subtle_orders",),
+        (
+            "unit/test_call_properties.py::test_a_cancelled_call_waits_for_no_other_server_when_its_own_is_lost",
+        ),
     ),
     Mutant(
         "C4.4",
@@ -192,7 +194,23 @@ MUTANTS = (
         "_ros/link.py",
         "self._status.take_now()  # somebody may",
         "pass  # somebody may",
-        ("client/test_retry_real.py::test_what_an_operator_cancels_is_not_sent_again",),
+        ("unit/test_link.py::test_the_status_that_came_before_a_result_is_read_first",),
+    ),
+    Mutant(
+        "C4.4",
+        "a lost goal is sent again though somebody else is seen to cancel it before",
+        "_calls/machine.py",
+        "        if self._last is not None and self.goals.others_cancel:  # seen",
+        "        if self._last is None and self.goals.others_cancel:  # seen",
+        ("unit/test_call_properties.py::test_subtle_orders",),
+    ),
+    Mutant(
+        "C4.4",
+        "what is seen of a lost goal's cancel is taken for our own doing",
+        "_goal/machine.py",
+        "asked = self._asked_to_cancel and (ours or self.stage is not Stage.LOST)",
+        "asked = self._asked_to_cancel",
+        ("unit/test_call_properties.py::test_subtle_orders",),
     ),
     Mutant(
         "C4.5",
