@@ -22,6 +22,7 @@ from actionkit import (
     GoalReport,
     GoalState,
     Outcome,
+    ServerLostError,
 )
 from actionkit._calls.call_view import GoalsOfCall
 from actionkit._goal.facts import GoalFacts
@@ -161,7 +162,41 @@ def test_an_earlier_goal_that_may_run_is_told_of_where_the_last_one_has_ended() 
     )
     told = asdict(goal_value("count", outcome, None, ""))
     assert (told["status"], told["may_still_run"]) == ("aborted", True)
-    assert not told["error"]["retry"]
+
+
+@pytest.mark.parametrize("fate", [GoalFate.ENDED, GoalFate.LOST])
+def test_what_may_run_is_not_to_be_tried_again(fate: GoalFate) -> None:
+    goal = GoalReport(uuid.uuid4(), fate)
+    outcome: Outcome[Any] = Outcome(
+        status=GoalState.LOST,
+        result=None,
+        error=ServerLostError("it went away"),
+        attempts=1,
+        timeline=(),  # type: ignore[arg-type]
+        goal_id=goal.goal_id,
+        cancel=CancelReport.UNKNOWN,
+        goals=(goal,),
+    )
+    told = asdict(goal_value("count", outcome, None, ""))
+    assert told["may_still_run"] == (fate is GoalFate.LOST)
+    assert told["error"]["retry"] == (fate is GoalFate.ENDED)
+
+
+def test_what_is_stopped_while_its_goal_is_handed_over_is_cancelled() -> None:
+    """By another thread, as a human's stop is."""
+    record, future = GoalRecord("count"), Future(uuid.uuid4(), uuid.uuid4(), GoalState.SENDING)
+    asked: list[str] = []
+    future.cancel = lambda: asked.append("cancel")  # type: ignore[attr-defined]
+    record.cancel("a human stopped it")
+    record.follow(future)  # type: ignore[arg-type]
+    assert asked == ["cancel"]
+
+
+def test_calls_at_the_same_moment_do_not_pass_the_limit() -> None:
+    goals = Goals()
+    assert [goals.add(GoalRecord(tool, "/a"), 2) for tool in "xyz"] == [True, True, False]
+    assert goals.add(GoalRecord("x", "/b"), 2)
+    assert len(goals.latest()) == 3
 
 
 def test_a_human_is_shown_every_field_of_what_they_approve() -> None:

@@ -328,5 +328,25 @@ def test_a_callback_that_raises_is_told_of_and_harms_nobody(
         assert known(agent, LONG)
 
 
+def test_after_an_error_of_the_listener_it_is_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken:
+        def __init__(self, *_: object, **__: object) -> None:
+            pass
+
+        def start(self) -> None:
+            pass
+
+        def close(self) -> None:
+            pass
+
+        def known(self) -> None:
+            raise RuntimeError("for the test")
+
+    monkeypatch.setattr(views, "HoldView", Broken)
+    with listening() as listener:
+        assert not listener.is_known
+        assert "nothing is sent to it (RuntimeError: for the test)" in (listener.why_held() or "")
+
+
 def test_a_call_waits_for_what_a_killed_agent_cannot_tell() -> None:
     assert max(views._FILES_DO, views.SETTLE) + 2.0 < _goal_call._UNTIL_KNOWN

@@ -15,8 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from actionkit._ros.holds import files, state
+from actionkit._ros.holds import view as views
 from actionkit._ros.holds.files import HoldFiles, UnreadableError
 from actionkit._ros.holds.state import Hold, HoldState, Sender, decode, encode, merged
+from actionkit._ros.holds.view import HoldView
 
 IDS = st.sampled_from([f"id{number}" for number in range(6)])
 HOLDS = st.builds(Hold, st.floats(0, 1e9), IDS, st.sampled_from(["ann@a", "bob@b"]))
@@ -273,6 +275,11 @@ def test_a_file_that_cannot_be_read_is_no_file_that_tells_nothing(
     monkeypatch.setattr(files.os, "open", refuse)
     with pytest.raises(UnreadableError, match="Permission denied"):
         reader.read()
+    view = HoldView(7, "agent", speaks=False)
+    view._settled, view._looked = True, views._uptime()  # it has heard all others
+    assert "Permission denied" in view.known()[1]
+    monkeypatch.undo()
+    assert view.known()[1] == ""
 
 
 @pytest.mark.every

@@ -96,6 +96,33 @@ def test_each_publisher_is_read_as_it_offers(domain: int, robot: Node) -> None:
     until(lambda: lossy.get_subscription_count() == 0)  # it is subscribed to only while asked
 
 
+def test_the_newest_is_returned_unless_it_is_too_old(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each publisher keeps a message of its own, and they come in any order."""
+    second = 1_000_000_000
+
+    class Two:
+        publishers, keeps, other_types = 2, True, frozenset[str]()
+
+        def __init__(self, *_: object) -> None:
+            pass
+
+        def arriving(self, stopped: object) -> Iterator[list[topics.Stamped]]:
+            now = time.time_ns()
+            yield [(now - ago * second, f"{ago} s ago".encode()) for ago in (20, 10, 30)]
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr(topics, "TopicReader", Two)
+    monkeypatch.setattr(topics, "deserialize_message", lambda message, cls: message.decode())
+    newest = read(0, "kept")
+    assert newest.message == "10 s ago"
+    assert newest.age is not None
+    assert 10 <= newest.age < 11
+    assert read(0, "kept", max_age=15.0).message == "10 s ago"
+    assert read(0, "kept", max_age=5.0) == Reading(None, None, 2, ())
+
+
 def test_one_that_keeps_its_messages_and_goes_on_ends_the_reading(domain: int, robot: Node) -> None:
     publisher = robot.create_publisher(String, "busy", KEPT)
     over = threading.Event()

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import pytest
 
+import actionkit as ak
 from actionkit import CancelReport, GoalEvent, GoalState, Outcome
 from actionkit._model.values import GoalFate, GoalReport
 from actionkit.cli._shared import signals as _signals
@@ -48,6 +49,52 @@ def test_two_signals_of_one_press_are_one(monkeypatch: pytest.MonkeyPatch) -> No
         signal.raise_signal(signal.SIGINT)
         assert (first, left) == ([Exit.INTERRUPTED], [(Exit.TERMINATED, "farewell")])
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_the_first_ctrl_c_cancels_at_once() -> None:
+    """And not only when the client is closed, after the time for a cancel."""
+    asked: list[str] = []
+    report = SimpleNamespace(interrupted=lambda code: asked.append(f"told of {code}"))
+    client = SimpleNamespace(timeouts=SimpleNamespace(cancel=2.0))
+    calling = Calling(cast(Any, client), cast(Any, report), echo=False, progress=None)
+    future = SimpleNamespace(done=lambda: False, cancel=lambda: asked.append("cancel"), timeline=())
+    calling._future = cast(Any, future)
+    calling._interrupt(Exit.INTERRUPTED)
+    assert asked == ["cancel", "told of 130"]
+
+
+def test_a_signal_before_the_goal_is_sent_keeps_it_back(capsys: pytest.CaptureFixture[str]) -> None:
+    calling: Calling
+    report = SimpleNamespace(begin=lambda: calling._interrupt_soon(Exit.TERMINATED))
+    calling = Calling(cast(Any, None), cast(Any, report), echo=False, progress=None)
+    assert calling._run(lambda _: pytest.fail("it was sent")) is Exit.TERMINATED
+    assert capsys.readouterr().err == "Nothing was sent.\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "cancel", "code"),
+    [
+        (None, None, Exit.OK),
+        (None, CancelReport.CONFIRMED, Exit.OK),
+        (None, CancelReport.UNKNOWN, Exit.CANCEL_UNKNOWN),
+        (ak.DeadlineExceededError, CancelReport.CONFIRMED, Exit.TIMED_OUT),
+        (ak.DeadlineExceededError, CancelReport.REFUSED, Exit.CANCEL_REFUSED),
+        (ak.DeadlineExceededError, CancelReport.UNKNOWN, Exit.CANCEL_UNKNOWN),
+        (ak.FeedbackStalledError, CancelReport.REFUSED, Exit.CANCEL_REFUSED),
+        (ak.GoalAbortedError, CancelReport.UNKNOWN, Exit.CANCEL_UNKNOWN),
+        # Their own codes say that the goal may run.
+        (ak.ServerLostError, CancelReport.UNKNOWN, Exit.SERVER_LOST),
+        (ak.AcceptanceTimeoutError, CancelReport.UNKNOWN, Exit.NO_ANSWER),
+    ],
+)
+@pytest.mark.every
+def test_a_goal_that_may_run_decides_about_the_exit_code(
+    error: type[ak.ActionKitError] | None, cancel: CancelReport | None, code: Exit
+) -> None:
+    raised = None if error is None else error("for the test")
+    goal = uuid.UUID(int=1)
+    told = Outcome(GoalState.SENT, None, raised, 1, cast(Any, ()), goal, cancel)
+    assert exit_of(told) is code
 
 
 def test_a_success_names_the_goals_that_may_still_run(capsys: pytest.CaptureFixture[str]) -> None:

@@ -289,6 +289,7 @@ def test_settings_that_keep_everybody_apart_are_problems(empty_world: World) -> 
         ("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp", "ok", "the same", ""),
     ],
 )
+@pytest.mark.every
 def test_each_setting(variable: str, value: str, level: str, told: str, remedy: str) -> None:
     (finding,) = [found for found in settings({variable: value}) if found.topic == variable]
     assert finding.level == level

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import select
 import shlex
 import signal
 import subprocess
@@ -144,6 +145,9 @@ def test_it_ends_by_the_signal_that_has_ended_the_program(guard: subprocess.Pope
 def test_if_the_guard_is_killed_its_program_is_told_to_end(guard: subprocess.Popen[str]) -> None:
     lines(guard, 1)
     guard.kill()
+    guard.wait(ENOUGH)
+    assert guard.stdin is not None
+    guard.stdin.close()  # which ends it, too
     assert lines(guard, 1) == ["SIGTERM"]
 
 
@@ -236,6 +240,7 @@ def test_a_signal_reaches_what_the_program_has_started(starting: Starting) -> No
 def test_the_guard_waits_for_what_the_program_leaves_in_the_background(starting: Starting) -> None:
     guard, pid = starting("background")
     assert guard.stderr is not None
+    assert select.select([guard.stderr], [], [], ENOUGH)[0]
     assert guard.stderr.readline().startswith(f"actionkit guard: waiting for process {pid} (")
     guard.send_signal(signal.SIGUSR1)
     assert lines(guard, 1) == ["SIGUSR1"]

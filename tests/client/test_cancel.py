@@ -10,6 +10,7 @@ import pytest
 import actionkit as ak
 from actionkit import CancelReport, GoalState, Timeouts
 from actionkit._calls import session as _session
+from actionkit.testing import EventLog
 from tests.conftest import asked_to_cancel, cancels, is_accepted, runs_nothing
 from tests.waiting import until
 
@@ -149,7 +150,8 @@ def test_a_cancel_that_is_not_confirmed_ends_the_call(action_server, make_client
 
 def test_late_acceptance_after_the_deadline_is_cancelled(action_server, make_client):
     server = action_server("slow_accept", gate=1, period=0.1)
-    client = make_client(timeouts=Timeouts(cancel=0.2))
+    told = EventLog()
+    client = make_client(timeouts=Timeouts(cancel=0.2), observers=[told])
     assert client.wait_for_server(10)
     with pytest.raises(ak.DeadlineExceededError) as caught:
         client.call({"order": 50}, timeout=0.3)
@@ -158,6 +160,7 @@ def test_late_acceptance_after_the_deadline_is_cancelled(action_server, make_cli
     server.release()
     server.wait_for("canceled")
     assert runs_nothing(server)
+    told.wait_for(lambda event: event.state is GoalState.CANCELED)  # though the call is over (C6.2)
 
 
 def test_late_acceptance_after_closing_is_cancelled(action_server, make_client, own_threads):

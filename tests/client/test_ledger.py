@@ -12,13 +12,18 @@ import uuid
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import actionkit as ak
 from actionkit import Ledger, RetryPolicy
+from actionkit._calls.ledger.file import flush
 from actionkit._calls.ledger.store import attempt_id
 from actionkit._leftovers import finding
+from actionkit._leftovers.cancelling import _report
+from actionkit._model.cancel_answer import CancelAnswer
+from actionkit._ros.tools.cancel import CancelSaid
 from actionkit._ros.tools.watch import GoalSeen
 from actionkit.agents._mcp import process
 from tests.conftest import runs_nothing
@@ -47,9 +52,11 @@ def rows(path: Path) -> int:
         return int(file.execute("SELECT count(*) FROM goals").fetchone()[0])
 
 
-def attempts(path: Path) -> int:
-    with sqlite3.connect(path) as file:
-        return int(file.execute("SELECT attempts FROM goals").fetchone()[0])
+def attempts(path: Path) -> list[int]:
+    """Return how many goals each call may have sent, when all is written that has to be."""
+    flush()
+    with closing(sqlite3.connect(path)) as file:
+        return [number for (number,) in file.execute("SELECT attempts FROM goals")]
 
 
 def test_goals_are_written_down_before_they_are_sent_and_removed_when_they_have_stopped(
@@ -100,7 +107,7 @@ def test_a_mission_goes_on_with_the_goal_that_runs(
     assert ledger.cancel() == {}, "each goal is in the hands of one"
     assert str(future.goal_id) == goal_id
     assert isinstance(future.exception(20), ak.DeadlineExceededError)
-    (goal,) = until(ledger.leftovers)  # it was given up on, and is left over again
+    (goal,) = until(ledger.leftovers, bound=10)  # it was given up on, and is left over again
     assert goal.attempts == 1, "its process is dead, so no other goal is looked for"
     (future,) = ledger.attach(client)
     assert len(future.result(30).sequence) == 101
@@ -518,8 +525,9 @@ def test_a_call_that_is_over_is_not_looked_for_beyond_its_last_goal(
     server.pause()
     future.cancel()
     assert isinstance(future.exception(20), ak.DeadlineExceededError)
-    until(lambda: attempts(path) == 1)
+    assert attempts(path) == [1], "the goal may run"
     server.resume()
+    until(lambda: rows(path) == 0)
 
 
 LEAVES_BAD = """
@@ -615,3 +623,47 @@ def test_a_goal_that_is_accepted_late_is_found(how, state, finds, monkeypatch):
     call = ak.Leftover(FIRST, "/a", "b/action/C", 0, **(usual | how), sent=0.0, pid=1, host="h")
     until = time.monotonic() + (0.3 if "parallel" in how else 30)
     assert list(finding.find(None, [call], until)) == [(call, one) for one in finds]
+
+
+@pytest.mark.parametrize("may_come", [True, False])
+def test_a_goal_that_may_be_accepted_yet_is_asked_for_until_then(may_come, monkeypatch):
+    class Canceller:
+        def __init__(self, names, put, place):
+            self.put = put
+
+        def cancel(self, goal_id):
+            self.put(CancelSaid(goal_id, CancelAnswer.UNKNOWN_GOAL, 1))
+            self.put(CancelSaid(goal_id, CancelAnswer.ACCEPTED, 2))
+
+        def stop(self, goal_id):
+            pass
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr(finding, "GoalCanceller", Canceller)
+    monkeypatch.setattr(finding, "in_sight", lambda client: 1)
+    port = SimpleNamespace(names=None, runtime=SimpleNamespace(place=None))
+    client = SimpleNamespace(_session=SimpleNamespace(port=port))
+    answers = finding.asked(client, [FIRST], time.monotonic() + 30, lambda _: may_come)
+    assert list(answers) == [(FIRST, may_come)]
+
+
+@pytest.mark.parametrize(
+    ("runs", "last", "refused", "told"),
+    [
+        (False, ak.GoalState.CANCELED, False, ak.CancelReport.CONFIRMED),
+        (False, ak.GoalState.SUCCEEDED, False, ak.CancelReport.NOT_NEEDED),
+        (False, ak.GoalState.SUCCEEDED, True, ak.CancelReport.NOT_NEEDED),
+        (True, ak.GoalState.EXECUTING, True, ak.CancelReport.REFUSED),
+        (True, ak.GoalState.CANCELING, False, ak.CancelReport.UNKNOWN),
+        (None, ak.GoalState.LOST, False, ak.CancelReport.UNKNOWN),
+        # Of two servers, one has stopped it.
+        (None, ak.GoalState.CANCELED, False, ak.CancelReport.UNKNOWN),
+    ],
+)
+@pytest.mark.every
+def test_only_a_goal_that_is_known_to_have_stopped_is_told_so(runs, last, refused, told):
+    goals = SimpleNamespace(reports=[SimpleNamespace(cancel_refused=refused)])
+    call, timeline = SimpleNamespace(goals=goals), [SimpleNamespace(state=last)]
+    assert _report(SimpleNamespace(known_to_run=runs, timeline=timeline, _call=call)) is told

@@ -107,6 +107,7 @@ def test_in_a_context_of_the_users_there_is_no_second_try(action_server, make_cl
     try:
         publishers = list(node.publishers)
         client = make_client(node=node, timeouts=PATIENT)
+        assert runtime_of(client).run(lambda: runtime_of(client).rejoining._looks) == 0
         future = client.call_async(GOAL, timeout=60)
         action_server("fibonacci")
         assert list(future.result(60).sequence) == [0, 1, 1, 2]

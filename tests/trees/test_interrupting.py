@@ -183,6 +183,8 @@ def test_a_tree_that_gives_up(way: Callable[[Any], tuple[Any, Interrupt]], place
             leaf.stop(Status.INVALID)  # py_trees leaves the statuses as they are
         if phase != ENDED:
             assert leaf.status is Status.INVALID
+            if server is not None:  # before the next run begins, which would cancel it, too
+                server.wait_for("cancel_requested", goal_id=goal_id)
             leaf.tick_once()
         what, ended = reached(phase, server, goal_id)
         leaf.stop(Status.INVALID)

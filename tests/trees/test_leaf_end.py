@@ -5,7 +5,8 @@ from __future__ import annotations
 import gc
 import threading
 from collections import deque
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import py_trees
 import pytest
@@ -16,7 +17,7 @@ from actionkit import GoalFuture, Timeouts
 from actionkit._calls.closing import MARGIN
 from actionkit.testing import tick_until
 from actionkit.trees import ActionBehaviour
-from actionkit.trees._runs import Runs
+from actionkit.trees._runs import Run, Runs
 from tests.conftest import NEVER
 from tests.trees.conftest import BOUND, MakeClient, Place, received
 
@@ -176,8 +177,67 @@ def test_a_run_that_was_given_up_sends_nothing(client: Any, place: Place) -> Non
     runs.close()
     run.start(client, {"order": 2}, None, None)
     assert run.future is not None
+    assert run.future._call.unwanted
     assert run.future.outcome(BOUND).attempts <= 1
     assert run.future.known_to_run is False
+    assert received(place.server("fibonacci")) == before
+
+
+def test_of_two_threads_that_begin_a_run_one_sees_the_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    runs = Runs()
+    first = runs.begin(None)
+    inner: list[Run] = []
+
+    def another_thread_begins() -> None:
+        monkeypatch.undo()
+        inner.append(runs.begin(None))
+
+    monkeypatch.setattr(first, "give_up", another_thread_begins)
+    outer = runs.begin(None)
+    assert outer.unwanted or inner[0].unwanted
+
+
+def test_a_goal_that_stopped_does_not_count_while_its_call_may_send_another() -> None:
+    run = Run(None)
+    future = SimpleNamespace(done=lambda: False, known_to_run=False)
+    run.future = cast(Any, future)
+    assert run.known_to_run is None
+
+
+@pytest.mark.parametrize(
+    ("known", "lost", "holds_up"),
+    [(True, False, True), (False, False, False), (None, False, True), (None, True, False)],
+)
+@pytest.mark.every
+def test_which_earlier_goal_holds_up_a_run(
+    known: bool | None, lost: bool, holds_up: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where nothing is known of it, only the graph can say that it does not."""
+    monkeypatch.setattr("actionkit.trees._runs.is_lost_with_server", lambda future: lost)
+    run = Run(None)
+    run.future = cast(Any, SimpleNamespace(done=lambda: True, known_to_run=known))
+    run._client = cast(Any, SimpleNamespace(closed=False))
+    assert run.holds_up is holds_up
+
+
+def test_only_a_goal_of_the_same_client_is_preempted() -> None:
+    """The other client may be in another domain, where the server does not see the new goal."""
+    run = Run(None)
+    own, other = cast(Any, object()), cast(Any, object())
+    run._client, run.future = own, cast(Any, SimpleNamespace(done=lambda: False))
+    assert run.stops_for_another(own)
+    assert not run.stops_for_another(other)
+
+
+def test_a_leaf_that_was_shut_down_sends_nothing(client: Any, place: Place) -> None:
+    before = received(place.server("fibonacci"))
+    leaf = ActionBehaviour("a", client, {"order": 2})
+    leaf.shutdown()
+    leaf.tick_once()
+    assert leaf.status is Status.FAILURE
+    assert leaf.feedback_message.startswith("nothing was sent, because the tree was shut down")
     assert received(place.server("fibonacci")) == before
 
 

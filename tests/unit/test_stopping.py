@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from actionkit._model.cancel_answer import CancelAnswer
 from actionkit._ros.holds.state import Hold, HoldState, Sender
 from actionkit._ros.holds.view import Said
+from actionkit._ros.stopping.cancel_goals import cancel_goals
 from actionkit._ros.stopping.cancelling import Cancelling
 from actionkit._ros.tools.cancel import AllSaid, CancelSaid
 from actionkit._ros.tools.watch import GoalSeen
@@ -301,6 +304,67 @@ def test_more_goals_than_a_watch_keeps_have_all_a_known_end() -> None:
     action.settle(0.2, over=False)
     assert action.done
     assert [fate.cancel for fate in action.fates] == ["CONFIRMED"] * 1500
+
+
+class Graph:
+    """One server, and all that `cancel_goals` needs to ask it."""
+
+    place = None
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, *, others_send: bool) -> None:
+        self.asks: list[int] = []
+        """The numbers of the requests to cancel all."""
+        self._others_send = others_send
+        monkeypatch.setattr("actionkit._ros.tools.watch.StatusReader", self._read)
+        monkeypatch.setattr("actionkit._ros.tools.cancel.GoalCanceller", self._canceller)
+        monkeypatch.setattr("actionkit._ros.stopping.cancel_goals._ANSWER", 0.0)
+
+    def actions(self) -> dict[str, Any]:
+        servers = [SimpleNamespace(node="/server")]
+        return {"/a": SimpleNamespace(name="/a", servers=servers)}
+
+    def names(self, name: str) -> Any:
+        return None
+
+    def may_hide_goals(self, name: str) -> bool:
+        return False
+
+    def _read(self, *_: object, on_goals: Any, on_servers: Any, **__: object) -> Any:
+        self._tell = on_goals
+        on_servers(("/server",))
+        return SimpleNamespace(close=lambda: None)
+
+    def _canceller(self, names: Any, put: Any, place: Any) -> Any:
+        def cancel_all(number: int, until: float) -> None:
+            assert number < 200, "it goes on for ever"
+            self.asks.append(number)
+            put(AllSaid(number, ()))
+            if self._others_send:
+                self._tell([GoalSeen(f"{ONE[:-3]}{number:03}", "EXECUTING", 0)])
+
+        nothing = lambda *_: None  # noqa: E731
+        return SimpleNamespace(cancel_all=cancel_all, cancel=nothing, stop=nothing, close=nothing)
+
+    def stop(self, over: Callable[[float], bool]) -> list[Cancelling]:
+        actions: list[Cancelling] = []
+        cancel_goals(cast(Any, self), actions, over=over, look=0.05)
+        return actions
+
+
+def test_a_stop_keeps_its_time_while_others_send_goals(monkeypatch: pytest.MonkeyPatch) -> None:
+    graph = Graph(monkeypatch, others_send=True)
+    (action,) = graph.stop(lambda _: len(graph.asks) > 20)
+    action.settle(9.0, over=True)
+    assert exit_of(action) is Exit.CANCEL_UNKNOWN
+
+
+def test_goals_accepted_while_servers_are_looked_for_are_canceled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    graph = Graph(monkeypatch, others_send=False)
+    (action,) = graph.stop(lambda _: False)
+    assert graph.asks == [1, 2]  # at once, and when no other server can be seen any more
+    assert exit_of(action) is Exit.OK
 
 
 def test_the_exit_code_is_that_of_the_worst() -> None:

@@ -24,7 +24,9 @@ def on_another_thread(function: Callable[[], Any]) -> Any:
 
 
 def test_the_main_thread_never_waits_for_ever_at_once() -> None:
-    assert max(itertools.islice(slices(None), 100)) <= 1.0  # type: ignore[type-var]
+    waits = [seconds for seconds in itertools.islice(slices(None), 100) if seconds is not None]
+    assert len(waits) == 100
+    assert 0.5 <= min(waits) <= max(waits) <= 1.0  # it wakes up twice a second at most (C7.4)
     assert list(slices(0)) == [0]
     assert list(slices(-1.0)) == [-1.0]
 

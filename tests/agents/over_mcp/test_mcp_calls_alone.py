@@ -11,17 +11,28 @@ import pytest
 
 from actionkit.agents import ApprovalRequest
 from actionkit.agents._mcp.approval import Asked, CannotAskError
-from actionkit.agents._mcp.calls import Calls, EndingError
+from actionkit.agents._mcp.calls import Calls, EndingError, GoneError
 
 
 class Box:
-    """Stands in for a toolbox, and takes down which calls it was asked for."""
+    """Stands in for a toolbox, and takes down which calls it was asked for.
 
-    def __init__(self) -> None:
+    Attributes:
+        begun: Set when a call waits for its goal; none does without it.
+    """
+
+    def __init__(self, begun: asyncio.Event | None = None) -> None:
         self.called: list[str] = []
+        self.begun = begun
 
     async def call(self, name: str, arguments: Any, **more: Any) -> Any:
         self.called.append(name)
+        if self.begun is not None:
+            self.begun.set()
+            try:
+                await asyncio.Event().wait()
+            finally:
+                self.called.append("cancelled")
 
     async def cancel_all(self) -> tuple[()]:
         return ()
@@ -52,6 +63,25 @@ def test_a_call_whose_task_begins_when_the_process_ends_sends_nothing() -> None:
         with pytest.raises(EndingError):
             await running
         assert box.called == []
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_a_client_that_is_gone_gets_nothing_sent_or_its_goal_cancelled(before: bool) -> None:
+    async def scenario() -> None:
+        begun, gone = asyncio.Event(), asyncio.Event()
+        box: Any = Box(begun)
+        run = Calls(box).run("patrol", {}, gone=gone, on_progress=None, approve=None)
+        running = asyncio.ensure_future(run)
+        if before:
+            await asyncio.sleep(0)  # the connection shows that it is closed a moment later
+        else:
+            await begun.wait()
+        gone.set()
+        with pytest.raises(GoneError):
+            await asyncio.wait_for(running, 10)
+        assert box.called == ([] if before else ["patrol", "cancelled"])
 
     asyncio.run(scenario())
 

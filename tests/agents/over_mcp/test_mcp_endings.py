@@ -161,6 +161,7 @@ def test_all_is_killed_and_the_next_start_cancels_first(robot: Robot) -> None:
                 calling = asyncio.ensure_future(connected.call("patrol", {}))
                 await watch.until("executing")
                 (watcher,) = watchers_of(first.process.pid)
+                assert os.getsid(watcher) == watcher, "what ends the whole group would end it"
                 os.kill(watcher, signal.SIGKILL)
                 connected.serving.signal(signal.SIGKILL)
                 with pytest.raises(MCPError):
