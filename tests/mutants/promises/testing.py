@@ -1,0 +1,59 @@
+"""Mutants of what tests of one's own robot use."""
+
+from __future__ import annotations
+
+from tests.mutants.mutant import Mutant
+
+MUTANTS = (
+    Mutant(
+        "C9.1",
+        "each goal meets the first entry of the script",
+        "testing/_fake_plans.py",
+        "            return self._next.popleft() if self._next",
+        "            return self._next[0] if self._next",
+        ("fake_server/test_fake_server.py::test_a_script_then_the_settings",),
+    ),
+    Mutant(
+        "C9.1",
+        "a refused cancel is accepted",
+        "testing/_fake_behaviour.py",
+        '        return bool(answer != "refuse")\n',
+        "        return True\n",
+        ("fake_server/test_fake_server.py::test_cancels_by_a_plain_client",),
+    ),
+    Mutant(
+        "C9.1",
+        "what a function of the test raises passes unseen",
+        "testing/_fake_server.py",
+        "            self._errors.append(error)\n",
+        "            pass\n",
+        ("fake_server/test_fake_server_errors.py::test_what_a_function_raises_shows_in_the_test",),
+    ),
+    Mutant(
+        "C9.1",
+        "a new goal runs beside the one that it replaces",
+        "testing/_fake_behaviour.py",
+        "                run.earlier = frozenset(self._running)\n",
+        "                run.earlier = frozenset()\n",
+        (
+            "fake_server/test_fake_server_preempts.py::"
+            "test_the_running_goal_ends_aborted_and_is_not_tried_again",
+        ),
+    ),
+    Mutant(
+        "C9.1",
+        "clients see the server only some time after it has started",
+        "testing/_fake_server.py",
+        "                self._await_clients(domain)\n",
+        "",
+        ("fake_server/test_fake_server_in_view.py::test_a_new_client_sees_the_server_at_once",),
+    ),
+    Mutant(
+        "C9.1",
+        "a server goes on after its end",
+        "testing/_fake_server.py",
+        "                ended = harness.stop(_STOP_TIMEOUT)\n",
+        "                ended = True\n",
+        ("fake_server/test_fake_server_life.py::test_many_in_a_row_leave_nothing",),
+    ),
+)
