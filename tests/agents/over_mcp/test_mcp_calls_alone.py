@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -10,6 +11,7 @@ import mcp.types as t
 import pytest
 
 from actionkit.agents import ApprovalRequest
+from actionkit.agents._mcp import process
 from actionkit.agents._mcp.approval import Asked, CannotAskError
 from actionkit.agents._mcp.calls import Calls, EndingError, GoneError
 
@@ -36,6 +38,12 @@ class Box:
 
     async def cancel_all(self) -> tuple[()]:
         return ()
+
+    async def __aenter__(self) -> Box:
+        return self
+
+    async def aclose(self) -> None:
+        pass
 
 
 def asked_by(elicit: Callable[[], Awaitable[t.ElicitResult]]) -> Asked:
@@ -84,6 +92,45 @@ def test_a_client_that_is_gone_gets_nothing_sent_or_its_goal_cancelled(before: b
         assert box.called == ([] if before else ["patrol", "cancelled"])
 
     asyncio.run(scenario())
+
+
+def test_no_call_begins_before_what_is_left_over_was_cancelled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of the processes before this one."""
+    cancelled = threading.Event()
+    box: Any = Box()
+    seen: list[list[str]] = []
+
+    class Ending:
+        def __init__(self, *_: object) -> None:
+            self.asked, self.why = asyncio.Event(), ""
+
+        def ask(self, *_: object) -> None:
+            self.asked.set()
+
+        name_goals_left = end = lambda self: None
+
+    async def serve(calls: Any, ending: Any) -> None:
+        run = calls.run("patrol", {}, gone=None, on_progress=None, approve=None)
+        running = asyncio.ensure_future(run)
+        for _ in range(10):  # it would begin in its first turn
+            await asyncio.sleep(0)
+        seen.append([*box.called])
+        cancelled.set()
+        await running
+        seen.append([*box.called])
+
+    async def flush() -> None:
+        pass
+
+    monkeypatch.setattr(process, "Ending", Ending)
+    monkeypatch.setattr(process, "_watcher", lambda ledger: None)
+    monkeypatch.setattr(process, "make_server", lambda toolbox, calls, version: calls)
+    monkeypatch.setattr(process, "cancel_leftovers", lambda ledger: cancelled.wait(30))
+    nothing: Any = None
+    asyncio.run(process._serve(box, "1", nothing, serve, flush))
+    assert seen == [[], ["patrol"]]
 
 
 def test_a_request_cancelled_as_the_human_answers_is_cancelled() -> None:

@@ -252,8 +252,8 @@ MUTANTS = (
         "Calls(toolbox, asyncio.ensure_future(asyncio.to_thread(cancel_leftovers, ledger)))",
         "(asyncio.ensure_future(asyncio.to_thread(cancel_leftovers, ledger)), Calls(toolbox))[1]",
         (
-            "agents/over_mcp/test_mcp_endings.py::"
-            "test_all_is_killed_and_the_next_start_cancels_first",
+            "agents/over_mcp/test_mcp_calls_alone.py::"
+            "test_no_call_begins_before_what_is_left_over_was_cancelled",
         ),
     ),
     Mutant(

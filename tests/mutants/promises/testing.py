@@ -37,7 +37,7 @@ MUTANTS = (
         "                run.earlier = frozenset()\n",
         (
             "fake_server/test_fake_server_preempts.py::"
-            "test_the_running_goal_ends_aborted_and_is_not_tried_again",
+            "test_a_goal_that_cannot_be_cancelled_is_preempted",
         ),
     ),
     Mutant(
